@@ -167,6 +167,6 @@ def _strength(simulation: Simulation, node: int, parent: int | None) -> float:
         return _BAD_DBM
     radio, other = motes[node].radio, motes[parent].radio
     if isinstance(simulation.medium, GainMedium):
-        return radio.links.get(other, _BAD_DBM)
+        return simulation.medium.links_of(radio).get(other, _BAD_DBM)
     link = radio.fixed_links.get(other)
     return _BAD_DBM if link is None else float(link.rssi_dbm)

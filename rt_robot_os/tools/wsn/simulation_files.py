@@ -79,4 +79,4 @@ def _links(simulation: Simulation) -> Iterable[Sequence[object]]:
                 yield (each, other.address, f'{link.reception_rate:.4f}', link.rssi_dbm, link.lqi)
         elif isinstance(medium, GainMedium):
             for other in medium.hearers(mote.radio):
-                yield (each, other.address, '', f'{mote.radio.links[other]:.1f}', '')
+                yield (each, other.address, '', f'{medium.links_of(mote.radio)[other]:.1f}', '')

@@ -143,12 +143,17 @@ class GainMedium(Medium):
             for radio in radios:
                 radio.hearers = None
 
+    def links_of(self, radio: Radio) -> dict[Radio, float]:
+        """Return what arrives of the signal of a radio, in dBm, by who hears it."""
+        return radio.links
+
     def hearers(self, radio: Radio) -> tuple[Radio, ...]:
         """Return who may receive what a radio sends."""
         hearers = radio.hearers
         if hearers is None:
+            links = self.links_of(radio)
             hearers = radio.hearers = tuple(
-                other for other, power in radio.links.items() if power > self._lowest_dbm)
+                other for other, power in links.items() if power > self._lowest_dbm)
         return hearers
 
     def noise_dbm(self, radio: Radio, now_ns: int) -> int:
@@ -175,7 +180,7 @@ class GainMedium(Medium):
         if power is None:
             return NO_LINK
         if self._fading is not None:
-            power += self._fading.at(frame.sender.address, radio.address, frame.begin_ns)
+            power += self._fading.at(frame.sender.number, radio.number, frame.begin_ns)
         begin_ns = frame.begin_ns
         if not radio.is_on or radio.on_since_ns > begin_ns:
             return OFF
@@ -324,7 +329,7 @@ class GainMedium(Medium):
     def is_acknowledged(self, frame: Transmission, receiver: Radio) -> bool:
         """Decide, as TOSSIM does, whether the acknowledgement of a receiver arrives."""
         sender = frame.sender
-        power = receiver.links.get(sender, 1.0)
+        power = self.links_of(receiver).get(sender, 1.0)
         total = _milliwatts(self.noise_dbm(sender, frame.end_ns))
         for other in frame.overlaps or ():
             if other.begin_ns <= frame.end_ns < other.end_ns:
