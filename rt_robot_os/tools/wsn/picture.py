@@ -112,14 +112,14 @@ def _draw(figure: Any, simulation: Simulation, results: Results) -> None:
         axes.plot([one.x for one in points], [one.y for one in points], color='#E69F00',
                   linestyle='--', linewidth=1.2, zorder=1, label='way of the sink')
     _draw_tree(axes, simulation, results, where, 0.8 if many else 1.8)
-    nodes = [each for each in where if each != topology.sink]
+    nodes = [each for each in where if each not in topology.sinks]
     load = [results.data_by_node.get(each, 0) for each in nodes]
     dots = axes.scatter([where[each][0] for each in nodes], [where[each][1] for each in nodes],
                         c=load, cmap='viridis_r', s=14 if many else 90, zorder=3,
                         edgecolors='black', linewidths=0.3 if many else 0.6, vmin=0)
     figure.colorbar(dots, ax=axes, label='data frames sent', shrink=0.8,
                     pad=0.02)
-    axes.scatter(*where[topology.sink], marker='*', s=160 if many else 260, color='#D55E00',
+    axes.scatter(*zip(*(where[each] for each in topology.sinks)), marker='*', s=160 if many else 260, color='#D55E00',
                  edgecolors='black', linewidths=0.6, zorder=4, label='sink')
     dark = [each for each in nodes if not simulation.network.motes[each].is_on]
     if dark:

@@ -59,7 +59,8 @@ def number(value: float, digits: int) -> str:
 
 def one_run(one: Results) -> Iterator[str]:
     """Write what one run found: the whole, then each node."""
-    yield (f'{one.scenario}: {one.nodes} nodes, {one.protocol}, seed {one.seed}, '
+    networks = f' in {len(one.sinks)} networks' if len(one.sinks) > 1 else ''
+    yield (f'{one.scenario}: {one.nodes} nodes{networks}, {one.protocol}, seed {one.seed}, '
            f'{number(one.ended_s, 0)} s simulated in {number(one.wall_s, 2)} s '
            f'({number(one.ended_s / one.wall_s if one.wall_s else math.nan, 0)} times real time)')
     yield (f'generated {one.total_generated:,}, delivered {one.total_delivered:,}; '

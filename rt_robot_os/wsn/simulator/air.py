@@ -46,7 +46,8 @@ class Radio(ABC):
     A radio as the air sees it.
 
     :ivar address: of the mote.
-    :ivar number: tells it from all others: networks side by side may share addresses.
+    :ivar number: unique also where networks share the area, and have the same addresses.
+    :ivar pan: the network that it belongs to; frames of others are noise to it.
     :ivar power_dbm: that it sends with.
     :ivar is_on: it has power.
     :ivar on_since_ns: since when.
@@ -63,13 +64,15 @@ class Radio(ABC):
     """
 
     __slots__ = (
-        'address', 'number', 'power_dbm', 'is_on', 'on_since_ns', 'sent_frames', 'sent_acks',
-        'received_frames', 'air_ns', 'links', 'fixed_links', 'hearers', 'near', 'noise_place')
+        'address', 'number', 'pan', 'power_dbm', 'is_on', 'on_since_ns', 'sent_frames',
+        'sent_acks', 'received_frames', 'air_ns', 'links', 'fixed_links', 'hearers', 'near',
+        'noise_place')
 
     def __init__(self, address: int, power_dbm: float) -> None:
         """Make a radio that is off, and linked with none."""
         self.address = address
         self.number = address
+        self.pan = 0
         self.power_dbm = power_dbm
         self.is_on = False
         self.on_since_ns = 0
