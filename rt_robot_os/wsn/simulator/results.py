@@ -99,9 +99,9 @@ class Results:
 
     @property
     def delivery(self) -> float:
-        """Return the share that came; 1 when none was made."""
+        """Return the share that came; NaN when none was made."""
         made = self.total_generated
-        return self.total_delivered / made if made else 1.0
+        return self.total_delivered / made if made else math.nan
 
     @property
     def data_transmissions(self) -> int:
