@@ -37,10 +37,10 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.motion.map_file import MapFile
 from rt_robot_os.motion.map_file import MODES
 from rt_robot_os.motion.map_file import read_map_file
-from rt_robot_os.motion.pgm import Grey
+from rt_robot_os.motion.map_picture import Picture
+from rt_robot_os.motion.map_picture import read_picture
+from rt_robot_os.motion.map_picture import write_picture
 from rt_robot_os.motion.pgm import MOST_PIXELS
-from rt_robot_os.motion.pgm import read_pgm
-from rt_robot_os.motion.pgm import write_pgm
 
 UNKNOWN: Final = -1
 FREE: Final = 0
@@ -54,7 +54,7 @@ _RAW_UNKNOWN: Final = 255
 _WHITE: Final = 255
 
 _LONGEST_YAML: Final = 1 << 16
-_LONGEST_PGM: Final = 5 * MOST_PIXELS
+_LONGEST_PICTURE: Final = 5 * MOST_PIXELS
 
 Cells = npt.NDArray[np.int8]
 Mask = npt.NDArray[np.bool_]
@@ -129,26 +129,29 @@ class GridMap:
         except UnicodeDecodeError as error:
             raise ConfigError([f'{file}: not UTF-8: byte 0x{text[error.start]:02x}']) from None
         try:
-            grey, highest = read_pgm(_bytes_of(described.image, _LONGEST_PGM))
+            picture = read_picture(_bytes_of(described.image, _LONGEST_PICTURE), described.mode)
         except ValueError as error:
             if isinstance(error, ConfigError):
                 raise
             raise ConfigError([f'{described.image}: {error}']) from None
-        return cls(np.flipud(_values_of(grey, highest, described)), described.resolution_m,
+        return cls(np.flipud(_values_of(picture, described)), described.resolution_m,
                    described.origin, file)
 
-    def save(self, path: str | os.PathLike[str], mode: str = 'trinary') -> None:
+    def save(self, path: str | os.PathLike[str], mode: str = 'trinary',
+             suffix: str = '.pgm') -> None:
         """
-        Write the map as a YAML file and, beside it, a PGM file of the same name.
+        Write the map as a YAML file and, beside it, a picture of the same name.
 
         :param path: of the YAML file.
         :param mode: ``trinary`` as map_saver writes it: values from 1 to 99 become unknown, unless
             a threshold says what they are; ``raw`` keeps every value.
-        :raises ConfigError: no such mode to write; ``scale`` has no grey for what is unknown.
+        :param suffix: of the picture: ``.pgm``, or ``.png``, which needs Pillow.
+        :raises ConfigError: no such mode to write; ``scale`` has no grey for what is unknown; no
+            such picture, or Pillow is missing.
         :raises OSError: a file cannot be written.
         """
         file = Path(path)
-        image = file.with_suffix('.pgm')
+        image = file.with_suffix(suffix)
         try:
             text, pixels = self.files(image.name, mode)
         except ConfigError as error:
@@ -160,21 +163,25 @@ class GridMap:
         """
         Return the bytes of the YAML file and of the picture.
 
-        :param image: name of the picture, as the YAML file gives it.
+        :param image: name of the picture, as the YAML file gives it; it ends with ``.pgm`` or
+            ``.png``.
         :param mode: as in :meth:`save`.
-        :raises ConfigError: no such mode to write.
+        :raises ConfigError: no such mode to write, or no such picture.
         """
         if mode not in MODES or mode == 'scale':
             raise ConfigError([f'a map cannot be written with mode {mode!r}: use trinary or raw'])
         described = MapFile(Path(image), self.resolution_m, self.origin, mode=mode)
-        return (described.text().encode(),
-                write_pgm(np.flipud(_grey_of(self.cells, described))))
+        try:
+            pixels = write_picture(np.flipud(_grey_of(self.cells, described)), Path(image).suffix)
+        except ValueError as error:
+            raise ConfigError([f'{image}: {error}']) from None
+        return described.text().encode(), pixels
 
     def trinary(self) -> GridMap:
         """Return the map as it is read again after it was saved: free, occupied or unknown."""
         described = MapFile(Path(), self.resolution_m, self.origin)
         grey = _grey_of(self.cells, described).astype(np.uint16)
-        return replace(self, cells=_values_of(grey, _WHITE, described))
+        return replace(self, cells=_values_of(Picture(grey, _WHITE), described))
 
     # ---- size and place ----------------------------------------------------------------------
 
@@ -327,9 +334,9 @@ def _bytes_of(path: Path, longest: int) -> bytes:
         raise ConfigError([f'{path}: cannot be read: {error.strerror}']) from None
 
 
-def _values_of(grey: Grey, highest: int, described: MapFile) -> Cells:
+def _values_of(picture: Picture, described: MapFile) -> Cells:
     """Turn greys into values; one look-up a pixel, for there are few greys."""
-    shade = np.arange(highest + 1) / highest
+    shade = np.arange(picture.highest + 1) / picture.highest
     if described.mode == 'raw':
         raw = np.rint(shade * 255.0)
         table = np.where(raw <= OCCUPIED, raw, UNKNOWN)
@@ -340,7 +347,10 @@ def _values_of(grey: Grey, highest: int, described: MapFile) -> Cells:
         if described.mode == 'scale' and above > below:
             between = np.rint((black - below) / (above - below) * OCCUPIED)
         table = np.where(black > above, OCCUPIED, np.where(black < below, FREE, between))
-    return table.astype(np.int8)[grey]
+    values: Cells = table.astype(np.int8)[picture.grey]
+    if picture.unknown is not None:
+        values[picture.unknown] = UNKNOWN
+    return values
 
 
 def _grey_of(cells: Cells, described: MapFile) -> npt.NDArray[np.uint8]:

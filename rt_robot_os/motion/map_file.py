@@ -154,7 +154,7 @@ class _Reader:
 
 def _text_of(node: Any) -> str:
     if node.id != 'scalar' or not node.value:
-        raise ValueError('must be the name of a PGM file')
+        raise ValueError('must be the name of a picture: PGM, PNG or BMP')
     if '\0' in node.value:
         raise ValueError('no path has a null character')
     return str(node.value)

@@ -44,6 +44,7 @@ import numpy as np
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.motion.grid_map import GridMap
+from rt_robot_os.motion.map_picture import PICTURES
 from rt_robot_os.slam.array_file import Arrays
 from rt_robot_os.slam.array_file import bytes_of
 from rt_robot_os.slam.array_file import pack
@@ -91,16 +92,18 @@ def save(path: str | os.PathLike[str], graph: Graph | None, grid: GridMap,
     """
     Write a map, whole or not at all; the one that was there stays until then.
 
-    :param path: of the YAML file, with or without ``.yaml``; its folder is made.
+    :param path: of the YAML file, with or without ``.yaml``; its folder is made. One that ends with
+        ``.png`` asks for a PNG as its picture, which needs Pillow.
     :param graph: None: the grid alone.
     :param settings: plain values, for those who read it.
     :return: of the YAML file.
     :raises ConfigError: it cannot be written; what was there is as it was.
     """
-    yaml = _yaml_of(path)
+    suffix = _picture_suffix(path)
+    yaml = _yaml_of(Path(path).with_suffix('') if suffix else path)
     try:
         yaml.parent.mkdir(parents=True, exist_ok=True)
-        for _ in steps_of_saving(yaml, graph, grid, settings):
+        for _ in steps_of_saving(yaml, graph, grid, settings, suffix or PICTURES[0]):
             pass
     except OSError as error:
         with suppress(OSError):
@@ -114,21 +117,23 @@ def save(path: str | os.PathLike[str], graph: Graph | None, grid: GridMap,
 
 
 def steps_of_saving(yaml: Path, graph: Graph | None, grid: GridMap,
-                    settings: Mapping[str, Any] | None = None) -> Iterator[str]:
+                    settings: Mapping[str, Any] | None = None, suffix: str = PICTURES[0]
+                    ) -> Iterator[str]:
     """
     Write a map step by step; between any two of them power may fail.
 
+    :param suffix: of the picture.
     :return: what was done.
     """
     grid = grid.trinary()
-    waiting, picture = _waiting(yaml), yaml.with_suffix('.pgm')
+    waiting, picture = _waiting(yaml), yaml.with_suffix(suffix)
+    # GridMap knows how both are written; of its files only the bytes are taken.
+    described, pixels = grid.files(picture.name)
     _settle(yaml)
     # Without a graph an empty one says that the one that is there is of another map.
     write_whole(waiting, _graph_file(graph or Graph(), grid, settings))
     yield 'the graph waits'
-    # GridMap knows how both are written; of its files only the bytes are taken.
-    described, pixels = grid.files(picture.name)
-    other = yaml.with_name(f'.{yaml.stem}.{hashlib.sha256(pixels).hexdigest()[:8]}.pgm')
+    other = yaml.with_name(f'.{yaml.stem}.{hashlib.sha256(pixels).hexdigest()[:8]}{suffix}')
     write_whole(other, pixels)
     yield 'the picture waits'
     aside = yaml.with_name(f'.{yaml.name}.new')
@@ -171,12 +176,12 @@ def _settle(yaml: Path) -> None:
 def _clear(yaml: Path) -> None:
     """Remove what saving left, unless the map needs it."""
     needed = yaml.read_bytes() if yaml.exists() else b''
-    kept = f'.{glob.escape(yaml.stem)}.' + '[0-9a-f]' * 8 + '.pgm'
-    for path in yaml.parent.glob(kept):
+    kept = f'.{glob.escape(yaml.stem)}.' + '[0-9a-f]' * 8
+    for path in (each for suffix in PICTURES for each in yaml.parent.glob(kept + suffix)):
         if path.name.encode() not in needed:
             path.unlink()
     for path in (yaml.with_name(f'.{yaml.name}.new'),
-                 yaml.with_name(f'.{yaml.stem}.pgm.new')):
+                 *(yaml.with_name(f'.{yaml.stem}{suffix}.new') for suffix in PICTURES)):
         path.unlink(missing_ok=True)
 
 
@@ -199,11 +204,14 @@ def load(path: str | os.PathLike[str], with_graph: bool = True) -> Saved:
     """
     Read a map, of ours or of anybody.
 
-    :param path: of the YAML file, with or without ``.yaml``.
+    :param path: of the YAML file, with or without ``.yaml``, or of the picture beside it.
     :param with_graph: False: of the grid alone, whatever stands beside it.
     :raises ConfigError: it cannot be read, is damaged, or its files are of several maps.
     """
     yaml = _yaml_of(path)
+    if not yaml.exists() and _picture_suffix(path):
+        beside = _yaml_of(Path(path).with_suffix(''))
+        yaml = beside if beside.exists() else yaml
     grid = _grid(yaml)
     if not with_graph:
         return Saved(grid)
@@ -310,6 +318,12 @@ def _contents(arrays: Arrays, file: Path) -> tuple[Graph | None, Mapping[str, An
     except (ValueError, RecursionError) as error:
         raise ConfigError([f'{file}: is damaged: {error}; delete it to use the grid alone']
                           ) from None
+
+
+def _picture_suffix(path: str | os.PathLike[str]) -> str:
+    """Return how a path ends that names the picture of a map; empty when it names the map."""
+    suffix = Path(path).suffix
+    return suffix if suffix in PICTURES else ''
 
 
 def _yaml_of(path: str | os.PathLike[str]) -> Path:

@@ -130,7 +130,7 @@ def test_all_forms_of_the_picture_are_read(tmp_path: Path, picture: bytes) -> No
 
 @pytest.mark.parametrize('picture, text', [
     (b'', 'room.pgm: is no PGM of kind P5 or P2: it has not its header'),
-    (b'\x89PNG\r\n\x1a\n', 'it is a PNG; convert it'),
+    (b'GIF89a', 'it is a GIF; convert it'),
     (b'P5 3 2 255\n\x00', 'is cut off: 1 of 6 pixels'),
     (b'P5 3 2 256\n' + bytes(11), 'is cut off: 5 of 6 pixels'),
     (b'P2 3 2 255\n1 2 3', 'is cut off: 3 of 6 pixels'),

@@ -290,7 +290,7 @@ def test_shadowing_of_a_pair_does_not_depend_on_who_else_is_there():
         for address in range(5, 5 + extra):
             network.add(address, (float(address), 3.0, 0.0))
         first, second = network.add(1, (0.0, 0.0, 0.0)), network.add(2, (10.0, 0.0, 0.0))
-        return first.radio.links[second.radio]
+        return medium.links_of(first.radio)[second.radio]
 
     assert power(0) == power(3)
 
@@ -301,7 +301,7 @@ def test_walls_weaken_what_goes_through():
                                 TINYOS2)
         network = Network(medium, FirstHeard)
         first, second = network.add(1, (0.0, 0.0, 0.0)), network.add(2, (10.0, 0.0, 0.0))
-        return first.radio.links[second.radio]
+        return medium.links_of(first.radio)[second.radio]
 
     assert power(None) == pytest.approx(-43 - 26)
     assert power(lambda ax, ay, bx, by: 7.0) == pytest.approx(-43 - 26 - 7)
@@ -313,7 +313,8 @@ def test_walls_weaken_what_goes_through():
 def test_links_are_those_of_the_places_however_the_nodes_came_there(places, moves):
     def table(network: Network) -> dict[tuple[int, int], float]:
         return {(mote.address, other.address): round(power, 6)
-                for mote in network.motes.values() for other, power in mote.radio.links.items()}
+                for mote in network.motes.values()
+                for other, power in network.medium.links_of(mote.radio).items()}
 
     def build(positions) -> Network:
         network = Network(PathLossMedium(PathLoss(), QUIET, TINYOS2), FirstHeard, seed=3)

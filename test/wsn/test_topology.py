@@ -182,7 +182,7 @@ def test_no_fault_is_told_with_what_is_right(text: str) -> None:
 
 def test_whom_a_fault_concerns() -> None:
     def who(text: str):
-        return nodes_of(fault(text), range(21), 0, Random(1))
+        return nodes_of(fault(text), range(21), {0}, Random(1))
     assert who('kill 3,4 at 1') == [3, 4]
     assert who('kill sink at 1') == [0]
     assert who('kill all at 1') == list(range(1, 21))

@@ -31,11 +31,14 @@ from typing import Any
 from typing import Final
 from typing import TYPE_CHECKING
 
+from rt_robot_os.errors import ConfigError
 from rt_robot_os.programs import FAILED
 from rt_robot_os.programs import OK
+from rt_robot_os.programs import tell
 
 if TYPE_CHECKING:
     from rt_robot_os.tools.wsn.references import Reference
+    from rt_robot_os.tools.wsn.references import Skipped
     from rt_robot_os.wsn.simulator.results import Results
 
 _EPILOG: Final = """
@@ -46,7 +49,8 @@ The exit code is 1 when something differs by more than it may: delivery by 0.03 
 noise) from the mean, or from the one run of firmware by two standard deviations of our seeds;
 frames for each packet that came by 15 %; against firmware, when a node in most of our runs never
 had the parent that it had there at the end, or never said a cost that it said there; of a log,
-when the rules do not give what a row says.
+when the rules do not give what a row says. A reference of which a file is missing or damaged is
+named and left out; it is 2 when nothing is left.
 """
 
 
@@ -87,25 +91,62 @@ def run(arguments: argparse.Namespace) -> int:
     Run the command.
 
     :return: the exit code.
-    :raises ConfigError: the folder holds no references.
+    :raises ConfigError: nothing can be compared.
     """
-    from rt_robot_os.tools.wsn.decisions import PATTERN
-    from rt_robot_os.tools.wsn.references import read_references
-    words = arguments.only.split()
-    logs = sorted(arguments.folder.glob(PATTERN))
-    references = [one for one in read_references(
-        arguments.folder, arguments.seeds or 6, needed=not logs)
-        if all(word in one.name for word in words)]
+    from rt_robot_os.tools.wsn.compare_report import lines
+    from rt_robot_os.tools.wsn.compare_report import width
+    from rt_robot_os.tools.wsn.references import Skipped
+    references, logs, skipped = _chosen(arguments)
     compared = {one.name: differences(one, runs) for one, runs in simulated(
         references, arguments.seeds, arguments.jobs)}
-    compared.update({path.name: [_decisions(path)] for path in logs
-                     if all(word in path.name for word in words)})
+    for path in logs:
+        try:
+            compared[path.name] = [_decisions(path)]
+        except ConfigError as error:
+            skipped.append(Skipped(path.name, '; '.join(error.problems)))
+    if not compared:
+        raise ConfigError([f'{arguments.folder}: nothing can be compared',
+                           *(f'{one.name}: {one.why}' for one in skipped)])
     if arguments.json:
+        for one in skipped:
+            tell('wsn', f'skipped: {one.name}: {one.why}')
         print(json.dumps({name: [vars(each) for each in found]
                           for name, found in compared.items()}, indent=1))
     else:
-        print('\n'.join(_lines(compared)))
+        print('\n'.join(lines(compared, skipped, width())))
     return OK if all(each.ok for found in compared.values() for each in found) else FAILED
+
+
+def _chosen(arguments: argparse.Namespace
+            ) -> tuple[list[Reference], list[Path], list[Skipped]]:
+    """
+    Find what is to be compared.
+
+    :return: references, logs of decisions, and what cannot be read.
+    :raises ConfigError: there is nothing, or nothing with the words of ``--only``.
+    """
+    from rt_robot_os.tools.wsn.decisions import PATTERN
+    from rt_robot_os.tools.wsn.references import FIRMWARE_FILE
+    from rt_robot_os.tools.wsn.references import read_references
+    from rt_robot_os.tools.wsn.references import TOSSIM_FILE
+    folder, words = arguments.folder, arguments.only.split()
+    logs = sorted(folder.glob(PATTERN))
+    references, skipped = read_references(folder, arguments.seeds or 6)
+    names = [one.name for one in (*references, *logs, *skipped)]
+    if not names:
+        raise ConfigError([
+            f'{folder}: has neither a reference in {TOSSIM_FILE} or {FIRMWARE_FILE} nor a log '
+            f'{PATTERN}' if folder.is_dir() else f'{folder}: is no folder'])
+
+    def wanted(name: str) -> bool:
+        return all(word in name for word in words)
+
+    if not any(map(wanted, names)):
+        raise ConfigError([f'--only {arguments.only!r}: no reference of {folder} has all these '
+                           'words in its name; there are:', *(f'  {name}' for name in names)])
+    return ([one for one in references if wanted(one.name)],
+            [path for path in logs if wanted(path.name)],
+            [one for one in skipped if wanted(one.name)])
 
 
 def simulated(references: Sequence[Reference], seeds: int = 0, jobs: int = 0
@@ -158,8 +199,15 @@ def differences(one: Reference, runs: Sequence[Results]) -> list[Difference]:
 def _decisions(path: Path) -> Difference:
     """Explain a log of decisions by our rules: each row must be."""
     from rt_robot_os.tools.wsn.decisions import explained
-    ours, rows = explained(path)
-    return Difference('decisions', str(ours), str(rows), ours == rows, 'nothing')
+    found = explained(path)
+    if not found.rows:
+        raise ConfigError([f'{path}: no row of it can be compared'])
+    allowed = 'nothing'
+    if found.unknown:
+        allowed += (f'; the log begins in mid-run: compared from row {found.first} on, without '
+                    f'{found.unknown} rows of nodes whose state was not known yet')
+    return Difference('decisions', str(found.explained), str(found.rows),
+                      found.explained == found.rows, allowed)
 
 
 def _parents(theirs: Mapping[int, int], runs: Sequence[Results]) -> Difference:
@@ -194,17 +242,3 @@ def _sets(values: Mapping[int, frozenset[int]]) -> str:
 def _pairs(values: Mapping[int, int | None]) -> str:
     return ' '.join(f'{node}:{"-" if value is None else value}'
                     for node, value in sorted(values.items()))
-
-
-def _lines(compared: Mapping[str, Sequence[Difference]]) -> Iterator[str]:
-    from rt_robot_os.tools.wsn.text_report import table
-    rows = [('', 'figure', 'ours', 'theirs', 'may differ by', '')]
-    for name, found in compared.items():
-        for index, each in enumerate(found):
-            rows.append((name if not index else '', each.what, each.ours, each.theirs,
-                         each.allowed, '' if each.ok else 'DIFFERS'))
-    yield from table(rows)
-    wrong = sum(not each.ok for found in compared.values() for each in found)
-    count = sum(map(len, compared.values()))
-    yield ''
-    yield f'{count - wrong} of {count} figures agree, of {len(compared)} references'

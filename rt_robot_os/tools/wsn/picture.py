@@ -36,6 +36,8 @@ _REMEDY: Final = 'no picture: matplotlib is not installed (remedy: pip install m
 _GOOD_DBM, _BAD_DBM = -75.0, -95.0
 _FEW: Final = 60
 _LABELLED: Final = 150
+# More marks than this are pixels also in a vector format, which no program could show otherwise.
+_VECTORS: Final = 5000
 
 
 def check() -> None:
@@ -112,14 +114,15 @@ def _draw(figure: Any, simulation: Simulation, results: Results) -> None:
         axes.plot([one.x for one in points], [one.y for one in points], color='#E69F00',
                   linestyle='--', linewidth=1.2, zorder=1, label='way of the sink')
     _draw_tree(axes, simulation, results, where, 0.8 if many else 1.8)
-    nodes = [each for each in where if each != topology.sink]
+    nodes = [each for each in where if each not in topology.sinks]
     load = [results.data_by_node.get(each, 0) for each in nodes]
     dots = axes.scatter([where[each][0] for each in nodes], [where[each][1] for each in nodes],
                         c=load, cmap='viridis_r', s=14 if many else 90, zorder=3,
-                        edgecolors='black', linewidths=0.3 if many else 0.6, vmin=0)
+                        edgecolors='black', linewidths=0.3 if many else 0.6, vmin=0,
+                        rasterized=len(where) > _VECTORS)
     figure.colorbar(dots, ax=axes, label='data frames sent', shrink=0.8,
                     pad=0.02)
-    axes.scatter(*where[topology.sink], marker='*', s=160 if many else 260, color='#D55E00',
+    axes.scatter(*zip(*(where[each] for each in topology.sinks)), marker='*', s=160 if many else 260, color='#D55E00',
                  edgecolors='black', linewidths=0.6, zorder=4, label='sink')
     dark = [each for each in nodes if not simulation.network.motes[each].is_on]
     if dark:
@@ -154,7 +157,8 @@ def _draw_tree(axes: Any, simulation: Simulation, results: Results,
         import_module('matplotlib.colors').Normalize(_BAD_DBM, _GOOD_DBM), 'RdYlGn')
     strengths = [_strength(simulation, each, results.parents[each]) for each in lines]
     axes.add_collection(import_module('matplotlib.collections').LineCollection(
-        list(lines.values()), colors=colours.to_rgba(strengths), linewidths=width, zorder=2))
+        list(lines.values()), colors=colours.to_rgba(strengths), linewidths=width, zorder=2,
+        rasterized=len(where) > _VECTORS))
     axes.autoscale_view()
     axes.figure.colorbar(colours, ax=axes, label='signal at the parent, dBm', shrink=0.8,
                          pad=0.02)
@@ -167,6 +171,6 @@ def _strength(simulation: Simulation, node: int, parent: int | None) -> float:
         return _BAD_DBM
     radio, other = motes[node].radio, motes[parent].radio
     if isinstance(simulation.medium, GainMedium):
-        return radio.links.get(other, _BAD_DBM)
+        return simulation.medium.links_of(radio).get(other, _BAD_DBM)
     link = radio.fixed_links.get(other)
     return _BAD_DBM if link is None else float(link.rssi_dbm)

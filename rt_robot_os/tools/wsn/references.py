@@ -26,12 +26,14 @@ when motes began, who their parents were and what their beacons said.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
 import csv
 from dataclasses import dataclass
 from dataclasses import field
+from functools import partial
 import gzip
 import json
 import math
@@ -40,6 +42,8 @@ import re
 import statistics
 from typing import Any
 from typing import Final
+from typing import NamedTuple
+import zlib
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.units import NS_PER_S
@@ -63,6 +67,11 @@ _READINGS: Final = 5
 _FIRST_TICKS: Final = 6
 _LQI_DATA, _CTP_DATA, _LQI_BEACON = 0x74, 0x71, 0x73
 _BROADCAST: Final = 0xFFFF
+
+
+# What is raised where a file is not such as it should be.
+_MISUNDERSTOOD: Final = (
+    ArithmeticError, AttributeError, EOFError, KeyError, TypeError, ValueError, zlib.error)
 
 
 @dataclass(frozen=True)
@@ -92,45 +101,80 @@ class Reference:
     beacon_costs: Mapping[int, frozenset[int]] = field(default_factory=dict)
 
 
-def read_references(folder: Path, seeds: int = 6, needed: bool = True) -> list[Reference]:
+#: The name of a reference, and what reads it.
+Make = tuple[str, Callable[[], Reference]]
+
+
+class Skipped(NamedTuple):
+    """A reference that cannot be compared, and why."""
+
+    name: str
+    why: str
+
+
+def read_references(folder: Path, seeds: int = 6) -> tuple[list[Reference], list[Skipped]]:
     """
     Read all references of a folder.
 
     :param seeds: of firmware there is one run; we make so many.
-    :param needed: whether it is a problem when there is none.
-    :raises ConfigError: there is none, or what belongs to it is missing or is not understood.
+    :return: those that can be compared, and those of which something is missing or is not
+        understood.
     """
-    found = []
+    found: list[Reference] = []
+    skipped: list[Skipped] = []
+    readers: Sequence[tuple[str, Callable[[Any], Iterator[Make]]]] = (
+        (TOSSIM_FILE, partial(_tossim, folder)),
+        (FIRMWARE_FILE, partial(_firmware, folder, seeds)))
+    for name, makes in readers:
+        path = folder / name
+        if not path.is_file():
+            continue
+        try:
+            for label, make in makes(json.loads(path.read_text())):
+                why = _why_not(folder, make, found)
+                if why:
+                    skipped.append(Skipped(label, why))
+        except (OSError, *_MISUNDERSTOOD) as error:
+            skipped.append(Skipped(name, _reason(path, error)))
+    return found, skipped
+
+
+def _why_not(folder: Path, make: Callable[[], Reference], found: list[Reference]) -> str:
     try:
-        if (folder / TOSSIM_FILE).is_file():
-            found += list(_tossim(folder, json.loads((folder / TOSSIM_FILE).read_text())))
-        if (folder / FIRMWARE_FILE).is_file():
-            found += list(_firmware(folder, json.loads((folder / FIRMWARE_FILE).read_text()),
-                                    seeds))
-    except OSError as error:
-        raise ConfigError([f'{error.filename}: cannot be read: {error.strerror}']) from None
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, ConfigError):
-            raise
-        raise ConfigError([f'{folder}: its references cannot be understood: {error!r}']) from None
-    if needed and not found:
-        raise ConfigError([f'{folder}: has neither {TOSSIM_FILE} nor {FIRMWARE_FILE}'])
-    return found
+        found.append(make())
+    except ConfigError as error:
+        return '; '.join(error.problems)
+    except (OSError, *_MISUNDERSTOOD) as error:
+        return _reason(folder, error)
+    return ''
 
 
-def _tossim(folder: Path, rows: Sequence[Mapping[str, Any]]) -> Iterator[Reference]:
+def _reason(path: Path, error: Exception) -> str:
+    if isinstance(error, (OSError, EOFError, zlib.error)):
+        name = getattr(error, 'filename', None) or path
+        return f'{name}: cannot be read: {getattr(error, "strerror", None) or error}'
+    return f'{path}: cannot be understood: {error!r}'
+
+
+def _tossim(folder: Path, rows: Sequence[Mapping[str, Any]]) -> Iterator[Make]:
     groups: dict[tuple[str, str, str], list[Mapping[str, Any]]] = {}
     for row in rows:
         groups.setdefault((row['topology'], row['noise'], row['variant']), []).append(row)
-    for (topology, noise, variant), runs in groups.items():
-        trace = _beside(folder, f'noise_{noise}.txt')
-        yield Reference(
-            f'TOSSIM {topology} {noise} {variant}',
-            [tossim_scenario(_beside(folder, f'tossim_{topology}.topo.txt'), trace, variant,
-                             float(run['seconds']), int(run['seed'])) for run in runs],
-            statistics.fmean(run['delivered'] / run['generated'] for run in runs),
-            _HEAVY_WITHIN if _is_heavy(trace) else _QUIET_WITHIN,
-            statistics.fmean(run['transmissions'] / run['delivered'] for run in runs))
+    for key, runs in groups.items():
+        label = ' '.join(('TOSSIM', *map(str, key)))
+        yield label, partial(_tossim_reference, folder, label, *key, runs)
+
+
+def _tossim_reference(folder: Path, label: str, topology: str, noise: str, variant: str,
+                      runs: Sequence[Mapping[str, Any]]) -> Reference:
+    trace = _beside(folder, f'noise_{noise}.txt')
+    return Reference(
+        label,
+        [tossim_scenario(_beside(folder, f'tossim_{topology}.topo.txt'), trace, variant,
+                         float(run['seconds']), int(run['seed'])) for run in runs],
+        statistics.fmean(run['delivered'] / run['generated'] for run in runs),
+        _HEAVY_WITHIN if _is_heavy(trace) else _QUIET_WITHIN,
+        statistics.fmean(run['transmissions'] / run['delivered'] for run in runs))
 
 
 def _beside(folder: Path, name: str) -> str:
@@ -180,20 +224,27 @@ class _Air:
     interval: int = 1024
 
 
-def _firmware(folder: Path, summary: Mapping[str, Mapping[str, Any]], seeds: int
-              ) -> Iterator[Reference]:
+def _firmware(folder: Path, seeds: int, summary: Mapping[str, Mapping[str, Any]]
+              ) -> Iterator[Make]:
     for name, one in summary.items():
         network, _, protocol = name.rpartition('_')
-        links = _beside(folder, f'mspsim_{network}.links.txt')
-        air = _air(_beside(folder, f'mspsim_{name}.air.csv'))
-        generated, delivered = (sum(one[key].values()) for key in ('generated', 'delivered'))
-        most = max(one['generated'].values())
-        yield Reference(
-            f'firmware {network} {protocol}',
-            [_firmware_scenario(links, protocol, air, most, seed + 1) for seed in range(seeds)],
-            delivered / generated, _FIRMWARE_WITHIN, one.get('transmissions_per_delivery'),
-            beacons_count=False, single=True, parents=air.parents,
-            beacon_costs={node: frozenset(costs) for node, costs in air.costs.items()})
+        label = f'firmware {network} {protocol}'
+        yield label, partial(
+            _firmware_reference, folder, label, network, protocol, one, seeds)
+
+
+def _firmware_reference(folder: Path, label: str, network: str, protocol: str,
+                        one: Mapping[str, Any], seeds: int) -> Reference:
+    links = _beside(folder, f'mspsim_{network}.links.txt')
+    air = _air(_beside(folder, f'mspsim_{network}_{protocol}.air.csv'))
+    generated, delivered = (sum(one[key].values()) for key in ('generated', 'delivered'))
+    most = max(one['generated'].values())
+    return Reference(
+        label,
+        [_firmware_scenario(links, protocol, air, most, seed + 1) for seed in range(seeds)],
+        delivered / generated, _FIRMWARE_WITHIN, one.get('transmissions_per_delivery'),
+        beacons_count=False, single=True, parents=air.parents,
+        beacon_costs={node: frozenset(costs) for node, costs in air.costs.items()})
 
 
 def _air(path: str) -> _Air:

@@ -230,7 +230,7 @@ def _check_ids(scenario: Scenario, topology: Topology, sections: Mapping[str, Se
     for index, text in enumerate(scenario.faults):
         one = fault(text)
         try:
-            nodes_of(one, topology.places, topology.sink, Random(0))
+            nodes_of(one, topology.places, topology.sinks, Random(0))
             if one.kind == 'move' and not topology.located:
                 raise ValueError('the nodes of a file of links have no place')
             if one.kind == 'noise' and topology.links is not None:
@@ -240,6 +240,6 @@ def _check_ids(scenario: Scenario, topology: Topology, sections: Mapping[str, Se
             origin = leaf.item_origin(index) if leaf is not None else tree.origin
             problems.value(origin, 'faults', text, str(error))
     for each in scenario.traffic.sources:
-        if each not in topology.places or each == topology.sink:
-            what = 'is the sink' if each == topology.sink else 'is no node'
+        if each not in topology.places or each in topology.sinks:
+            what = 'is the sink' if each in topology.sinks else 'is no node'
             _tell('traffic.sources', f'{each} {what}', sections, tree, problems)

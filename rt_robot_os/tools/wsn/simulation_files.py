@@ -76,7 +76,7 @@ def _links(simulation: Simulation) -> Iterable[Sequence[object]]:
     for each, mote in sorted(simulation.network.motes.items()):
         if isinstance(medium, LinkMedium):
             for other, link in mote.radio.fixed_links.items():
-                yield (each, other.address, f'{link.reception_rate:.4f}', link.rssi_dbm, link.lqi)
+                yield (each, other.number, f'{link.reception_rate:.4f}', link.rssi_dbm, link.lqi)
         elif isinstance(medium, GainMedium):
             for other in medium.hearers(mote.radio):
-                yield (each, other.address, '', f'{mote.radio.links[other]:.1f}', '')
+                yield (each, other.number, '', f'{medium.links_of(mote.radio)[other]:.1f}', '')

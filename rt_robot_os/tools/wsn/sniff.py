@@ -59,8 +59,8 @@ a pcap of 802.15.4; gzipped or not; - is the standard input. The summary goes to
   wsn sniff sf://localhost:9002 --json | jq .readings
   wsn sniff night.serial.bin --payload 'soil 0x42 wet:H[%]=soil_moisture_percent,0.1'
 
-The exit code is 0 when the file or the time is over and after Ctrl-C, 1 when the port or the file
-cannot be read or is gone, 2 for a wrong command line.
+The exit code is 0 when the file or the time is over and after Ctrl-C, 1 when no packet came, or the
+port or the file cannot be read or is gone, 2 for a wrong command line.
 """
 
 
@@ -98,6 +98,11 @@ class Sniffer:
         self._decoder = decoder
         self._reader = reader
         self._tally = Tally()
+
+    @property
+    def packets(self) -> int:
+        """Return how many packets were decoded."""
+        return self._decoder.packets
 
     def run(self, heard: Iterable[Heard], flush: bool) -> None:
         """Write each packet, a line each."""
@@ -149,11 +154,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _sniff(sniffer: Sniffer, heard: Iterable[Heard], flush: bool) -> int:
-    code = OK
+    code, interrupted = OK, False
     try:
         sniffer.run(heard, flush)
     except KeyboardInterrupt:
-        pass
+        interrupted = True
     except BrokenPipeError:
         raise  # nobody reads: no summary either
     except RtRobotError as error:
@@ -161,7 +166,7 @@ def _sniff(sniffer: Sniffer, heard: Iterable[Heard], flush: bool) -> int:
         tell('wsn', str(error).partition('; it will be')[0])
         code = FAILED
     sniffer.summary()
-    return code
+    return code if sniffer.packets or interrupted else FAILED
 
 
 @contextmanager

@@ -36,6 +36,8 @@ _OF_THE_HOP: Final = frozenset({'seqno', 'thl', 'etx', 'options'})
 # A recording without times is as dense as a line can be.
 _BYTE_NS: Final = NS_PER_S // 5760
 _FRAME_BYTES: Final = 24
+_SKIPS_NUMBERS: Final = 'oscilloscope'
+_SKIPPING_BITS: Final = 16
 
 
 class Origin:
@@ -44,15 +46,18 @@ class Origin:
 
     :ivar packets: all, copies included.
     :ivar copies: those that were there before.
-    :ivar account: of its numbers; None where they do not count packets.
+    :ivar account: of its numbers; None where it has none.
+    :ivar is_exact: a number that is missing is a packet that was lost. It is not with
+        Oscilloscope of TinyOS 2.x: a node skips numbers when it takes over a higher one.
     """
 
-    __slots__ = ('packets', 'copies', 'account', '_recent')
+    __slots__ = ('packets', 'copies', 'account', 'is_exact', '_recent')
 
     def __init__(self) -> None:
         self.packets = 0
         self.copies = 0
         self.account: SequenceAccount | None = None
+        self.is_exact = True
         self._recent: OrderedDict[tuple[int, int], None] = OrderedDict()
 
     def take(self, packet: Packet, now_ns: int) -> bool:
@@ -64,6 +69,12 @@ class Origin:
             again = self.account.take(packet.count, _says(packet), now_ns) == DUPLICATE
         else:
             again = self._again(packet)
+            number = packet.fields.get('count')
+            if packet.name == _SKIPS_NUMBERS and isinstance(number, int) and not again:
+                self.is_exact = False
+                if self.account is None:
+                    self.account = SequenceAccount(_SKIPPING_BITS, now_ns)
+                self.account.take(number, _says(packet), now_ns)
         self.copies += again
         return again
 
@@ -120,9 +131,13 @@ class Tally:
             yield '  origin  packets   copies     lost  delivery'
         for node, origin in sorted(self.origins.items()):
             account = origin.account
-            lost = '-' if account is None else str(account.lost)
-            delivery = '-' if account is None else f'{account.delivery:.2%}'
+            least, most = ('', '') if origin.is_exact else ('>=', '<=')
+            lost = '-' if account is None else f'{most}{account.lost}'
+            delivery = '-' if account is None else f'{least}{account.delivery:.2%}'
             yield f'  {node:>6} {origin.packets:>8} {origin.copies:>8} {lost:>8} {delivery:>9}'
+        if not all(origin.is_exact for origin in self.origins.values()):
+            yield ('  <= and >=: numbers of Oscilloscope that did not come; a node also skips some, '
+                   'when it takes over a higher one')
 
 
 def _says(packet: Packet) -> int:

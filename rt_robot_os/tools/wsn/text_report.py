@@ -59,7 +59,8 @@ def number(value: float, digits: int) -> str:
 
 def one_run(one: Results) -> Iterator[str]:
     """Write what one run found: the whole, then each node."""
-    yield (f'{one.scenario}: {one.nodes} nodes, {one.protocol}, seed {one.seed}, '
+    networks = f' in {len(one.sinks)} networks' if len(one.sinks) > 1 else ''
+    yield (f'{one.scenario}: {one.nodes} nodes{networks}, {one.protocol}, seed {one.seed}, '
            f'{number(one.ended_s, 0)} s simulated in {number(one.wall_s, 2)} s '
            f'({number(one.ended_s / one.wall_s if one.wall_s else math.nan, 0)} times real time)')
     yield (f'generated {one.total_generated:,}, delivered {one.total_delivered:,}; '
@@ -99,7 +100,7 @@ def _nodes(one: Results) -> Iterator[str]:
             '-' if parent is None else str(one.hops[each]),
             '-' if parent is None else str(one.costs[each]),
             f'{one.generated.get(each, 0):,}', f'{one.delivered.get(each, 0):,}',
-            number(100.0 * _share(one, each), 1), f'{one.data_by_node.get(each, 0):,}',
+            number(100.0 * _share(one, each), 1) if one.generated.get(each) else '-', f'{one.data_by_node.get(each, 0):,}',
             number(one.used_mah.get(each, math.nan), 2)))
     if len(one.parents) <= _MOST_ROWS:
         rows.sort(key=lambda row: int(row[0]))

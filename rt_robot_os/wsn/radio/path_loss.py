@@ -95,7 +95,7 @@ class Fading:
 
     def at(self, first: int, second: int, now_ns: int) -> float:
         """Return the change in dB between two nodes now, the same both ways."""
-        pair = first << 16 | second if first < second else second << 16 | first
+        pair = first << 32 | second if first < second else second << 32 | first
         before = self._pairs.get(pair)
         if before is None:
             value = self._random.gauss(0, self._spread_db)
@@ -111,5 +111,5 @@ class Fading:
 
     def forget(self, node: int) -> None:
         """Drop what is known of a node that is gone."""
-        for pair in [pair for pair in self._pairs if node in (pair >> 16, pair & 0xFFFF)]:
+        for pair in [pair for pair in self._pairs if node in (pair >> 32, pair & 0xFFFFFFFF)]:
             del self._pairs[pair]

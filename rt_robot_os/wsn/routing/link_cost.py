@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final
 
 #: Of the CC2420, which has 7 bits for it.
@@ -49,6 +50,7 @@ def link_cost(lqi: int, u16_wrap: bool = True) -> int:
     return ((square >> 3) * lacking & _U16) >> 3
 
 
+@lru_cache(maxsize=2)
 def link_costs(u16_wrap: bool) -> tuple[int, ...]:
-    """Return the costs by LQI, 0 to 255."""
+    """Return the costs by LQI, 0 to 255; one table for all nodes."""
     return tuple(link_cost(lqi, u16_wrap) for lqi in range(0x100))

@@ -46,6 +46,8 @@ class Radio(ABC):
     A radio as the air sees it.
 
     :ivar address: of the mote.
+    :ivar number: unique also where networks share the area, and have the same addresses.
+    :ivar pan: the network that it belongs to; frames of others are noise to it.
     :ivar power_dbm: that it sends with.
     :ivar is_on: it has power.
     :ivar on_since_ns: since when.
@@ -53,7 +55,8 @@ class Radio(ABC):
     :ivar sent_acks: acknowledgements.
     :ivar received_frames: for this node or for all.
     :ivar air_ns: how long it has sent.
-    :ivar links: what arrives of its signal at others, in dBm; the medium's, as is what follows.
+    :ivar links: what arrives of its signal at others, in dBm; the medium's, as is what follows: ask
+        ``GainMedium.links_of``, as those of a radio that does not send may not be there.
     :ivar fixed_links: in place of ``links`` where nothing but links is known.
     :ivar hearers: who may receive its frames; None: to be found out.
     :ivar near: lists of what is on the air in its part of the area; its own list is first.
@@ -61,12 +64,15 @@ class Radio(ABC):
     """
 
     __slots__ = (
-        'address', 'power_dbm', 'is_on', 'on_since_ns', 'sent_frames', 'sent_acks',
-        'received_frames', 'air_ns', 'links', 'fixed_links', 'hearers', 'near', 'noise_place')
+        'address', 'number', 'pan', 'power_dbm', 'is_on', 'on_since_ns', 'sent_frames',
+        'sent_acks', 'received_frames', 'air_ns', 'links', 'fixed_links', 'hearers', 'near',
+        'noise_place')
 
     def __init__(self, address: int, power_dbm: float) -> None:
         """Make a radio that is off, and linked with none."""
         self.address = address
+        self.number = address
+        self.pan = 0
         self.power_dbm = power_dbm
         self.is_on = False
         self.on_since_ns = 0

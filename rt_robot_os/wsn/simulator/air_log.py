@@ -25,9 +25,11 @@ from typing import Final
 from rt_robot_os.wsn.packets.ieee802154 import ACK_REQUEST
 from rt_robot_os.wsn.packets.ieee802154 import AckFrame
 from rt_robot_os.wsn.packets.ieee802154 import FCF_T2_DATA
+from rt_robot_os.wsn.packets.ieee802154 import PAN_T2
 from rt_robot_os.wsn.packets.ieee802154 import T1Frame
 from rt_robot_os.wsn.packets.ieee802154 import T2Frame
 from rt_robot_os.wsn.packets.tos_msg import FCF_DATA
+from rt_robot_os.wsn.packets.tos_msg import GROUP
 from rt_robot_os.wsn.radio.mac import MacProfile
 from rt_robot_os.wsn.simulator.air import ACK
 from rt_robot_os.wsn.simulator.air import Transmission
@@ -46,11 +48,12 @@ def bytes_of(frame: Transmission, version: int) -> bytes:
     if frame.am_type == ACK:
         return AckFrame(frame.dsn).pack()
     asks = ACK_REQUEST if frame.acknowledge else 0
+    pan = frame.sender.pan
     if version == 1:
-        return T1Frame(frame.destination, frame.am_type, frame.payload, dsn=frame.dsn,
-                       fcf=FCF_DATA | asks).pack()
+        return T1Frame(frame.destination, frame.am_type, frame.payload, GROUP + pan, frame.dsn,
+                       FCF_DATA | asks).pack()
     return T2Frame(frame.destination, frame.sender.address, frame.am_type, frame.payload,
-                   dsn=frame.dsn, fcf=FCF_T2_DATA | asks).pack()
+                   dsn=frame.dsn, fcf=FCF_T2_DATA | asks, pan=PAN_T2 + pan).pack()
 
 
 class AirLog:

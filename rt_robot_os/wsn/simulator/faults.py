@@ -100,7 +100,7 @@ def fault(text: str) -> Fault:
     if (lasts is None) if kind.lasts == 'must' else (lasts is not None and kind.lasts == 'no'):
         raise ValueError(f'must be {form}')
     who = words.pop(0) if kind.who else ''
-    if kind.who and not re.fullmatch(r'all|sink|\d{1,5}(,\d{1,5})*|\d{1,3}(\.\d+)?%', who):
+    if kind.who and not re.fullmatch(r'all|sink|\d{1,6}(,\d{1,6})*|\d{1,3}(\.\d+)?%', who):
         raise ValueError(f'{who!r} must be an id, several with commas, all, sink or a share such '
                          'as 10%')
     numbers = tuple(_number(word, -1e6, 1e6, form) for word in words)
@@ -125,20 +125,22 @@ def _number(word: str, least: float, most: float, form: str) -> float:
     return value
 
 
-def nodes_of(one: Fault, ids: Collection[int], sink: int, random: Random) -> Sequence[int]:
+def nodes_of(one: Fault, ids: Collection[int], sinks: Collection[int], random: Random
+             ) -> Sequence[int]:
     """
     Return whom it concerns.
 
     :param ids: of all nodes.
+    :param sinks: of these.
     :param random: draws a share.
     :raises ValueError: there is no such node.
     """
-    others = sorted(set(ids) - {sink})
     if one.who == 'sink':
-        return [sink]
+        return sorted(sinks)
     if one.who in ('all', ''):
-        return others
+        return sorted(set(ids).difference(sinks))
     if one.who.endswith('%'):
+        others = sorted(set(ids).difference(sinks))
         share = min(1.0, float(one.who[:-1]) / 100)
         return sorted(random.sample(others, round(share * len(others))))
     found = [int(word) for word in one.who.split(',')]

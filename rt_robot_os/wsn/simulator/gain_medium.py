@@ -88,6 +88,8 @@ class GainMedium(Medium):
         self._median_dbm = ordered[self._length // 2]
         self._lowest_dbm = ordered[self._length // _CALM_SHARE] + WEAKEST_SNR_DB
         self._gains: dict[int, dict[int, float]] = {}
+        # The same by receiver, so that nobody else is asked when one comes.
+        self._senders: dict[int, dict[int, float]] = {}
         self._fading: Fading | None = None
 
     def set_gain(self, sender: int, receiver: int, gain_db: float) -> None:
@@ -97,6 +99,7 @@ class GainMedium(Medium):
         :param gain_db: to the power at the sender: negative.
         """
         self._gains.setdefault(sender, {})[receiver] = gain_db
+        self._senders.setdefault(receiver, {})[sender] = gain_db
         for radio in self._by_address.get(sender, ()):
             for other in self._by_address.get(receiver, ()):
                 if other is not radio:
@@ -112,8 +115,8 @@ class GainMedium(Medium):
     def detach(self, radio: Radio) -> None:
         """Take a radio away."""
         super().detach(radio)
-        for radios in self._by_address.values():
-            for other in radios:
+        for address in self._senders.get(radio.address, ()):
+            for other in self._by_address.get(address, ()):
                 if other.links.pop(radio, None) is not None:
                     other.hearers = None
 
@@ -123,13 +126,11 @@ class GainMedium(Medium):
         radio.links = {other: radio.power_dbm + gain for address, gain in gains.items()
                        for other in self._by_address.get(address, ()) if other is not radio}
         radio.hearers = None
-        for address, others in self._gains.items():
-            gain = others.get(radio.address)
-            if gain is not None:
-                for other in self._by_address.get(address, ()):
-                    if other is not radio:
-                        other.links[radio] = other.power_dbm + gain
-                        other.hearers = None
+        for address, gain in self._senders.get(radio.address, {}).items():
+            for other in self._by_address.get(address, ()):
+                if other is not radio:
+                    other.links[radio] = other.power_dbm + gain
+                    other.hearers = None
 
     def add_noise(self, more_db: int) -> None:
         """
@@ -143,12 +144,18 @@ class GainMedium(Medium):
             for radio in radios:
                 radio.hearers = None
 
+    def links_of(self, radio: Radio) -> dict[Radio, float]:
+        """Return what arrives of the signal of a radio, in dBm, by who hears it."""
+        return radio.links
+
     def hearers(self, radio: Radio) -> tuple[Radio, ...]:
         """Return who may receive what a radio sends."""
         hearers = radio.hearers
         if hearers is None:
+            links = self.links_of(radio)
             hearers = radio.hearers = tuple(
-                other for other, power in radio.links.items() if power > self._lowest_dbm)
+                other for other, power in links.items()
+                if power > self._lowest_dbm and other.pan == radio.pan)
         return hearers
 
     def noise_dbm(self, radio: Radio, now_ns: int) -> int:
@@ -175,7 +182,7 @@ class GainMedium(Medium):
         if power is None:
             return NO_LINK
         if self._fading is not None:
-            power += self._fading.at(frame.sender.address, radio.address, frame.begin_ns)
+            power += self._fading.at(frame.sender.number, radio.number, frame.begin_ns)
         begin_ns = frame.begin_ns
         if not radio.is_on or radio.on_since_ns > begin_ns:
             return OFF
@@ -324,7 +331,7 @@ class GainMedium(Medium):
     def is_acknowledged(self, frame: Transmission, receiver: Radio) -> bool:
         """Decide, as TOSSIM does, whether the acknowledgement of a receiver arrives."""
         sender = frame.sender
-        power = receiver.links.get(sender, 1.0)
+        power = self.links_of(receiver).get(sender, 1.0)
         total = _milliwatts(self.noise_dbm(sender, frame.end_ns))
         for other in frame.overlaps or ():
             if other.begin_ns <= frame.end_ns < other.end_ns:

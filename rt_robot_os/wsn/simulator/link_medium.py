@@ -43,6 +43,8 @@ class LinkMedium(Medium):
         super().__init__()
         self._cca_dbm = mac.cca_dbm
         self._links: dict[int, dict[int, Link]] = {}
+        # By receiver, so that nobody else is asked when one comes.
+        self._senders: dict[int, dict[int, None]] = {}
 
     def set_link(self, sender: int, receiver: int, link: Link | None) -> None:
         """
@@ -56,8 +58,10 @@ class LinkMedium(Medium):
                 f'link {sender} to {receiver}: rate {link.reception_rate}, it is from 0 to 1')
         if link is None or link.reception_rate == 0:
             self._links.get(sender, {}).pop(receiver, None)
+            self._senders.get(receiver, {}).pop(sender, None)
         else:
             self._links.setdefault(sender, {})[receiver] = link
+            self._senders.setdefault(receiver, {})[sender] = None
         for radio in self._by_address.get(sender, ()):
             self._refresh(radio)
 
@@ -80,10 +84,9 @@ class LinkMedium(Medium):
         self._refresh_those_heard_by(radio)
 
     def _refresh_those_heard_by(self, radio: Radio) -> None:
-        for address, links in self._links.items():
-            if radio.address in links:
-                for other in self._by_address.get(address, ()):
-                    self._refresh(other)
+        for address in self._senders.get(radio.address, ()):
+            for other in self._by_address.get(address, ()):
+                self._refresh(other)
 
     def hearers(self, radio: Radio) -> tuple[Radio, ...]:
         """Return who may receive what a radio sends."""

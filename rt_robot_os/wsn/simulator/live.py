@@ -232,8 +232,12 @@ class LiveNetwork:
         """Return what tells the node, of those that hang somewhere, that a mote hears best."""
         def strongest() -> int:
             heard = []
+            near = {other.address for other in self._medium.links_of(mote.radio)}
             for each in self._nodes:
-                strength_dbm = self.network.motes[each.surveyed.id].radio.links.get(mote.radio)
+                if each.surveyed.id not in near:
+                    continue
+                strength_dbm = self._medium.links_of(
+                    self.network.motes[each.surveyed.id].radio).get(mote.radio)
                 if strength_dbm is not None and each.on and not each.worn and (
                         each.surveyed.id != mote.address):
                     heard.append((strength_dbm + random.gauss(0.0, _STRENGTH_DB),

@@ -93,11 +93,11 @@ class Medium(ABC):
         :param position: x, y and height in m.
         """
         radio.near = (self._on_air,)
-        self._by_address.setdefault(radio.address, []).append(radio)
+        self._by_address.setdefault(radio.pan << 16 | radio.address, []).append(radio)
 
     def detach(self, radio: Radio) -> None:
         """Take a radio away; its frame on the air ends as if it were there."""
-        self._by_address[radio.address].remove(radio)
+        self._by_address[radio.pan << 16 | radio.address].remove(radio)
 
     def moved(self, radio: Radio, position: Position) -> None:
         """Take note that a radio is somewhere else, or sends with another power."""
@@ -209,7 +209,7 @@ class Medium(ABC):
     def _give_to_one(self, frame: Transmission, destination: int,
                      receivers: list[Radio]) -> None:
         """Give a frame to those with an address."""
-        radios = self._by_address.get(destination)
+        radios = self._by_address.get(frame.sender.pan << 16 | destination)
         if not radios:
             self.outcomes[NO_LINK] += 1
             return
@@ -246,7 +246,7 @@ class Medium(ABC):
     def chance(self, frame: Transmission, radio: Radio, step: int) -> float:
         """Return the same from nothing but seed, frame, radio and step, whoever asks first."""
         mixed = (self._salt + frame.begin_ns * 0x9E3779B97F4A7C15
-                 + (frame.sender.address << 40 | radio.address << 16 | step)
+                 + (frame.sender.number << 40 | radio.number << 16 | step)
                  * 0xD1B54A32D192ED03) & _MASK
         mixed = (mixed ^ mixed >> 30) * 0xBF58476D1CE4E5B9 & _MASK
         mixed = (mixed ^ mixed >> 27) * 0x94D049BB133111EB & _MASK

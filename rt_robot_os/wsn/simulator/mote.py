@@ -136,6 +136,7 @@ class Mote:
     A simulated mote; to its protocol it is the ``Node``.
 
     :ivar address: of 16 bits.
+    :ivar number: unique in the simulation; the address where there is one network.
     :ivar random: for delays of the protocol.
     :ivar is_root: it is the sink.
     :ivar position: x, y and height in m.
@@ -152,16 +153,17 @@ class Mote:
     """
 
     __slots__ = (
-        'address', 'random', 'is_root', 'position', 'router', 'radio', 'is_on', 'drift_ppb',
+        'address', 'number', 'random', 'is_root', 'position', 'router', 'radio', 'is_on', 'drift_ppb',
         'battery', 'generated', 'refused', 'delivered', 'boots', 'is_removed', 'queue',
         '_network', '_timers', '_booted_ns', '_traffic', '_first_timer', '_period_timer',
         '_late_timer')
 
     def __init__(self, network: Surroundings, address: int, is_root: bool,
-                 position: Position, drift_ppb: int) -> None:
+                 position: Position, drift_ppb: int, number: int) -> None:
         """Make a mote that is off; ``Network.add`` does so."""
         self.address = address
-        self.random = Random(f'{network.seed} node {address}')
+        self.number = number
+        self.random = Random(f'{network.seed} node {number}')
         self.is_root = is_root
         self.position = position
         self.is_on = False

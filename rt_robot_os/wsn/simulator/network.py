@@ -52,7 +52,8 @@ class Network:
     :ivar medium: the air.
     :ivar mac: the rules of the medium access.
     :ivar seed: of everything that is random.
-    :ivar motes: by address; of two with one address the last.
+    :ivar motes: by number, which is the address where there is one network; of two with one number
+        the last.
     :ivar duplicates: packets that the sink delivered again.
     :ivar latencies_ns: from origin to sink, of each packet that was delivered.
     :ivar on_deliver: called with each packet that the sink delivers, duplicates too:
@@ -83,6 +84,7 @@ class Network:
         self._power = power
         self._random = Random(f'{seed} network')
         self._drift_ppm = drift_ppm
+        self._numbers: dict[tuple[int, int], int] = {}
         self._acks_awaited: list[list[Transceiver]] = [[] for _ in range(256)]
         self._outstanding: dict[tuple[int, bytes], int] = {}
         self._account = Event(self._account_batteries)
@@ -90,28 +92,34 @@ class Network:
 
     def add(self, address: int, position: Position = (0.0, 0.0, 0.0), *,
             is_root: bool = False, power_dbm: float = 0.0, boot_ns: int = 0,
-            traffic: Traffic | None = None, used_mah: float = 0.0) -> Mote:
+            traffic: Traffic | None = None, used_mah: float = 0.0, pan: int = 0,
+            number: int | None = None) -> Mote:
         """
         Add a mote.
 
         :param position: x, y and height in m.
         :param boot_ns: when it starts.
         :param used_mah: of its battery.
+        :param pan: which of several networks in the same area it belongs to.
+        :param number: unique among all of them; None: the address.
         :raises ValueError: for an address that is none of a mote.
         """
         if not 0 <= address < 0xFFFF:
             raise ValueError(f'mote {address}: an address is from 0 to 65534')
         drift = int(self._random.gauss(0, self._drift_ppm) * 1000) if self._drift_ppm else 0
-        mote = Mote(self, address, is_root, position, drift)
+        number = address if number is None else number
+        mote = Mote(self, address, is_root, position, drift, number)
         mote.radio = Transceiver(address, power_dbm, self.queue, self.medium, self.mac, mote,
                                  self._acks_awaited)
+        mote.radio.pan, mote.radio.number = pan, number
+        self._numbers[pan, address] = number
         if self._power is not None:
             mote.battery = Battery(self._power, used_mah)
             if not self._account.number:
                 self._plan_account()
         mote.router = self._protocol(mote, is_root)
         mote.traffic = traffic
-        self.motes[address] = mote
+        self.motes[number] = mote
         self.medium.attach(mote.radio, position)
         if type(mote.router).snoop is not Router.snoop:
             self.medium.snooped = self._snooped
@@ -120,23 +128,27 @@ class Network:
 
     def _snooped(self, frame: Transmission) -> bool:
         """Return whether the protocol looks at a frame that is for another node."""
-        mote = self.motes.get(frame.sender.address)
+        mote = self.motes.get(frame.sender.number)
         return mote is None or mote.router.snoops(frame.am_type, frame.payload)
 
-    def remove(self, address: int) -> None:
+    def number_of(self, address: int, mote: Mote) -> int:
+        """Return the number of what a mote calls by an address; the address if there is none."""
+        return self._numbers.get((mote.radio.pan, address), address)
+
+    def remove(self, number: int) -> None:
         """
         Take a mote away for good.
 
         :raises KeyError: when there is none.
         """
-        mote = self.motes.pop(address)
+        mote = self.motes.pop(number)
         mote.kill()
         mote.is_removed = True
         self.medium.detach(mote.radio)
 
-    def move(self, address: int, position: Position) -> None:
+    def move(self, number: int, position: Position) -> None:
         """Put a mote somewhere else."""
-        mote = self.motes[address]
+        mote = self.motes[number]
         mote.position = position
         self.medium.moved(mote.radio, position)
 
@@ -157,19 +169,20 @@ class Network:
     def generated(self, mote: Mote, application: bytes) -> None:
         """Remember when a packet was made."""
         outstanding = self._outstanding
-        outstanding[mote.address, application] = self.queue.now_ns
+        outstanding[mote.number, application] = self.queue.now_ns
         if len(outstanding) > _OUTSTANDING:
             del outstanding[next(iter(outstanding))]
 
     def delivered(self, sink: Mote, am_type: int, payload: bytes, origin: int,
                   application: bytes) -> None:
         """Count a packet that the sink delivers."""
-        made_ns = self._outstanding.pop((origin, application), None)
+        number = self.number_of(origin, sink)
+        made_ns = self._outstanding.pop((number, application), None)
         if made_ns is None:
             self.duplicates += 1
         else:
             self.latencies_ns.append(self.queue.now_ns - made_ns)
-            mote = self.motes.get(origin)
+            mote = self.motes.get(number)
             if mote is not None:
                 mote.delivered += 1
         if self.on_deliver is not None:

@@ -15,19 +15,20 @@
 """
 The air of a place: what arrives follows from where the radios are.
 
-Radios are found by cells of a grid, so that the cost of adding or moving one does not depend on
-how many there are elsewhere.
+Radios are found by cells of a grid. Who hears a radio is found out when it first sends, and follows
+from places, powers, numbers and the seed alone, in an order of its own: neither the cells nor the
+time of the search change it. So a radio costs the same however many there are elsewhere, and only
+the links of those that sent last are stored.
 """
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Sequence
 from random import Random
-from typing import Any
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from rt_robot_os.wsn.radio.mac import MacProfile
 from rt_robot_os.wsn.radio.path_loss import Fading
@@ -37,76 +38,55 @@ from rt_robot_os.wsn.simulator.air import Radio
 from rt_robot_os.wsn.simulator.air import Transmission
 from rt_robot_os.wsn.simulator.gain_medium import GainMedium
 from rt_robot_os.wsn.simulator.medium import Medium
+from rt_robot_os.wsn.simulator.radio_places import Cell
+from rt_robot_os.wsn.simulator.radio_places import cell_of
+from rt_robot_os.wsn.simulator.radio_places import Numbers
+from rt_robot_os.wsn.simulator.radio_places import RadioPlaces
+from rt_robot_os.wsn.simulator.radio_places import reach_m
 
 # A signal so far below the usual noise is nothing.
 _NEGLIGIBLE_DB: Final = 3.0
 _STRONGEST_DBM: Final = 0.0
+# Against rounding.
+_MARGIN_DB: Final = 0.001
 _NUMBERS: Final = 4096
 _MULTIPLIERS: Final = (0x1E3779B1, 0x05EBCA6B, 0x42B2AE35)
 _MASK: Final = 0x7FFFFFFF
 
-Cell = tuple[int, int]
-Numbers = npt.NDArray[Any]
-
-
-class _Place:
-    """
-    The radios in a cell of the grid, also as arrays, which are made when they are asked for.
-
-    :ivar radios: that are there.
-    :ivar positions: of these.
-    """
-
-    __slots__ = ('radios', 'positions', '_arrays')
-
-    def __init__(self) -> None:
-        self.radios: list[Radio] = []
-        self.positions: list[Position] = []
-        self._arrays: tuple[Numbers, Numbers, Numbers] | None = None
-
-    def add(self, radio: Radio, position: Position) -> None:
-        """Put a radio there."""
-        self.radios.append(radio)
-        self.positions.append(position)
-        self._arrays = None
-
-    def remove(self, radio: Radio) -> None:
-        """Take a radio away."""
-        index = self.radios.index(radio)
-        del self.radios[index], self.positions[index]
-        self._arrays = None
-
-    def seen_from(self, position: Position) -> tuple[Numbers, Numbers, Numbers]:
-        """Return the distances in m, addresses and powers in dBm of those that are there."""
-        if self._arrays is None:
-            self._arrays = (np.array(self.positions),
-                            np.array([radio.address for radio in self.radios]),
-                            np.array([radio.power_dbm for radio in self.radios]))
-        positions, addresses, powers_dbm = self._arrays
-        apart = positions - position
-        return np.sqrt(np.einsum('ij,ij->i', apart, apart)), addresses, powers_dbm
+#: So many links are stored, some 65 bytes each; those of radios that sent last.
+MOST_LINKS: Final = 8_000_000
+# The links of a radio that has sent within this time are stored whatever their number.
+_RECENT_NS: Final = 1_000_000_000
 
 
 class PathLossMedium(GainMedium):
     """
     Radios that hear each other by path loss, over noise.
 
-    What a pair has of its own (shadowing) depends on the two addresses and the seed alone: it
+    What a pair has of its own (shadowing) depends on the two numbers and the seed alone: it
     stays when nodes are added, removed or moved.
+
+    :ivar places: of the radios.
     """
 
-    def __init__(self, path_loss: PathLoss, noise: Sequence[int], mac: MacProfile) -> None:
+    def __init__(self, path_loss: PathLoss, noise: Sequence[int], mac: MacProfile,
+                 most_links: int = MOST_LINKS) -> None:
         """
         Start with nobody there.
 
         :param noise: in dBm, a value each ms; see ``rt_robot_os.wsn.radio.noise``.
+        :param most_links: that are stored; others are computed again when they are needed.
         """
         super().__init__(noise, mac)
         self._path_loss = path_loss
         self._audible_dbm = min(self._lowest_dbm, self._median_dbm - _NEGLIGIBLE_DB)
         self._range_m = path_loss.range_m(_STRONGEST_DBM - self._audible_dbm)
-        self._cells: dict[Cell, _Place] = {}
-        self._places: dict[Radio, _Place] = {}
+        self.places = RadioPlaces(self._range_m)
+        self._most_links = most_links
+        self._links = 0
+        # Radios whose links are stored, and when they last sent; the latest at the end.
+        self._linked: OrderedDict[Radio, int] = OrderedDict()
+        self._strongest_dbm = _STRONGEST_DBM
         self._air: dict[Cell, list[Transmission]] = {}
         self._nears: dict[Cell, tuple[list[Transmission], ...]] = {}
         self._shadowing: Numbers = np.zeros((_NUMBERS, 2))
@@ -120,6 +100,7 @@ class PathLossMedium(GainMedium):
         self._mixed_seed = random.getrandbits(31)
         self._shadowing = np.array(
             [self._path_loss.shadowing(random) for _ in range(_NUMBERS)])
+        self._most_shadowing_db = float(self._shadowing.max())
         loss = self._path_loss
         self._fading = Fading(
             loss.fading_db, loss.fading_s, Random(f'{seed} fading')) if loss.fading_db else None
@@ -135,71 +116,118 @@ class PathLossMedium(GainMedium):
         Medium.detach(self, radio)
         self._take_away(radio)
         if self._fading is not None:
-            self._fading.forget(radio.address)
+            self._fading.forget(radio.number)
 
     def moved(self, radio: Radio, position: Position) -> None:
         """Take note that a radio is somewhere else, or sends with another power."""
         self._take_away(radio)
         self._put(radio, position)
 
-    def _take_away(self, radio: Radio) -> None:
-        for other in radio.links:
-            other.links.pop(radio, None)
-            other.hearers = None
-        radio.links = {}
+    def begin(self, frame: Transmission) -> None:
+        """Put a frame on the air; what is there already overlaps with it."""
+        radio = frame.sender
+        if radio not in self._linked:
+            self.links_of(radio)
+        self._linked[radio] = frame.begin_ns
+        self._linked.move_to_end(radio)
+        if self._links > self._most_links:
+            self._forget_links(frame.begin_ns - _RECENT_NS)
+        super().begin(frame)
+
+    def links_of(self, radio: Radio) -> dict[Radio, float]:
+        """Return what arrives of the signal of a radio, in dBm, by who hears it or is heard."""
+        if radio not in self._linked:
+            others, there_dbm, _ = self._reached(radio)
+            self._store(radio, dict(zip(others, there_dbm)))
+        return radio.links
+
+    def _store(self, radio: Radio, links: dict[Radio, float]) -> None:
+        radio.links = links
         radio.hearers = None
-        self._places.pop(radio).remove(radio)
+        self._links += len(links)
+        self._linked[radio] = 0
+        self._linked.move_to_end(radio, last=False)
+
+    def _drop(self, radio: Radio) -> None:
+        if self._linked.pop(radio, None) is not None:
+            self._links -= len(radio.links)
+            radio.links = {}
+            radio.hearers = None
+
+    def _forget_links(self, before_ns: int) -> None:
+        """Drop the links of those that have not sent for the longest time."""
+        while self._links > self._most_links:
+            radio, sent_ns = next(iter(self._linked.items()))
+            if sent_ns >= before_ns:
+                return
+            self._drop(radio)
+
+    def _take_away(self, radio: Radio) -> None:
+        if self._linked:
+            for other in self.links_of(radio):
+                if other.links.pop(radio, None) is not None:
+                    self._links -= 1
+                    other.hearers = None
+            self._drop(radio)
+        self.places.remove(radio)
 
     def _put(self, radio: Radio, position: Position) -> None:
-        """Link a radio with those that it may hear or be heard by."""
-        column, row = cell = self._cell(position, self._range_m)
-        radio.near = self._near(self._cell(position, 2 * self._range_m))
-        for x in (column - 1, column, column + 1):
-            for y in (row - 1, row, row + 1):
-                place = self._cells.get((x, y))
-                if place is not None and place.radios:
-                    self._link(radio, position, place)
-        place = self._cells.setdefault(cell, _Place())
-        place.add(radio, position)
-        self._places[radio] = place
+        """Put a radio somewhere; those whose links are stored get one with it."""
+        radio.near = self._near(cell_of(position, 2 * self._range_m))
+        self._strongest_dbm = max(self._strongest_dbm, radio.power_dbm)
+        self.places.add(radio, position)
         radio.hearers = None
+        if not self._linked:
+            return
+        others, there_dbm, back_dbm = self._reached(radio)
+        for other, power_dbm in zip(others, back_dbm):
+            if other in self._linked:
+                other.links[radio] = power_dbm
+                other.hearers = None
+                self._links += 1
+        self._store(radio, dict(zip(others, there_dbm)))
 
-    def _link(self, radio: Radio, position: Position, place: _Place) -> None:
-        """Link a radio with those of a place that it reaches, or that reach it."""
-        away_m, addresses, powers_dbm = place.seen_from(position)
-        loss_db = self._path_loss.without_walls_db(away_m)
-        there_db, back_db = self._shadowing_of(radio.address, addresses)
+    def _reached(self, radio: Radio) -> tuple[list[Radio], list[float], list[float]]:
+        """Return who hears a radio or is heard by it, and what arrives there and back, in dBm."""
+        places, audible_dbm, loss = self.places, self._audible_dbm, self._path_loss
+        row = places.row(radio)
+        rows, away_m = places.near(row, reach_m(
+            self._strongest_dbm + self._most_shadowing_db + _MARGIN_DB - audible_dbm
+            - loss.one_metre_db, loss.exponent))
+        loss_db = loss.without_walls_db(away_m)
+        there_db, back_db = self._shadowing_of(radio.number, places.numbers(rows))
         there_dbm = radio.power_dbm - loss_db + there_db
-        back_dbm = powers_dbm - loss_db + back_db
-        walls = self._path_loss.walls
-        links, radios, audible_dbm = radio.links, place.radios, self._audible_dbm
+        back_dbm = places.powers_dbm(rows) - loss_db + back_db
         reached = np.flatnonzero(np.maximum(there_dbm, back_dbm) > audible_dbm)
-        for index, there, back in zip(
-                reached.tolist(), there_dbm[reached].tolist(), back_dbm[reached].tolist()):
-            other = radios[index]
-            if walls is not None:
-                end = place.positions[index]
-                behind_db = walls(position[0], position[1], end[0], end[1])
-                there, back = there - behind_db, back - behind_db
-                if max(there, back) <= audible_dbm:
-                    continue
-            links[other] = there
-            other.links[radio] = back
-            other.hearers = None
+        reached = reached[places.order(rows[reached], row)]
+        rows, there_dbm, back_dbm = rows[reached], there_dbm[reached], back_dbm[reached]
+        if loss.walls is not None:
+            behind_db = self._behind_walls_db(row, rows)
+            there_dbm, back_dbm = there_dbm - behind_db, back_dbm - behind_db
+            left = np.flatnonzero(np.maximum(there_dbm, back_dbm) > audible_dbm)
+            rows, there_dbm, back_dbm = rows[left], there_dbm[left], back_dbm[left]
+        return [places.radio(each) for each in rows.tolist()], there_dbm.tolist(), back_dbm.tolist()
 
-    def _shadowing_of(self, address: int, others: Numbers) -> tuple[Numbers, Numbers]:
+    def _behind_walls_db(self, row: int, others: Numbers) -> Numbers:
+        """Return what walls take away; they are counted from who came to its place later."""
+        places, walls = self.places, self._path_loss.walls
+        assert walls is not None
+        here, behind_db = places.position(row), []
+        for other, later in zip(others.tolist(), places.is_later(others, row).tolist()):
+            there = places.position(other)
+            begin, end = (there, here) if later else (here, there)
+            behind_db.append(walls(begin[0], begin[1], end[0], end[1]))
+        return np.array(behind_db)
+
+    def _shadowing_of(self, number: int, others: Numbers) -> tuple[Numbers, Numbers]:
         """Return what a node and others have of their own, there and back, in dB."""
-        low, high = np.minimum(others, address), np.maximum(others, address)
+        low, high = np.minimum(others, number), np.maximum(others, number)
         mixed = low * _MULTIPLIERS[0] & _MASK ^ high * _MULTIPLIERS[1] & _MASK ^ self._mixed_seed
         mixed = (mixed ^ mixed >> 15) * _MULTIPLIERS[2] & _MASK
         pairs = self._shadowing[mixed >> 12 & _NUMBERS - 1]
-        upwards = others > address
+        upwards = others > number
         return (np.where(upwards, pairs[:, 0], pairs[:, 1]),
                 np.where(upwards, pairs[:, 1], pairs[:, 0]))
-
-    @staticmethod
-    def _cell(position: Position, size_m: float) -> Cell:
-        return int(position[0] // size_m), int(position[1] // size_m)
 
     def _near(self, cell: Cell) -> tuple[list[Transmission], ...]:
         """Return the lists of what is on the air in and around a cell, its own first."""

@@ -40,6 +40,7 @@ class Results:
     What one run found; what is by node has all nodes but the sink, unless it says otherwise.
 
     :ivar ended_s: how long was simulated: less than ``seconds`` after an interruption.
+    :ivar sinks: of each network one; nodes past 65,534 are in several networks.
     :ivar duplicates: packets that came to the sink again.
     :ivar data_by_node: data frames that each node sent.
     :ivar latencies_ms: sorted.
@@ -82,6 +83,7 @@ class Results:
     counters: Mapping[str, int] = field(default_factory=dict)
     happenings: Mapping[str, int] = field(default_factory=dict)
     host: Mapping[str, Any] = field(default_factory=dict)
+    sinks: Sequence[int] = ()
     events: int = 0
     wall_s: float = 0.0
 
@@ -97,9 +99,9 @@ class Results:
 
     @property
     def delivery(self) -> float:
-        """Return the share that came; 1 when none was made."""
+        """Return the share that came; NaN when none was made."""
         made = self.total_generated
-        return self.total_delivered / made if made else 1.0
+        return self.total_delivered / made if made else math.nan
 
     @property
     def data_transmissions(self) -> int:
@@ -171,7 +173,8 @@ class Results:
                        'largest_over_mean': self.energy_ratio},
             'first_empty_days': self.first_empty_days,
             'gaps': self._gaps_as_json(), 'losses': self.outcomes, 'counters': self.counters,
-            **({'host': self.host} if self.host else {}), 'events': self.happenings,
+            **({'host': self.host} if self.host else {}),
+            **({'sinks': list(self.sinks)} if len(self.sinks) > 1 else {}), 'events': self.happenings,
             'events_run': self.events, 'wall_s': self.wall_s,
             'times_real_time': self.ended_s / self.wall_s if self.wall_s else None})
         return found

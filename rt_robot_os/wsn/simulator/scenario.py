@@ -37,7 +37,9 @@ from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
 PROTOCOLS: Final = ('multihoplqi', 'paper', 'ctp')
 PAYLOADS: Final = ('surge', 'data', 'oscilloscope')
 PROFILES: Final = ('tinyos1', 'tinyos2', 'tossim')
-MOST_NODES: Final = 20_000
+MOST_NODES: Final = 100_000
+#: Addresses have 16 bits, of which two are no node's; more nodes are several networks.
+MOST_NODES_A_PAN: Final = 65_534
 _USUAL_DRIFT_PPM: Final = 20.0
 
 #: Found wrong: the dotted key, and what would be right.

@@ -100,7 +100,7 @@ class Simulation:
                  on_frame: OnFrame | None = None, with_host: bool = False) -> None:
         self.scenario = scenario
         self.topology = topology
-        self.ledger = Ledger(each for each in topology.places if each != topology.sink)
+        self.ledger = Ledger(each for each in topology.places if each not in topology.sinks)
         self.tree: list[TreeChange] = []
         self._happened: Counter[str] = Counter()
         self._data: Counter[int] = Counter()
@@ -112,6 +112,9 @@ class Simulation:
         self._seen: dict[int, tuple[int | None, int, int]] = {}
         self._wall_s = 0.0
         self._mac = _mac(scenario)
+        if with_host and len(topology.sinks) > 1:
+            raise ConfigError([f'--host: {len(topology.places):,} nodes are '
+                               f'{len(topology.sinks)} networks, and a robot has a model of one'])
         self._host = Host(self._mac.version, topology.sink,
                           len(topology.places)) if with_host else None
         self.medium = _medium(scenario, topology, self._mac)
@@ -135,17 +138,18 @@ class Simulation:
 
     def _add_motes(self) -> None:
         scenario, topology = self.scenario, self.topology
-        sources = set(scenario.traffic.sources or topology.places) - {topology.sink}
+        sources = set(scenario.traffic.sources or topology.places).difference(topology.sinks)
         late = {node: round(one.at_s * NS_PER_S) for one in map(fault, scenario.faults)
                 if one.kind == 'boot' for node in self._who(one)}
         for each, place in topology.places.items():
             boot_s = scenario.boot_s + self._random.random() * (
                 scenario.boot_spread_s or 0.0)
+            pan, address = divmod(each, topology.pan_nodes) if topology.pan_nodes else (0, each)
             self.network.add(
-                each, (place.x, place.y, place.z), is_root=each == topology.sink,
+                address, (place.x, place.y, place.z), is_root=each in topology.sinks,
                 power_dbm=scenario.radio.power_dbm,
                 boot_ns=late.get(each, round(boot_s * NS_PER_S)),
-                traffic=self._traffic(each) if each in sources else None)
+                traffic=self._traffic(each) if each in sources else None, pan=pan, number=each)
 
     def _traffic(self, node: int) -> Traffic:
         scenario = self.scenario
@@ -199,7 +203,7 @@ class Simulation:
     def _who(self, one: Fault) -> list[int]:
         # The same nodes each time that it is asked.
         random = Random(f'{self.scenario.seed} {one}')
-        return list(nodes_of(one, self.topology.places, self.topology.sink, random))
+        return list(nodes_of(one, self.topology.places, self.topology.sinks, random))
 
     def _plan_fault(self, one: Fault) -> None:
         at_ns, end_ns = round(one.at_s * NS_PER_S), round((one.at_s + one.for_s) * NS_PER_S)
@@ -229,25 +233,25 @@ class Simulation:
         am_type = frame.am_type
         if am_type in _BEACONS:
             self._beacons += 1
-            node = frame.sender.address
+            node = frame.sender.number
             self._said[node] = cost = _cost(am_type, frame.payload)
             self._all_said[node].add(cost)
         elif am_type != ACK:
-            self._data[frame.sender.address] += 1
+            self._data[frame.sender.number] += 1
         if self._on_frame is not None:
             self._on_frame(frame)
 
     def _delivered(self, mote: Mote, am_type: int, payload: bytes, origin: int,
                    packet: bytes) -> None:
         now_ns = self._now_ns()
-        is_new = self.ledger.came(origin, packet, now_ns)
+        is_new = self.ledger.came(self.network.number_of(origin, mote), packet, now_ns)
         if self._host is not None:
             self._host.take(am_type, payload, is_new, now_ns)
 
     def _noted(self, now_ns: int, mote: Mote, event: str, numbers: tuple[int, ...]) -> None:
         self._happened[event] += 1
         if event == 'parent' and numbers:
-            self._parents[mote.address].add(numbers[0])
+            self._parents[mote.number].add(self.network.number_of(numbers[0], mote))
 
     def run(self, progress: Progress | None = None, watch_tree: bool = False) -> None:
         """
@@ -271,8 +275,8 @@ class Simulation:
         now_ns = self._now_ns()
         for node, mote in self.network.motes.items():
             router = mote.router
-            now = (router.parent if mote.is_on else None, router.cost, router.hops)
-            if node != self.topology.sink and self._seen.get(node) != now:
+            now = (self._parent(mote) if mote.is_on else None, router.cost, router.hops)
+            if node not in self.topology.sinks and self._seen.get(node) != now:
                 self._seen[node] = now
                 self.tree.append((now_ns, node, *now))
 
@@ -280,9 +284,9 @@ class Simulation:
 
     def results(self) -> Results:
         """Return what was found so far."""
-        scenario, sink = self.scenario, self.topology.sink
+        scenario, sinks = self.scenario, self.topology.sinks
         now_ns = self._now_ns()
-        motes = {each: mote for each, mote in self.network.motes.items() if each != sink}
+        motes = {each: mote for each, mote in self.network.motes.items() if each not in sinks}
         routed = {each: mote for each, mote in motes.items()
                   if mote.is_on and mote.router.parent is not None}
         counters: Counter[str] = Counter()
@@ -291,12 +295,13 @@ class Simulation:
         return Results(
             scenario=scenario.name, protocol=scenario.protocol, seed=scenario.seed,
             seconds=scenario.seconds, ended_s=now_ns / NS_PER_S, nodes=len(self.network.motes),
+            sinks=tuple(sorted(sinks)),
             generated=self.ledger.generated, delivered=self.ledger.delivered,
             duplicates=self.ledger.duplicates + self.ledger.unknown,
             data_by_node={each: self._data[each] for each in motes}, beacons=self._beacons,
             acks=sum(mote.radio.sent_acks for mote in self.network.motes.values()),
             latencies_ms=latencies_in_ms(self.ledger.latencies_ns),
-            parents={each: mote.router.parent if each in routed else None
+            parents={each: self._parent(mote) if each in routed else None
                      for each, mote in motes.items()},
             costs={each: mote.router.cost for each, mote in routed.items()},
             hops={each: mote.router.hops for each, mote in routed.items()},
@@ -312,6 +317,10 @@ class Simulation:
                 counters.items())), happenings=dict(sorted(self._happened.items())),
             host=self._counted_by_host(), events=self.network.queue.executed, wall_s=self._wall_s)
 
+    def _parent(self, mote: Mote) -> int | None:
+        parent = mote.router.parent
+        return None if parent is None else self.network.number_of(parent, mote)
+
     def _counted_by_host(self) -> Mapping[str, Any]:
         if self._host is None:
             return {}
@@ -319,7 +328,7 @@ class Simulation:
         unnumbered = self.scenario.protocol == 'ctp'
         return self._host.as_json({
             each: self.ledger.lost_before_last(each) - (mote.refused if unnumbered else 0)
-            for each, mote in self.network.motes.items() if each != self.topology.sink})
+            for each, mote in self.network.motes.items() if each not in self.topology.sinks})
 
     @staticmethod
     def _used_mah(mote: Mote, now_ns: int) -> float:

@@ -27,6 +27,7 @@ from collections.abc import Mapping
 from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field
+from functools import cached_property
 import math
 from random import Random
 import re
@@ -45,6 +46,7 @@ from rt_robot_os.wsn.simulator.link_files import Links
 from rt_robot_os.wsn.simulator.link_files import read_gains
 from rt_robot_os.wsn.simulator.link_files import read_links
 from rt_robot_os.wsn.simulator.scenario import MOST_NODES
+from rt_robot_os.wsn.simulator.scenario import MOST_NODES_A_PAN
 from rt_robot_os.wsn.simulator.scenario import Scenario
 from rt_robot_os.wsn.simulator.ways import Way
 from rt_robot_os.wsn.simulator.ways import way_of
@@ -72,6 +74,8 @@ class Topology:
     The nodes of a scenario, the sink among them.
 
     :ivar places: of all nodes by id; those of a file of links have none that means anything.
+    :ivar sink: of the first network.
+    :ivar pan_nodes: so many nodes are one network, in the order of their ids; 0: all are one.
     :ivar located: whether the places mean something.
     :ivar links: of a links file; None without.
     :ivar changes: of these, in the order of time.
@@ -88,6 +92,13 @@ class Topology:
     gains: Gains | None = None
     walls: GridMap | None = field(default=None, repr=False)
     way: Way | None = None
+    pan_nodes: int = 0
+
+    @cached_property
+    def sinks(self) -> frozenset[int]:
+        """Return the sink of each network: of all but the first its first node."""
+        more = range(self.pan_nodes, len(self.places), self.pan_nodes) if self.pan_nodes else ()
+        return frozenset((self.sink, *more))
 
 
 def make_topology(scenario: Scenario) -> Topology:
@@ -109,7 +120,31 @@ def make_topology(scenario: Scenario) -> Topology:
     walls = GridMap.load(topology.map) if topology.map else None
     way = way_of(scenario.sink) if scenario.sink.way else None
     places = _placed(scenario, walls)
-    return Topology(_with_sink(places, scenario, walls, way), sink, walls=walls, way=way)
+    pan_nodes = _pan_nodes(len(places))
+    if pan_nodes and sink:
+        raise ConfigError([f'sink.id = {sink}: must be 0 with more than {MOST_NODES_A_PAN:,} '
+                           'nodes, which are several networks'])
+    if pan_nodes and topology.random:
+        places = _in_strips(places, pan_nodes)
+    return Topology(_with_sink(places, scenario, walls, way), sink, walls=walls, way=way,
+                    pan_nodes=pan_nodes)
+
+
+def _pan_nodes(count: int) -> int:
+    """Return how many of so many nodes are one network; 0 where one has room for all."""
+    networks = -(-count // MOST_NODES_A_PAN)
+    return 0 if networks == 1 else -(-count // networks)
+
+
+def _in_strips(places: Sequence[Place], pan_nodes: int) -> list[Place]:
+    """Number random nodes so that each network is a strip along x, its sink in the middle."""
+    ordered = [place._replace(id=index, name=str(index)) for index, place in enumerate(
+        sorted(places, key=lambda place: place.y))]
+    left, right = (end(place.x for place in places) for end in (min, max))
+    for first in range(0, len(ordered), pan_nodes):
+        low, high = ordered[first].y, ordered[min(first + pan_nodes, len(ordered)) - 1].y
+        ordered[first] = ordered[first]._replace(x=(left + right) / 2, y=(low + high) / 2)
+    return ordered
 
 
 def _listed(ids: set[int], sink: int, file: str) -> dict[int, Place]:
@@ -131,7 +166,7 @@ def _on_circle(index: int, count: int) -> tuple[float, float]:
 
 def _check_count(count: int, what: str) -> None:
     if not 2 <= count <= MOST_NODES:
-        raise ConfigError([f'{what}: {count} nodes: there must be from 2 to {MOST_NODES}'])
+        raise ConfigError([f'{what}: {count:,} nodes: there must be from 2 to {MOST_NODES:,}'])
 
 
 def _placed(scenario: Scenario, walls: GridMap | None) -> list[Place]:
@@ -219,7 +254,7 @@ def _with_sink(places: Sequence[Place], scenario: Scenario, walls: GridMap | Non
         raise ConfigError([f'sink.id = {sink.id}: must be from 0 to {len(found) - 1}, as there '
                            f'are {len(found)} nodes'])
     spot = sink.place or (way.at_s(0.0) if way is not None else ())
-    if not spot and topology.random:
+    if not spot and topology.random and not _pan_nodes(len(places)):
         spot = _middle(scenario, walls)
     if not spot and sink.id not in found:
         raise ConfigError([f'sink.place is missing: no surveyed node has the id {sink.id}; write '

@@ -37,6 +37,7 @@ from rt_robot_os.wsn.packets.framing import frame
 from rt_robot_os.wsn.packets.ieee802154 import AckFrame
 from rt_robot_os.wsn.packets.ieee802154 import T1Frame
 from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
 from rt_robot_os.wsn.packets.paper import DataMsg
 from rt_robot_os.wsn.packets.serial_am import SerialAm
 from rt_robot_os.wsn.packets.surge import SurgeMsg
@@ -109,6 +110,16 @@ def test_lines_for_people(stream: Path, capsys: Capture) -> None:
     assert lines[3].endswith('(again)')
     assert run(['sniff', str(stream), '--quiet']) == 0
     assert capsys.readouterr().out == ''
+
+
+def test_losses_of_oscilloscope_are_shown_as_bounds(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / 'line.serial.bin'
+    path.write_bytes(b''.join(frame(0x45, b'\0' + SerialAm(
+        0xFFFF, 0, Oscilloscope.AM_TYPE, Oscilloscope(0, 1024, 7, number, bytes(10)).pack()
+        ).pack()[1:]) for number in (0, 1, 2, 2, 4, 5, 7, 8, 9, 9)))
+    assert run(['sniff', str(path), '--quiet']) == 0
+    rows = [line.split() for line in capsys.readouterr().err.splitlines()]
+    assert ['7', '10', '2', '<=2', '>=80.00%'] in rows
 
 
 def test_a_node_without_a_route_has_no_parent(tmp_path: Path, capsys: Capture) -> None:
@@ -227,10 +238,10 @@ def test_a_pcap_of_the_simulator_is_read(
     (b'\x0a\x0d\x0d\x0a' + bytes(20), 1, 'is a pcapng: convert it'),
     (gzip.compress(frame(0x42, surge(1, 1)) * 9, mtime=0)[:-9], 1, 'cannot be read any further'),
     (gzip.compress(bytes(99), mtime=0)[:12] + b'damaged inside', 1, 'cannot be read any further'),
-    (b't_us,frame_hex\n1,zz\nx,4245\n1,4\r5\n\0\n7\n', 0, '5 lines hold no frame'),
-    (b'12,4526\n', 0, '1 frames with a wrong CRC'),
-    (b'', 0, '0 packets'),
-    (random.Random(1).randbytes(3000), 0, "holds no frame of TinyOS' serial line")],
+    (b't_us,frame_hex\n1,zz\nx,4245\n1,4\r5\n\0\n7\n', 1, '5 lines hold no frame'),
+    (b'12,4526\n', 1, '1 frames with a wrong CRC'),
+    (b'', 1, '0 packets'),
+    (random.Random(1).randbytes(3000), 1, "holds no frame of TinyOS' serial line")],
     ids=['ethernet', 'cut', 'pcapng', 'gzip', 'zlib', 'no_hex', 'crc', 'empty', 'noise'])
 def test_a_damaged_recording_is_read_as_far_as_it_goes(
         content: bytes, code: int, said: str, tmp_path: Path, capsys: Capture) -> None:
@@ -303,7 +314,7 @@ def test_a_silent_port_is_told_of_once(
     monkeypatch.setattr(line, 'SILENCE_S', 0.05)
     monkeypatch.setattr(line, '_TURN_S', 0.01)
     with Mote(sent) as mote:
-        assert run(['sniff', mote.path, '--seconds', '0.3']) == 0
+        assert run(['sniff', mote.path, '--seconds', '0.3']) == 1
     assert capsys.readouterr().err.count(said) == 1
 
 
