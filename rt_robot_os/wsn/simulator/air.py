@@ -61,12 +61,14 @@ class Radio(ABC):
     :ivar hearers: who may receive its frames; None: to be found out.
     :ivar near: lists of what is on the air in its part of the area; its own list is first.
     :ivar noise_place: where in the series of noise it is.
+    :ivar is_out_of_step: its receive FIFO holds what was cut off, so that it has to be given all
+        that it receives.
     """
 
     __slots__ = (
         'address', 'number', 'pan', 'power_dbm', 'is_on', 'on_since_ns', 'sent_frames',
         'sent_acks', 'received_frames', 'air_ns', 'links', 'fixed_links', 'hearers', 'near',
-        'noise_place')
+        'noise_place', 'is_out_of_step')
 
     def __init__(self, address: int, power_dbm: float) -> None:
         """Make a radio that is off, and linked with none."""
@@ -85,6 +87,7 @@ class Radio(ABC):
         self.hearers: tuple[Radio, ...] | None = None
         self.near: tuple[list[Transmission], ...] = ()
         self.noise_place = 0
+        self.is_out_of_step = False
 
     @abstractmethod
     def take(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
@@ -93,6 +96,10 @@ class Radio(ABC):
     @abstractmethod
     def overhear(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
         """Take a frame for another node."""
+
+    @abstractmethod
+    def store(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
+        """Take a frame into a receive FIFO that is out of step."""
 
     @abstractmethod
     def miss(self, frame: Transmission) -> None:

@@ -21,6 +21,7 @@ Two frames at once at a radio that both could have reached it are lost, whatever
 from __future__ import annotations
 
 from rt_robot_os.wsn.radio.mac import MacProfile
+from rt_robot_os.wsn.simulator.air import ACK
 from rt_robot_os.wsn.simulator.air import Link
 from rt_robot_os.wsn.simulator.air import Position
 from rt_robot_os.wsn.simulator.air import Radio
@@ -105,6 +106,21 @@ class LinkMedium(Medium):
                 if link is not None and link.rssi_dbm >= self._cca_dbm:
                     return True
         return False
+
+    def received_by(self, radio: Radio, now_ns: int) -> Transmission | None:
+        """
+        Return the data frame or beacon that a radio is receiving.
+
+        Acknowledgements are not among them: as they begin, TinyOS still reads the frame that is
+        acknowledged, and the bus to the chip is taken until they have ended
+        (``SpiResource`` in ``CC2420TransmitP``).
+        """
+        for frame in self._on_air:
+            if frame.begin_ns < now_ns < frame.end_ns and frame.am_type != ACK:
+                link = frame.sender.fixed_links.get(radio)
+                if link is not None and not self._start(frame, radio, link):
+                    return frame
+        return None
 
     def hear(self, frame: Transmission, radio: Radio) -> int:
         """Return what becomes of a frame that has just ended at a radio."""

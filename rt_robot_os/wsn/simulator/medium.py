@@ -80,6 +80,7 @@ class Medium(ABC):
         self._salt = 0
         self._on_air: list[Transmission] = []
         self._by_address: dict[int, list[Radio]] = {}
+        self._out_of_step: list[Radio] = []
 
     def seed(self, seed: int) -> None:
         """Begin the series of random numbers."""
@@ -114,6 +115,19 @@ class Medium(ABC):
     def hear(self, frame: Transmission, radio: Radio) -> int:
         """Return what becomes of a frame that has just ended at a radio: one of ``OUTCOMES``."""
 
+    def received_by(self, radio: Radio, now_ns: int) -> Transmission | None:
+        """Return the data frame or beacon that a radio is receiving, where the medium knows."""
+        return None
+
+    def set_out_of_step(self, radio: Radio, is_out_of_step: bool) -> None:
+        """Give a radio all that it receives, or no longer, whoever it is for."""
+        if is_out_of_step != radio.is_out_of_step:
+            radio.is_out_of_step = is_out_of_step
+            if is_out_of_step:
+                self._out_of_step.append(radio)
+            else:
+                self._out_of_step.remove(radio)
+
     def begin(self, frame: Transmission) -> None:
         """Put a frame on the air; what is there already overlaps with it."""
         near = frame.sender.near
@@ -138,8 +152,10 @@ class Medium(ABC):
             self.give_to_all(frame, receivers)
         else:
             self._give_to_one(frame, destination, receivers)
-            if self.overhears or (self.snooped is not None and self.snooped(frame)):
+            if self.is_overheard(frame):
                 self._give_to_others(frame, destination, receivers)
+            elif self._out_of_step:
+                self._store(frame)
         self.finish(frame)
         if self.on_end is not None:
             self.on_end(frame)
@@ -152,7 +168,10 @@ class Medium(ABC):
 
         :param waiting: radios that wait for one with its number: all of them take it.
         """
-        receivers = [radio for radio in waiting if not self.hear(ack, radio)]
+        receivers = [radio for radio in waiting
+                     if not radio.is_out_of_step and not self.hear(ack, radio)]
+        if self._out_of_step:
+            self._store(ack)
         if self.trace is not None:
             others = [radio for radio in self.hearers(ack.sender)
                       if radio not in waiting and not self.hear(ack, radio)]
@@ -164,6 +183,17 @@ class Medium(ABC):
             self.on_end(ack)
         for radio in receivers:
             radio.acked()
+
+    def is_overheard(self, frame: Transmission) -> bool:
+        """Return whether a frame for one node is given to the others too."""
+        return self.overhears or (self.snooped is not None and self.snooped(frame))
+
+    def _store(self, frame: Transmission) -> None:
+        """Give a frame to radios that are out of step, unless they get it anyhow."""
+        for radio in tuple(self._out_of_step):
+            if radio.address != frame.destination or frame.am_type == ACK:
+                if not self.hear(frame, radio):
+                    radio.store(frame, self.lqi, self.rssi_dbm)
 
     def is_acknowledged(self, frame: Transmission, receiver: Radio) -> bool:
         """Decide, where acknowledgements are not sent, whether that of a receiver arrives."""

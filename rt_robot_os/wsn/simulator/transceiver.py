@@ -26,9 +26,14 @@ from rt_robot_os.wsn.routing.protocol import BROADCAST
 from rt_robot_os.wsn.simulator.air import ACK
 from rt_robot_os.wsn.simulator.air import Radio
 from rt_robot_os.wsn.simulator.air import Transmission
+from rt_robot_os.wsn.simulator.air_log import bytes_of
 from rt_robot_os.wsn.simulator.events import Event
 from rt_robot_os.wsn.simulator.events import EventQueue
 from rt_robot_os.wsn.simulator.medium import Medium
+from rt_robot_os.wsn.simulator.receive_fifo import Arrival
+from rt_robot_os.wsn.simulator.receive_fifo import bytes_until
+from rt_robot_os.wsn.simulator.receive_fifo import in_fifo
+from rt_robot_os.wsn.simulator.receive_fifo import ReceiveFifo
 
 
 class Listener(Protocol):
@@ -83,9 +88,12 @@ class Transceiver(Radio):
     The radio of a mote.
 
     :ivar too_long_frames: that were not sent because no frame has room for them.
+    :ivar cut_off_frames: of others that it was receiving when it began to send.
+    :ivar unread_frames: that were received, and lost in the receive FIFO.
     """
 
-    __slots__ = ('too_long_frames', '_largest_payload', '_queue', '_medium', '_mac', '_listener',
+    __slots__ = ('too_long_frames', 'cut_off_frames', 'unread_frames', '_fifo',
+                 '_largest_payload', '_queue', '_medium', '_mac', '_listener',
                  '_waiting', '_sending', '_frame', '_event', '_ack_event', '_ack', '_dsn',
                  '_acked', '_acks_awaited')
 
@@ -100,6 +108,9 @@ class Transceiver(Radio):
         """
         super().__init__(address, power_dbm)
         self.too_long_frames = 0
+        self.cut_off_frames = 0
+        self.unread_frames = 0
+        self._fifo: ReceiveFifo | None = None
         self._largest_payload = LARGEST_MPDU_BYTES - mac.overhead_bytes
         self._queue = queue
         self._medium = medium
@@ -136,6 +147,8 @@ class Transceiver(Radio):
             if frame is not None:
                 self._medium.cut(frame)
         self._frame = self._ack = None
+        self._fifo = None
+        self._medium.set_out_of_step(self, False)
 
     def enqueue(self, sender: FrameSender) -> None:
         """Send the frame of a sender when its turn has come."""
@@ -188,6 +201,8 @@ class Transceiver(Radio):
             self.too_long_frames += 1
             self._finish(False)
             return
+        if mac.keeps_cut_off:
+            self._cut_off_reception(now_ns)
         self._dsn = dsn = (self._dsn + 1) & 0xFF
         begin_ns = now_ns + mac.turnaround_ns
         end_ns = begin_ns + mac.air_time_ns(len(sender.payload), acknowledge)
@@ -253,14 +268,73 @@ class Transceiver(Radio):
 
     def take(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
         """Take a frame for this node or for all."""
+        if self._fifo is not None:
+            self.store(frame, lqi, rssi_dbm)
+            return
+        self._read(frame, lqi, rssi_dbm)
+
+    def overhear(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
+        """Take a frame for another node."""
+        if self._fifo is not None:
+            self.store(frame, lqi, rssi_dbm)
+            return
+        self._listener.overheard(frame, lqi, rssi_dbm)
+
+    def _read(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
+        """Acknowledge a frame for this node or for all, and hand it on."""
         self.received_frames += 1
         if frame.acknowledge:
             self._acknowledge(frame)
         self._listener.received(frame, lqi, rssi_dbm)
 
-    def overhear(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
-        """Take a frame for another node."""
-        self._listener.overheard(frame, lqi, rssi_dbm)
+    def _cut_off_reception(self, now_ns: int) -> None:
+        """Leave what was received of a frame in the FIFO, as the radio begins to send."""
+        frame = self._medium.received_by(self, now_ns)
+        if frame is None:
+            return
+        count = bytes_until(frame, now_ns)
+        if not count:
+            return
+        self.cut_off_frames += 1
+        if self._fifo is None:
+            self._fifo = ReceiveFifo()
+            self._medium.set_out_of_step(self, True)
+        data = bytes_of(frame, self._mac.version)[:count]
+        self._hand_on(self._fifo.cut_off(data, now_ns), None)
+
+    def store(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
+        """Take a frame into the FIFO that is out of step, and what the mote then reads."""
+        fifo = self._fifo
+        assert fifo is not None
+        data = in_fifo(bytes_of(frame, self._mac.version), lqi, rssi_dbm)
+        self.unread_frames += 1
+        self._hand_on(fifo.complete(frame, data), frame)
+
+    def _hand_on(self, arrivals: list[Arrival], newest: Transmission | None) -> None:
+        """
+        Process what the mote reads from a FIFO that is out of step.
+
+        :param newest: the only frame that can still be acknowledged.
+        """
+        fifo = self._fifo
+        if fifo is not None and fifo.is_in_step:
+            self._fifo = None
+            self._medium.set_out_of_step(self, False)
+        self.unread_frames -= len(arrivals)
+        for arrival in arrivals:
+            frame = arrival.frame
+            assert frame is not None
+            if frame.am_type == ACK:
+                if self in self._acks_awaited[frame.dsn]:
+                    self.acked()
+            elif frame.destination not in (self.address, BROADCAST):
+                if self._medium.is_overheard(frame):
+                    self._listener.overheard(frame, arrival.lqi, arrival.rssi_dbm)
+            elif frame is newest:
+                self._read(frame, arrival.lqi, arrival.rssi_dbm)
+            else:
+                self.received_frames += 1
+                self._listener.received(frame, arrival.lqi, arrival.rssi_dbm)
 
     def miss(self, frame: Transmission) -> None:
         """Miss a frame for this node; TOSSIM acknowledges a few of them."""
