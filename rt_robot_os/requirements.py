@@ -64,12 +64,12 @@ class Library:
 
     @property
     def requirement(self) -> str:
-        """The requirement without an upper bound, as packages state it."""
+        """Return the requirement without an upper bound, as packages state it."""
         return f'{self._named}>={self.lowest}{self._where}'
 
     @property
     def bounded(self) -> str:
-        """The requirement as our own environments install it."""
+        """Return the requirement as our own environments install it."""
         below = f',<{self.below}' if self.below else ''
         return f'{self._named}>={self.lowest}{below}{self._where}'
 
