@@ -36,8 +36,8 @@ from rt_robot_os import needs
 from rt_robot_os.programs import Program
 from rt_robot_os.requirements import BASE
 from rt_robot_os.requirements import EXTRAS
-from rt_robot_os.requirements import libraries
 from rt_robot_os.requirements import LIBRARIES
+from rt_robot_os.requirements import libraries
 from rt_robot_os.requirements import PROGRAMS
 
 ROOT = Path(__file__).resolve().parents[1]
