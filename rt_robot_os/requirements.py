@@ -119,7 +119,7 @@ LIBRARIES: Final = {each.name: each for each in (
     Library('mcap', 'mcap', '1.3', '2'),
     Library('lz4', 'lz4', '4.0.2', '5', apt='python3-lz4'),
     Library('zstandard', 'zstandard', '0.22', '1', apt='python3-zstandard'),
-    Library('matplotlib', 'matplotlib', '3.8', '4'),
+    Library('matplotlib', 'matplotlib', '3.6.3', '4', apt='python3-matplotlib'),
     Library('scipy', 'scipy', '1.11.4', '2', apt='python3-scipy'),
 
     Library('fastapi', 'fastapi', '0.110', '1'),
