@@ -167,7 +167,8 @@ EXTRAS: Final = {
 
 # What `./scripts/run PROGRAM` installs before it starts a program: extras. `base` comes with each.
 PROGRAMS: Final = {
-    'gateway': ('gateway', 'pictures'),
+    'core': ('pictures',),
+    'gateway': ('gateway',),
     'i2c_bridge': ('i2c',),
     'mapping': ('pictures', 'record', 'slam'),
     'monitor': ('gateway', 'monitor', 'pictures'),
