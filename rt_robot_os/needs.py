@@ -45,9 +45,9 @@ from rt_robot_os.errors import RtRobotError
 from rt_robot_os.errors import StartError
 from rt_robot_os.requirements import at_least
 from rt_robot_os.requirements import EXTRAS
+from rt_robot_os.requirements import LIBRARIES
 from rt_robot_os.requirements import libraries
 from rt_robot_os.requirements import Library
-from rt_robot_os.requirements import LIBRARIES
 
 PAGE: Final = 'docs/libraries.md'
 _SCRIPT: Final = Path('scripts', 'install')

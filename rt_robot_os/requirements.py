@@ -64,12 +64,12 @@ class Library:
 
     @property
     def requirement(self) -> str:
-        """The requirement without an upper bound, as packages state it."""
+        """Return the requirement without an upper bound, as packages state it."""
         return f'{self._named}>={self.lowest}{self._where}'
 
     @property
     def bounded(self) -> str:
-        """The requirement as our own environments install it."""
+        """Return the requirement as our own environments install it."""
         below = f',<{self.below}' if self.below else ''
         return f'{self._named}>={self.lowest}{below}{self._where}'
 
@@ -119,7 +119,7 @@ LIBRARIES: Final = {each.name: each for each in (
     Library('mcap', 'mcap', '1.3', '2'),
     Library('lz4', 'lz4', '4.0.2', '5', apt='python3-lz4'),
     Library('zstandard', 'zstandard', '0.22', '1', apt='python3-zstandard'),
-    Library('matplotlib', 'matplotlib', '3.8', '4'),
+    Library('matplotlib', 'matplotlib', '3.6.3', '4', apt='python3-matplotlib'),
     Library('scipy', 'scipy', '1.11.4', '2', apt='python3-scipy'),
 
     Library('fastapi', 'fastapi', '0.110', '1'),
@@ -167,7 +167,8 @@ EXTRAS: Final = {
 
 # What `./scripts/run PROGRAM` installs before it starts a program: extras. `base` comes with each.
 PROGRAMS: Final = {
-    'gateway': ('gateway', 'pictures'),
+    'core': ('pictures',),
+    'gateway': ('gateway',),
     'i2c_bridge': ('i2c',),
     'mapping': ('pictures', 'record', 'slam'),
     'monitor': ('gateway', 'monitor', 'pictures'),

@@ -331,12 +331,36 @@ enter() {
   COLCON_CURRENT_PREFIX=$ROOT/install/$PACKAGE . "$ROOT/install/$PACKAGE/share/$PACKAGE/package.bash"
 }
 
+# ---- the type of /tf ---------------------------------------------------------------------------
+
+# ROS from wheels has no tf2_msgs. It is generated once, while the kernel is compiled on another CPU;
+# without a compiler, or when that fails, everything but /tf works.
+start_tf2_msgs() {
+  TYPES=
+  [ "$MODE" = wheels ] && [ ! -e "$VENV/.$PACKAGE-tf2_msgs" ] && can_compile &&
+    [ -n "$(type -P c++ g++ clang++)" ] || return 0
+  say 'generating the type of /tf (half a minute, once)'
+  "$ROOT/scripts/tf2_msgs" "$VENV" &
+  TYPES=$!
+  trap 'kill "$TYPES" 2>/dev/null; exit 130' INT
+  trap 'kill "$TYPES" 2>/dev/null; exit 143' TERM
+}
+
+finish_tf2_msgs() {
+  [ -n "$TYPES" ] || return 0
+  wait "$TYPES" || say 'note: there will be no /tf; ./scripts/tf2_msgs tries again'
+  touch "$VENV/.$PACKAGE-tf2_msgs"
+}
+
 # ---- all of it -------------------------------------------------------------------------------
 
 # set_up run|test [EXTRA ...]
 set_up() {
   set_up_python "$@"
+  TYPES=
+  [ "$KIND" = test ] || start_tf2_msgs
   build
+  finish_tf2_msgs
   release_lock
   enter
 }

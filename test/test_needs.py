@@ -18,8 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import invalidate_caches
+import os
 from pathlib import Path
 import platform
+import subprocess
 import sys
 import sysconfig
 
@@ -31,9 +33,11 @@ from rt_robot_os.errors import DeviceError
 from rt_robot_os.errors import StartError
 from rt_robot_os.needs import lacking
 from rt_robot_os.needs import require
+from rt_robot_os.needs import ros_remedy
 from rt_robot_os.requirements import at_least
 from rt_robot_os.requirements import LIBRARIES
 
+ROOT = Path(__file__).resolve().parents[1]
 Install = Callable[[str, str], None]
 
 
@@ -43,11 +47,12 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
     monkeypatch.syspath_prepend(tmp_path)
 
     def add(name: str, version: str) -> None:
+        library = LIBRARIES.get(name)
         folder = tmp_path / f'{name.replace("-", "_")}-{version}.dist-info'
         folder.mkdir()
         (folder / 'METADATA').write_text(
             f'Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n')
-        (tmp_path / f'{LIBRARIES[name].module}.py').touch()
+        (tmp_path / f'{library.module if library else name}.py').touch()
         invalidate_caches()
     return add
 
@@ -73,6 +78,15 @@ def managed(plain: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
                         lambda: {'ID': 'ubuntu', 'VERSION_ID': '24.04'})
 
 
+def test_the_type_of_tf_is_a_package_of_ros_or_generated_where_ros_is_of_wheels(
+        install: Install, monkeypatch: pytest.MonkeyPatch) -> None:
+    install('ros-jazzy-rclpy', '7.1.6')
+    assert ros_remedy('tf2_msgs') == './scripts/tf2_msgs'
+    assert ros_remedy('nav2_msgs') == ''
+    monkeypatch.setattr(sys, 'path', [])
+    assert ros_remedy('tf2_msgs') == 'sudo apt install ros-jazzy-tf2-msgs'
+
+
 # What Ubuntu 24.04 and Debian 12 have.
 @pytest.mark.parametrize('name, version', [
     ('websockets', '10.4'), ('uvicorn', '0.27.1'), ('sqlalchemy', '1.4.50'),
@@ -84,6 +98,27 @@ def test_a_library_that_is_too_old_is_named_with_both_versions(
     assert lacking('the monitor', name) == (
         f'the monitor needs {name} {lowest} or newer ({version} is installed): '
         f"python3 -m pip install '{name}>={lowest}'")
+
+
+@pytest.mark.parametrize('program, arguments, name, version', [
+    ('monitor', ['--demo', '--port', '0'], 'uvicorn', '0.27.1'),
+    ('monitor', ['user', 'list'], 'sqlalchemy', '1.4.50'),
+    ('clients.gateway', ['--server', 'ws://127.0.0.1:9'], 'websockets', '10.4'),
+    ('clients.recording.record', ['imu/data'], 'mcap', '0.9'),
+    ('clients.mapping', [], 'scipy', '1.8.0')])
+def test_a_program_with_a_library_that_is_too_old_says_so_in_one_line(
+        program: str, arguments: list[str], name: str, version: str, install: Install,
+        tmp_path: Path) -> None:
+    install(name, version)
+    module = f'rt_robot_os.{program}' + ('_program' if program.endswith('record') else '.program')
+    done = subprocess.run(
+        [sys.executable, '-m', module, *arguments], capture_output=True, text=True, timeout=120,
+        cwd=tmp_path, env={**os.environ, 'HOME': str(tmp_path), 'PYTHONPATH': os.pathsep.join(
+            [str(tmp_path), str(ROOT), os.environ.get('PYTHONPATH', '')])})
+    assert done.returncode in (1, 2)
+    assert f'needs {name} {LIBRARIES[name].lowest} or newer ({version} is installed): ' in (
+        done.stderr)
+    assert done.stderr.count('\n') == 1
 
 
 def test_what_is_new_enough_is_not_mentioned(plain: None, install: Install) -> None:

@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable
 from collections.abc import Iterator
 import configparser
 import fnmatch
@@ -33,7 +32,13 @@ from xml.etree import ElementTree
 
 import pytest
 
+from rt_robot_os import needs
 from rt_robot_os.programs import Program
+from rt_robot_os.requirements import BASE
+from rt_robot_os.requirements import EXTRAS
+from rt_robot_os.requirements import LIBRARIES
+from rt_robot_os.requirements import libraries
+from rt_robot_os.requirements import PROGRAMS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = 'rt_robot_os'
@@ -43,27 +48,13 @@ KEYS = {
     'numpy': 'python3-numpy', 'rich': 'python3-rich', 'serial': 'python3-serial',
     'yaml': 'python3-yaml'}
 
-# import name -> the extra of setup.py that brings it: what only some robots need
-OPTIONAL = {
-    'PIL': 'camera', 'cv2': 'camera', 'horus': 'peers', 'matplotlib': 'plot', 'mypy': 'compile',
-    'mypy_extensions': 'compile', 'mypyc': 'compile', 'simpy': 'peers',
-    'scipy': 'slam', 'smbus2': 'i2c', 'sounddevice': 'sound',
-    'vqf': 'attitude',
-    **dict.fromkeys(('alembic', 'argon2', 'cryptography', 'fastapi', 'pydantic', 'sqlalchemy',
-                     'starlette', 'uvicorn'),
-                    'monitor'),
-    'aiortc': 'voice', 'av': 'voice', 'psycopg': 'postgres', 'websockets': 'gateway',
-    **dict.fromkeys(('lz4', 'mcap', 'zstandard'), 'record'),
-    **dict.fromkeys(('hypothesis', 'pytest'), 'test')}
-
-# import name -> distribution, where they differ
-DISTRIBUTIONS = {
-    'PIL': 'pillow', 'argon2': 'argon2-cffi', 'cv2': 'opencv-python-headless',
-    'horus': 'horus-robotics',
-    'mypy_extensions': 'mypy', 'serial': 'pyserial', 'yaml': 'PyYAML'}
-# What the one brings with it.
-BROUGHT = {'av': 'aiortc', 'lz4': 'mcap', 'mypyc': 'mypy', 'pydantic': 'fastapi',
-           'starlette': 'fastapi', 'zstandard': 'mcap'}
+# import name -> the library that brings it, for those that the table does not list
+BROUGHT = {'av': 'aiortc', 'mypy_extensions': 'mypy', 'mypyc': 'mypy', 'starlette': 'fastapi'}
+# import name -> the library of the table
+TABLE = {each.module: each.name for each in LIBRARIES.values()}
+# What is given to the functions of needs.py.
+ASKED = re.compile(r"(?:EXTRAS\[|, |\n +)'([\w-]+)'[\]),]")
+EXTRAS_ASKED = {extra: EXTRAS[extra] for extra in ('gateway', 'monitor', 'slam')}
 # What runs setup.py is there when it runs.
 BUILD = {'setuptools'}
 
@@ -143,32 +134,50 @@ def _imported() -> set[str]:
     return {name.split('.')[0] for name in found} - set(sys.stdlib_module_names) - {PACKAGE}
 
 
-def _names(requirements: Iterable[str]) -> set[str]:
-    """Return the names of distributions without what is asked of their versions."""
-    return {re.split(r'[<>=\[]', each)[0] for each in requirements}
-
-
-INSTALLED = _names(ast.literal_eval(SETUP['install_requires'])) - BUILD
-EXTRAS = {extra: _names(requirements) for extra, requirements in ast.literal_eval(
-    SETUP['extras_require']).items()}
-
-
 def test_what_is_imported_is_installed_with_the_package_by_pip_and_by_rosdep() -> None:
     of_ros = {name for name in _manifest('exec_depend') if not name.startswith('python3-')}
-    needed = _imported() - set(OPTIONAL) - of_ros - BUILD
-    assert needed == set(KEYS)
-    assert {DISTRIBUTIONS.get(name, name) for name in needed} == INSTALLED
-    assert {KEYS[name] for name in needed} == set(_manifest('exec_depend')) - of_ros
+    optional = {name for names in EXTRAS.values() for name in names}
+    found = {TABLE.get(name) or BROUGHT.get(name, name) for name in _imported() - of_ros - BUILD}
+    assert found - optional == set(BASE) - BUILD
+    assert {KEYS[LIBRARIES[name].module] for name in found - optional} == set(
+        _manifest('exec_depend')) - of_ros
 
 
-def test_what_is_optional_is_an_extra_and_named_with_the_command_that_installs_it() -> None:
-    sources = [path.read_text() for path in (ROOT / PACKAGE).rglob('*.py')]
-    assert set(OPTIONAL) <= _imported()
-    for name, extra in OPTIONAL.items():
-        distribution = BROUGHT.get(name, DISTRIBUTIONS.get(name, name))
-        assert distribution in EXTRAS[extra]
-        assert extra == 'test' or any(
-            'pip install' in text and distribution in text for text in sources), name
+def test_what_is_optional_is_asked_for_by_name_where_it_is_needed() -> None:
+    asked = {name for path in (ROOT / PACKAGE).rglob('*.py') for name in ASKED.findall(
+        path.read_text()) for name in EXTRAS_ASKED.get(name, (name,))}
+    optional = {name for extra, names in EXTRAS.items() for name in names
+                if extra not in ('compile', 'docs', 'peers', 'test')}
+    assert sorted(optional - asked) == []
+
+
+def test_setup_states_what_the_table_lists() -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', 'import runpy, setuptools; setuptools.setup = lambda **given: print'
+         '(*given["install_requires"], *sum(given["extras_require"].values(), []), sep="\\n"); '
+         'runpy.run_path("setup.py")'], cwd=ROOT, capture_output=True, text=True, check=True)
+    stated = set(done.stdout.split('\n')) - {''}
+    assert stated == {each.requirement for each in libraries(['base', *EXTRAS])}
+
+
+def test_the_table_names_only_what_there_is() -> None:
+    listed = {name for names in (BASE, *EXTRAS.values()) for name in names}
+    assert listed == set(LIBRARIES)
+    assert set(PROGRAMS) - {'test'} <= set(EXECUTABLES)
+    assert {extra for extras in PROGRAMS.values() for extra in extras} <= set(EXTRAS)
+
+
+def test_the_page_on_libraries_lists_what_the_table_does() -> None:
+    text = (ROOT / needs.PAGE).read_text()
+    for extra in ('base', *EXTRAS):
+        listed = ', '.join(f'{each.name} {each.lowest}' for each in libraries([extra]))
+        assert re.search(rf'^\| `{extra}` \|[^|]+\| {re.escape(listed)} \|$', text,
+                         re.MULTILINE), extra
+    for program, extras in PROGRAMS.items():
+        row = f'| `{program}` | {", ".join(f"`{extra}`" for extra in extras)} |'
+        assert program == 'test' or row in text
+    for name, lowest in re.findall(r'^\| ([\w-]+) \| (\d[\d.]*) \| \d', text, re.MULTILINE):
+        assert LIBRARIES[name].lowest == lowest
 
 
 def test_the_decision_on_dependencies_names_them_all() -> None:
@@ -176,10 +185,11 @@ def test_the_decision_on_dependencies_names_them_all() -> None:
     named = {heading: set(re.findall(r'^\| `([\w-]+)` \|', section, re.MULTILINE))
              for heading, section in re.findall(r'^## ([^\n]*)\n(.*?)(?=^## |\Z)', text,
                                                 re.MULTILINE | re.DOTALL)}
-    ours = set().union(*(EXTRAS[extra] for extra in EXTRAS if extra not in ('docs', 'test')))
-    assert named['Needed to run'] == INSTALLED
+    ours = {name for extra, names in EXTRAS.items() for name in names
+            if extra not in ('docs', 'test')}
+    assert named['Needed to run'] == set(BASE) - BUILD
     assert named['Optional'] == ours
-    assert named['For tests and documentation'] == (EXTRAS['docs'] | EXTRAS['test']) - ours
+    assert named['For tests and documentation'] == {*EXTRAS['docs'], *EXTRAS['test']} - ours
 
 
 @pytest.mark.parametrize('name', sorted(EXECUTABLES))
@@ -225,7 +235,8 @@ def test_the_launch_files_start_executables_that_exist() -> None:
 
 
 def test_the_scripts_can_be_executed() -> None:
-    for name in ('scripts/run', 'scripts/test', 'scripts/tf2_msgs', '.ci/run'):
+    for name in ('scripts/install', 'scripts/lowest', 'scripts/run', 'scripts/test',
+                 'scripts/tf2_msgs', '.ci/run'):
         assert os.access(ROOT / name, os.X_OK), name
 
 

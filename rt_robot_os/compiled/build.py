@@ -42,6 +42,7 @@ from rt_robot_os.compiled import read_manifest
 from rt_robot_os.compiled import source_of
 from rt_robot_os.compiled import SWITCH
 from rt_robot_os.compiled import wanted
+from rt_robot_os.requirements import LIBRARIES
 from setuptools import Extension
 from setuptools.command.build_ext import build_ext
 from setuptools.errors import ExecError
@@ -62,8 +63,9 @@ def obstacle() -> str | None:
     header = Path(sysconfig.get_path('include'), 'Python.h')
     if not header.is_file():
         return f'no {header}: sudo apt install python3-dev'
-    if find_spec('mypyc') is None:
-        return 'no mypyc: sudo apt install python3-mypy, or pip install mypy'
+    mypy = LIBRARIES['mypy']
+    if find_spec('mypyc') is None or not mypy.is_satisfied():
+        return f'no mypyc {mypy.lowest}: sudo apt install python3-mypy, or pip install mypy'
     return None
 
 

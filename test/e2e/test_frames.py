@@ -32,6 +32,7 @@ from rclpy.qos import QoSDurabilityPolicy  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
 from rt_robot_os.link.conversions import transform  # noqa: E402
+from rt_robot_os.needs import ros_remedy  # noqa: E402
 
 Until = Callable[..., Any]
 
@@ -173,8 +174,8 @@ def test_without_tf2_msgs_one_line_says_so_and_the_rest_runs(world: Any, until: 
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
     robot = world.robot(ROBOT, prelude='import sys; sys.modules["tf2_msgs"] = None')
     robot.wait_for_line('connected to the core')
-    robot.wait_for_line('no /tf and /tf_static: ROS has no package tf2_msgs here (sudo apt install'
-                        ' ros-jazzy-tf2-msgs); everything else runs')
+    robot.wait_for_line('no /tf and /tf_static: ROS has no package tf2_msgs here '
+                        f'({ros_remedy("tf2_msgs")}); everything else runs')
     assert sum('tf2_msgs' in line for line in robot.lines) == 1
     until(lambda: row(diagnostics, 'mountings -> /tf_static'), 'what /diagnostics says')
     assert 'tf2_msgs' in row(diagnostics, 'odom_to_base -> /tf')['says']

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+import re
 import shutil
 import subprocess
 import sys
@@ -25,6 +26,7 @@ import sys
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+TABLE = ROOT / 'rt_robot_os' / 'requirements.py'
 OURS = ('setup.py', 'setup.cfg', 'package.xml', 'resource', 'rt_robot_os', 'config', 'launch')
 
 
@@ -49,8 +51,28 @@ def test_a_package_is_installed_in_place_without_network(tmp_path: Path, name: s
 
 def test_what_the_programs_need_is_installed_with_them() -> None:
     listed = (ROOT / 'scripts' / 'requirements-run.txt').read_text()
-    for library in ('mcap', 'rich', 'setuptools'):  # record and replay, top, installing in place
-        assert f'\n{library} ' in listed
+    assert '\nsetuptools ' in listed  # installing in place
+    for program, library in (('record', 'mcap'), ('replay', 'mcap'), ('mapping', 'scipy'),
+                             ('robot', 'pillow'), ('monitor', 'fastapi'), ('top', 'rich')):
+        extras = answer('extras', program).split()
+        assert f'\n{library}>=' in answer('install', 'base', *extras)
+    # A robot's environment has neither a database nor WebRTC.
+    of_robot = answer('install', 'base', *answer('extras', 'robot').split())
+    assert not re.search('sqlalchemy|fastapi|aiortc|cryptography|scipy', of_robot)
+    assert 'aiortc' not in answer('install', *answer('extras', 'monitor').split())
+
+
+def test_an_extra_that_there_is_not_is_named() -> None:
+    done = subprocess.run([sys.executable, '-I', TABLE, 'install', 'base', 'nonsense'],
+                          capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.startswith("no extra 'nonsense', there are: attitude camera ")
+
+
+def answer(*arguments: str) -> str:
+    """Give what the scripts are answered by the table of libraries."""
+    return '\n' + subprocess.run([sys.executable, '-I', TABLE, *arguments], check=True,
+                                 capture_output=True, text=True).stdout
 
 
 def test_run_explains_itself_without_a_set_up(tmp_path: Path) -> None:

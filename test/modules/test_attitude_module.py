@@ -378,8 +378,8 @@ def test_a_topic_of_another_type_is_refused() -> None:
 
 def test_without_vqf_the_name_is_refused_with_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'vqf', None)
-    with pytest.raises(ConfigError, match=r"filter = 'vqf' needs vqf \S+ or newer \(not installed\)"
-                                          ': .+; or choose auto or mahony'):
+    with pytest.raises(ConfigError, match=r'needs vqf \S+ or newer \(not installed\): .+; or '
+                                          'choose auto or mahony'):
         Attitude('attitude', {**DEFAULTS, 'filter': 'vqf'})
     assert chosen('auto') == 'mahony'
     robot = Robot(filter='auto')

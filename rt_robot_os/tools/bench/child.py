@@ -33,6 +33,8 @@ import numpy as np
 
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.linux.process import run_child
+from rt_robot_os.needs import remedy
+from rt_robot_os.requirements import LIBRARIES
 from rt_robot_os.tools.bench import builds
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.harness import Harness
@@ -43,7 +45,6 @@ from rt_robot_os.tools.bench.result import Status
 JOB_FILE = 'job.json'
 RESULT_FILE = 'result.npz'
 _OWN = 'rt_robot_os'
-_REMEDIES = {'horus': 'horus-robotics', 'simpy': 'simpy'}
 _META = 'meta'
 
 
@@ -60,8 +61,9 @@ def _work(job: dict[str, Any], folder: Path) -> Outcome:
             return Outcome(Status.FAILED, f'ImportError: {error}')
         if not isinstance(error, ModuleNotFoundError):
             return Outcome(Status.MISSING, f'this version of {name} has not got it ({error})')
-        remedy = f'; remedy: pip install {_REMEDIES[name]}' if name in _REMEDIES else ''
-        return Outcome(Status.MISSING, f'{name} is not installed ({error}){remedy}')
+        known = [each for each in LIBRARIES.values() if each.module == name]
+        return Outcome(Status.MISSING, f'{name} is not installed ({error})' + (
+            f'; remedy: {remedy(known)}' if known else ''))
     except Unavailable as error:
         return Outcome(Status.MISSING, str(error))
     except (RtRobotError, OSError, RuntimeError) as error:
