@@ -165,6 +165,22 @@ def test_forced_colours_keep_the_battery_and_the_chosen_range(
                                              if pressed == 'false'}
 
 
+TWICE = """async () => {
+  const {Words} = await import('/lib/i18n.js');
+  const words = new Words();
+  await words.use('de');
+  words.load('login');
+  await words.load('login');
+  return words.say('login.title');
+}"""
+
+
+def test_who_asks_second_for_words_waits_for_them_as_well(server: Any, opened: Any) -> None:
+    page = opened.page()
+    page.goto(f'{server.url}/messages/en/data.json')
+    assert page.evaluate(TWICE) == 'Anmelden'
+
+
 def test_nothing_that_was_said_is_left_after_signing_out(
         robot: FakeRobot, signed_in: SignedIn) -> None:
     page = signed_in('carer', people=('anna', 'bob'))

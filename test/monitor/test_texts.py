@@ -51,7 +51,7 @@ ROBOT: Final = (
     ('alarms/orders.py', {'ValueError': (0,)}),
     ('agent/agent.py', {'_fire': (1,)}),
     ('agent/drive.py', {'_fail': (0,)}),
-    ('modules/planner/module.py', {'_refuse': (0,), '_wait': (0,), '_tell': (0,), '_end': (0,)}),
+    ('modules/planner/module.py', {'_refuse': (0,), '_wait': (0,), '_tell': (0,)}),
     ('motion/route.py', {'RouteError': (0,)}),
     ('modules/collision_guard/module.py', {'Verdict': (2,)}),
     ('modules/velocity_mux/module.py', {'set': (1,)}),
