@@ -168,6 +168,7 @@ def _commands() -> list[str]:
     ('scan: obstacle 0.21 m before the robot, at -12 degrees', 'obstacle',
      {'sensor': 'scan', 'metres': 0.21, 'degrees': -12}),
     ('Smoke at kitchen', 'smoke', {'node': 'kitchen'}),
+    ('mail.example.org took it', 'mail_taken', {'server': 'mail.example.org'}),
     ('operator: no report', 'about', {'about': 'operator', 'why': {
         'text': 'no report', 'code': 'no_report', 'args': {}}})])
 def test_a_text_is_its_code_with_arguments(text: str, code: str, args: object) -> None:
