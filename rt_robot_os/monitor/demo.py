@@ -134,7 +134,8 @@ def running(companions: Companions, accounts: Accounts, folder: Path, url: str, 
     children = {}
     if not node:
         robot = 'clients.ros' if find_spec('rclpy') is not None else 'core'
-        children = {'robot': _start(robot, *ros, *robot_only), 'notifier': _start('clients.notifier', *ros)}
+        children = {'robot': _start(robot, *ros, *robot_only),
+                    'notifier': _start('clients.notifier', *ros)}
     children['gateway'] = _start(
         'clients.gateway', '--server', url, *(('--robot', node) if node else ()), *ros,
         '-p', f'token_file:={token}', '-p', f'folder:={folder / name}-gateway', *more)
