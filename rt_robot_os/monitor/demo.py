@@ -63,20 +63,22 @@ class Companions(NamedTuple):
 
     :ivar name: of the robot, for people.
     :ivar ros: arguments of all of them, from ``--ros-args`` on.
+    :ivar robot: further ones of the robot alone.
     :ivar node: of a robot that is there already, such as ``/robot``; empty for one of its own.
     """
 
     name: str
     ros: tuple[str, ...]
     node: str = ''
+    robot: tuple[str, ...] = ()
 
 
 def demo() -> Companions:
     """Return the simulated flat."""
     return Companions(ROBOT, ('--ros-args', '-r', f'__ns:={NAMESPACE}', '--params-file',
-                              str(default_path('assisted_living.yaml')),
-                              # She falls when the story says so.
-                              '-p', 'world.events:=[]'))
+                              str(default_path('assisted_living.yaml'))),
+                      # She falls when the story says so.
+                      robot=('-p', 'world.events:=[]'))
 
 
 def story_of(companions: Companions, hub: Hub) -> Story | None:
@@ -124,7 +126,7 @@ def running(companions: Companions, accounts: Accounts, folder: Path, url: str, 
     :param ca_file: whom the gateway believes the server's certificate.
     :raises StartError: the token cannot be written.
     """
-    name, ros, node = companions
+    name, ros, node, robot_only = companions
     token = token_file(accounts, folder, name)
     accounts.residents.accept_first_hello(name)
     more = ('-p', f'ca_file:={ca_file}') if ca_file else ()
@@ -132,7 +134,8 @@ def running(companions: Companions, accounts: Accounts, folder: Path, url: str, 
     children = {}
     if not node:
         robot = 'clients.ros' if find_spec('rclpy') is not None else 'core'
-        children = {'robot': _start(robot, *ros), 'notifier': _start('clients.notifier', *ros)}
+        children = {'robot': _start(robot, *ros, *robot_only),
+                    'notifier': _start('clients.notifier', *ros)}
     children['gateway'] = _start(
         'clients.gateway', '--server', url, *(('--robot', node) if node else ()), *ros,
         '-p', f'token_file:={token}', '-p', f'folder:={folder / name}-gateway', *more)

@@ -46,7 +46,7 @@ NO_PAGE_S: Final = 120.0
 NOTICED_S: Final = 45.0
 FALLS_MOST: Final = 5
 _LOOK_S: Final = 0.5
-#: What a robot tells when it is where the story can begin.
+#: Signals of a robot that is ready.
 _READY: Final = ('pose', 'agent/state')
 
 

@@ -81,24 +81,27 @@ def _letters(template: str) -> int:
 # What begins with a word of its own is the outer text of two; then what says more by itself.
 _ALL: Final = tuple(_compiled(code, template) for code, template in sorted(
     TEMPLATES.items(), key=lambda each: (each[1].startswith('{'), -_letters(each[1]))))
-#: Elsewhere these words are a channel and a kind of cause.
-_OF_THE_AGENT: Final = frozenset({'agent_event_operator', 'agent_event_help'})
+#: What says little by itself, by the hole in which alone it counts.
+_ONLY_IN: Final = MappingProxyType({
+    'agent_event_operator': 'a', 'agent_event_help': 'a', 'emergency': 'e', 'emergency_at': 'e',
+    **{code: 'l' for code in TEMPLATES if code == 'points' or re.match('(sign|found)_?', code)
+       and not code.startswith(('signs', 'found_there')) and code != 'found'}})
 
 
 @lru_cache(maxsize=4096)
-def coded(text: str, depth: int = 0, of_agent: bool = False) -> Mapping[str, Any] | None:
+def coded(text: str, depth: int = 0, hole: str = '') -> Mapping[str, Any] | None:
     """
     Return the code of a text and its arguments, as JSON has them; None without one.
 
     A nested text is ``{'text': ...}``, with its code when it has one. Not for the real-time loop.
 
-    :param of_agent: it is what happened to the agent.
+    :param hole: the kind of the hole in which it stands.
     """
     if not 0 < len(text) <= LONGEST or depth > _DEEPEST:
         return None
     for code, pattern, holes in _ALL:
         found = pattern.fullmatch(text)
-        if found is not None and (of_agent or code not in _OF_THE_AGENT):
+        if found is not None and _ONLY_IN.get(code, hole) == hole:
             return {'code': code, 'args': {
                 name: _READERS[kind](found[name], depth) for name, kind in holes}}
     return None
@@ -119,8 +122,8 @@ def codes_of(content: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]
     return found
 
 
-def _nested(text: str, depth: int, of_agent: bool = False) -> dict[str, Any]:
-    return {'text': text, **(coded(text, depth + 1, of_agent) or {})}
+def _nested(text: str, depth: int, hole: str = '') -> dict[str, Any]:
+    return {'text': text, **(coded(text, depth + 1, hole) or {})}
 
 
 def _number(text: str, depth: int) -> float:
@@ -131,6 +134,7 @@ def _number(text: str, depth: int) -> float:
 _READERS: Final[Mapping[str, Callable[[str, int], Any]]] = MappingProxyType({
     '': lambda text, depth: text, 'w': lambda text, depth: text, 'n': _number,
     'word': lambda text, depth: text, 'sign': lambda text, depth: _TITLES[text],
-    't': _nested, 'e': _nested, 'a': lambda text, depth: _nested(text, depth, True),
-    'l': lambda text, depth: [_nested(each, depth) for each in text.split(', ')],
+    't': _nested, 'e': lambda text, depth: _nested(text, depth, 'e'),
+    'a': lambda text, depth: _nested(text, depth, 'a'),
+    'l': lambda text, depth: [_nested(each, depth, 'l') for each in text.split(', ')],
     'kinds': lambda text, depth: text.split(', ')})

@@ -285,4 +285,11 @@ TEMPLATES: Final = MappingProxyType({
     'no_report': 'no report',
     'node_unheard': 'Node {node:w} was never heard: look at its battery and its place',
     'node_silent': 'Node {node:w} is silent: look at its battery and its place',
+    'printed': 'printed',
+    'written': 'written',
+    'written_before': 'was written before',
+    'program_took': 'the program took it',
+    'mail_taken': '{server:w} took it',
+    'mail_taken_part': 'taken, but not for {n:n} of {most:n}',
+    'host_answered': '{host:w} answered {status:n}',
 })

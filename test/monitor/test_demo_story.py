@@ -142,7 +142,10 @@ def test_what_a_hello_of_the_robot_made_forgotten_is_said_again(scene: Scene) ->
 
 
 def test_the_world_of_the_demonstration_has_no_fall_of_its_own() -> None:
-    found = parse_ros_args(demo().ros, 'robot')
+    companions = demo()
+    found = parse_ros_args((*companions.ros, *companions.robot), 'robot')
     settings = load(found.params_files, found.overrides, found.node_name, found.namespace)
     assert settings.world is not None and settings.world.events == ()
+    # What the gateway and the notifier are given is theirs alone.
+    assert not parse_ros_args(companions.ros, 'gateway').overrides
     assert story_module.PERSON in {each.split()[0] for each in settings.world.people}

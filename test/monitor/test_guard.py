@@ -311,7 +311,7 @@ def test_a_body_that_is_too_long_is_not_even_read(app: Any, stranger: TestClient
     unsaid = stranger.post('/api/session', content=endless(), headers={
         'content-type': 'application/json'})
     assert unsaid.status_code == 413
-    assert set(unsaid.json()['detail']) == {'text', 'remedy'}
+    assert set(unsaid.json()['detail']) == {'text', 'remedy', 'codes'}
 
 
 def test_bodies_that_are_no_json_are_told_so(stranger: TestClient) -> None:
@@ -319,7 +319,7 @@ def test_bodies_that_are_no_json_are_told_so(stranger: TestClient) -> None:
         answer = stranger.post('/api/session', content=body, headers={
             'content-type': 'application/json'})
         assert answer.status_code in (400, 422), (body[:10], answer.status_code)
-        assert set(answer.json()['detail']) == {'text', 'remedy'}
+        assert set(answer.json()['detail']) == {'text', 'remedy', 'codes'}
 
 
 def test_a_robot_that_is_revoked_stays_out(services: Services, stranger: TestClient) -> None:

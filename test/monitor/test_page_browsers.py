@@ -43,7 +43,8 @@ FORMATS = """async (locales) => {
     const format = new Format(locale);
     return [format.time(evening).split(',').pop().trim(), format.unit(37.25, '°C', 1),
       format.unit(97, '%'), format.percent(0.97), format.unit(0.5, 'm/s', 2),
-      format.unit(NaN, 'm/s')].map((each) => each.replaceAll('\\u00a0', '_').replaceAll('\\u202f', ' '));
+      format.unit(NaN, 'm/s')].map((each) =>
+      each.replaceAll('\\u00a0', '_').replaceAll('\\u202f', ' '));
   });
 }"""
 
@@ -161,8 +162,24 @@ def test_forced_colours_keep_the_battery_and_the_chosen_range(
     page.get_by_role('button', name='1 hour', exact=True).click()
     found = page.evaluate(RANGES)
     chosen = {colour for pressed, colour in found if pressed == 'true'}
-    assert len(chosen) == 1 and not chosen & {colour for pressed, colour in found
-                                             if pressed == 'false'}
+    others = {colour for pressed, colour in found if pressed == 'false'}
+    assert len(chosen) == 1 and not chosen & others
+
+
+TWICE = """async () => {
+  const {Words} = await import('/lib/i18n.js');
+  const words = new Words();
+  await words.use('de');
+  words.load('login');
+  await words.load('login');
+  return words.say('login.title');
+}"""
+
+
+def test_who_asks_second_for_words_waits_for_them_as_well(server: Any, opened: Any) -> None:
+    page = opened.page()
+    page.goto(f'{server.url}/messages/en/data.json')
+    assert page.evaluate(TWICE) == 'Anmelden'
 
 
 def test_nothing_that_was_said_is_left_after_signing_out(

@@ -175,7 +175,7 @@ def test_a_click_on_the_map_sends_the_robot_there(
     assert command['do'] == 'goal'
     assert command['args'] == pytest.approx({'x': x, 'y': y, 'yaw': math.pi / 2}, abs=0.02)
     robot.live(planner__state='planned: 2.00 m', plan={'points': [[-1.0, 2.5], [x, y]]})
-    expect(goal).to_contain_text(re.compile(r'on its way; [\d.]+ m to go'))
+    expect(goal).to_contain_text(re.compile(r'on its way; [\d.]+\sm to go'))
     page.get_by_role('button', name='Cancel the drive').click()
     wait_until(lambda: len(robot.commands) == 2, 'the cancellation')
     assert robot.commands[1]['do'] == 'cancel'

@@ -117,7 +117,7 @@ def test_what_is_wanted_is_the_most_that_anybody_wants_and_nothing_when_nobody_l
 def test_why_no_picture_comes_is_said_once_to_each_who_looks() -> None:
     gallery = Gallery(lambda robot: None)
     key, why = ('robot', 'hall'), {'text': 'unplugged', 'codes': {}}
-    gallery.trouble(key, why)  # nobody looks
+    gallery.trouble(key, why)  # without a viewer
     early, other = gallery.open_viewer(lambda: None), gallery.open_viewer(lambda: None)
     early.look(key, 10.0)
     other.look(('robot', 'door'), 10.0)

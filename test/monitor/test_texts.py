@@ -51,7 +51,7 @@ ROBOT: Final = (
     ('alarms/orders.py', {'ValueError': (0,)}),
     ('agent/agent.py', {'_fire': (1,)}),
     ('agent/drive.py', {'_fail': (0,)}),
-    ('modules/planner/module.py', {'_refuse': (0,), '_wait': (0,), '_tell': (0,), '_end': (0,)}),
+    ('modules/planner/module.py', {'_refuse': (0,), '_wait': (0,), '_tell': (0,)}),
     ('motion/route.py', {'RouteError': (0,)}),
     ('modules/collision_guard/module.py', {'Verdict': (2,)}),
     ('modules/velocity_mux/module.py', {'set': (1,)}),
@@ -168,6 +168,7 @@ def _commands() -> list[str]:
     ('scan: obstacle 0.21 m before the robot, at -12 degrees', 'obstacle',
      {'sensor': 'scan', 'metres': 0.21, 'degrees': -12}),
     ('Smoke at kitchen', 'smoke', {'node': 'kitchen'}),
+    ('mail.example.org took it', 'mail_taken', {'server': 'mail.example.org'}),
     ('operator: no report', 'about', {'about': 'operator', 'why': {
         'text': 'no report', 'code': 'no_report', 'args': {}}})])
 def test_a_text_is_its_code_with_arguments(text: str, code: str, args: object) -> None:

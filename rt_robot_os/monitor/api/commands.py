@@ -78,7 +78,7 @@ class Command(BaseModel):
 
 
 class Answer(BaseModel):
-    """What the robot said to it; ``codes`` has the code of its text."""
+    """What the robot said to it; ``codes`` has the code of its text, if it has one."""
 
     ok: bool
     text: str
@@ -170,7 +170,7 @@ def router(services: Services) -> APIRouter:
     found = APIRouter(prefix='/api', tags=['robots'])
     commands = Commands(services)
 
-    @found.post('/robots/{robot}/commands')
+    @found.post('/robots/{robot}/commands', response_model_exclude_unset=True)
     async def command(robot: str, command: Command,
                       actor: Actor = Depends(allowed(Permission.SEE))) -> Answer:
         """Have a robot do something; ``ok`` is false when the robot refuses."""

@@ -154,8 +154,9 @@ class Cab:
         if holder is not None and message.get('lease') == self.lease.key:
             beat = {name: value for name, value in message.items()
                     if name not in ('kind', 'lease')}
-            holder.show(encode('beat', {**beat, 'codes': codes_of(
-                beat, ('stop_reason', 'steering'))}))
+            if (codes := codes_of(beat, ('stop_reason', 'steering'))):
+                beat['codes'] = codes
+            holder.show(encode('beat', beat))
 
     def robot_is(self, connected: bool, limits: Mapping[str, Any]) -> None:
         """Take note that the robot came, or went."""

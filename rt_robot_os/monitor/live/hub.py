@@ -303,8 +303,9 @@ class Hub:
             robot.count('answers_late')
             return
         text = str(answer.get('text', ''))
-        future.set_result({'ok': answer.get('ok') is True, 'text': text, 'codes': codes_of(
-            {**answer, 'text': text}, ('text',))})
+        codes = codes_of({**answer, 'text': text}, ('text',))
+        future.set_result({'ok': answer.get('ok') is True, 'text': text,
+                           **({'codes': codes} if codes else {})})
 
     def say(self, robot: RobotState, kind: str, content: Mapping[str, Any]) -> bool:
         """Send a message to a robot; False when it is not connected or does not read."""

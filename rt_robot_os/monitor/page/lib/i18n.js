@@ -15,7 +15,8 @@ export class Words {
     /** How dates and numbers are written, such as 'en-GB'. */
     this.locale = localeOf(FALLBACK);
     this.messages = new Map();
-    this.loaded = new Set();
+    /** By name, a promise that ends when the messages are there. */
+    this.loaded = new Map();
   }
 
   /** The language that was chosen, or the browser's, as far as there is one. */
@@ -32,19 +33,25 @@ export class Words {
     this.messages.clear();
     this.plurals = new Intl.PluralRules(this.language);
     document.documentElement.lang = this.language;
-    const again = [...this.loaded];
+    const again = [...this.loaded.keys()];
     this.loaded.clear();
     await this.load(...again);
   }
 
   /** Load the messages of some views. */
   async load(...names) {
-    await Promise.all(names.filter((name) => !this.loaded.has(name)).map(async (name) => {
-      this.loaded.add(name);
-      const files = this.language === FALLBACK ? [FALLBACK] : [FALLBACK, this.language];
-      const found = await Promise.all(files.map((each) => fetched(asset(`messages/${each}/${name}.json`))));
-      found.forEach((each) => Object.entries(each).forEach(([k, v]) => this.messages.set(k, v)));
+    await Promise.all(names.map((name) => {
+      if (!this.loaded.has(name)) {
+        this.loaded.set(name, this.fetch(name));
+      }
+      return this.loaded.get(name);
     }));
+  }
+
+  async fetch(name) {
+    const files = this.language === FALLBACK ? [FALLBACK] : [FALLBACK, this.language];
+    const found = await Promise.all(files.map((each) => fetched(asset(`messages/${each}/${name}.json`))));
+    found.forEach((each) => Object.entries(each).forEach(([k, v]) => this.messages.set(k, v)));
   }
 
   /**

@@ -71,10 +71,11 @@ class AuditView {
 
   row(each) {
     const {t, format} = this.context;
+    const action = actionText(each.action, t);
     const details = Object.entries(each.details).filter(([key]) => key !== 'flag')
       .map(([key, value]) => `${key}: ${typeof value === 'object' ? JSON.stringify(value) : value}`);
     return h('tr', h('td', format.dateTime(each.t_ns / 1e6)),
-      h('th', {scope: 'row'}, each.name), h('td', h('span.audit-action', {title: each.action}, actionText(each.action, t)),
+      h('th', {scope: 'row'}, each.name), h('td', action, action !== each.action && h('div.small.muted', each.action),
         each.details.flag === 'emergency' && [' ', badge('warn', t('audit.flag'), 'warn')]),
       h('td.wrap', each.object), h('td.wrap.audit-details', details.join('; ')),
       h('td', each.address), h('td.end', String(each.seq)));

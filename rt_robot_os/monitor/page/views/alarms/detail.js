@@ -11,6 +11,9 @@ import {icon} from '../../lib/icons.js';
 import {badge, button, levelIcon, notice} from '../../lib/parts.js';
 import {saidElement, saidOf} from '../../lib/said.js';
 
+// What is live comes before it is stored; asked for again once a second.
+const ASKED_MOST = 30;
+
 export class Detail {
   /**
    * @param {HTMLElement} pane
@@ -65,9 +68,19 @@ export class Detail {
       const ageS = (this.context.state.nowNs() - openedNs(alarm)) / 1e9;
       write(this.head.age, this.context.format.ago(ageS));
     }
-    if (kind === 'tick' && this.isGone && alarm) {
+    if (kind === 'tick' && alarm && (this.isGone || this.isBehind(alarm))) {
       this.load();
     }
+  }
+
+  /** Whether an event is live and not stored yet; of one that is never stored we stop to ask. */
+  isBehind({seq = 0}) {
+    if (!this.known || !(seq > (this.known.events?.at(-1)?.seq ?? 0))) {
+      return false;
+    }
+    this.asked = seq === this.behind ? this.asked + 1 : 1;
+    this.behind = seq;
+    return this.asked <= ASKED_MOST;
   }
 
   async load() {

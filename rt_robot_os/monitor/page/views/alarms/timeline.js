@@ -42,7 +42,7 @@ function about({event, why, text, codes}) {
 
 function entry(each, {t, format}) {
   const kind = LOUD.has(each.kind) ? 'loud' : DONE.has(each.kind) ? 'done' : 'plain';
-  const text = told(each, t);
+  const text = wordsOf(each, t);
   return h(`li.moment.moment-${kind}`, h('span.moment-mark', icon(ICONS[each.kind] || 'info')),
     h('time.number', {datetime: new Date(each.ns / 1e6).toISOString()},
       format.time(each.ns / 1e6)),
@@ -51,7 +51,7 @@ function entry(each, {t, format}) {
 }
 
 /** What is to be said of it; channels in words, where the text of an event is a list of them. */
-function told({kind, text, coded}, t) {
+function wordsOf({kind, text, coded}, t) {
   if (!text || kind === 'note' || kind === 'picture') {
     return text;
   }

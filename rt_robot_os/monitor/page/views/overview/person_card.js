@@ -79,7 +79,7 @@ function placeText({t, format}, place, isLost) {
   if (!place || !(place.room || place.near)) {
     return t('overview.place_unknown');
   }
-  const where = place.room ? t.word('room', place.room) : t('overview.near', {node: place.near});
+  const where = place.room ? t.word('room', place.room) : t('overview.near', {node: t.word('room', place.near)});
   return isLost || place.ageS > STALE_S ? t('overview.was_in', {where, ago: format.ago(place.ageS)})
     : t('overview.is_in', {where});
 }
