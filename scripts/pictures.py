@@ -264,7 +264,8 @@ def picture_drive(path: Path, seconds: float) -> None:
     scan = seen_from(poses[-1], found['scan'][-1])
     axis.plot(*zip(*scan), '.', color='tab:red', markersize=1.5, label='last scan')
     for i, plan in enumerate(found['plan']):
-        axis.plot(plan.data[0::3], plan.data[1::3], color='tab:orange', linewidth=1.0,
+        points = [each.pose.position for each in plan.poses]
+        axis.plot([p.x for p in points], [p.y for p in points], color='tab:orange', linewidth=1.0,
                   linestyle='--', label='' if i else 'planned')
     axis.plot([p.position.x for p in poses], [p.position.y for p in poses], color='tab:blue',
               linewidth=2.0, label='driven')
