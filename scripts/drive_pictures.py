@@ -128,8 +128,6 @@ def seen_from(x: float, y: float, heading: float, scan: Any) -> list[tuple[float
 
 def planned(message: Any) -> tuple[list[float], list[float]]:
     """Return the x and y of a path."""
-    if not hasattr(message, "poses"):
-        return list(message.data[0::3]), list(message.data[1::3])
     points = [each.pose.position for each in message.poses]
     return [p.x for p in points], [p.y for p in points]
 

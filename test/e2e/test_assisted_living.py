@@ -24,11 +24,13 @@ from typing import Any
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
+pytest.importorskip('mcap', reason='recordings need mcap')
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402, I100
 from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.qos import QoSDurabilityPolicy  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
+from recorded_graph import Recorded  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
@@ -69,9 +71,12 @@ def test_somebody_falls_and_the_robot_goes_there_looks_and_calls_until_it_is_ack
 
     until(lambda: 'suspected' in happened(), 'a suspicion')
     until(lambda: 'confirm' in states(), 'the question')
+    recorded = Recorded(world, until, CONFIG, '/alarms', '/plan', '/wsn/nodes', '/tf_static')
     until(lambda: any(abs(each.twist.twist.linear.x) > 0.05 for each in list(odometry)), 'a way')
     until(lambda: 'raised' in happened(), 'an alarm')
     until(lambda: 'observe' in states(), 'the robot beside her')
+    recorded.end()
+    recorded.check('/alarms', '/plan', '/wsn/nodes', '/tf', '/tf_static', '/agent/state')
     until(lambda: seen, 'a picture')
     found = json.loads(seen[0].data)
     assert found['kind'] == 'picture' and Path(found['file']).stat().st_size > 1000

@@ -19,21 +19,27 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import fields
+from importlib.util import find_spec
 from pathlib import Path
 import signal
 from typing import Any
 
 import numpy as np
+from rclpy.node import NodeNameNonExistentError
 from rclpy.qos import QoSDurabilityPolicy
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy
 from rosbags.highlevel import AnyReader
+from rt_robot_os.settings import load
 from rt_robot_os.topics.resolve import message_class
 
 Until = Callable[..., Any]
 RECORD = 'rt_robot_os.clients.recording.record_program'
 # What the node alone publishes, and no bag of ours has.
 OF_THE_NODE = {'/parameter_events', '/robot/transition_event'}
+# Of a type that ROS may lack here; then the live graph has no such topics, and a bag has.
+TRANSFORMS = '/tf', '/tf_static'
+LACKING = () if find_spec('tf2_msgs') else TRANSFORMS
 # As RViz and tf2_ros ask for them; who comes late gets the latched ones.
 RELIABLE, LATCHED = QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.TRANSIENT_LOCAL
 RVIZ = {'/tf': QoSProfile(depth=100, reliability=RELIABLE),
@@ -59,34 +65,48 @@ def plain(value: Any) -> Any:
 
 class Recorded:
     """
-    A recording of a robot that runs, and all that is published meanwhile.
+    A recording of a robot that runs, and what is published meanwhile.
 
+    :param config: of the robot: its topics are waited for.
+    :param compared: topics whose messages are compared; all of them if none.
     :ivar bag: its folder.
-    :ivar types: of the topics of the live graph.
+    :ivar live: the messages that came on the live graph, as CDR.
     """
 
-    def __init__(self, world: Any, until: Until) -> None:
+    def __init__(self, world: Any, until: Until, config: Path, *compared: str) -> None:
         self.bag = world.folder / 'bag.yaml'  # whatever its name, the leftovers do not count it
         self._node = world.node
         self._until = until
-        until(lambda: world.node.get_publishers_info_by_topic('/rosout'), 'the robot in the graph')
-        published = dict(world.node.get_publisher_names_and_types_by_node('robot', '/'))
-        subscribed = dict(world.node.get_subscriber_names_and_types_by_node('robot', '/'))
-        self.types = {name: kinds[0] for name, kinds in (subscribed | published).items()
-                      if name not in OF_THE_NODE}
-        self._offered = {name: self._quality(name) for name in published if name in self.types}
-        self._live: dict[str, list[bytes]] = {name: [] for name in self._offered}
-        for name, (reliability, durability) in self._offered.items():
-            world.node.create_subscription(
-                message_class(self.types[name]), name, self._live[name].append,
-                QoSProfile(depth=5000, reliability=reliability, durability=durability), raw=True)
+        mirrored = {f"/{each.ros_topic.lstrip('/')}" for each in load([config]).mirrors}
+        until(lambda: mirrored <= self.types().keys(), 'the topics of the robot')
+        self.live: dict[str, list[bytes]] = {}
+        for name, qos in self._offered().items():
+            if name in compared or not compared:
+                self.live[name] = []
+                world.node.create_subscription(
+                    message_class(self.types()[name]), name, self.live[name].append, QoSProfile(
+                        depth=5000, reliability=qos.reliability, durability=qos.durability),
+                    raw=True)
         self._program = world.start(RECORD, '-o', str(self.bag))
-        self._program.wait_for_line('connected to the core')
+        self._program.wait_for_line(' messages ')  # by then all topics were asked for
 
-    def _quality(self, name: str) -> Any:
-        return next((each.qos_profile.reliability, each.qos_profile.durability)
-                    for each in self._node.get_publishers_info_by_topic(name)
-                    if each.node_name == 'robot')
+    def types(self) -> dict[str, str]:
+        """Give the types of the topics of the live graph."""
+        try:
+            rows = [*self._node.get_subscriber_names_and_types_by_node('robot', '/'),
+                    *self._node.get_publisher_names_and_types_by_node('robot', '/')]
+        except NodeNameNonExistentError:
+            return {}
+        return {name: kinds[0] for name, kinds in rows if name not in OF_THE_NODE} | {
+            name: 'tf2_msgs/msg/TFMessage' for name in LACKING}
+
+    def _offered(self) -> dict[str, QoSProfile]:
+        """Give the quality of what the robot publishes."""
+        rows = self._node.get_publisher_names_and_types_by_node('robot', '/')
+        return {name: next(each.qos_profile
+                           for each in self._node.get_publishers_info_by_topic(name)
+                           if each.node_name == 'robot')
+                for name, _ in rows if name not in OF_THE_NODE}
 
     def end(self) -> None:
         """End the recording."""
@@ -101,29 +121,28 @@ class Recorded:
         with AnyReader([self.bag]) as reader:
             found = {each.topic: each for each in reader.connections}
             types = {name: each.msgtype for name, each in found.items()}
-            assert types == self.types, set(types.items()) ^ set(self.types.items())
-            for name, (reliability, durability) in self._offered.items():
+            assert types == self.types(), set(types.items()) ^ set(self.types().items())
+            for name, live in self._offered().items():
                 offered, = found[name].ext.offered_qos_profiles
                 assert (offered.reliability.name, offered.durability.name) == (
-                    reliability.name, durability.name), name
-            messages: dict[str, Counter[Any]] = {name: Counter() for name in found}
-            for connection, _, raw in reader.messages():
+                    live.reliability.name, live.durability.name), name
+            silent = [name for name in with_messages if not found[name].msgcount]
+            assert not silent, f'nothing was recorded on {silent}'
+            messages: dict[str, Counter[Any]] = {name: Counter() for name in self.live}
+            for connection, _, raw in reader.messages(
+                    [each for each in reader.connections if each.topic in messages]):
                 messages[connection.topic][plain(
                     reader.deserialize(raw, connection.msgtype))] += 1
-            silent = [name for name in with_messages if not messages[name]]
-            assert not silent, f'nothing was recorded on {silent}'
-            for name in self._offered:
-                def more(name: str = name) -> Any:
-                    live = Counter(plain(reader.deserialize(raw, self.types[name]))
-                                   for raw in list(self._live[name]))
-                    return messages[name] <= live
-                self._until(more, f'{name} as it was recorded, on the live graph')
+            for name, recorded in messages.items():
+                self._until(lambda name=name, recorded=recorded: recorded <= Counter(
+                    plain(reader.deserialize(raw, types[name])) for raw in list(self.live[name])),
+                    f'{name} on the live graph as it was recorded')
 
-    def messages(self, *topics: str) -> list[tuple[str, bytes, QoSProfile]]:
-        """Read messages in their order, with the quality that the bag offers."""
+    def messages(self, *topics: str) -> list[tuple[str, bytes, str, QoSProfile]]:
+        """Read messages in their order, with the type and the quality that the bag offers."""
         with AnyReader([self.bag]) as reader:
             wanted = [each for each in reader.connections if each.topic in topics]
-            return [(connection.topic, bytes(raw), qos_of(connection))
+            return [(connection.topic, bytes(raw), connection.msgtype, qos_of(connection))
                     for connection, _, raw in reader.messages(wanted)]
 
 
@@ -141,27 +160,28 @@ def play_to_rviz(world: Any, until: Until, recorded: Recorded) -> dict[str, list
 
     :return: what they got, by topic.
     """
-    got: dict[str, list[bytes]] = {name: [] for name in (*RVIZ, *RVIZ_LATE)}
+    got: dict[str, list[bytes]] = {
+        name: [] for name in (*RVIZ, *RVIZ_LATE) if name not in LACKING}
+    messages = recorded.messages(*got)
+    classes = {name: message_class(type_name) for name, _, type_name, _ in messages}
+    publishers = {name: world.node.create_publisher(classes[name], name, qos)
+                  for name, _, _, qos in messages}
 
     def listen(name: str, qos: QoSProfile) -> None:
-        world.node.create_subscription(
-            message_class(recorded.types[name]), name, got[name].append, qos, raw=True)
+        world.node.create_subscription(classes[name], name, got[name].append, qos, raw=True)
 
-    messages = recorded.messages(*got)
-    publishers = {name: world.node.create_publisher(
-        message_class(recorded.types[name]), name, qos) for name, _, qos in messages}
-    for name, qos in RVIZ.items():
-        listen(name, qos)
+    for name in got.keys() & RVIZ.keys():
+        listen(name, RVIZ[name])
         until(publishers[name].get_subscription_count, f'a subscription of {name}')
     sent: Counter[str] = Counter()
-    for name, raw, _ in messages:
+    for name, raw, _, _ in messages:
         publishers[name].publish(raw)
         sent[name] += 1
         if name in RVIZ and not sent[name] % RVIZ[name].depth:
             until(lambda: len(got[name]) == sent[name], f'{sent[name]} messages on {name}')
-    for name, qos in RVIZ_LATE.items():
-        listen(name, qos)
+    for name in got.keys() & RVIZ_LATE.keys():
+        listen(name, RVIZ_LATE[name])
     for name in got:
-        wanted = sent[name] if name in RVIZ else min(sent[name], 1)
+        wanted = sent[name] if name in RVIZ else 1
         until(lambda: len(got[name]) >= wanted, f'{wanted} messages on {name}')
     return got
