@@ -128,7 +128,7 @@ LIBRARIES: Final = {each.name: each for each in (
     Library('websockets', 'websockets', '13', '18'),
     Library('sqlalchemy', 'sqlalchemy', '2.0.23', '3'),
     Library('alembic', 'alembic', '1.13', '2'),
-    Library('argon2-cffi', 'argon2', '21.1', apt='python3-argon2'),
+    Library('argon2-cffi', 'argon2', '23.1'),
     Library('cryptography', 'cryptography', '42'),
     Library('psycopg', 'psycopg', '3.1.18', '4', parts='binary'),
     Library('aiortc', 'aiortc', '1.9', '2'),
