@@ -30,7 +30,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from importlib.util import find_spec
 from itertools import zip_longest
 import re
@@ -83,6 +82,7 @@ class Library:
 
     def found(self) -> str | None:
         """Return the installed version: None when it is missing, '' when nothing states it."""
+        from importlib import metadata  # which the core need not load
         if find_spec(self.module) is None:
             return None
         for name in (self.name, *self.others):
