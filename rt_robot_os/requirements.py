@@ -122,10 +122,10 @@ LIBRARIES: Final = {each.name: each for each in (
     Library('matplotlib', 'matplotlib', '3.6.3', '4', apt='python3-matplotlib'),
     Library('scipy', 'scipy', '1.11.4', '2', apt='python3-scipy'),
 
-    Library('fastapi', 'fastapi', '0.110', '1'),
+    Library('fastapi', 'fastapi', '0.120', '1'),
     Library('pydantic', 'pydantic', '2.7', '3'),
-    Library('uvicorn', 'uvicorn', '0.36', '1'),
-    Library('websockets', 'websockets', '13', '18'),
+    Library('uvicorn', 'uvicorn', '0.44', '1'),
+    Library('websockets', 'websockets', '15', '18'),
     Library('sqlalchemy', 'sqlalchemy', '2.0.23', '3'),
     Library('alembic', 'alembic', '1.13', '2'),
     Library('argon2-cffi', 'argon2', '23.1'),
