@@ -31,7 +31,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from collections.abc import Sequence
-from importlib import metadata
 from pathlib import Path
 import platform
 import shlex
@@ -150,6 +149,7 @@ def ros_remedy(package: str) -> str:
 
     :param package: such as ``tf2_msgs``.
     """
+    from importlib import metadata
     try:
         metadata.version('ros-jazzy-rclpy')
     except metadata.PackageNotFoundError:

@@ -30,7 +30,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from importlib.util import find_spec
 from itertools import zip_longest
 import re
@@ -83,6 +82,7 @@ class Library:
 
     def found(self) -> str | None:
         """Return the installed version: None when it is missing, '' when nothing states it."""
+        from importlib import metadata  # which the core need not load
         if find_spec(self.module) is None:
             return None
         for name in (self.name, *self.others):
@@ -122,13 +122,13 @@ LIBRARIES: Final = {each.name: each for each in (
     Library('matplotlib', 'matplotlib', '3.6.3', '4', apt='python3-matplotlib'),
     Library('scipy', 'scipy', '1.11.4', '2', apt='python3-scipy'),
 
-    Library('fastapi', 'fastapi', '0.110', '1'),
+    Library('fastapi', 'fastapi', '0.120', '1'),
     Library('pydantic', 'pydantic', '2.7', '3'),
-    Library('uvicorn', 'uvicorn', '0.36', '1'),
-    Library('websockets', 'websockets', '13', '18'),
+    Library('uvicorn', 'uvicorn', '0.44', '1'),
+    Library('websockets', 'websockets', '15', '18'),
     Library('sqlalchemy', 'sqlalchemy', '2.0.23', '3'),
     Library('alembic', 'alembic', '1.13', '2'),
-    Library('argon2-cffi', 'argon2', '21.1', apt='python3-argon2'),
+    Library('argon2-cffi', 'argon2', '23.1'),
     Library('cryptography', 'cryptography', '42'),
     Library('psycopg', 'psycopg', '3.1.18', '4', parts='binary'),
     Library('aiortc', 'aiortc', '1.9', '2'),

@@ -132,7 +132,9 @@ has_what_runs() { can_build "$1" && [ -z "$(table "$1" missing base)" ]; }
 can_build() { "$1" -c 'import colcon_core, colcon_ros' >/dev/null 2>&1; }
 
 has_everything() {
-  can_build "$1" && [ -z "$(table "$1" missing "${EXTRAS[@]}")" ] || return
+  local missing
+  missing=$(table "$1" missing "${EXTRAS[@]}") || exit 2
+  can_build "$1" && [ -z "$missing" ] || return
   [ "$KIND" = run ] || "$1" -c 'import mypy' >/dev/null 2>&1
 }
 
@@ -337,7 +339,7 @@ enter() {
 # without a compiler, or when that fails, everything but /tf works.
 start_tf2_msgs() {
   TYPES=
-  [ "$MODE" = wheels ] && [ ! -e "$VENV/.$PACKAGE-tf2_msgs" ] && can_compile &&
+  [ "$MODE" = wheels ] && [ ! -e "$VENV/.$PACKAGE-tf2_msgs" ] && [ -w "$VENV" ] && can_compile &&
     [ -n "$(type -P c++ g++ clang++)" ] || return 0
   say 'generating the type of /tf (half a minute, once)'
   "$ROOT/scripts/tf2_msgs" "$VENV" &

@@ -30,7 +30,6 @@ import argparse
 import os
 from pathlib import Path
 import resource
-import signal
 import subprocess
 import tempfile
 import time
@@ -59,7 +58,7 @@ def first_sample(clone: Path, environment: dict[str, str]) -> float:
         raise SystemExit(f'the robot ended with {robot.wait()}')
     finally:
         if robot.poll() is None:
-            robot.send_signal(signal.SIGINT)
+            robot.terminate()
         robot.communicate()
 
 

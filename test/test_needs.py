@@ -163,7 +163,7 @@ def test_where_pip_may_not_install_it_is_a_package_or_a_virtual_environment(
     assert lacking('mapping', 'scipy').endswith(': sudo apt install python3-scipy')
     text = lacking('the monitor', 'argon2-cffi', 'websockets')
     assert 'python3 -m venv --system-site-packages ' in text and needs.PAGE in text
-    assert "pip install 'argon2-cffi>=21.1' 'websockets>=13'" in text
+    assert "pip install 'argon2-cffi>=23.1' 'websockets>=15'" in text
     # The package of the distribution is there, and too old.
     monkeypatch.setattr(type(LIBRARIES['scipy']), 'found', lambda self: '1.8')
     assert 'venv --system-site-packages' in lacking('mapping', 'scipy')

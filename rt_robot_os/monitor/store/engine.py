@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 import os
 from pathlib import Path
 import sqlite3
@@ -80,6 +81,10 @@ def read_url(text: str) -> URL:
     name = url.get_backend_name()
     if name in (POSTGRES, 'postgres'):
         require('a PostgreSQL database', 'psycopg')
+        try:
+            import_module('psycopg')
+        except ImportError as error:  # without the library of PostgreSQL, or its binary part
+            raise StartError(f'psycopg cannot be imported: {error}') from error
         return url.set(drivername='postgresql+psycopg')
     if name != SQLITE:
         raise StartError(f'database: {name[:40]!r} is neither sqlite nor postgresql')

@@ -71,14 +71,16 @@ def test_bad_use_and_no_core_have_exit_codes_and_say_why(world: Any) -> None:
         assert refused.returncode == 2 and what in refused.stderr
 
 
-def test_without_rich_it_says_how_to_get_it_and_once_still_works(world: Any) -> None:
-    (world.folder / 'rich.py').write_text('raise ImportError("none here", name="rich")')
+def test_with_an_old_rich_it_says_how_to_get_it_and_once_still_works(world: Any) -> None:
+    (world.folder / 'rich-9.0.dist-info').mkdir()
+    (world.folder / 'rich-9.0.dist-info' / 'METADATA').write_text(
+        'Metadata-Version: 2.1\nName: rich\nVersion: 9.0\n')
     world.environment['PYTHONPATH'] = f'{world.folder}:{world.environment["PYTHONPATH"]}'
     world.start_core()
     assert world.top('--once', '--wait', '60', '--interval', '0.2').returncode == 0
     terminal = world.terminal()
     assert terminal.end() == 2
-    assert 'pip install rich' in terminal.seen
+    assert 'the live screen needs rich ' in terminal.seen and '(9.0 is installed)' in terminal.seen
 
 
 class TestLive:
