@@ -140,7 +140,7 @@ class GridMap:
     def save(self, path: str | os.PathLike[str], mode: str = 'trinary',
              suffix: str = '.pgm') -> None:
         """
-        Write the map as a YAML file and, beside it, a picture of the same name.
+        Write the map as a YAML file and a picture of the same name.
 
         :param path: of the YAML file.
         :param mode: ``trinary`` as map_saver writes it: values from 1 to 99 become unknown, unless

@@ -14,7 +14,7 @@
 
 
 """
-Pictures of maps: PGM, and with Pillow PNG and BMP, as greys that mean what they mean to map_server.
+Pictures of maps: PGM, and with Pillow PNG and BMP, read as map_server reads them.
 
 Source: the rules of nav2_map_server for colours and transparency. A colour counts as the mean of
 red, green and blue. What is transparent: in mode trinary opacity is averaged in as a fourth
@@ -98,7 +98,7 @@ def write_picture(pixels: npt.NDArray[np.uint8], suffix: str) -> bytes:
 
     :param pixels: of shape (height, width), the top row first.
     :param suffix: of the file, one of ``PICTURES``.
-    :raises ValueError: PNG is asked for and Pillow is not installed, or no such picture is written.
+    :raises ValueError: a PNG is requested and Pillow is not installed, or the suffix is another.
     """
     if suffix == '.pgm':
         return write_pgm(pixels)

@@ -92,8 +92,8 @@ def save(path: str | os.PathLike[str], graph: Graph | None, grid: GridMap,
     """
     Write a map, whole or not at all; the one that was there stays until then.
 
-    :param path: of the YAML file, with or without ``.yaml``; its folder is made. One that ends with
-        ``.png`` asks for a PNG as its picture, which needs Pillow.
+    :param path: of the YAML file, with or without ``.yaml``; its folder is made. A path
+        that ends with ``.png`` requests a PNG as the picture, which needs Pillow.
     :param graph: None: the grid alone.
     :param settings: plain values, for those who read it.
     :return: of the YAML file.
@@ -204,14 +204,14 @@ def load(path: str | os.PathLike[str], with_graph: bool = True) -> Saved:
     """
     Read a map, of ours or of anybody.
 
-    :param path: of the YAML file, with or without ``.yaml``, or of the picture beside it.
+    :param path: of the YAML file, with or without ``.yaml``, or of its picture.
     :param with_graph: False: of the grid alone, whatever stands beside it.
     :raises ConfigError: it cannot be read, is damaged, or its files are of several maps.
     """
     yaml = _yaml_of(path)
     if not yaml.exists() and _picture_suffix(path):
-        beside = _yaml_of(Path(path).with_suffix(''))
-        yaml = beside if beside.exists() else yaml
+        of_picture = _yaml_of(Path(path).with_suffix(''))
+        yaml = of_picture if of_picture.exists() else yaml
     grid = _grid(yaml)
     if not with_graph:
         return Saved(grid)

@@ -37,7 +37,7 @@ _INDENT: Final = 11
 
 
 def width() -> int:
-    """Return how wide the text may be: as the terminal is, from 60 to 120 columns; 100 in pipes."""
+    """Return the width of the text: the terminal's, from 60 to 120 columns; 100 in pipes."""
     return min(max(shutil.get_terminal_size((_USUAL, 24)).columns, _NARROWEST), _WIDEST)
 
 

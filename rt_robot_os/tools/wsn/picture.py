@@ -122,8 +122,9 @@ def _draw(figure: Any, simulation: Simulation, results: Results) -> None:
                         rasterized=len(where) > _VECTORS)
     figure.colorbar(dots, ax=axes, label='data frames sent', shrink=0.8,
                     pad=0.02)
-    axes.scatter(*zip(*(where[each] for each in topology.sinks)), marker='*', s=160 if many else 260, color='#D55E00',
-                 edgecolors='black', linewidths=0.6, zorder=4, label='sink')
+    axes.scatter(*zip(*(where[each] for each in topology.sinks)), marker='*',
+                 s=160 if many else 260, color='#D55E00', edgecolors='black', linewidths=0.6,
+                 zorder=4, label='sink')
     dark = [each for each in nodes if not simulation.network.motes[each].is_on]
     if dark:
         axes.scatter([where[each][0] for each in dark], [where[each][1] for each in dark],

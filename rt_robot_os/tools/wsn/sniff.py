@@ -59,8 +59,8 @@ a pcap of 802.15.4; gzipped or not; - is the standard input. The summary goes to
   wsn sniff sf://localhost:9002 --json | jq .readings
   wsn sniff night.serial.bin --payload 'soil 0x42 wet:H[%]=soil_moisture_percent,0.1'
 
-The exit code is 0 when the file or the time is over and after Ctrl-C, 1 when no packet came, or the
-port or the file cannot be read or is gone, 2 for a wrong command line.
+The exit code is 0 when the file or the time is over and after Ctrl-C, 1 when no packet came,
+or the port or the file cannot be read or is gone, 2 for a wrong command line.
 """
 
 

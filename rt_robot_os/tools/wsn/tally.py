@@ -136,8 +136,8 @@ class Tally:
             delivery = '-' if account is None else f'{least}{account.delivery:.2%}'
             yield f'  {node:>6} {origin.packets:>8} {origin.copies:>8} {lost:>8} {delivery:>9}'
         if not all(origin.is_exact for origin in self.origins.values()):
-            yield ('  <= and >=: numbers of Oscilloscope that did not come; a node also skips some, '
-                   'when it takes over a higher one')
+            yield ('  <= and >= are bounds: a node of Oscilloscope also skips numbers, without a '
+                   'loss')
 
 
 def _says(packet: Packet) -> int:

@@ -100,7 +100,8 @@ def _nodes(one: Results) -> Iterator[str]:
             '-' if parent is None else str(one.hops[each]),
             '-' if parent is None else str(one.costs[each]),
             f'{one.generated.get(each, 0):,}', f'{one.delivered.get(each, 0):,}',
-            number(100.0 * _share(one, each), 1) if one.generated.get(each) else '-', f'{one.data_by_node.get(each, 0):,}',
+            number(100.0 * _share(one, each), 1) if one.generated.get(each) else '-',
+            f'{one.data_by_node.get(each, 0):,}',
             number(one.used_mah.get(each, math.nan), 2)))
     if len(one.parents) <= _MOST_ROWS:
         rows.sort(key=lambda row: int(row[0]))

@@ -55,8 +55,8 @@ class Radio(ABC):
     :ivar sent_acks: acknowledgements.
     :ivar received_frames: for this node or for all.
     :ivar air_ns: how long it has sent.
-    :ivar links: what arrives of its signal at others, in dBm; the medium's, as is what follows: ask
-        ``GainMedium.links_of``, as those of a radio that does not send may not be there.
+    :ivar links: signal strength at others, in dBm. It belongs to the medium, as do the attributes
+        below; read it by ``GainMedium.links_of``, which computes it where it is not stored.
     :ivar fixed_links: in place of ``links`` where nothing but links is known.
     :ivar hearers: who may receive its frames; None: to be found out.
     :ivar near: lists of what is on the air in its part of the area; its own list is first.

@@ -88,7 +88,7 @@ class GainMedium(Medium):
         self._median_dbm = ordered[self._length // 2]
         self._lowest_dbm = ordered[self._length // _CALM_SHARE] + WEAKEST_SNR_DB
         self._gains: dict[int, dict[int, float]] = {}
-        # The same by receiver, so that nobody else is asked when one comes.
+        # The same by receiver, so that a new radio examines its neighbours only.
         self._senders: dict[int, dict[int, float]] = {}
         self._fading: Fading | None = None
 
@@ -145,7 +145,7 @@ class GainMedium(Medium):
                 radio.hearers = None
 
     def links_of(self, radio: Radio) -> dict[Radio, float]:
-        """Return what arrives of the signal of a radio, in dBm, by who hears it."""
+        """Return the signal of a radio at all radios in reach, in dBm."""
         return radio.links
 
     def hearers(self, radio: Radio) -> tuple[Radio, ...]:

@@ -44,7 +44,7 @@ class LinkMedium(Medium):
         super().__init__()
         self._cca_dbm = mac.cca_dbm
         self._links: dict[int, dict[int, Link]] = {}
-        # By receiver, so that nobody else is asked when one comes.
+        # By receiver, so that a new radio examines its neighbours only.
         self._senders: dict[int, dict[int, None]] = {}
 
     def set_link(self, sender: int, receiver: int, link: Link | None) -> None:

@@ -153,9 +153,9 @@ class Mote:
     """
 
     __slots__ = (
-        'address', 'number', 'random', 'is_root', 'position', 'router', 'radio', 'is_on', 'drift_ppb',
-        'battery', 'generated', 'refused', 'delivered', 'boots', 'is_removed', 'queue',
-        '_network', '_timers', '_booted_ns', '_traffic', '_first_timer', '_period_timer',
+        'address', 'number', 'random', 'is_root', 'position', 'router', 'radio', 'is_on',
+        'drift_ppb', 'battery', 'generated', 'refused', 'delivered', 'boots', 'is_removed',
+        'queue', '_network', '_timers', '_booted_ns', '_traffic', '_first_timer', '_period_timer',
         '_late_timer')
 
     def __init__(self, network: Surroundings, address: int, is_root: bool,

@@ -15,10 +15,10 @@
 """
 The air of a place: what arrives follows from where the radios are.
 
-Radios are found by cells of a grid. Who hears a radio is found out when it first sends, and follows
-from places, powers, numbers and the seed alone, in an order of its own: neither the cells nor the
-time of the search change it. So a radio costs the same however many there are elsewhere, and only
-the links of those that sent last are stored.
+Radios are found by cells of a grid. The links of a radio are computed when it first sends. They
+follow from places, powers, numbers and the seed alone, in a fixed order: neither the cells nor the
+time of the search change them. So the cost of a radio does not depend on the size of the network,
+and only the links of those that sent last are stored.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _NUMBERS: Final = 4096
 _MULTIPLIERS: Final = (0x1E3779B1, 0x05EBCA6B, 0x42B2AE35)
 _MASK: Final = 0x7FFFFFFF
 
-#: So many links are stored, some 65 bytes each; those of radios that sent last.
+#: Bound on stored links, about 65 bytes each; those of radios that sent last are kept.
 MOST_LINKS: Final = 8_000_000
 # The links of a radio that has sent within this time are stored whatever their number.
 _RECENT_NS: Final = 1_000_000_000
@@ -135,7 +135,7 @@ class PathLossMedium(GainMedium):
         super().begin(frame)
 
     def links_of(self, radio: Radio) -> dict[Radio, float]:
-        """Return what arrives of the signal of a radio, in dBm, by who hears it or is heard."""
+        """Return the signal of a radio at all radios in reach, in dBm."""
         if radio not in self._linked:
             others, there_dbm, _ = self._reached(radio)
             self._store(radio, dict(zip(others, there_dbm)))
@@ -188,7 +188,7 @@ class PathLossMedium(GainMedium):
         self._store(radio, dict(zip(others, there_dbm)))
 
     def _reached(self, radio: Radio) -> tuple[list[Radio], list[float], list[float]]:
-        """Return who hears a radio or is heard by it, and what arrives there and back, in dBm."""
+        """Return the radios in reach of one, and the signals there and back, in dBm."""
         places, audible_dbm, loss = self.places, self._audible_dbm, self._path_loss
         row = places.row(radio)
         rows, away_m = places.near(row, reach_m(
@@ -206,10 +206,11 @@ class PathLossMedium(GainMedium):
             there_dbm, back_dbm = there_dbm - behind_db, back_dbm - behind_db
             left = np.flatnonzero(np.maximum(there_dbm, back_dbm) > audible_dbm)
             rows, there_dbm, back_dbm = rows[left], there_dbm[left], back_dbm[left]
-        return [places.radio(each) for each in rows.tolist()], there_dbm.tolist(), back_dbm.tolist()
+        others = [places.radio(each) for each in rows.tolist()]
+        return others, there_dbm.tolist(), back_dbm.tolist()
 
     def _behind_walls_db(self, row: int, others: Numbers) -> Numbers:
-        """Return what walls take away; they are counted from who came to its place later."""
+        """Return the loss in walls; they are counted from the radio that was placed later."""
         places, walls = self.places, self._path_loss.walls
         assert walls is not None
         here, behind_db = places.position(row), []

@@ -54,7 +54,7 @@ class RadioPlaces:
 
     def __init__(self, range_m: float) -> None:
         """
-        Start with nobody there.
+        Start without radios.
 
         :param range_m: side of the blocks; a radio searches its own block and the eight around it.
         """
@@ -68,7 +68,7 @@ class RadioPlaces:
         self._arrays: dict[Cell, Numbers] = {}
         self._positions: Numbers = np.zeros((_FIRST_ROWS, 3))
         self._powers: Numbers = np.zeros(_FIRST_ROWS)
-        # Number of the radio, how manieth it was put there, and column and row of its block.
+        # Number of the radio, sequence number of its placement, column and row of its block.
         self._marks: Numbers = np.zeros((_FIRST_ROWS, 4), np.int64)
         self._put = 0
 

@@ -174,7 +174,8 @@ class Results:
             'first_empty_days': self.first_empty_days,
             'gaps': self._gaps_as_json(), 'losses': self.outcomes, 'counters': self.counters,
             **({'host': self.host} if self.host else {}),
-            **({'sinks': list(self.sinks)} if len(self.sinks) > 1 else {}), 'events': self.happenings,
+            **({'sinks': list(self.sinks)} if len(self.sinks) > 1 else {}),
+            'events': self.happenings,
             'events_run': self.events, 'wall_s': self.wall_s,
             'times_real_time': self.ended_s / self.wall_s if self.wall_s else None})
         return found

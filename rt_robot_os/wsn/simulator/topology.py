@@ -75,7 +75,7 @@ class Topology:
 
     :ivar places: of all nodes by id; those of a file of links have none that means anything.
     :ivar sink: of the first network.
-    :ivar pan_nodes: so many nodes are one network, in the order of their ids; 0: all are one.
+    :ivar pan_nodes: nodes of each network, in the order of their ids; 0: there is one network.
     :ivar located: whether the places mean something.
     :ivar links: of a links file; None without.
     :ivar changes: of these, in the order of time.
@@ -131,7 +131,7 @@ def make_topology(scenario: Scenario) -> Topology:
 
 
 def _pan_nodes(count: int) -> int:
-    """Return how many of so many nodes are one network; 0 where one has room for all."""
+    """Return the nodes of each network; 0 where one network has addresses for all."""
     networks = -(-count // MOST_NODES_A_PAN)
     return 0 if networks == 1 else -(-count // networks)
 
