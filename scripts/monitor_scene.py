@@ -152,7 +152,7 @@ class Scene:
         yaw = math.atan2(-0.9 / 7 * math.sin(t_s / 7), 1.2 / 9 * math.cos(t_s / 9))
         self.flat.live(**{
             'battery': {'percentage': 0.78, 'voltage': 25.1}, 'stop_reason': '',
-            'agent/state': 'approach anna: fall, at wrist', 'pose': {'x': x, 'y': y, 'yaw': yaw},
+            'agent/state': 'approach anna: fall', 'pose': {'x': x, 'y': y, 'yaw': yaw},
             'plan': {'points': [[x, y], [2.6, 3.2], [2.45, 3.6]]}, 'wsn/nodes': nodes(),
             'speed': {'linear_m_s': 0.21, 'angular_rad_s': 0.1},
             'health/anna/place': {'x': 2.45, 'y': 3.95, 'yaw': 0},

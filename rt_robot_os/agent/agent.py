@@ -140,7 +140,8 @@ class Agent:
         if emergency is None or state is State.IDLE:
             return state.value
         why = f': {self._why}' if self._why and state in (State.GIVE_UP, *PAUSES) else ''
-        return f'{state.value} {emergency.subject or "?"}: {emergency.what}{why}'
+        what = emergency.what(self._around.wearers)
+        return f'{state.value} {emergency.subject or "?"}: {what}{why}'
 
     @property
     def ignored(self) -> int:
@@ -232,7 +233,7 @@ class Agent:
         self._chosen = best
         name = best.subject or best.alarm
         self._fire(best.state if best.state != ACKNOWLEDGED else 'raised',
-                   f'{name}: {best.what}', t_ns)
+                   f'{name}: {best.what(self._around.wearers)}', t_ns)
 
     def _see_who_has_it(self, t_ns: int) -> bool:
         """Return whether the e-stop has the robot; note whether an operator does."""

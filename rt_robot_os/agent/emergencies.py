@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from collections.abc import Container
 from collections.abc import Mapping
 from dataclasses import dataclass
 import json
@@ -71,11 +72,14 @@ class Emergency:
         """Return by what they are ordered, the most important first: level, then age."""
         return not self.first, -self.level, self.since_ns, self.alarm
 
-    @property
-    def what(self) -> str:
-        """Return it in words: ``fall, at wrist``."""
+    def what(self, worn: Container[str]) -> str:
+        """
+        Return it in words: ``smoke, at kitchen``.
+
+        :param worn: names of nodes that people wear, which are no place.
+        """
         kinds = ', '.join(self.kinds[:3]) or 'emergency'
-        return f'{kinds}, at {self.node}' if self.node else kinds
+        return f'{kinds}, at {self.node}' if self.node and self.node not in worn else kinds
 
 
 class Emergencies:

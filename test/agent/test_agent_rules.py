@@ -353,3 +353,13 @@ def test_home_is_where_it_is_set_and_not_three_metres_away() -> None:
     world.agent.command('return', world.t_ns)
     world.until(S.IDLE)
     assert world.pose == (2.0, 0.0, 0.0)
+
+
+def test_a_node_that_somebody_wears_is_not_said_to_be_where_they_are() -> None:
+    world = World()
+    world.alarm('raised', node='wrist')
+    world.until(State.APPROACH)
+    assert world.agent.text == 'approach anna: fall'
+    world.alarm('raised', '2', 'critical', 'kitchen', ('smoke',), node='kitchen')
+    world.run(1.0)
+    assert world.agent.text == 'approach kitchen: smoke, at kitchen'

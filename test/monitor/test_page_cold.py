@@ -57,7 +57,8 @@ if TYPE_CHECKING:
 
 PAGE = Path(monitor.__file__).parent / 'page'
 SHEETS = sorted({each.stem for each in (PAGE / 'style').glob('*.css')} - {'base', 'shell'})
-PLACES = dict(re.findall(r"{name: '(\w+)',.* place: '(\w+)'}", (PAGE / 'lib/views.js').read_text()))
+PLACES = dict(re.findall(r"{name: '(\w+)',.* place: '(\w+)'}",
+                         (PAGE / 'lib/views.js').read_text()))
 KEYS = [key for each in (PAGE / 'messages/en').glob('*.json') for key in json.loads(
     each.read_text())]
 ADDRESSES = {'alarms': 'alarms/robot/c1', 'data': 'data/anna', 'drive': 'drive/robot'}
@@ -88,7 +89,8 @@ def robot(server: Monitor) -> Iterator[FakeRobot]:
         Image.new('RGB', (640, 480), (90, 120, 60)).save(picture, 'JPEG')
         media.frame('picture', picture.getvalue(), camera='hall', n=1, age_ns=0)
         found.live(wsn__nodes=NODES, battery={'percentage': 0.12}, agent__state='approach anna',
-                   health__anna__signs=signs(pulse_per_min=112), pose={'x': 1.0, 'y': 1.0, 'yaw': 0})
+                   health__anna__signs=signs(pulse_per_min=112),
+                   pose={'x': 1.0, 'y': 1.0, 'yaw': 0})
         found.raise_alarm('c1')
         for number, person in enumerate(('anna', 'bob')):
             found.raise_alarm(f'c{number + 2}', subject=f'vital signs of {person}',

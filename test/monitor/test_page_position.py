@@ -160,6 +160,9 @@ def test_a_click_on_the_map_sends_the_robot_there(
     goal = page.locator('.position-goal')
     expect(goal).to_contain_text('Send robot there?')
     expect(goal).to_contain_text('There is a wall')
+    go = page.get_by_role('button', name='Go there')
+    expect(go).to_be_disabled()
+    expect(go).not_to_have_class('button primary')
     assert robot.commands == []
     # Another place, so far away that the ring of the goal is not grabbed, turned by its arrow.
     there = world_of(WALL[0] - 5.2, WALL[1] - 5.3)
@@ -167,6 +170,7 @@ def test_a_click_on_the_map_sends_the_robot_there(
     assert beside['isFloor']
     canvas.click(position={'x': beside['px'], 'y': beside['py']})
     expect(goal).to_contain_text('Drag the arrow')
+    expect(go).to_have_class('button primary')
     page.get_by_label('Heading in °').fill('90')
     page.get_by_role('button', name='Go there').click()
     wait_until(lambda: robot.commands, 'the command')

@@ -19,10 +19,10 @@ from __future__ import annotations
 from typing import Any
 
 #: What is compared besides place and size.
-_LOOKS = ('display position visibility opacity filter clip-path object-fit transform cursor z-index '
-          'color background-color background-image border-top-color border-top-style border-radius '
-          'box-shadow font-family font-size font-weight text-align text-decoration-line '
-          'white-space list-style-type overflow-x overflow-y').split()
+_LOOKS = ('display position visibility opacity filter clip-path object-fit transform cursor '
+          'z-index color background-color background-image border-top-color border-top-style '
+          'border-radius box-shadow font-family font-size font-weight text-align '
+          'text-decoration-line white-space list-style-type overflow-x overflow-y').split()
 #: Compares how the page looks with the style sheets that it has loaded, and with those of all
 #: other views before or after them, as after visits to these. Nothing but the sheets differs:
 #: it is the same document in the same moment.

@@ -117,8 +117,8 @@ function offerNote(context, alarm) {
   const {t} = context;
   const input = h('input', {type: 'text', maxlength: 500, placeholder: t('alarms.note_hint'),
     'aria-label': t('alarms.note')});
-  const form = h('form.toast-form', input, h('button.button', {type: 'submit'},
-    t('alarms.note_add')));
+  const form = h('form.toast-form', input, h('button.button', {type: 'submit', 'aria-label':
+    t('alarms.note_add_which', {what: nameOf(context, alarm)})}, t('alarms.note_add')));
   const close = toast(t('alarms.acknowledged', {what: named(context, alarm)}),
     {action: form, shownMs: NOTE_SHOWN_MS});
   form.onsubmit = (event) => {

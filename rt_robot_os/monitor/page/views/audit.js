@@ -1,11 +1,14 @@
 /** The audit log: who did and saw what; whether it is whole; to take it away. */
 
-import {add, h, replace} from '../lib/dom.js';
+import {add, attribute, h, replace, write} from '../lib/dom.js';
 import {badge, button, field, notice, section} from '../lib/parts.js';
 import {attempt} from '../lib/problem.js';
 import {said} from '../lib/said.js';
 
 const PAGE = 100;
+// Ids of robots and sessions, which say nothing to people; so much of one tells it from others.
+const ID = /\b([0-9a-f]{16,})\b/;
+const SHORT_ID = 8;
 
 export const view = {
   name: 'audit',
@@ -77,8 +80,29 @@ class AuditView {
     return h('tr', h('td', format.dateTime(each.t_ns / 1e6)),
       h('th', {scope: 'row'}, each.name), h('td', action, action !== each.action && h('div.small.muted', each.action),
         each.details.flag === 'emergency' && [' ', badge('warn', t('audit.flag'), 'warn')]),
-      h('td.wrap', each.object), h('td.wrap.audit-details', details.join('; ')),
+      h('td.wrap', this.readable(each.object)),
+      h('td.wrap.audit-details', this.readable(details.join('; '))),
       h('td', each.address), h('td.end', String(each.seq)));
+  }
+
+  /** A text in which ids are short: the name of a robot, or a button that shows the whole id. */
+  readable(text) {
+    // What the brackets of the expression hold is at odd places.
+    return String(text ?? '').split(ID).map((part, at) => (at % 2 ? this.short(part) : part));
+  }
+
+  short(id) {
+    const {t, state} = this.context;
+    const short = state.robots.get(id)?.name || `${id.slice(0, SHORT_ID)}…`;
+    const made = h('button.audit-id', {type: 'button', title: id, 'aria-expanded': 'false',
+      'aria-label': t('audit.id', {short})}, short);
+    made.onclick = () => {
+      const isWhole = made.getAttribute('aria-expanded') === 'true';
+      attribute(made, 'aria-expanded', String(!isWhole));
+      attribute(made, 'aria-label', isWhole ? t('audit.id', {short}) : null);
+      write(made, isWhole ? short : id);
+    };
+    return made;
   }
 
   async verify() {

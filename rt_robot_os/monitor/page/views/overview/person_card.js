@@ -89,8 +89,8 @@ function showScore(element, score, t, isLost) {
   const isKnown = score && score.total !== null;
   const isOld = score && (isLost || score.ageS > STALE_S);
   const isPart = score && !isKnown && score.atLeast > 0;
-  // What is missing can only add to a part: low is not known then.
-  const isRisk = isKnown || (isPart && score.risk !== 'low');
+  // What is missing can only add to it: low is not known then.
+  const isRisk = (isKnown || isPart) && !(score.risk === 'low' && score.missing.length);
   tone(element, 'tone', isOld || !isRisk ? 'none' : riskTone(score.risk));
   write(total, isKnown ? score.total : isPart ? `≥ ${score.atLeast}` : '–');
   write(risk, !score ? t('overview.no_score') : isOld ? t('overview.score_old')
