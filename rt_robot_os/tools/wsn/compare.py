@@ -21,7 +21,6 @@ import argparse
 from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
-from dataclasses import dataclass
 import json
 import math
 from pathlib import Path
@@ -35,6 +34,9 @@ from rt_robot_os.errors import ConfigError
 from rt_robot_os.programs import FAILED
 from rt_robot_os.programs import OK
 from rt_robot_os.programs import tell
+from rt_robot_os.tools.wsn.compare_report import Difference
+from rt_robot_os.tools.wsn.compare_report import lines
+from rt_robot_os.tools.wsn.compare_report import width
 
 if TYPE_CHECKING:
     from rt_robot_os.tools.wsn.references import Reference
@@ -71,21 +73,6 @@ def add_to(commands: Any) -> None:
     parser.set_defaults(run=run)
 
 
-@dataclass(frozen=True)
-class Difference:
-    """
-    One figure of one reference.
-
-    :ivar ok: it differs by no more than it may.
-    """
-
-    what: str
-    ours: str
-    theirs: str
-    ok: bool
-    allowed: str = ''
-
-
 def run(arguments: argparse.Namespace) -> int:
     """
     Run the command.
@@ -93,8 +80,6 @@ def run(arguments: argparse.Namespace) -> int:
     :return: the exit code.
     :raises ConfigError: nothing can be compared.
     """
-    from rt_robot_os.tools.wsn.compare_report import lines
-    from rt_robot_os.tools.wsn.compare_report import width
     from rt_robot_os.tools.wsn.references import Skipped
     references, logs, skipped = _chosen(arguments)
     compared = {one.name: differences(one, runs) for one, runs in simulated(

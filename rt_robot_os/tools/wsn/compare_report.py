@@ -20,13 +20,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
+from dataclasses import dataclass
 import shutil
 import textwrap
 from typing import Final
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rt_robot_os.tools.wsn.compare import Difference
     from rt_robot_os.tools.wsn.references import Skipped
 
 # Longer values stand below each other, on lines of their own.
@@ -34,6 +34,21 @@ _SHORT: Final = 10
 _NARROWEST, _WIDEST, _USUAL = 60, 120, 100
 _FORM: Final = '  {:<7}  {:<17}  {:>10}  {:>10}  {}'
 _INDENT: Final = 11
+
+
+@dataclass(frozen=True)
+class Difference:
+    """
+    One figure of one reference.
+
+    :ivar ok: it differs by no more than it may.
+    """
+
+    what: str
+    ours: str
+    theirs: str
+    ok: bool
+    allowed: str = ''
 
 
 def width() -> int:

@@ -137,7 +137,7 @@ def _pan_nodes(count: int) -> int:
 
 
 def _in_strips(places: Sequence[Place], pan_nodes: int) -> list[Place]:
-    """Number random nodes so that each network is a strip along x, its sink in the middle."""
+    """Give random nodes ids so that each network is a strip along x, its sink in the middle."""
     ordered = [place._replace(id=index, name=str(index)) for index, place in enumerate(
         sorted(places, key=lambda place: place.y))]
     left, right = (end(place.x for place in places) for end in (min, max))

@@ -25,7 +25,7 @@ import shutil
 import pytest
 
 from rt_robot_os.tools.wsn.command import run
-from rt_robot_os.tools.wsn.compare import Difference
+from rt_robot_os.tools.wsn.compare_report import Difference
 from rt_robot_os.tools.wsn.compare_report import lines
 from rt_robot_os.tools.wsn.references import Skipped
 
