@@ -32,6 +32,7 @@ from collections.abc import Callable
 from collections.abc import Iterable
 from collections.abc import Mapping
 from functools import lru_cache
+import math
 import re
 from types import MappingProxyType
 from typing import Any
@@ -47,6 +48,8 @@ TEMPLATES: Final[Mapping[str, str]] = MappingProxyType({**ROBOT, **SERVER})
 #: A longer text has no code, nor one that is nested deeper.
 LONGEST: Final = 500
 _DEEPEST: Final = 4
+#: Of several texts so many have codes: a robot cannot keep a server busy with one line.
+_CODED_MOST: Final = 12
 _HOLE: Final = re.compile(r'\{(\w+)(?::(\w+))?\}')
 _TITLES: Final = MappingProxyType({sign.title: name for name, sign in SIGNS.items()})
 _NUMBER: Final = r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?'
@@ -126,9 +129,17 @@ def _nested(text: str, depth: int, hole: str = '') -> dict[str, Any]:
     return {'text': text, **(coded(text, depth + 1, hole) or {})}
 
 
-def _number(text: str, depth: int) -> float:
+def _number(text: str, depth: int) -> float | str:
     value = float(text)
+    if not math.isfinite(value):
+        return text  # JSON has no such number
     return int(value) if value.is_integer() and '.' not in text else value
+
+
+def _several(text: str, depth: int) -> list[dict[str, Any]]:
+    parts = text.split(', ')
+    return [_nested(each, depth, 'l') if place < _CODED_MOST else {'text': each}
+            for place, each in enumerate(parts)]
 
 
 _READERS: Final[Mapping[str, Callable[[str, int], Any]]] = MappingProxyType({
@@ -136,5 +147,5 @@ _READERS: Final[Mapping[str, Callable[[str, int], Any]]] = MappingProxyType({
     'word': lambda text, depth: text, 'sign': lambda text, depth: _TITLES[text],
     't': _nested, 'e': lambda text, depth: _nested(text, depth, 'e'),
     'a': lambda text, depth: _nested(text, depth, 'a'),
-    'l': lambda text, depth: [_nested(each, depth, 'l') for each in text.split(', ')],
+    'l': _several,
     'kinds': lambda text, depth: text.split(', ')})

@@ -192,7 +192,8 @@ AXIS = """async () => {
   const at = Date.UTC(2026, 2, 31, 23, 0);
   const labels = (language, step) => timeLabels(language, 'Europe/Berlin')(
     [0, 1, 2].map((i) => at + i * step), step);
-  return [labels('en-GB', 3.6e6), labels('de', 3.6e6), labels('de', 250), labels('en-GB', 31 * 864e5),
+  return [labels('en-GB', 3.6e6), labels('de', 3.6e6), labels('de', 250),
+          labels('en-GB', 31 * 864e5),
           timeText(at, 365 * 864e5, 'de', 'Europe/Berlin')];
 }"""
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from fake_robot import FakeRobot
 
 VIEWS = ('alarms', 'data/anna', 'position', 'camera', 'drive', 'network', 'account', 'overview')
-#: Opens each view, and leaves it when it is there: at once, while it still loads, or a little later.
+#: Opens each view, and leaves it when it is there: at once, while it still loads, or later.
 ROUND = """async ([views, stayMs]) => {
   for (const view of views) {
     location.hash = `#/${view}`;

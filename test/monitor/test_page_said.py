@@ -79,7 +79,7 @@ def test_a_code_of_a_newer_robot_leaves_its_text(robot: FakeRobot, signed_in: Si
 
 def test_refusals_are_read_in_german(robot: FakeRobot, signed_in: SignedIn) -> None:
     robot.raise_alarm('g3')
-    robot._answer = lambda command: (False, "alarm g3 is raised already")
+    robot._answer = lambda command: (False, 'alarm g3 is raised already')
     page = signed_in('carer', '#/alarms/robot/g3', locale='de-DE')
     act = page.locator('.alarm-actions').get_by_role('button', name='Quittieren')
     act.click()

@@ -216,6 +216,15 @@ def test_what_a_robot_of_another_release_says_of_its_texts_counts() -> None:
     assert codes_of({'text': 'x' * 501}, ('text',)) == {}
 
 
+@pytest.mark.parametrize('text', [
+    'stopped: no progress for 1e999 s', f'after {"9" * 400} s', 'worse: ' * 60,
+    f'robot is there, {"picture, " * 50}picture', 'x: NEWS2 1 (' + '; missing: ' * 40,
+    ': '.join(['a'] * 100), '\0', '{name}', 'e-stop\nnobody'])
+def test_a_text_that_a_robot_makes_up_breaks_nothing(text: str) -> None:
+    found = json.dumps(coded(text), allow_nan=False)
+    assert len(found) < 20 * len(text) + 1000
+
+
 def test_a_signal_that_is_a_text_has_its_code_beside_it() -> None:
     assert codes_of_signals({'agent/state': [7, 'idle'], 'pose': [7, {'x': 1.0}],
                              'stop_reason': [7, 'own words'], 'codes/steering': [7, None],
