@@ -64,7 +64,7 @@ def test_topics_have_names_types_and_quality_of_their_mirrors(world: Any, until:
     assert recorder.process.wait(60) == 0, recorder.output
     with AnyReader([bag]) as reader:
         found = {each.topic: each for each in reader.connections}
-    assert set(found) == {*NAMES, '/arm/cmd_vel'}
+    assert set(found) == {*NAMES, '/arm/cmd_vel', '/rosout'}
     for name in NAMES:
         live, = world.node.get_publishers_info_by_topic(name)
         offered, = found[name].ext.offered_qos_profiles

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compare a bag with the live graph that it was recorded of, and play it as `ros2 bag play` does."""
+"""Compare a bag with the live graph that was recorded, and play it as `ros2 bag play` does."""
 
 from __future__ import annotations
 
