@@ -40,7 +40,7 @@ esac
 """
 OFFLINE = """#!/bin/sh
 case "$*" in
-  *'pip install'*) echo 'WARNING: Retrying after connection broken by NewConnectionError'; exit 1 ;;
+  *'pip install'*) echo 'WARNING: Retrying after connection broken by an error'; exit 1 ;;
   *) exec {python} "$@" ;;
 esac
 """
