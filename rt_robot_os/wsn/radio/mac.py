@@ -56,7 +56,7 @@ class MacProfile(NamedTuple):
     :ivar is_tossim: acknowledgements are not on the air but decided at the frame's end; a frame
         has to be received at its start and at its end; one lost in a thousand is acknowledged.
     :ivar keeps_cut_off: a frame that is cut off because the mote begins to send stays in the
-        receive FIFO (see :mod:`.receive_fifo`), where the medium knows of frames being received.
+        receive FIFO, as on emulated motes with TinyOS 2; see ``simulator/receive_fifo.py``.
     """
 
     name: str
@@ -96,7 +96,7 @@ TINYOS2: Final = MacProfile(
     name='tinyos2', version=2, unit_ns=_JIFFY_NS, initial=(10, 310, 1), congestion=(10, 70, 1),
     second_look_ns=round(7 * _JIFFY_NS), turnaround_ns=TURNAROUND_NS, cca_dbm=CCA_THRESHOLD_DBM,
     overhead_bytes=13, ack_delay_ns=783_000, ack_wait_ns=round(256 * _JIFFY_NS),
-    ack_air_ns=air_time_ns(ACK_MPDU_BYTES), broadcast_acks=True, keeps_cut_off=True)
+    ack_air_ns=air_time_ns(ACK_MPDU_BYTES), broadcast_acks=True)
 TOSSIM: Final = MacProfile(
     name='tossim', version=2, unit_ns=_SYMBOL_NS, initial=(20, 620, 1), congestion=(20, 140, 1),
     second_look_ns=0, turnaround_ns=round(11 * _SYMBOL_NS), cca_dbm=-72.0, overhead_bytes=9,

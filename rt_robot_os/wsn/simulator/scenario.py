@@ -92,6 +92,10 @@ class RadioSettings:
     acknowledge: str | None = setting(
         None, 'software (0.78 ms after the frame) or hardware (0.19 ms); when absent as the mac '
         'profile has it', choices=('hardware', 'software'))
+    cut_off_frames: str = setting(
+        'dropped', 'a frame whose reception ends because the node begins to send: dropped, as on '
+        'a real CC2420, or kept in its receive FIFO, as on motes that MSPSim emulates; kept needs '
+        'links and the mac tinyos2', choices=('dropped', 'kept'))
     power_dbm: float = setting(0.0, 'of the transmitter', 'dBm', -25.0, 20.0)
     noise: str = setting(
         'quiet', 'noise of no recording: quiet (a laboratory) or heavy (beside busy Wi-Fi)',
@@ -284,6 +288,9 @@ def wrong(scenario: Scenario) -> Iterator[Wrong]:
                                (scenario.traffic, 'traffic.', 'period')):
         if None not in (getattr(owner, f'{key}_ms'), getattr(owner, f'{key}_binary_ms')):
             yield f'{prefix}{key}_ms', f'must be left out: {key}_binary_ms is given as well'
+    if scenario.radio.cut_off_frames == 'kept':
+        if not scenario.topology.links or settled(scenario).radio.mac != 'tinyos2':
+            yield 'radio.cut_off_frames', 'must be dropped: kept needs links and the mac tinyos2'
     tinyos = settled(scenario).tinyos
     if scenario.protocol == 'multihoplqi' and tinyos == 1 and scenario.sink.id:
         yield 'sink.id', 'must be 0: in TinyOS 1.x the base station is node 0'

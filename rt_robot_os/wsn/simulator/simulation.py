@@ -349,7 +349,8 @@ def _mac(scenario: Scenario) -> MacProfile:
     if profile.is_tossim:
         return profile
     return profile._replace(
-        ack_delay_ns=_ACK_DELAYS_NS[scenario.radio.acknowledge or 'software'])
+        ack_delay_ns=_ACK_DELAYS_NS[scenario.radio.acknowledge or 'software'],
+        keeps_cut_off=scenario.radio.cut_off_frames == 'kept')
 
 
 def _noise(scenario: Scenario) -> list[int]:
