@@ -166,7 +166,9 @@ _LAYOUT = """({share, keys}) => {
 
 #: Gives the names of buttons that stand more than once, as a screen reader reads them.
 _TWICE = """() => {
-  const names = [...document.querySelectorAll('button')].filter((each) => each.checkVisibility())
+  // The same id may stand in many rows of a table.
+  const names = [...document.querySelectorAll('button:not(td button)')]
+    .filter((each) => each.checkVisibility())
     .map((each) => (each.getAttribute('aria-label') || each.textContent).trim());
   return [...new Set(names.filter((each, at) => names.indexOf(each) !== at))];
 }"""
