@@ -36,6 +36,7 @@ Every message names the object, the value and the remedy.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Final
 
 
 class RtRobotError(Exception):
@@ -92,3 +93,20 @@ class StoreError(RtRobotError, OSError):
 
 class KernelError(RtRobotError, RuntimeError):
     """A defect in the kernel; the message says what was found."""
+
+
+# Of long lists the beginning is shown.
+_NAMED_MAXIMUM: Final = 40
+
+
+def no_match(option: str, value: str, there: Iterable[str]) -> ConfigError:
+    """
+    Make the error for a selection that matches nothing: doing nothing is no success.
+
+    :param option: what the user selects with, such as ``--only``.
+    :param there: what could have been selected.
+    """
+    names = list(there)
+    more = len(names) - _NAMED_MAXIMUM
+    listed = ', '.join(names[:_NAMED_MAXIMUM]) + (f' and {more} more' if more > 0 else '')
+    return ConfigError([f'{option} {value!r} matches nothing; there are: {listed or "none"}'])

@@ -25,13 +25,18 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+import sys
 import tempfile
 
 from rt_robot_os.clients.mapping.command import run
 
 
-def main() -> None:
-    """Print a row for each log."""
+def main() -> int:
+    """
+    Print a row for each log.
+
+    :return: the exit code: 1 when a log could not be mapped or compared.
+    """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--pictures', metavar='FOLDER', type=Path)
     parser.add_argument('logs', metavar='LOG', nargs='+', type=Path)
@@ -57,7 +62,8 @@ def main() -> None:
     print('\n| log | scans | way | mean | mean turn | largest | loops | lost | scans a second |')
     print('|---|---|---|---|---|---|---|---|---|')
     print('\n'.join(rows))
+    return 0 if len(rows) == len(given.logs) else 1
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

@@ -32,6 +32,7 @@ LAYERS = (
     ('compiled', 'moved', 'safe_text'),
     ('errors', 'reports', 'schema', 'units'),
     ('live_settings', 'logger', 'needs', 'plugins', 'programs'),
+    ('output_files',),
     ('motion', 'uplink'),
     ('wsn',),
     ('alarms',),

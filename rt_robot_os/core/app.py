@@ -55,6 +55,7 @@ from rt_robot_os.kernel import Clock
 from rt_robot_os.kernel import CooperativeClock
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link import LinkServer
+from rt_robot_os.link.core_statistics import SHIPPED_IN_USE
 from rt_robot_os.link.requests import Requests
 from rt_robot_os.live_settings import LiveSettings
 from rt_robot_os.logger import Logs
@@ -223,7 +224,7 @@ class Core:
         if names:
             asked = self.settings.simulation_asked
             self.note(Severity.INFO if asked else Severity.WARN, 'core', 'simulated: '
-                      f'{", ".join(names)}{"" if asked else "; no parameter file was given"}')
+                      f'{", ".join(names)}{"" if asked else f"; {SHIPPED_IN_USE}"}')
         build = compiled_state()
         self.note(Severity.WARN if build.stale else Severity.INFO, 'core', f'kernel: {build.text}')
         for result in results:

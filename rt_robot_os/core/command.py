@@ -74,7 +74,7 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog='core', description='Run the real-time core of a robot by itself; '
         'a robot node with core.spawn: false attaches to it.',
-        usage='core [options] [--ros-args --params-file FILE -p NAME:=VALUE ...]',
+        usage='core [options] [FILE ...] [--ros-args -p NAME:=VALUE ...]',
         allow_abbrev=False)
     add_simulate(parser)
     parser.add_argument('--settings', metavar='FILE', help='checked settings as JSON, - for '
@@ -95,7 +95,7 @@ def _settings(arguments: argparse.Namespace, argv: Sequence[str]
         return from_json(now), from_json(loaded or now), arguments.socket or socket_path()
     # Reading YAML takes memory that a spawned core does not need.
     from rt_robot_os.settings.load import load_from_arguments
-    settings, ros = load_from_arguments(argv, simulate=arguments.simulate)
+    settings, ros = load_from_arguments(argv, arguments.simulate, arguments.files)
     path = arguments.socket or socket_path(robot_name(ros.node_name, ros.namespace))
     return settings, settings, path
 

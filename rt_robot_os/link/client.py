@@ -83,6 +83,7 @@ def topic_infos(bus: Bus) -> tuple[TopicInfo, ...]:
 
 
 RECEIVE_BUFFER_BYTES = 1 << 20
+Answers = dict[int, Inbox]
 US_PER_S = 1_000_000
 _DATA_BYTES_MAXIMUM = PACKET_BYTES_MAXIMUM - HEADER_BYTES
 
@@ -99,7 +100,7 @@ class Question:
     :ivar packets: of the answer, as far as it has come.
     """
 
-    def __init__(self, do: str, waiting: dict[int, Inbox], number: int,
+    def __init__(self, do: str, waiting: Answers, number: int,
                  on_packet: Callable[[Question], None] | None = None) -> None:
         self.do = do
         self._on_packet = on_packet

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from dataclasses import field
 from types import MappingProxyType
 from typing import Any
+from typing import Final
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import TaskStatistics
@@ -32,6 +33,9 @@ from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.task_records import decode_counts
 from rt_robot_os.link.task_records import decode_task
 from rt_robot_os.link.task_records import TaskCounts
+
+#: Why devices are simulated that nobody asked to simulate (``simulation_asked`` is False).
+SHIPPED_IN_USE: Final = 'the shipped robot.yaml is in use'
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ in :meth:`Module.step`::
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 from typing import ClassVar
@@ -48,6 +49,7 @@ from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import MAX_SUBSCRIBERS
+from rt_robot_os.topics.ports import Output
 from rt_robot_os.topics.ports import PortOwner
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import period_from_rate
@@ -231,7 +233,13 @@ class Module(PortOwner):
         :param max_subscribers: how many may read each of them.
         """
         self._rate_hz = rate_hz
+        sources = {self.topic_of(attribute): self.topic_of(port.follows)
+                   for attribute, port in self.used(Output).items() if port.follows}
+        rates_hz = {topic.name: topic.rate_hz for topic in bus.topics}
         for spec in self.publications():
+            source_hz = rates_hz.get(sources.get(spec.topic, ''), 0.0)
+            if 0.0 < source_hz < spec.rate_hz:
+                spec = replace(spec, rate_hz=source_hz)
             bus.add(spec, max_subscribers)
 
     def bind(self, bus: Bus, task: Task) -> None:

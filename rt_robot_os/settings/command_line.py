@@ -24,6 +24,7 @@ from typing import Final
 
 from rt_robot_os import programs
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.link.core_statistics import SHIPPED_IN_USE
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.problems import nearest
@@ -31,6 +32,7 @@ from rt_robot_os.settings.ros_args import ROS_FLAGS
 from rt_robot_os.settings.ros_args import split
 
 ROS_ARGS_HELP: Final = """
+FILE is a parameter file, as --params-file names it; later files win.
 ROS 2 arguments stand behind --ros-args, as for any node:
   --params-file FILE        the robot; may be repeated, later files win
   -p NAME:=VALUE            one parameter, such as imu.rate_hz:=100.0 or gps.enabled:=false
@@ -55,13 +57,19 @@ def parse_own(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.
     meant.
 
     :param argv: without the program's name.
+    :return: with ``files``, the parameter files that were named without a flag.
     """
     ros, own = split(argv)
     arguments, rest = parser.parse_known_args(own)
-    if rest:
+    arguments.files = tuple(Path(word) for word in rest if _is_file(word))
+    if len(arguments.files) < len(rest):
         programs.tell(parser.prog, _refusal(parser, list(rest), list(own), ros))
         parser.exit(BAD_USE)
     return arguments
+
+
+def _is_file(word: str) -> bool:
+    return word.endswith(_YAML) and not word.startswith('-')
 
 
 def _refusal(parser: argparse.ArgumentParser, rest: list[str], own: list[str],
@@ -83,10 +91,7 @@ def _refusal(parser: argparse.ArgumentParser, rest: list[str], own: list[str],
         elif ':=' in word and not word.startswith('-'):
             moved += ['-p', word]
             kept.remove(word)
-        elif word.endswith(_YAML) and not word.startswith('-'):
-            moved += ['--params-file', word]
-            kept.remove(word)
-        else:
+        elif not _is_file(word):
             return _unknown(parser, word)
     line = shlex.join([parser.prog, *kept, '--ros-args', *moved, *ros])
     return f'ROS 2 arguments stand behind --ros-args. Write: {line}'
@@ -118,5 +123,6 @@ def told_simulated(settings: RobotSettings) -> str:
     text = f'simulated: {", ".join(settings.simulated)}'
     if settings.simulation_asked:
         return text
-    return (f'WARNING: {text}; no sensor is real, as no parameter file was given. Your robot: '
-            '--ros-args --params-file my_robot.yaml. This one on purpose: --simulate')
+    return (f'WARNING: {text}; no sensor is real: {SHIPPED_IN_USE}. Your robot: my_robot.yaml in '
+            'its place (with ros2 launch: params_file:=my_robot.yaml). This one on purpose: '
+            '--simulate')

@@ -143,6 +143,12 @@ answers. Of the standard services only `nav_msgs/srv/LoadMap` carries a text of 
 A call that awaits its answer holds up nothing else of the node; at most 16 of a service wait at
 the same time, more are refused.
 
+Another process may answer, as mapping does, or a node of ROS that mirrors reach. A call asks the
+core first whether anything that reads `topic` and publishes `answer_topic` is connected. If not,
+nothing is published, and the response names what starts it (`started_by`). When the process ends
+before it has answered, or no answer comes within `timeout_s`, the response says that it is not
+known whether it was done.
+
 ```yaml
     topics: [orders, answers]
     orders: {topic: crane/order, message: std_msgs/msg/String, tail: 100}

@@ -72,8 +72,8 @@ def load(
     return replace(settings, files=tuple(os.path.realpath(path) for path in paths))
 
 
-def load_from_arguments(argv: Sequence[str], simulate: bool = False
-                        ) -> tuple[RobotSettings, RosArguments]:
+def load_from_arguments(argv: Sequence[str], simulate: bool = False,
+                        files: Sequence[Path] = ()) -> tuple[RobotSettings, RosArguments]:
     """
     Read the parameter files and overrides of a command line.
 
@@ -81,10 +81,11 @@ def load_from_arguments(argv: Sequence[str], simulate: bool = False
 
     :param argv: without the program's name.
     :param simulate: all devices are to be simulated.
+    :param files: parameter files that were named without a flag.
     :raises ConfigError: with one line for each problem.
     """
     ros = parse_ros_args(argv)
-    files = ros.params_files or (default_path(),)
+    files = (*files, *ros.params_files) or (default_path(),)
     # A launch file names the shipped one when its user names none.
     shipped = [os.path.realpath(path) for path in files] == [os.path.realpath(default_path())]
     # That one is written for the node's usual name, wherever it runs.

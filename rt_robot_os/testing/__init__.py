@@ -20,7 +20,7 @@ For a driver: :class:`DriverContract`, the suite that every serial driver has to
 :func:`scripted`, a device whose port gives the bytes of the test; :func:`rig`, a driver and its
 simulated twin on a real pty with time in the test's hand. For what moves something:
 :class:`ActuatorContract` as well. For a module: :class:`ModuleBench`, a
-kernel on the virtual clock. Needs pytest and hypothesis, which a robot does not.
+kernel on the virtual clock. Needs pytest, and the contracts hypothesis; a robot needs neither.
 """
 
 from __future__ import annotations

@@ -41,15 +41,13 @@ import random
 from typing import Any
 from typing import ClassVar
 
-from hypothesis import given
-from hypothesis import HealthCheck
-from hypothesis import settings
-from hypothesis import strategies as st
 import pytest
 from rt_robot_os.devices.device import Device
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.errors import TopicError
 from rt_robot_os.sim.pty_port import PtyPort
+from rt_robot_os.testing.examples import check_with_examples
+from rt_robot_os.testing.examples import strategies
 from rt_robot_os.testing.fakes import bind
 from rt_robot_os.testing.fakes import opened
 from rt_robot_os.testing.fakes import read_all
@@ -122,16 +120,9 @@ class DriverContract(SampleContract):
         assert statistics.rejected_bytes > 900
 
     def test_any_bytes_raise_nothing_and_every_byte_is_accounted_for(self) -> None:
+        st = strategies()
         piece = st.binary(max_size=30) | st.sampled_from((*self.tokens, self.stream))
-
-        # Made here, because hypothesis wants one function for each class that inherits.
-        @settings(max_examples=60, deadline=None,
-                  suppress_health_check=[HealthCheck.too_slow])
-        @given(chunks=st.lists(piece, max_size=20))
-        def check(chunks: list[bytes]) -> None:
-            self.check_any_bytes(chunks)
-
-        check()
+        check_with_examples(st.lists(piece, max_size=20), self.check_any_bytes, 60)
 
     def check_any_bytes(self, chunks: list[bytes]) -> None:
         """Feed chunks, and see that every byte is in a frame, rejected or pending."""

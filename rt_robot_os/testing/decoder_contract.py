@@ -24,11 +24,9 @@ from typing import ClassVar
 from typing import Final
 from typing import NamedTuple
 
-from hypothesis import given
-from hypothesis import HealthCheck
-from hypothesis import settings
-from hypothesis import strategies as st
 from rt_robot_os.devices.framing import FrameDecoder
+from rt_robot_os.testing.examples import check_with_examples
+from rt_robot_os.testing.examples import strategies
 from rt_robot_os.testing.work import dearest
 from rt_robot_os.testing.work import steps_per_byte
 
@@ -105,6 +103,7 @@ class DecoderContract:
 
     def any_chunks(self) -> Any:
         """Return the strategy of chunks: noise, tokens, good frames and damaged ones."""
+        st = strategies()
         cut = st.tuples(st.integers(0, len(self.stream)), st.integers(0, len(self.stream)))
         parts = cut.map(lambda at: self.stream[min(at):max(at)])
         return st.lists(st.binary(max_size=30) | st.sampled_from((*self.tokens, self.stream))
@@ -112,13 +111,7 @@ class DecoderContract:
 
     def check_with_any_chunks(self, check: Callable[[list[bytes]], None]) -> None:
         """Run a check on many examples."""
-        # Made here, because hypothesis wants one function for each class that inherits.
-        @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-        @given(chunks=self.any_chunks())
-        def run(chunks: list[bytes]) -> None:
-            check(chunks)
-
-        run()
+        check_with_examples(self.any_chunks(), check, 40)
 
     def test_frames_are_the_same_however_the_stream_is_cut(self) -> None:
         def check(chunks: list[bytes]) -> None:

@@ -78,7 +78,12 @@ class Output(TopicSpec):
 
     Its name is the default of the setting ``<attribute>_topic``. With ``rate_hz`` 0 it is expected
     at the rate of the module, or at the ``output_rate_hz`` of the device if it has that setting.
+
+    :ivar follows: attribute of an input of the module: a sample is written for each of it, so that
+        no more are expected than come there, however often the module looks.
     """
+
+    follows: str = ''
 
     @overload
     def __get__(self, instance: None, owner: type) -> Output: ...

@@ -44,14 +44,24 @@ from attitude_comparison.peers import PEERS
 from attitude_comparison.recordings import Array
 from attitude_comparison.recordings import Recording
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import no_match
 
 _COST_SAMPLES: Final = 2000
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the tables, in Markdown."""
-    wanted = _parser().parse_args(arguments)
+    parser = _parser()
+    wanted = parser.parse_args(arguments)
+    if not (wanted.job or wanted.xio or wanted.broad):
+        parser.error('nothing to compare: give --xio FILE, --broad FOLDER or --job')
+    if not any(wanted.only in peer.name for peer in PEERS):
+        print(f'attitude: {no_match("--only", wanted.only, (peer.name for peer in PEERS))}',
+              file=sys.stderr)
+        return 2
     peers = [peer for peer in PEERS if wanted.only in peer.name and _installed(peer)]
+    if not peers:
+        return 2  # none of those that were chosen is installed, as was said
     _print_conditions(peers)
     try:
         if wanted.job:

@@ -429,3 +429,16 @@ def test_the_simulated_sensor_is_followed() -> None:
 def test_up_in_the_sensor_is_up_in_the_world() -> None:
     # A check of the check: half a turn about x, and gravity is along minus z.
     assert seen((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0)) == pytest.approx((0.0, 0.0, -1.0))
+
+
+@pytest.mark.parametrize(
+    ('sensor_hz', 'expected_hz'), [(100.0, 100.0), (1000.0, 400.0), (0.0, 400.0)])
+def test_as_many_samples_are_expected_as_the_sensor_sends(
+        sensor_hz: float, expected_hz: float) -> None:
+    """The module looks more often than samples come: top showed 100 of 400, like a fault."""
+    bus = Bus(Kernel(VirtualClock()))
+    for topic, message in (('imu/data', 'Imu'), ('imu/mag', 'MagneticField')):
+        bus.declare(topic, f'sensor_msgs/msg/{message}', {'header.frame_id': 'imu_link'},
+                    rate_hz=sensor_hz)
+    Attitude('attitude', {**DEFAULTS, 'filter': 'mahony'}).declare(bus, 400.0)
+    assert bus.topic('attitude/imu').rate_hz == expected_hz

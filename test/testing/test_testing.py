@@ -16,6 +16,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 
 from rt_robot_os.devices.maxbotix.driver import MaxBotix
@@ -85,3 +88,24 @@ def test_a_recorded_message_keeps_its_values_and_a_sample_does_not_change() -> N
     assert [sample.range for sample in publisher.samples] == pytest.approx([0.48, 1.0])
     assert publisher.samples[0].header.frame_id == 'sonar_link'
     assert publisher.stamps == [1, 2]
+
+
+WITHOUT_HYPOTHESIS = """
+import sys
+sys.modules['hypothesis'] = None
+import rt_robot_os.testing
+from rt_robot_os.errors import RtRobotError
+from rt_robot_os.requirements import Library
+Library.found = lambda self: None
+try:
+    rt_robot_os.testing.DecoderContract().any_chunks()
+except RtRobotError as error:
+    print(error)
+"""
+
+
+def test_only_the_contracts_need_hypothesis() -> None:
+    """The tests of a module run where pytest alone is installed; those that need more say so."""
+    done = subprocess.run([sys.executable, '-c', WITHOUT_HYPOTHESIS], text=True,
+                          capture_output=True)
+    assert done.stdout.startswith('this test of the contract needs hypothesis'), done.stderr

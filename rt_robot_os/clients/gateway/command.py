@@ -37,6 +37,7 @@ from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import OK
 from rt_robot_os.programs import tell
 from rt_robot_os.requirements import EXTRAS
+from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.settings.ros_args import parse_ros_args
 
 _NAME = 'gateway'
@@ -49,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
         prog=_NAME, description='Carry what a robot has to tell to a monitor, and what people '
         'there want of it back. What waits for the network waits on the disk.', epilog=_EPILOG,
         allow_abbrev=False,
-        usage='gateway [options] [--ros-args --params-file FILE -p NAME:=VALUE ...]')
+        usage='gateway [options] [FILE ...] [--ros-args -p NAME:=VALUE ...]')
     add_robot_option(parser)
     parser.set_defaults(robot=None)  # that of its own namespace
     parser.add_argument('--server', help='where the monitor is, such as wss://host:8443')
@@ -66,8 +67,9 @@ def run(argv: Sequence[str]) -> int:
     """
     try:
         ros = parse_ros_args(argv, _NAME)
-        arguments = _parser().parse_args(ros.rest)
-        settings = load(ros.params_files, ros.overrides, ros.node_name, ros.namespace)
+        arguments = parse_own(_parser(), argv)
+        settings = load((*arguments.files, *ros.params_files), ros.overrides, ros.node_name,
+                        ros.namespace)
     except ConfigError as error:
         tell(_NAME, error.problems[0], error.problems[1:])
         return BAD_USE
@@ -78,7 +80,7 @@ def run(argv: Sequence[str]) -> int:
             return BAD_USE
     if not settings.server:
         tell(_NAME, 'no server: give --server wss://HOST:PORT, or write server: under /**/gateway '
-             'in a parameter file and give that with --ros-args --params-file FILE')
+             'in a parameter file and give that')
         return BAD_USE
     require('the gateway', *EXTRAS['gateway'])
     return _carry(settings, arguments.robot or robot_name(namespace=ros.namespace))

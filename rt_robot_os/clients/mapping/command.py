@@ -25,6 +25,7 @@ from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import OK
 from rt_robot_os.programs import tell
+from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.settings.ros_args import parse_ros_args
 
 _NAME = 'mapping'
@@ -39,7 +40,7 @@ def _parser() -> argparse.ArgumentParser:
         description='Make a map beside a running robot, and say where on it the robot is. Or make '
         'one of a log of laser scans as fast as it goes; or compare the poses of a report with '
         'relations that are known.',
-        usage='mapping [--robot NAME] [--ros-args --params-file FILE -p NAME:=VALUE ...]\n'
+        usage='mapping [--robot NAME] [FILE ...] [--ros-args -p NAME:=VALUE ...]\n'
         '       mapping --bag FILE [options]\n'
         '       mapping --compare REPORT --relations FILE')
     add_robot_option(parser)
@@ -83,10 +84,13 @@ def run(argv: Sequence[str]) -> int:
     """
     try:
         ros = parse_ros_args(argv, _NAME)
-        arguments = _parser().parse_args(ros.rest)
+        arguments = parse_own(_parser(), argv)
         if arguments.bag is None and arguments.compare is None:
             from rt_robot_os.clients.mapping.live_command import run_live
             return run_live(arguments, ros)
+        if arguments.files:
+            raise ConfigError([f'{arguments.files[0]}: settings are for mapping beside a robot: '
+                               'they are not used with --bag or --compare'])
         from rt_robot_os.clients.mapping.offline import compared
         from rt_robot_os.clients.mapping.offline import map_log
         if arguments.compare is not None:

@@ -46,7 +46,8 @@ def run_live(arguments: argparse.Namespace, ros: RosArguments) -> int:
     :raises RtRobotError: it cannot run.
     """
     try:
-        settings = load(ros.params_files, ros.overrides, ros.node_name, ros.namespace)
+        settings = load((*arguments.files, *ros.params_files), ros.overrides, ros.node_name,
+                        ros.namespace)
     except ConfigError as error:
         tell(_NAME, error.problems[0], error.problems[1:])
         return BAD_USE

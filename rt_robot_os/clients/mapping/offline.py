@@ -31,6 +31,8 @@ from rt_robot_os.clients.mapping.sources import opened
 from rt_robot_os.clients.mapping.sources import Source
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.needs import require
+from rt_robot_os.output_files import check_output
+from rt_robot_os.output_files import check_picture
 from rt_robot_os.requirements import EXTRAS
 from rt_robot_os.slam.archive import YAML
 from rt_robot_os.slam.logs import rows
@@ -87,10 +89,9 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 
     :raises ConfigError: a name that cannot be written.
     """
-    for option, path in (('--report', arguments.report), ('--map', arguments.map_file),
-                         ('--picture', arguments.picture)):
-        if path is not None and not path.parent.is_dir():
-            raise ConfigError([f'{option} {path}: there is no folder {path.parent}'])
+    check_output('--report', arguments.report)
+    check_output('--map', arguments.map_file)
+    check_picture('--picture', arguments.picture)
     if arguments.map_file is not None and arguments.map_file.suffix not in YAML:
         raise ConfigError([f'--map {arguments.map_file}: name the YAML file, such as '
                            f'{arguments.map_file.with_suffix(YAML[0])}; the picture of the map is '

@@ -23,7 +23,6 @@ from typing import Final
 
 import numpy as np
 
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.slam.transforms import Floats
 
@@ -44,14 +43,10 @@ def draw(grid: GridMap, poses: Floats, loops: Floats, title: str, path: Path) ->
 
     :param poses: shape (n, 3): the way.
     :param loops: shape (k, 2, 2): both ends of each loop that was closed.
-    :raises ConfigError: matplotlib is missing.
     :raises OSError: the picture cannot be written.
     :raises ValueError: matplotlib knows no picture of such a name.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ConfigError(['--picture needs matplotlib: pip install matplotlib']) from error
+    from matplotlib.figure import Figure  # whoever calls this has checked that it is there
     left, bottom, right, top = _bounds(grid, poses)
     height = min(_HEIGHTS_IN[1], max(_HEIGHTS_IN[0], _WIDTH_IN * (top - bottom) / (right - left)))
     figure = Figure(figsize=(_WIDTH_IN, height + 0.9), dpi=_DOTS_PER_IN, layout='constrained')

@@ -33,6 +33,7 @@ from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import OK
 from rt_robot_os.programs import tell
+from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.settings.ros_args import parse_ros_args
 
 _NAME = 'notifier'
@@ -44,7 +45,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=_NAME, description='Carry notifications of alarms to people: by e-mail, webhook, '
         'program, file or console. No medical device.', epilog=_EPILOG, allow_abbrev=False,
-        usage='notifier [options] [--ros-args --params-file FILE -p NAME:=VALUE ...]')
+        usage='notifier [options] [FILE ...] [--ros-args -p NAME:=VALUE ...]')
     add_robot_option(parser)
     parser.set_defaults(robot=None)  # that of its own namespace
     parser.add_argument('--check', action='store_true',
@@ -62,8 +63,9 @@ def run(argv: Sequence[str]) -> int:
     """
     try:
         ros = parse_ros_args(argv, _NAME)
-        arguments = _parser().parse_args(ros.rest)
-        settings = load(ros.params_files, ros.overrides, os.environ, ros.node_name, ros.namespace)
+        arguments = parse_own(_parser(), argv)
+        settings = load((*arguments.files, *ros.params_files), ros.overrides, os.environ,
+                        ros.node_name, ros.namespace)
     except ConfigError as error:
         tell(_NAME, error.problems[0], error.problems[1:])
         return BAD_USE
@@ -73,7 +75,7 @@ def run(argv: Sequence[str]) -> int:
         return OK
     if not settings.channels:
         tell(_NAME, 'no channel: write channels: [...] under /**/notifier in a parameter file, '
-             'and give it with --ros-args --params-file FILE')
+             'and give that')
         return BAD_USE
     return _carry(settings, arguments.robot or robot_name(namespace=ros.namespace))
 

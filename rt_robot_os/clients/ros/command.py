@@ -37,9 +37,9 @@ _EPILOG = """
 Without a parameter file the shipped robot runs, and its sensors are simulated.
 
   robot --simulate                                   the shipped robot, on purpose
-  robot --ros-args --params-file my_robot.yaml       yours
-  robot --simulate --ros-args --params-file my_robot.yaml    yours, on your desk
-  robot --ros-args --params-file my_robot.yaml -p gps.enabled:=false
+  robot my_robot.yaml                                yours
+  robot --simulate my_robot.yaml                     yours, on your desk
+  robot my_robot.yaml --ros-args -p gps.enabled:=false
 
 One robot of a name runs on a machine; another one needs -r __node:=NAME or -r __ns:=/NAMESPACE.
 Exit code: 0 after Ctrl-C or SIGTERM, 2 when it cannot start as it is configured, 1 otherwise.
@@ -55,7 +55,7 @@ def run(argv: Sequence[str]) -> int:
     """
     arguments = _arguments(argv)
     try:
-        settings, ros = load_from_arguments(argv, simulate=arguments.simulate)
+        settings, ros = load_from_arguments(argv, arguments.simulate, arguments.files)
         robot = robot_name(ros.node_name, ros.namespace)
         path = socket_path(robot)
         lock = hold_robot(robot)
@@ -77,7 +77,7 @@ def run(argv: Sequence[str]) -> int:
 def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog='robot', description='Run a robot: its real-time core and the ROS 2 node beside it.',
-        usage='robot [--help] [--simulate] [--ros-args --params-file FILE -p NAME:=VALUE ...]',
+        usage='robot [--help] [--simulate] [FILE ...] [--ros-args -p NAME:=VALUE ...]',
         epilog=ROS_ARGS_HELP + _EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False)
     add_simulate(parser)

@@ -31,6 +31,7 @@ from diagnostic_msgs.msg import KeyValue
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link.core_statistics import CoreStatistics
+from rt_robot_os.link.core_statistics import SHIPPED_IN_USE
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.link.stamp_mapper import STEP_NS
 from rt_robot_os.safe_text import safe_line
@@ -221,7 +222,7 @@ class Diagnostics:
             asked = now.core['simulation_asked']
             yield _status(f'{self._name}: simulated', OK if asked else WARN,
                           f'simulated: {names}', {'asked for': 'yes' if asked else
-                                                  'no: no parameter file was given'})
+                                                  f'no: {SHIPPED_IN_USE}'})
 
     def _device(self, device: dict[str, Any]) -> DiagnosticStatus:
         state = device['state']

@@ -59,6 +59,7 @@ class Responses:
         # A warning is all that rclpy makes of it; as an error it can be caught. For good: changing
         # filters back and forth is not safe beside other threads.
         warnings.filterwarnings('error', _REFUSED, RuntimeWarning)
+        service: Any  # the executor calls the method of the object, whatever it is
         for service in node.services:
             service.send_response = self._sender(service.send_response, service.srv_name)
 

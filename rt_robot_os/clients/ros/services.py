@@ -23,6 +23,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+import shlex
 from typing import Any
 from typing import Final
 
@@ -306,7 +307,7 @@ class Services:
         """Say that nothing answers a service, and what starts what does."""
         command = settings.started_by
         if command and ' ' not in command:
-            files = ''.join(f' --params-file {each}' for each in self._files)
+            files = ''.join(f' --params-file {shlex.quote(each)}' for each in self._files)
             command = (f'{command_line(command)} --robot {self.node.get_fully_qualified_name()}'
                        + (f' --ros-args{files}' if files else ''))
         return no_answer(settings.answer_topic or settings.topic, f'start it with: {command}' if (

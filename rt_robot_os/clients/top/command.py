@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from collections.abc import Sequence
 from dataclasses import asdict
 import json
@@ -40,6 +41,7 @@ from rt_robot_os.clients.top.snapshot import compare
 from rt_robot_os.clients.top.snapshot import Sample
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import LinkError
+from rt_robot_os.errors import no_match
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import add_robot_option
@@ -141,6 +143,9 @@ def _once(robot: str, source: Source, choices: Choices, arguments: argparse.Name
     if now is None:
         return NO_CORE
     snapshot = compare(robot, now, before)
+    if choices.pattern and not _matches(snapshot, choices):
+        tell('top', no_match('--filter', choices.pattern, _names(snapshot, choices)))
+        return BAD_USE
     if arguments.json:
         print(json.dumps(document(snapshot, choices), indent=1))
         return OK
@@ -149,6 +154,21 @@ def _once(robot: str, source: Source, choices: Choices, arguments: argparse.Name
              *body(snapshot, choices, width, _PIPE_LINES, source.lines)]
     print(plain(lines))
     return OK
+
+
+def _parts(choices: Choices) -> tuple[str, ...]:
+    return tuple(part for part in TABLES if choices.part in ('all', part))
+
+
+def _matches(snapshot: Snapshot, choices: Choices) -> bool:
+    """Return whether a filter leaves anything; the log has no names."""
+    parts = _parts(choices)
+    return not parts or any(rows_of(snapshot, part, choices) for part in parts)
+
+
+def _names(snapshot: Snapshot, choices: Choices) -> Iterator[str]:
+    for part in _parts(choices):
+        yield from (row.name for row in getattr(snapshot, part))
 
 
 def _stream(robot: str, source: Source, choices: Choices, interval_s: float) -> int:

@@ -32,6 +32,7 @@ from rt_robot_os.clients.top.columns import TABLES
 from rt_robot_os.clients.top.rows import KernelRow
 from rt_robot_os.clients.top.rows import Row
 from rt_robot_os.clients.top.rows import Snapshot
+from rt_robot_os.link.core_statistics import SHIPPED_IN_USE
 
 PARTS = ('all', *TABLES, 'log')
 _SEVERITY_STYLES = ((40, 'bad'), (30, 'warn'), (20, ''), (0, 'dim'))
@@ -117,7 +118,7 @@ def _blame(snapshot: Snapshot) -> list[Span]:
 def _simulation(kernel: KernelRow) -> list[Span]:
     if not kernel.simulated:
         return []
-    why = '' if kernel.simulation_asked else ': no parameter file was given'
+    why = '' if kernel.simulation_asked else f': {SHIPPED_IN_USE}'
     return [(f'simulated: {", ".join(kernel.simulated)}{why}', '' if not why else 'warn')]
 
 

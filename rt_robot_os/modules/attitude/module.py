@@ -101,7 +101,7 @@ class Attitude(Module):
 
     imu = Input('imu/data', message=_IMU)
     mag = Input('imu/mag', message=_FIELD)
-    attitude = Output('attitude/imu', _IMU)
+    attitude = Output('attitude/imu', _IMU, follows='imu')
 
     SETTINGS = (
         Field('filter', str, 'auto', 'The filter; auto is vqf where it is installed '

@@ -57,8 +57,9 @@ class Odometry(Module):
 
     joint_states = Input('joint_states', message='sensor_msgs/msg/JointState', wake=True)
     imu = Input('imu/data', message='sensor_msgs/msg/Imu')
-    odom = Output('odom', 'nav_msgs/msg/Odometry')
-    odom_to_base = Output('odom_to_base', 'geometry_msgs/msg/TransformStamped')
+    odom = Output('odom', 'nav_msgs/msg/Odometry', follows='joint_states')
+    odom_to_base = Output('odom_to_base', 'geometry_msgs/msg/TransformStamped',
+                          follows='joint_states')
 
     SETTINGS = (
         Field('wheel_radius_m', float, REQUIRED, 'Radius of the wheels, as in the section of the '

@@ -72,6 +72,8 @@ def run(argv: Sequence[str], cases: Mapping[str, Case] = CASES, measured: Measur
 def _run(request: Request, measured: Measure, argv: Sequence[str]) -> int:
     session = Session(request, measured, argv)
     interrupted = False
+    if request.out is not None and not plot_drawing.available():
+        tell('bench', plot_drawing.remedy())  # before hours are spent, not only afterwards
     try:
         session.introduce()
         for case in request.cases:
@@ -106,6 +108,9 @@ def _again(request: Request, cases: Mapping[str, Case]) -> int:
         _close(earlier.results, earlier.content['machine'])
     earlier.write()
     print(f'written: {request.page / PAGE_FILE}')
+    if not earlier.results:
+        tell('bench', f'--page {request.page}: no raw samples yet: nothing was evaluated')
+        return FAILED
     if not plot_drawing.available():
-        print(plot_drawing.REMEDY)
+        print(plot_drawing.remedy())
     return OK

@@ -25,17 +25,16 @@ from collections.abc import Sequence
 from contextlib import contextmanager
 from html import escape
 from importlib import import_module
-from importlib.util import find_spec
 import io
 import math
 from pathlib import Path
 import re
 from typing import Any
 
+from rt_robot_os.needs import lacking
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
 
-REMEDY = 'no plots: matplotlib is not installed (remedy: pip install matplotlib)'
 _SIZE_INCHES = (7.2, 3.6)
 # Of pictures of tails: which part is later, and the percentile that this is.
 _TAIL_TICKS = ((1.0, 'all'), (0.5, '50 % (p50)'), (0.1, '10 % (p90)'), (0.01, '1 % (p99)'),
@@ -61,7 +60,12 @@ _MARKS_ON_CURVE = 8
 
 def available() -> bool:
     """Return whether pictures can be drawn."""
-    return find_spec('matplotlib') is not None
+    return not lacking('a plot', 'matplotlib')
+
+
+def remedy() -> str:
+    """Say that there are no pictures, and what to install."""
+    return f'no plots: {lacking("a plot", "matplotlib")}'
 
 
 def svg(plot: Plot, unique: str) -> str:

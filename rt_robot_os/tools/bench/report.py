@@ -78,7 +78,7 @@ def report(content: Mapping[str, Any], results: Sequence[CaseResult]) -> Iterato
     yield Bullets(WORDS)
     yield Heading('Cases', 2)
     if not plot_drawing.available():
-        yield Paragraph(plot_drawing.REMEDY + '; then `bench --page FOLDER` draws them.')
+        yield Paragraph(plot_drawing.remedy() + '; then `bench --page FOLDER` draws them.')
     for result in results:
         yield from _case(result)
     yield Heading('Method', 2)

@@ -161,7 +161,7 @@ class Session:
         write_results(self._request.out, content, self.results)
         print(f'written: {self._request.out / PAGE_FILE}')
         if not plot_drawing.available():
-            print(plot_drawing.REMEDY)
+            print(plot_drawing.remedy())
 
 
 def command(argv: Sequence[str]) -> str:

@@ -39,19 +39,14 @@ _NOTE_WIDTH = 0.0062  # of a character of a note, as a part of the width of the 
 
 def save(chart: Chart, path: Path) -> None:
     """
-    Draw into a file; its ending says the format.
+    Draw into a file; its ending says the format, one of :data:`FORMATS`.
 
-    :raises BlackBoxError: another ending, no matplotlib, or a file that cannot be written.
+    matplotlib has to be there: :func:`rt_robot_os.output_files.check_picture`.
+
+    :raises BlackBoxError: the file cannot be written.
     """
-    if path.suffix not in FORMATS:
-        raise BlackBoxError(f'{path}: the name of a plot ends with .svg or .png')
-    try:
-        matplotlib = import_module('matplotlib')
-        figure_class = import_module('matplotlib.figure').Figure
-    except ImportError as error:
-        raise BlackBoxError('a plot needs matplotlib: `pip install matplotlib` or `apt install '
-                            'python3-matplotlib`; `black_box show` and `black_box export '
-                            '--perfetto` do without') from error
+    matplotlib = import_module('matplotlib')
+    figure_class = import_module('matplotlib.figure').Figure
     settings = {'font.size': 10.0, 'font.family': 'sans-serif', 'svg.fonttype': 'none',
                 'svg.hashsalt': 'black box', 'axes.unicode_minus': False,
                 'hatch.linewidth': 0.6, 'path.simplify': False, 'text.parse_math': False}

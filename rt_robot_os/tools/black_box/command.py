@@ -26,6 +26,8 @@ import sys
 from rt_robot_os.errors import BlackBoxError
 from rt_robot_os.link.client import connect
 from rt_robot_os.link.robots import add_robot_option
+from rt_robot_os.output_files import check_output
+from rt_robot_os.output_files import check_picture
 from rt_robot_os.programs import OK
 from rt_robot_os.tools.black_box import chain_text
 from rt_robot_os.tools.black_box import chart_of
@@ -43,6 +45,7 @@ from rt_robot_os.tools.black_box import show
 from rt_robot_os.tools.black_box import understand
 from rt_robot_os.tools.black_box import window
 from rt_robot_os.tools.black_box import write_parts
+from rt_robot_os.tools.black_box.chart_drawing import FORMATS
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
@@ -145,6 +148,7 @@ def _chain(arguments: argparse.Namespace) -> None:
 
 
 def _export(arguments: argparse.Namespace) -> None:
+    check_output('--perfetto', arguments.perfetto)
     found, history = _read(arguments)
     document = perfetto_document(history, str(found.facts.get('robot', 'robot')), found.facts)
     try:
@@ -157,6 +161,7 @@ def _export(arguments: argparse.Namespace) -> None:
 
 
 def _plot(arguments: argparse.Namespace) -> None:
+    check_picture('plot', arguments.output, FORMATS)
     _, history = _read(arguments)
     from_ns, to_ns = _window(arguments, history)
     save_chart(chart_of(history, from_ns, to_ns), arguments.output)

@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 import sys
 from typing import NoReturn
 from typing import TYPE_CHECKING
@@ -36,8 +37,8 @@ exit code: 0 ready: nothing to mend; 1 usable: a robot runs, with degraded laten
 2 not usable: it does not run, or not in time; 3 bad arguments, or the doctor itself failed;
 130 Ctrl-C.
 
-The doctor changes nothing. `ros2 run rt_robot_os doctor --ros-args --params-file my_robot.yaml`
-checks the machine for that robot: its CPU, its priority, its ports."""
+The doctor changes nothing. `doctor my_robot.yaml` checks the machine for that robot: its CPU, its
+priority, its ports; so does `doctor --ros-args --params-file my_robot.yaml`."""
 _LONGEST_S = 86400.0
 # Its port is a folder, and nothing that is plugged in.
 _JOURNAL = 'journal'
@@ -85,6 +86,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog='doctor', description='Is this machine ready for real time, and what to do about it.',
         epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('files', nargs='*', type=Path, metavar='FILE',
+                        help='parameter files of the robot that is to run here')
     amount = parser.add_mutually_exclusive_group()
     amount.add_argument('--all', action='store_true', dest='everything',
                         help='also what does not apply here, and why each line matters')
@@ -98,20 +101,21 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _wanted(argv: Sequence[str], cpu: int | None) -> Wanted:
+def _wanted(argv: Sequence[str], files: Sequence[Path], cpu: int | None) -> Wanted:
     """
     Read what the core would ask for.
 
     :raises ConfigError: the configuration that was named is wrong.
     """
-    source = 'the given configuration' if argv else 'the default configuration'
+    is_given = bool(argv or files)
+    source = 'the given configuration' if is_given else 'the default configuration'
     try:
         from rt_robot_os.settings.load import load_from_arguments
         from rt_robot_os.settings.tasks import without_watchdog
-        settings, _ = load_from_arguments(argv)
+        settings, _ = load_from_arguments(argv, files=files)
     except Exception as error:
         # Without arguments it is our own file: the installation is broken, a check tells how.
-        if argv or not isinstance(error, (ConfigError, ImportError, OSError)):
+        if is_given or not isinstance(error, (ConfigError, ImportError, OSError)):
             raise
         default = Wanted()
         return Wanted(cpu=default.cpu if cpu is None else cpu, source='as usual; the '
@@ -155,4 +159,4 @@ def parse(argv: Sequence[str]) -> tuple[Options, Wanted]:
     arguments = _parser().parse_args(given[:split])
     options = Options(arguments.everything, arguments.quiet, arguments.json,
                       0.0 if arguments.no_wakeup else arguments.seconds)
-    return options, _wanted(given[split:], arguments.cpu)
+    return options, _wanted(given[split:], arguments.files, arguments.cpu)

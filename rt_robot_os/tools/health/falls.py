@@ -27,6 +27,7 @@ import sys
 from typing import Any
 
 from rt_robot_os.errors import ConfigError
+from rt_robot_os.errors import no_match
 from rt_robot_os.health.fall_limits import FALL_FIELDS
 from rt_robot_os.health.fall_limits import FallLimits
 from rt_robot_os.health.fall_limits import problem_of
@@ -72,6 +73,10 @@ def _run(arguments: argparse.Namespace) -> int:
         raise ConfigError([f'--lying {arguments.lying!r} is no pattern: {error}']) from None
     recordings = [one for path in arguments.files for one in read_recordings(path)]
     decisions = [decide(one, limits, arguments.lying) for one in recordings]
+    if arguments.lying != LYING and not any(
+            re.search(arguments.lying, one.movement, re.IGNORECASE) for one in recordings):
+        raise no_match('--lying', arguments.lying, dict.fromkeys(
+            one.movement for one in recordings))
     found: dict[str, Any] = {'limits': limits._asdict(), **summary(decisions)}
     if arguments.cross_validate:
         validated, chosen = cross_validated(recordings, limits, arguments.lying)

@@ -18,7 +18,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+import os
 from pathlib import Path
+import shlex
+import shutil
+import sys
 
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.programs import BAD_USE
@@ -70,10 +74,25 @@ def run(argv: Sequence[str]) -> int:
         for problem in problems:
             tell('new', problem)
         return BAD_USE
-    package = arguments.package
-    print(f'{folder} is written. In the workspace that it lies in:\n'
-          f'  colcon build --symlink-install --packages-select {package}\n'
-          '  source install/setup.bash\n'
-          f'  colcon test --packages-select {package} && colcon test-result --verbose\n'
-          f'  ros2 launch {package} {package}.launch.xml')
+    print(f'{folder} is written. {next_steps(folder, arguments.package)}')
     return OK
+
+
+def next_steps(folder: Path, package: str) -> str:
+    """Return how a package is built, tested and started here: with ROS 2 or without."""
+    clone = Path(__file__).resolve().parents[3]
+    if shutil.which('ros2') or not (clone / 'scripts' / 'run').is_file():
+        return ('In the workspace that it lies in:\n'
+                f'  colcon build --symlink-install --packages-select {package}\n'
+                '  source install/setup.bash\n'
+                f'  colcon test --packages-select {package} && colcon test-result --verbose\n'
+                f'  ros2 launch {package} {package}.launch.xml')
+    place = shlex.quote(os.path.relpath(folder, clone))
+    python = shlex.quote(os.path.relpath(sys.executable, clone) if (
+        Path(sys.prefix).parent == clone) else sys.executable)
+    return (f'Without ROS 2, in {clone}:\n'
+            '  ./scripts/install test\n'
+            f'  {python} -m pip install --no-deps --no-build-isolation -e {place}\n'
+            f'  {python} -m pytest {place}/test\n'
+            f'  ./scripts/run robot {place}/config/{package}.yaml\n'
+            f'In a workspace of ROS 2 it is a package like any other: see {folder}/README.md')

@@ -26,6 +26,7 @@ from pathlib import Path
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.paths import runtime_folder
+from rt_robot_os.output_files import check_output
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import tell
 from rt_robot_os.settings import RobotSettings
@@ -57,7 +58,8 @@ def run(argv: Sequence[str], make_core: MakeCore) -> int:
     problems: list[str] = []
     settings, measured = None, None
     try:
-        settings, _ = load_from_arguments(argv)
+        check_output('--save-measured', arguments.save_measured)
+        settings, _ = load_from_arguments(argv, files=arguments.files)
     except ConfigError as error:
         problems += error.problems
     try:

@@ -37,8 +37,8 @@ from a measurement. Without a measurement, what comes with rt_robot_os has typic
 another machine. Else budget_us with on_budget: abort counts, which is a true bound. Tasks without
 any are listed as unknown.
 
-  plan --ros-args --params-file my_robot.yaml             with what the file declares
-  plan --measure 10 --ros-args --params-file my_robot.yaml   run its core for 10 s and use that
+  plan my_robot.yaml                                      with what the file declares
+  plan my_robot.yaml --measure 10                         run its core for 10 s and use that
   plan --measure 60 --save-measured m.json                keep what was measured ...
   plan --measured m.json --ros-args -p imu.rate_hz:=400.0 ... and try other settings with it
 
@@ -97,7 +97,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog='plan', description='Is this robot schedulable: utilisation, response times, what '
         'breaks first, phases.', epilog=_EPILOG,
-        usage='plan [options] [--ros-args --params-file FILE -p NAME:=VALUE ...]',
+        usage='plan [options] [FILE ...] [--ros-args -p NAME:=VALUE ...]',
         formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False)
     source = parser.add_mutually_exclusive_group()
     source.add_argument('--measure', metavar='S', type=_number(0.1, 'seconds', 86_400),

@@ -95,6 +95,12 @@ def test_without_an_answer_it_says_what_may_have_happened(core: Any) -> None:
         run(['test', '--by', 'mary', '--timeout', '0.05'])
 
 
+def test_without_anything_that_keeps_alarms_nothing_is_ordered(core: Any) -> None:
+    core.client.request('unmirror', topic='alarms/command')
+    with pytest.raises(LinkError, match='nothing that answers on alarms/answer is connected'):
+        run(['test', '--by', 'mary', *PATIENT])
+
+
 def test_without_a_robot_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv('RT_ROBOT_OS_RUNTIME_DIR', str(tmp_path))
     for arguments in (['list'], ['watch'], ['acknowledge', '7']):

@@ -65,6 +65,16 @@ def test_what_cannot_be_done_says_why(core: Any, server: FakeServer, gateway: An
         assert made.server.connected
 
 
+def test_a_command_that_nothing_reads_is_refused(
+        core: Any, server: FakeServer, gateway: Any) -> None:
+    core.client.request('unmirror', topic='alarms/command')
+    with gateway(core) as made:
+        wait_until(lambda: made.robot.connected and made.server.connected, 'both connections')
+        server.send('command', id='c1', do='alarm', args={'text': 'test by mary'}, by='mary')
+        assert answer(server, 'c1') == (False, 'nothing in this robot or connected to it reads '
+                                        'alarms/command: nothing was done')
+
+
 def test_a_heart_beat_goes_both_ways(core: Any, server: FakeServer, gateway: Any) -> None:
     with gateway(core, silence_s=0.5) as made:
         wait_until(lambda: made.server.connected, 'a connection')

@@ -54,6 +54,11 @@ def test_a_filter_and_a_part_leave_out_the_rest(world: Any) -> None:
     document = json.loads(answer.stdout)
     assert {task['name'].split('/')[0] for task in document['tasks']} == {'link'}
     assert 'topics' not in document
+    nothing = world.top('--once', '--wait', '60', '--interval', '0.2', '--filter', 'nosuch',
+                        '--part', 'tasks')
+    assert nothing.returncode == 2 and not nothing.stdout
+    assert "--filter 'nosuch' matches nothing; there are: " in nothing.stderr
+    assert 'link/life' in nothing.stderr
 
 
 def test_bad_use_and_no_core_have_exit_codes_and_say_why(world: Any) -> None:

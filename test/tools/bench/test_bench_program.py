@@ -28,7 +28,7 @@ import pytest
 
 from rt_robot_os.compiled import state
 from rt_robot_os.programs import run_program
-from rt_robot_os.tools.bench import plot_drawing
+from rt_robot_os.requirements import Library
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
@@ -150,13 +150,14 @@ def test_the_page_needs_nothing_but_itself(tmp_path: Path) -> None:
 def test_without_matplotlib_there_are_tables_and_the_remedy(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
         capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(plot_drawing, 'available', lambda: False)
+    monkeypatch.setattr(Library, 'found', lambda self: None)
     out = tmp_path / 'out'
     assert _run('--quick', '--out', str(out)) == 0
     said = (out / 'index.html').read_text()
-    assert 'pip install matplotlib' in said
-    assert '<svg' not in said
-    assert 'pip install matplotlib' in capsys.readouterr().out
+    remedy = 'no plots: a plot needs matplotlib'
+    assert remedy in said and '<svg' not in said
+    shown = capsys.readouterr()
+    assert remedy in shown.out and remedy in shown.err
 
 
 def test_the_figures_can_be_computed_again_from_the_samples(

@@ -63,6 +63,7 @@ def test_plot(tmp_path: Path, window: list[str]) -> None:
     (['--from', '-9999999'], 'must be seconds'), (['--last', 'inf'], '--last inf')])
 def test_a_window_that_makes_no_sense(tmp_path: Path, window: list[str], said: str,
                                       capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip('matplotlib', reason='matplotlib is not installed')
     assert main(['plot', str(EXAMPLE), str(tmp_path / 'out.svg'), *window]) == 1
     assert said in capsys.readouterr().err
 

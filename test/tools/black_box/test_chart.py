@@ -18,7 +18,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-import sys
 from xml.etree import ElementTree
 
 from black_box_stories import stories
@@ -118,15 +117,3 @@ def test_marks_and_titles_with_dollars_are_drawn_as_they_are(tmp_path: Path) -> 
     save_chart(Chart(r'cost $\frac$ of $5', chart.from_ms, chart.to_ms, chart.rows, ('a',),
                      ((chart.from_ms, '$x_'),)), path)
     assert r'$\frac$ of $5' in path.read_text()
-
-
-def test_without_matplotlib_the_remedy_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-                                               ) -> None:
-    monkeypatch.setitem(sys.modules, 'matplotlib', None)
-    with pytest.raises(BlackBoxError, match='pip install matplotlib'):
-        save_chart(_chart(), tmp_path / 'plot.svg')
-
-
-def test_another_ending_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BlackBoxError, match=r'ends with \.svg or \.png'):
-        save_chart(_chart(), tmp_path / 'plot.pdf')

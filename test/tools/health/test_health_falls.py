@@ -99,6 +99,9 @@ def test_what_is_counted_is_what_the_files_say(falls: Any) -> None:
         True, True, False, False, False, True, None]
     _, found = falls(lines, '--lying', 'odd')
     assert found['lying_down_on_purpose'] == {'recordings': 1, 'alarms': 1}
+    code, told = falls(lines, '--lying', 'nosuch')
+    assert code == 2 and "--lying 'nosuch' matches nothing; there are: " in told
+    assert 'odd' in told
 
 
 def test_each_subject_is_decided_with_limits_of_the_others(falls: Any) -> None:

@@ -20,6 +20,7 @@ import importlib.util
 import os
 from pathlib import Path
 import re
+import shutil
 import stat
 import subprocess
 import sys
@@ -135,3 +136,20 @@ def test_without_anything_to_write_it_says_what_is_missing(
         make(tmp_path, 'mine')
     assert ended.value.code == 2
     assert 'say what is in it: --driver NAME, --module NAME, or both' in capsys.readouterr().err
+
+
+def test_what_comes_next_fits_the_machine(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(shutil, 'which', lambda name: None)
+    assert make(tmp_path, 'mine', 'sonar') == 0
+    said = capsys.readouterr().out
+    place = os.path.relpath(tmp_path / 'mine', ROOT)
+    assert f'Without ROS 2, in {ROOT}:' in said and 'colcon' not in said
+    assert f' -m pip install --no-deps --no-build-isolation -e {place}\n' in said
+    assert f'./scripts/run robot {place}/config/mine.yaml\n' in said
+    monkeypatch.setattr(shutil, 'which', lambda name: f'/opt/ros/{name}')
+    assert make(tmp_path, 'yours', 'sonar') == 0
+    said = capsys.readouterr().out
+    assert 'colcon build --symlink-install --packages-select yours' in said
+    assert 'scripts/run' not in said

@@ -247,3 +247,19 @@ def test_a_table_is_aligned() -> None:
     wide = list(table(('task', 'what'), [('a_very_long_name', 'x' * 90)]))
     assert max(len(line) for line in wide) == 100
     assert wide[1].startswith('a_very_.. x')
+
+
+def test_a_parameter_file_needs_no_flag(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(['--ros-args', '--params-file', ROBOT], CoreProcess) in (0, 1, 3)
+    expected = capsys.readouterr().out
+    assert run([ROBOT], CoreProcess) in (0, 1, 3)
+    assert capsys.readouterr().out == expected
+    assert run(['/never/there.yaml'], CoreProcess) == 2
+    assert '/never/there.yaml' in capsys.readouterr().err
+
+
+def test_what_was_measured_must_be_writable_before_it_is_measured(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / 'none' / 'm.json'
+    assert run([ROBOT, '--measure', '60', '--save-measured', str(path)], CoreProcess) == 2
+    assert f'--save-measured {path}: there is no folder' in capsys.readouterr().err

@@ -54,8 +54,9 @@ def _verify(arguments: argparse.Namespace) -> int:
                           'problems': verdict.problems}, indent=1))
     else:
         print(f'{verdict.rows} rows, head {verdict.head}',
-              *(verdict.problems or ['the chain is whole']), sep='\n')
-    return OK if verdict.is_whole else FAILED
+              *(verdict.problems or ['the chain is whole' if verdict.rows else
+                                     'there are no rows: nothing was checked']), sep='\n')
+    return OK if verdict.is_whole and verdict.rows else FAILED
 
 
 def _export(arguments: argparse.Namespace) -> int:
