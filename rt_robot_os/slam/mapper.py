@@ -84,7 +84,8 @@ class Mapper:
     :ivar version: another number when keyframes came, went or moved by a cell.
     :ivar counts: ``scans``, ``keyframes`` (kept, ever), ``searched`` (a window was), ``lost``
         (odometry was followed, since the scan fitted nowhere), ``loops``, ``refused`` (a loop
-        that odometry and other loops contradict), ``empty`` (scans without a point), ``jumps``
+        that odometry and other loops contradict), ``near_misses`` (places that fitted nearly, or
+        that no second keyframe confirmed), ``empty`` (scans without a point), ``jumps``
         (of odometry, taken for no movement), ``crowded`` (keyframes that gave way to newer ones of
         the same place), ``outdated`` (of which too little is still there), ``points_gone``
         (that were seen through), ``skipped`` (places that were not looked at: newer ones came
@@ -101,8 +102,8 @@ class Mapper:
         self.graph = Graph()
         self.version = 0
         self.counts = dict.fromkeys((
-            'scans', 'keyframes', 'searched', 'lost', 'loops', 'refused', 'empty', 'jumps',
-            'crowded', 'outdated', 'points_gone', 'skipped', 'fixes', 'fixes_left',
+            'scans', 'keyframes', 'searched', 'lost', 'loops', 'refused', 'near_misses', 'empty',
+            'jumps', 'crowded', 'outdated', 'points_gone', 'skipped', 'fixes', 'fixes_left',
             'forgotten', 'found'), 0)
         self._begin(np.zeros(3) if start is None else np.asarray(start, dtype=np.float64), True)
 

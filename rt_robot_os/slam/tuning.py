@@ -62,6 +62,7 @@ class Tuning:
     local_keyframes: int = 12
     near_keyframes: int = 6
     tied_m: float = 0.1
+    place_tied_m: float = 0.3
     place_most: int = 8
     place_m: float = 0.5
     keyframes_most: int = 2000
