@@ -94,7 +94,8 @@ class Lines:
         from scipy.spatial import cKDTree  # takes long, and nobody else needs it
         self.points, self.normals = points, normals
         self._offsets: Floats = (points * normals).sum(1)
-        self._tree: Any = cKDTree(np.hstack((points, normals * _SIDE)))
+        self._tree: Any = cKDTree(np.hstack((points, normals * _SIDE)), compact_nodes=False,
+                                  balanced_tree=False)  # built often, asked seldom
 
     def align(self, points: Floats, start: Floats, prior: Floats | None = None,
               prior_information: Floats | None = None, gate_m: float = 0.4,

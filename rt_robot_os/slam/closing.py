@@ -150,8 +150,9 @@ class Closing:
                 self._doubted.append(edge)
                 self._missed(replace(verdict, why='no other keyframe says the same yet'))
                 return
-        waited = len(taken) - 1
-        self._counts['near_misses'] -= waited
+        self._counts['near_misses'] -= len(taken) - 1
+        self.near_misses = deque((each for each in self.near_misses
+                                  if all(each.edge is not one for one in taken)), _NEAR_MOST)
         self._doubted = deque((each for each in self._doubted
                                if all(each is not one for one in taken)), _DOUBTED_MOST)
         self._counts['loops'] += len(taken)

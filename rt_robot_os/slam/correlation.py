@@ -38,7 +38,8 @@ from rt_robot_os.slam.transforms import wrapped
 Result = TypeVar('Result')
 
 _COARSE: Final = 4
-#: Coarse places that are looked at closely, at most, and how many at once.
+#: Coarse places that are looked at closely, at most, and how many at once: at first, then twice
+#: as many each time.
 _CLOSER_MOST: Final = 400
 _AT_ONCE: Final = 8
 #: Places that are nearer to each other are one.
@@ -142,10 +143,10 @@ def _closest(field: LikelihoodField, window: Window, cells: Any, bounds: Any, sh
     best, found = -np.inf, (0, 0, 0)
     fine = np.arange(_COARSE)
     order = _best_first(bounds)
-    for begin in range(0, len(order), _AT_ONCE):
-        places = order[begin:begin + _AT_ONCE]
-        if bounds.flat[places[0]] <= best:
-            break
+    begin, count = 0, _AT_ONCE
+    while begin < len(order) and bounds.flat[order[begin]] > best:
+        places = order[begin:begin + count]
+        begin, count = begin + count, 2 * count
         turn, row, column = np.unravel_index(places, bounds.shape)
         fits = field.means(cells[turn], shifts[column], shifts[row], _COARSE)
         fits -= _plain_cost(window, (shifts[column, None] + fine) * field.cell_m,

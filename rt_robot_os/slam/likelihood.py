@@ -77,8 +77,8 @@ class LikelihoodField:
         flat = self._levels.reshape(-1)
         # Of hills that overlap the highest counts: what is lower is written before it.
         shifts = sorted(((dx * dx + dy * dy, dy * columns + dx)
-                         for dy in range(-reach, reach + 1) for dx in range(-reach, reach + 1)),
-                        reverse=True)
+                         for dy in range(-reach, reach + 1) for dx in range(-reach, reach + 1)
+                         if dx * dx + dy * dy <= reach * reach), reverse=True)
         for far, shift in shifts:
             flat[at + shift] = round(_TOP * math.exp(-far * scale))
 

@@ -171,23 +171,24 @@ def closing(keyframes: Sequence[Keyframe], place: Place, tuning: Tuning
     if match.aligned.share < tuning.share_least:
         return None
     yield
-    return _judged(match, overlap_of(around, last.surface, match.aligned.pose), keyframes, place,
-                   tuning)
+    is_short = match.aligned.share < tuning.loop_share or match.score < tuning.loop_score
+    overlap = overlap_of(around, last.surface, match.aligned.pose) if is_short else None
+    return _judged(match, overlap, keyframes, place, tuning)
 
 
-def _judged(match: Match, overlap: Overlap, keyframes: Sequence[Keyframe], place: Place,
+def _judged(match: Match, overlap: Overlap | None, keyframes: Sequence[Keyframe], place: Place,
             tuning: Tuning) -> Verdict | None:
     share, score = match.aligned.share, match.score
-    of_visible = share / max(overlap.visible, share)
+    visible = 1.0 if overlap is None else overlap.visible
+    of_visible = share / max(visible, share)
     if of_visible < _NEARLY:
         return None
     verdict = partial(Verdict, place.keyframe, place.nearest, share, of_visible, score)
-    is_short = share < tuning.loop_share or score < tuning.loop_score
-    if is_short and (of_visible < tuning.loop_share
-                     or score / max(overlap.visible, score) < tuning.loop_score):
-        return verdict('too little of what is visible fits')
-    if is_short and overlap.contradicted > _CONTRADICTED:
-        return verdict('it sees through what is known')
+    if overlap is not None:
+        if of_visible < tuning.loop_share or score / max(visible, score) < tuning.loop_score:
+            return verdict('too little of what is visible fits')
+        if overlap.contradicted > _CONTRADICTED:
+            return verdict('it sees through what is known')
     aligned, is_one_way = _as_known(match.aligned, keyframes[place.keyframe].pose)
     far = is_far(keyframes[place.keyframe].pose, aligned.pose)
     if far and (is_one_way or share < _FAR_SHARE or score < _FAR_SCORE):
@@ -195,7 +196,7 @@ def _judged(match: Match, overlap: Overlap, keyframes: Sequence[Keyframe], place
     edge = edge_of(place.nearest, place.keyframe, keyframes[place.nearest].pose, aligned,
                    tuning.match_noise_m, _LOOP_COMMON, True)
     return verdict('', edge, _FAR_PLACES if far else
-                   _SHORT_PLACES if is_short or is_one_way else 1)
+                   _SHORT_PLACES if overlap is not None or is_one_way else 1)
 
 
 def _as_known(aligned: Aligned, expected: Floats) -> tuple[Aligned, bool]:

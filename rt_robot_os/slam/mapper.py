@@ -41,6 +41,7 @@ from rt_robot_os.slam.keyframes import Keyframe
 from rt_robot_os.slam.keyframes import LocalMap
 from rt_robot_os.slam.keyframes import Match
 from rt_robot_os.slam.located import Located
+from rt_robot_os.slam.loops import Verdict
 from rt_robot_os.slam.matching import Certainty
 from rt_robot_os.slam.matching import Matcher
 from rt_robot_os.slam.matching import Way
@@ -396,6 +397,11 @@ class Mapper:
         self._moved()
         self.counts['lost'] -= self._afterthought.look_again(self.keyframes, self._track,
                                                              self._matcher)
+
+    @property
+    def near_misses(self) -> list[Verdict]:
+        """Return the last places that fitted nearly, and why no loop was closed there."""
+        return list(self._closing.near_misses)
 
     def trajectory(self) -> Floats:
         """Return the poses of the scans on the map as it is now; shape (scans, 3)."""

@@ -12,7 +12,7 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-// Map scans with GMapping, the particle filter of OpenSLAM. Settings: as in its INI files.
+// Map scans with GMapping, the particle filter of OpenSLAM.
 
 #include <algorithm>
 #include <cstdlib>
@@ -62,7 +62,7 @@ OrientedPoint point(const Pose & pose)
 
 int main(int count, char ** words)
 {
-  const Settings settings = read_settings(count, words);
+  const Settings settings = read_settings(SETTINGS, count, words);
   const Log log = read_log();
   const auto seed = static_cast<unsigned int>(number(settings, "randseed", 1));
   std::srand(seed);

@@ -12,7 +12,7 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-// Map scans with slam_toolbox's Karto and its Ceres solver. Settings: as in slam_toolbox's YAML.
+// Map scans with slam_toolbox's Karto and its Ceres solver.
 
 #include <memory>
 
@@ -95,7 +95,7 @@ karto::LaserRangeFinder * laser_of(const Log & log, double range_max, const kart
 
 int main(int count, char ** words)
 {
-  const Settings settings = read_settings(count, words);
+  const Settings settings = read_settings(SETTINGS, count, words);
   const Log log = read_log();
   const double begin = cpu_seconds();
   std::cout.rdbuf(nullptr);  // it reports its sensor there

@@ -15,7 +15,8 @@
 // The scans that a mapper is given, and what it gives back.
 //
 // Standard input: a line "beams angle_min angle_increment range_max", then for each scan a line
-// "seconds x y yaw range ...", in m and rad. Settings are arguments NAME=VALUE. Standard output:
+// "seconds x y yaw range ...", in m and rad. Settings are those of the file that the mapper ships;
+// arguments NAME=VALUE replace some of them. Standard output:
 // the CPU seconds of all threads that mapping took, without reading; then a line "x y yaw" for
 // each scan.
 
@@ -24,9 +25,11 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <iostream>
 #include <map>
 #include <sstream>
@@ -78,9 +81,24 @@ inline Log read_log()
   return log;
 }
 
-inline Settings read_settings(int count, char ** words)
+// Read "name: value" or "name value" of each line, with a comment behind a #; then the arguments.
+inline Settings read_settings(const char * path, int count, char ** words)
 {
   Settings settings;
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line); ) {
+    line = line.substr(0, line.find('#'));
+    std::replace(line.begin(), line.end(), ':', ' ');
+    std::istringstream parts(line);
+    std::string name, value;
+    if (parts >> name >> value) {
+      settings[name] = value;
+    }
+  }
+  if (settings.empty()) {
+    std::cerr << path << ": no settings in it\n";
+    std::exit(2);
+  }
   for (int at = 1; at < count; ++at) {
     const std::string word = words[at];
     const auto sign = word.find('=');
