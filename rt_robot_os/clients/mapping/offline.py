@@ -27,6 +27,7 @@ from typing import Final
 import numpy as np
 
 from rt_robot_os.clients.mapping.picture import draw
+from rt_robot_os.clients.mapping.reach import Reach
 from rt_robot_os.clients.mapping.sources import opened
 from rt_robot_os.clients.mapping.sources import Source
 from rt_robot_os.errors import ConfigError
@@ -140,11 +141,12 @@ def _write(arguments: argparse.Namespace, mapper: Mapper, poses: Floats, report:
 
 def _mapped(source: Source, range_max_m: float) -> tuple[Mapper, list[int]]:
     """Map all scans; return their stamps, too."""
-    mapper = Mapper(Tuning(range_max_m=range_max_m))
+    mapper, reach = Mapper(Tuning(range_max_m=range_max_m)), Reach(range_max_m)
     stamps_ns: list[int] = []
     begun_s = told_s = time.monotonic()
     for scan in source.scans():
         mapper.add(scan)
+        reach.add(scan.ranges)
         stamps_ns.append(scan.stamp_ns)
         now_s = time.monotonic()
         if now_s - told_s > _TELL_S:
@@ -154,6 +156,8 @@ def _mapped(source: Source, range_max_m: float) -> tuple[Mapper, list[int]]:
             print(f'mapping: {len(stamps_ns)} scans, {share:.0%} of the log, some {left_s:.0f} s '
                   'to go', file=sys.stderr, flush=True)
     mapper.finish()
+    if problem := reach.problem():
+        source.problems.append(problem)
     return mapper, stamps_ns
 
 
