@@ -130,8 +130,8 @@ class Verdict:
     :ivar share: of its points that lie on lines of the place, and
     :ivar of_visible: of those that the place looked at.
     :ivar score: how well they fit.
-    :ivar why: no loop is closed; empty: one is.
-    :ivar edge: the loop.
+    :ivar why: why no loop is closed; empty: one is.
+    :ivar edge: the loop; None where ``why`` says that there is none.
     :ivar places: at so many places, some way apart, loops have to say the same.
     """
 

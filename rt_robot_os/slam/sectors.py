@@ -51,6 +51,7 @@ def ends_by_sector(surface: Surface) -> tuple[Floats, Floats]:
 
 
 def sector_of(points: Floats) -> npt.NDArray[np.int64]:
+    """Return in which sector points lie; shape (n,)."""
     angles = np.arctan2(points[:, 1], points[:, 0])
     sectors: npt.NDArray[np.int64] = np.floor(
         (angles + np.pi) * (SECTORS / (2.0 * np.pi))).astype(np.int64) % SECTORS
