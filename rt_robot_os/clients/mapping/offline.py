@@ -106,7 +106,8 @@ def _report(name: str, source: Source, mapper: Mapper, stamps_ns: list[int], pos
     mount = getattr(source, 'mount', None)
     steps = np.diff(poses[:, :2], axis=0)
     return {
-        'log': name, **mapper.counts, 'near': _near(mapper), 'bad_lines': source.bad, 'problems': source.problems,
+        'log': name, **mapper.counts, 'near': _near(mapper), 'bad_lines': source.bad,
+        'problems': source.problems,
         'duration_s': round((max(stamps_ns) - min(stamps_ns)) / NS_PER_S, 3),
         'way_m': round(float(np.hypot(steps[:, 0], steps[:, 1]).sum()), 2),
         'laser': None if mount is None else next(rows(mount.pose.reshape(1, 3))),
