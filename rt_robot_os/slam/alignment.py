@@ -22,19 +22,22 @@ counts less and less (Cauchy), so that somebody who walks by does not pull.
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 from typing import Any
 from typing import Final
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from rt_robot_os.slam.transforms import Floats
-from rt_robot_os.slam.transforms import placed
-from rt_robot_os.slam.transforms import rotation
 from rt_robot_os.slam.transforms import wrapped
 
 _STEPS_MOST: Final = 20
 _SMALL: Final = 1e-4
+#: After a step as small as this each point keeps the line that it was put onto, in m and rad.
+_SAME: Final = 1e-3
+_LEAST: Final = 1e-6 * np.eye(3)
 #: Distance to its line at which a point counts half.
 _SOFT_M: Final = 0.05
 #: A point this near to its line lies on it.
@@ -64,6 +67,21 @@ class Aligned:
     share: float
 
 
+class _Pairs(NamedTuple):
+    """
+    Points and the lines that they are put onto.
+
+    :ivar near: which points.
+    :ivar across: of the normals of their lines; ``up`` too.
+    :ivar offset: how far those lines are from the origin.
+    """
+
+    near: npt.NDArray[np.int64]
+    across: Floats
+    up: Floats
+    offset: Floats
+
+
 class Lines:
     """
     Points with normals, to which others are aligned.
@@ -75,7 +93,9 @@ class Lines:
     def __init__(self, points: Floats, normals: Floats) -> None:
         from scipy.spatial import cKDTree  # takes long, and nobody else needs it
         self.points, self.normals = points, normals
-        self._tree: Any = cKDTree(np.hstack((points, normals * _SIDE)))
+        self._offsets: Floats = (points * normals).sum(1)
+        self._tree: Any = cKDTree(np.hstack((points, normals * _SIDE)), compact_nodes=False,
+                                  balanced_tree=False)  # built often, asked seldom
 
     def align(self, points: Floats, start: Floats, prior: Floats | None = None,
               prior_information: Floats | None = None, gate_m: float = 0.4,
@@ -91,31 +111,37 @@ class Lines:
         """
         facing = np.zeros_like(points) if normals is None else normals
         has_side = np.hypot(facing[:, 0], facing[:, 1]) > _ALIKE
-        pose, share, found = start.copy(), 0.0, np.zeros((3, 3))
+        views = np.hstack((points, facing * _SIDE))
+        pose, found, errors = start.copy(), np.zeros((3, 3)), np.zeros(0)
+        pairs: _Pairs | None = None
         for _ in range(_STEPS_MOST):
-            there = placed(pose, points)
-            sides = facing @ rotation(pose[2]).T
-            near, nearest = self._pairs(there, sides, has_side, gate_m)
-            if len(near) < _POINTS_LEAST:
-                return Aligned(pose, np.zeros((3, 3)), 0.0)
-            normals, arms = self.normals[nearest], there[near] - pose[:2]
-            errors = ((there[near] - self.points[nearest]) * normals).sum(1)
+            there = _moved(pose, views)
+            if pairs is None:
+                pairs = self._pairs(there, has_side, gate_m)
+                if len(pairs.near) < _POINTS_LEAST:
+                    return Aligned(pose, np.zeros((3, 3)), 0.0)
+                gate_m = max(_GATE_LEAST_M, gate_m * 0.8)
+            x, y = there[pairs.near, 0], there[pairs.near, 1]
+            errors = pairs.across * x + pairs.up * y - pairs.offset
             weights = 1.0 / (1.0 + (errors / _SOFT_M) ** 2)
-            jacobian = np.stack((normals[:, 0], normals[:, 1],
-                                 normals[:, 1] * arms[:, 0] - normals[:, 0] * arms[:, 1]), -1)
-            found = (jacobian * weights[:, None]).T @ jacobian
-            matrix, right = found, (jacobian * weights[:, None]).T @ errors
+            jacobian = np.stack((pairs.across, pairs.up, pairs.up * (x - pose[0])
+                                 - pairs.across * (y - pose[1])))
+            weighted = jacobian * weights
+            found = weighted @ jacobian.T
+            matrix, right = found + _LEAST, weighted @ errors
             if prior is not None and prior_information is not None:
                 off = pose - prior
                 off[2] = wrapped(off[2])
                 matrix, right = matrix + prior_information, right + prior_information @ off
-            step = -np.linalg.solve(matrix + 1e-6 * np.eye(3), right)
+            step = -np.linalg.solve(matrix, right)
             pose = pose + step
             pose[2] = wrapped(pose[2])
-            share = float((np.abs(errors) < _ON_LINE_M).sum() / len(points))
-            gate_m = max(_GATE_LEAST_M, gate_m * 0.8)
-            if np.abs(step).max() < _SMALL:
+            size = np.abs(step).max()
+            if size < _SMALL:
                 break
+            if size > _SAME or gate_m > _GATE_LEAST_M:
+                pairs = None
+        share = float((np.abs(errors) < _ON_LINE_M).sum() / len(points))
         return Aligned(pose, found, share)
 
     def far_from(self, points: Floats, far_m: float) -> int:
@@ -124,13 +150,28 @@ class Lines:
                                         distance_upper_bound=np.hypot(far_m, _SIDE))
         return int(np.isinf(distances).sum())
 
-    def _pairs(self, points: Floats, sides: Floats, has_side: npt.NDArray[np.bool_],
-               gate_m: float) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return which points lie near a line that was seen from the same side, and which."""
-        distances, nearest = self._tree.query(np.hstack((points, sides * _SIDE)),
-                                              distance_upper_bound=np.hypot(gate_m, _FACING_M))
+    def _pairs(self, there: Floats, has_side: npt.NDArray[np.bool_], gate_m: float) -> _Pairs:
+        """
+        Return which points lie near a line that was seen from the same side.
+
+        :param there: shape (n, 4): points, and normals in the tree's unit.
+        """
+        distances, nearest = self._tree.query(
+            there, distance_upper_bound=np.hypot(gate_m, _FACING_M))
         near = np.flatnonzero(np.isfinite(distances))
-        there = nearest[near]
-        alike = (sides[near] * self.normals[there]).sum(1) > _ALIKE
+        nearest = nearest[near]
+        alike = (there[near, 2:] * self.normals[nearest]).sum(1) > _ALIKE * _SIDE
         kept = alike | ~has_side[near]
-        return near[kept], there[kept]
+        nearest = nearest[kept]
+        across, up = self.normals[nearest].T
+        return _Pairs(near[kept], across, up, self._offsets[nearest])
+
+
+def _moved(pose: Floats, views: Floats) -> Floats:
+    """Return points with normals, shape (n, 4), of a pose's frame in the frame of the pose."""
+    x, y, yaw = pose.tolist()
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    there: Floats = views @ np.array(((cosine, sine, 0.0, 0.0), (-sine, cosine, 0.0, 0.0),
+                                      (0.0, 0.0, cosine, sine), (0.0, 0.0, -sine, cosine)))
+    there += (x, y, 0.0, 0.0)
+    return there

@@ -28,9 +28,9 @@ import numpy as np
 
 from rt_robot_os.slam.graph import Graph
 from rt_robot_os.slam.loops import closing
-from rt_robot_os.slam.loops import is_far
 from rt_robot_os.slam.loops import Place
 from rt_robot_os.slam.loops import places_near
+from rt_robot_os.slam.loops import Verdict
 from rt_robot_os.slam.pose_graph import agree
 from rt_robot_os.slam.pose_graph import Edge
 from rt_robot_os.slam.surroundings import Surroundings
@@ -46,20 +46,22 @@ _STEPS_AT_END: Final = 20
 #: A step in m or rad that is the last, while the robot drives.
 _SMALL: Final = 1e-3
 _REFUSED: Final = 0.3
-#: A loop that would move the robot far is closed when so many keyframes, so much of the way apart,
-#: say the same: rooms look alike, and doors of a corridor are as far from each other.
-_TOGETHER: Final = 3
+#: Keyframes so much of the way apart say the same when they agree to this.
 _APART_M: Final = 0.5
 _SAME_M: Final = 0.5
 _SAME_RAD: Final = 0.06
 _DOUBTED_MOST: Final = 24
+#: Near misses that are remembered: the last ones.
+_NEAR_MOST: Final = 50
 
 
 class Closing:
     """
     Loops that are being closed.
 
-    :param counts: of the mapper; ``loops``, ``refused`` and ``skipped`` are counted there.
+    :param counts: of the mapper; ``loops``, ``refused``, ``near_misses`` and ``skipped`` are
+        counted there.
+    :ivar near_misses: the last places that nearly fitted, by ``Verdict.why`` no loop was closed.
     :ivar moved_m: how far a keyframe was moved last, at most.
     """
 
@@ -67,12 +69,13 @@ class Closing:
         self._graph, self._tuning, self._counts = graph, tuning, counts
         self._waiting: deque[Place] = deque()
         self._doubted: deque[Edge] = deque(maxlen=_DOUBTED_MOST)  # nobody else says so yet
-        self._matching: Generator[None, None, Edge | None] | None = None
+        self._matching: Generator[None, None, Verdict | None] | None = None
         self._place: Place | None = None  # that is looked at in pieces
         self._poses: Floats | None = None  # as they are while they are being moved
         self._steps = 0
         self._is_new = False  # edges came since the keyframes agreed
         self.moved_m = 0.0
+        self.near_misses: deque[Verdict] = deque(maxlen=_NEAR_MOST)
 
     @property
     def is_busy(self) -> bool:
@@ -134,19 +137,31 @@ class Closing:
             if end.value is not None:
                 self._take(end.value)
 
-    def _take(self, edge: Edge) -> None:
-        """Take a loop, and those that waited for somebody to say the same."""
+    def _take(self, verdict: Verdict) -> None:
+        """Take a loop, and those that waited for others to say the same."""
+        edge = verdict.edge
+        if edge is None:
+            self._missed(verdict)
+            return
         taken = [edge]
-        if is_far(self._graph.keyframes[edge.second].pose, self._matched(edge)):
+        if verdict.places > 1:
             taken += [each for each in self._doubted if self._say_the_same(each, edge)]
-            if self._places(taken) < _TOGETHER:
+            if self._places(taken) < verdict.places:
                 self._doubted.append(edge)
+                self._missed(replace(verdict, why='no other keyframe says the same yet'))
                 return
+        self._counts['near_misses'] -= len(taken) - 1
+        self.near_misses = deque((each for each in self.near_misses
+                                  if all(each.edge is not one for one in taken)), _NEAR_MOST)
         self._doubted = deque((each for each in self._doubted
                                if all(each is not one for one in taken)), _DOUBTED_MOST)
         self._counts['loops'] += len(taken)
         self._graph.edges.extend(taken)
         self.changed()
+
+    def _missed(self, verdict: Verdict) -> None:
+        self._counts['near_misses'] += 1
+        self.near_misses.append(verdict)
 
     def _matched(self, edge: Edge) -> Floats:
         """Return where a loop says that its keyframe is."""

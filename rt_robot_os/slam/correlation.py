@@ -31,19 +31,21 @@ import numpy as np
 import numpy.typing as npt
 
 from rt_robot_os.slam.likelihood import LikelihoodField
+from rt_robot_os.slam.likelihood import POINTS_MOST
 from rt_robot_os.slam.transforms import Floats
 from rt_robot_os.slam.transforms import wrapped
 
 Result = TypeVar('Result')
 
 _COARSE: Final = 4
-#: Coarse places that are looked at closely, at most, and how many at once.
+#: Coarse places that are looked at closely, at most, and how many at once: at first, then twice
+#: as many each time.
 _CLOSER_MOST: Final = 400
 _AT_ONCE: Final = 8
+#: Places that are nearer to each other are one.
+_APART_M: Final = 0.5
 #: Values that are added up in one piece.
 _PIECE: Final = 3_000_000
-#: Points of a scan that are looked at, spread evenly: more say the same.
-_POINTS_MOST: Final = 120
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,20 @@ def finished(work: Generator[None, None, Result]) -> Result:
 def fitting(field: LikelihoodField, points: Floats, window: Window
             ) -> Generator[None, None, tuple[Floats, float]]:
     """Do as :func:`best_fit`, in pieces of some milliseconds."""
-    points = points[::-(-len(points) // _POINTS_MOST)]
+    found = yield from fittings(field, points, window, 1)
+    return found[0]
+
+
+def fittings(field: LikelihoodField, points: Floats, window: Window, count: int
+             ) -> Generator[None, None, list[tuple[Floats, float]]]:
+    """
+    Do as :func:`fitting`, for the best places that are some way from each other.
+
+    :param count: the most.
+    :return: the best first, at least one.
+    """
+    # Spread evenly: more say the same.
+    points = points[::-(-len(points) // POINTS_MOST)]
     reach_turn = _steps(window.reach_rad, window.step_rad)
     turns = np.linspace(-reach_turn, reach_turn, 2 * reach_turn + 1) * window.step_rad
     reach = _steps(window.reach_m, field.cell_m * _COARSE)
@@ -105,14 +120,33 @@ def fitting(field: LikelihoodField, points: Floats, window: Window
     bounds = np.concatenate(parts)
     bounds -= _cost(window, np.maximum(np.abs(shifts) - _COARSE, 0) * field.cell_m, turns)
     yield
+    fits: list[tuple[Floats, float]] = []
+    apart = round(_APART_M / field.cell_m)
+    while len(fits) < count:
+        found, best = _closest(field, window, cells, bounds, shifts, turns)
+        if not fits or np.isfinite(best):
+            pose = window.centre + (found[1] * field.cell_m, found[2] * field.cell_m,
+                                    turns[found[0]])
+            pose[2] = wrapped(pose[2])
+            fits.append((pose, best))
+        yield
+        near = np.abs(shifts - found[1])[None, :] < apart
+        bounds[:, near & (np.abs(shifts - found[2])[:, None] < apart)] = -np.inf
+        if not np.isfinite(bounds).any():
+            break
+    return fits
+
+
+def _closest(field: LikelihoodField, window: Window, cells: Any, bounds: Any, shifts: Any,
+             turns: Any) -> tuple[tuple[int, int, int], float]:
+    """Look closely where bounds are best; return turn and shifts of the best place, its fit."""
     best, found = -np.inf, (0, 0, 0)
     fine = np.arange(_COARSE)
     order = _best_first(bounds)
-    yield
-    for begin in range(0, len(order), _AT_ONCE):
-        places = order[begin:begin + _AT_ONCE]
-        if bounds.flat[places[0]] <= best:
-            break
+    begin, count = 0, _AT_ONCE
+    while begin < len(order) and bounds.flat[order[begin]] > best:
+        places = order[begin:begin + count]
+        begin, count = begin + count, 2 * count
         turn, row, column = np.unravel_index(places, bounds.shape)
         fits = field.means(cells[turn], shifts[column], shifts[row], _COARSE)
         fits -= _plain_cost(window, (shifts[column, None] + fine) * field.cell_m,
@@ -123,9 +157,7 @@ def fitting(field: LikelihoodField, points: Floats, window: Window
             which, up, across = np.unravel_index(at, fits.shape)
             found = (int(turn[which]), int(shifts[column[which]] + across),
                      int(shifts[row[which]] + up))
-    pose = window.centre + (found[1] * field.cell_m, found[2] * field.cell_m, turns[found[0]])
-    pose[2] = wrapped(pose[2])
-    return pose, best
+    return found, best
 
 
 def _steps(reach: float, step: float) -> int:

@@ -26,6 +26,9 @@ import numpy.typing as npt
 
 from rt_robot_os.slam.keyframes import Keyframe
 from rt_robot_os.slam.scan import Surface
+from rt_robot_os.slam.sectors import ends_by_sector
+from rt_robot_os.slam.sectors import sector_of
+from rt_robot_os.slam.sectors import seen_through
 from rt_robot_os.slam.transforms import between
 from rt_robot_os.slam.transforms import Floats
 from rt_robot_os.slam.transforms import placed
@@ -33,16 +36,13 @@ from rt_robot_os.slam.transforms import wrapped
 from rt_robot_os.slam.tuning import Tuning
 
 _RAD_AS_M: Final = 0.5
-#: A point is gone when so many scans in a row saw this far beyond it,
+#: A point is gone when so many scans in a row saw through it,
 _SEEN_THROUGH: Final = 5
-_BEYOND_M: Final = 0.3
-_BEYOND_PART: Final = 0.05
 #: from where it was seen before: glass is passed from other sides.
 _SAME_SIDE_RAD: Final = float(np.radians(30.0))
 #: It is there when a beam ends that near to it.
 _THERE_M: Final = 0.15
-#: Sectors into which a scan is divided, and after which movement another is looked at.
-_SECTORS: Final = 240
+#: After this movement another scan is looked at.
 _MOVED_M: Final = 0.2
 _MOVED_RAD: Final = 0.2
 #: A robot that stands looks again after so many scans.
@@ -118,7 +118,7 @@ class OutOfDate:
         if moved < _MOVED_M and turned < _MOVED_RAD and self._since < _STANDING:
             return Gone()
         self._looked, self._since = pose, 0
-        nearest, beyond = _sectors(surface)
+        nearest, beyond = ends_by_sector(surface)
         points, few = 0, []
         for index in members:
             keyframe = keyframes[index]
@@ -135,40 +135,19 @@ class OutOfDate:
         return Gone(points, few)
 
 
-def _sectors(surface: Surface) -> tuple[Floats, Floats]:
-    """Return the nearest end of a beam in each sector, and how far is seen in all around it."""
-    points = surface.points
-    sector = _sector_of(points)
-    ranges = np.hypot(points[:, 0], points[:, 1])
-    nearest = np.full(_SECTORS, np.inf)
-    np.minimum.at(nearest, sector, ranges)
-    known = np.where(np.isfinite(nearest), nearest, 0.0)
-    beyond = known.copy()
-    for shift in (-1, 1):
-        beyond = np.minimum(beyond, np.roll(known, shift))
-    return nearest, beyond
-
-
-def _sector_of(points: Floats) -> npt.NDArray[np.int64]:
-    angles = np.arctan2(points[:, 1], points[:, 0])
-    sectors: npt.NDArray[np.int64] = np.floor(
-        (angles + np.pi) * (_SECTORS / (2.0 * np.pi))).astype(np.int64) % _SECTORS
-    return sectors
-
-
 def _doubted(keyframe: Keyframe, pose: Floats, nearest: Floats, beyond: Floats
              ) -> npt.NDArray[np.uint8]:
     """Return how many scans in a row have seen through each point."""
     points = placed(between(pose, keyframe.pose), keyframe.surface.points)
     own = keyframe.surface.points
     ranges = np.hypot(points[:, 0], points[:, 1])
-    sector = _sector_of(points)
+    sector = sector_of(points)
     off = np.abs(nearest[sector] - ranges)
     for shift in (-1, 1):
         off = np.minimum(off, np.abs(np.roll(nearest, shift)[sector] - ranges))
     turn = float(keyframe.pose[2] - pose[2])
     side = np.arctan2(points[:, 1], points[:, 0]) - np.arctan2(own[:, 1], own[:, 0]) - turn
-    through = (beyond[sector] > ranges * (1.0 + _BEYOND_PART) + _BEYOND_M) & (
+    through = (beyond[sector] > seen_through(ranges)) & (
         np.abs(wrapped(side)) < _SAME_SIDE_RAD)
     doubts = np.zeros(len(points), np.uint8) if keyframe.doubts is None else keyframe.doubts
     doubts = np.where(off < _THERE_M, 0, doubts)

@@ -28,7 +28,7 @@ import numpy.typing as npt
 from rt_robot_os.slam.alignment import Aligned
 from rt_robot_os.slam.alignment import Lines
 from rt_robot_os.slam.correlation import finished
-from rt_robot_os.slam.correlation import fitting
+from rt_robot_os.slam.correlation import fittings
 from rt_robot_os.slam.correlation import Window
 from rt_robot_os.slam.likelihood import LikelihoodField
 from rt_robot_os.slam.pose_graph import Edge
@@ -116,20 +116,32 @@ class LocalMap:
         """Look for a scan in a whole window, then align it exactly."""
         return finished(self.searching(surface, window, prior_information))
 
-    def searching(self, surface: Surface, window: Window, prior_information: Floats | None
-                  ) -> Generator[None, None, Match]:
-        """Do as :meth:`search`, in pieces of some milliseconds."""
+    def searching(self, surface: Surface, window: Window, prior_information: Floats | None,
+                  tries: int = 1, enough: float = 0.0) -> Generator[None, None, Match]:
+        """
+        Do as :meth:`search`, in pieces of some milliseconds.
+
+        :param tries: so many of the best places are aligned, until one has
+        :param enough: this share. The grid does not know sides of walls, alignment does.
+        """
         field = self.field
         yield
-        pose, score = yield from fitting(field, surface.points, window)
-        yield
+        fits = yield from fittings(field, surface.points, window, tries)
         prior = None if prior_information is None else window.centre
-        aligned = self.lines.align(surface.points, pose, prior, prior_information,
-                                   normals=surface.normals)
-        off = aligned.pose - pose
-        if np.hypot(off[0], off[1]) > _NEAR_M or abs(wrapped(off[2])) > _NEAR_RAD:
-            aligned = Aligned(pose, aligned.information, aligned.share)
-        return Match(aligned, score)
+        best: Match | None = None
+        for pose, score in fits:
+            yield
+            aligned = self.lines.align(surface.points, pose, prior, prior_information,
+                                       normals=surface.normals)
+            off = aligned.pose - pose
+            if np.hypot(off[0], off[1]) > _NEAR_M or abs(wrapped(off[2])) > _NEAR_RAD:
+                aligned = Aligned(pose, aligned.information, aligned.share)
+            if best is None or aligned.share > best.aligned.share:
+                best = Match(aligned, score)
+            if aligned.share >= enough:
+                break
+        assert best is not None
+        return best
 
 
 def edge_of(first: int, second: int, base: Floats, aligned: Aligned, noise_m: float,

@@ -143,4 +143,6 @@ def astray(found: Floats, start: Floats, far_m: float, far_rad: float) -> bool:
 def load_libraries() -> None:
     """Load what takes some 0.1 s the first time, so that no piece of work does."""
     import scipy.ndimage  # noqa: F401
+    import scipy.sparse.csgraph  # noqa: F401
+    import scipy.sparse.linalg  # noqa: F401
     import scipy.spatial  # noqa: F401

@@ -18,23 +18,31 @@ from __future__ import annotations
 
 import math
 from typing import Any
+from typing import Final
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from numpy.lib.stride_tricks import as_strided
 import numpy.typing as npt
 
 from rt_robot_os.slam.transforms import Floats
 
 Likelihoods = npt.NDArray[np.float32]
+Levels = npt.NDArray[np.uint16]
 Cells = npt.NDArray[np.int64]
+#: The sums of so many points are right: the top of a hill is the highest level of which that many
+#: fit into 16 bits, for half the size is twice as fast.
+POINTS_MOST: Final = 120
+_TOP: Final = 65535 // POINTS_MOST
 #: The hills end at so many standard deviations.
-_REACH = 3.0
-#: Around the points, in m, in which a match may put others.
-_MARGIN_M = 1.0
-#: Larger grids are made coarser: 4096 x 4096 cells are 64 MB.
-_SIDE_MOST = 4096
+_REACH: Final = 3.0
+#: Around the points, in m and in cells, in which a match may put others. It is wider than a hill
+#: and a window of places together.
+_MARGIN_M: Final = 1.0
+_MARGIN: Final = 16
+#: Larger grids are made coarser: 4096 x 4096 cells are 32 MB.
+_SIDE_MOST: Final = 4096
 #: Values that are added up at once: they fit into a cache.
-_AT_ONCE = 200_000
+_AT_ONCE: Final = 200_000
 
 
 class LikelihoodField:
@@ -47,85 +55,60 @@ class LikelihoodField:
     """
 
     def __init__(self, points: Floats, cell_m: float = 0.05, sigma_m: float = 0.07) -> None:
-        low, high = points.min(0) - _MARGIN_M, points.max(0) + _MARGIN_M
+        low, high = points.min(0), points.max(0)
         self.cell_m = max(cell_m, float((high - low).max()) / _SIDE_MOST)
-        self.low = low
-        columns, rows = (np.ceil((high - low) / self.cell_m).astype(np.int64) + 1).tolist()
-        self.values: Likelihoods = np.zeros((rows, columns), np.float32)
-        self._phases: dict[int, tuple[int, Likelihoods]] = {}
+        margin = max(_MARGIN_M, _MARGIN * self.cell_m)
+        self.low: Floats = low - margin
+        columns, rows = (np.ceil((high - low + 2.0 * margin) / self.cell_m).astype(np.int64)
+                         + 1).tolist()
+        self._levels: Levels = np.zeros((rows, columns), np.uint16)
+        self._best: tuple[int, int, Levels] | None = None
         self._raise_hills(points, sigma_m)
 
     def _raise_hills(self, points: Floats, sigma_m: float) -> None:
         # The margin is wider than any hill, so that all of them fit.
         cells = ((points - self.low) / self.cell_m).astype(np.int64)
-        columns = self.values.shape[1]
-        at = np.unique(cells[:, 1] * columns + cells[:, 0])
-        reach = min(math.ceil(_REACH * sigma_m / self.cell_m), int(_MARGIN_M / self.cell_m) - 1)
+        rows, columns = self._levels.shape
+        is_top = np.zeros(rows * columns, np.bool_)
+        is_top[cells[:, 1] * columns + cells[:, 0]] = True
+        at = np.flatnonzero(is_top)
+        reach = min(math.ceil(_REACH * sigma_m / self.cell_m), _MARGIN // 2)
         scale = self.cell_m ** 2 / (2.0 * sigma_m ** 2)
-        flat = self.values.reshape(-1)
+        flat = self._levels.reshape(-1)
         # Of hills that overlap the highest counts: what is lower is written before it.
         shifts = sorted(((dx * dx + dy * dy, dy * columns + dx)
-                         for dy in range(-reach, reach + 1) for dx in range(-reach, reach + 1)),
-                        reverse=True)
+                         for dy in range(-reach, reach + 1) for dx in range(-reach, reach + 1)
+                         if dx * dx + dy * dy <= reach * reach), reverse=True)
         for far, shift in shifts:
-            flat[at + shift] = math.exp(-far * scale)
+            flat[at + shift] = round(_TOP * math.exp(-far * scale))
 
     def means(self, cells: Cells, across: Cells, up: Cells, side: int) -> Likelihoods:
         """
         Return the mean value under points, for each of ``side`` x ``side`` shifts.
 
-        :param cells: shape (n, points, 2), column and row; they may lie outside.
+        :param cells: shape (n, points, 2), column and row; they may lie outside. No more than
+            ``POINTS_MOST`` points.
         :param across: shape (n,): the first shift in cells; ``up`` is that of rows.
+        :param side: no more than half the margin.
         :return: shape (n, side, side), rows first.
         """
-        windows = self._windows(1, side)
-        column = cells[..., 0] + across[:, None]
-        row = cells[..., 1] + up[:, None]
-        return _summed(windows, np.zeros_like(row), row, column) / np.float32(cells.shape[1])
+        return _means(self._levels, 1, side, cells[..., 1] + up[:, None],
+                      cells[..., 0] + across[:, None])
 
     def coarse_means(self, cells: Cells, reach: int, factor: int) -> Likelihoods:
         """
         Return the most that any shift from a coarse one to the next can give.
 
-        :param cells: shape (n, points, 2), column and row; they may lie outside.
-        :param reach: coarse shifts to each side, of ``factor`` cells each.
+        :param cells: as of :meth:`means`.
+        :param reach: coarse shifts to each side, of ``factor`` cells each; a power of 2.
         :return: shape (n, 2 reach + 1, 2 reach + 1), rows first.
         """
-        windows = self._windows(factor, 2 * reach + 1)
-        column, column_phase = np.divmod(cells[..., 0], factor)
-        row, row_phase = np.divmod(cells[..., 1], factor)
-        return _summed(windows, row_phase * factor + column_phase, row - reach, column - reach
-                       ) / np.float32(cells.shape[1])
-
-    def _windows(self, factor: int, side: int) -> Any:
-        """Return views of the best values within ``factor`` cells; by phase, row and column."""
-        if self._phases.get(factor, (0,))[0] != side:
-            best = self._best(factor)
-            rows, columns = (-(-each // factor) for each in best.shape)
-            padded = np.zeros(((rows + 2 * side) * factor, (columns + 2 * side) * factor),
-                              np.float32)
-            begin = side * factor
-            padded[begin:begin + best.shape[0], begin:begin + best.shape[1]] = best
-            apart = padded.reshape(rows + 2 * side, factor, columns + 2 * side, factor)
-            phases = np.ascontiguousarray(apart.transpose(1, 3, 0, 2)).reshape(
-                factor * factor, rows + 2 * side, columns + 2 * side)
-            self._phases[factor] = (side, phases)
-        return sliding_window_view(self._phases[factor][1], (side, side), axis=(1, 2))
-
-    def _best(self, factor: int) -> Likelihoods:
-        """Return the best value among the next ``factor`` x ``factor`` cells, for each cell."""
-        best = self.values
-        for axis in (0, 1) if factor > 1 else ():
-            lead = [(0, 0), (0, 0)]
-            lead[axis] = (0, factor)
-            padded = np.pad(best, lead)
-            best = padded[:best.shape[0], :best.shape[1]].copy()
-            for step in range(1, factor):
-                begin = [0, 0]
-                begin[axis] = step
-                np.maximum(best, padded[begin[0]:begin[0] + best.shape[0],
-                                        begin[1]:begin[1] + best.shape[1]], out=best)
-        return best
+        side = 2 * reach + 1
+        pad = side * factor
+        if self._best is None or self._best[:2] != (pad, factor):
+            self._best = pad, factor, _best_of(np.pad(self._levels, pad), factor)
+        begin = pad - reach * factor
+        return _means(self._best[2], factor, side, cells[..., 1] + begin, cells[..., 0] + begin)
 
     def cells_of(self, points: Floats) -> Cells:
         """Return the cells of points, column and row, which may lie outside."""
@@ -133,15 +116,30 @@ class LikelihoodField:
         return cells
 
 
-def _summed(windows: Any, phase: Cells, row: Cells, column: Cells) -> Likelihoods:
-    """Add up the windows that begin at cells, from one side's width outside on."""
+def _best_of(levels: Levels, factor: int) -> Levels:
+    """Return the best value among the next ``factor`` x ``factor`` cells, for each cell."""
+    step = 1
+    while step < factor:
+        np.maximum(levels[:, :-step], levels[:, step:], out=levels[:, :-step])
+        np.maximum(levels[:-step], levels[step:], out=levels[:-step])
+        step *= 2
+    return levels
+
+
+def _means(levels: Levels, step: int, side: int, row: Cells, column: Cells) -> Likelihoods:
+    """Return the means of windows of ``side`` x ``side`` cells, each ``step`` from the next."""
+    rows, columns = (each - (side - 1) * step for each in levels.shape)
+    high, wide = levels.strides
+    windows: Any = as_strided(levels, (rows, columns, side, side),
+                              (high, wide, high * step, wide * step), writeable=False)
     count, points = row.shape
-    side = windows.shape[-1]
-    row = np.clip(row + side, 0, windows.shape[1] - 1)
-    column = np.clip(column + side, 0, windows.shape[2] - 1)
-    sums = np.empty((count, side, side), np.float32)
+    # Points first: so the sums of all windows are added up in one row. Beyond the grid is nothing,
+    # as at its border.
+    up, across = np.clip(row.T, 0, rows - 1), np.clip(column.T, 0, columns - 1)
+    sums = np.empty((count, side, side), np.uint16)
     some = max(1, _AT_ONCE // (points * side * side))
     for begin in range(0, count, some):
         part = slice(begin, begin + some)
-        sums[part] = windows[phase[part], row[part], column[part]].sum(1)
-    return sums
+        np.add.reduce(windows[up[:, part], across[:, part]], 0, np.uint16, sums[part])
+    means: Likelihoods = sums * np.float32(1.0 / (_TOP * points))
+    return means

@@ -41,6 +41,7 @@ from rt_robot_os.slam.keyframes import Keyframe
 from rt_robot_os.slam.keyframes import LocalMap
 from rt_robot_os.slam.keyframes import Match
 from rt_robot_os.slam.located import Located
+from rt_robot_os.slam.loops import Verdict
 from rt_robot_os.slam.matching import Certainty
 from rt_robot_os.slam.matching import Matcher
 from rt_robot_os.slam.matching import Way
@@ -84,7 +85,8 @@ class Mapper:
     :ivar version: another number when keyframes came, went or moved by a cell.
     :ivar counts: ``scans``, ``keyframes`` (kept, ever), ``searched`` (a window was), ``lost``
         (odometry was followed, since the scan fitted nowhere), ``loops``, ``refused`` (a loop
-        that odometry and other loops contradict), ``empty`` (scans without a point), ``jumps``
+        that odometry and other loops contradict), ``near_misses`` (places that fitted nearly, or
+        that no second keyframe confirmed), ``empty`` (scans without a point), ``jumps``
         (of odometry, taken for no movement), ``crowded`` (keyframes that gave way to newer ones of
         the same place), ``outdated`` (of which too little is still there), ``points_gone``
         (that were seen through), ``skipped`` (places that were not looked at: newer ones came
@@ -101,8 +103,8 @@ class Mapper:
         self.graph = Graph()
         self.version = 0
         self.counts = dict.fromkeys((
-            'scans', 'keyframes', 'searched', 'lost', 'loops', 'refused', 'empty', 'jumps',
-            'crowded', 'outdated', 'points_gone', 'skipped', 'fixes', 'fixes_left',
+            'scans', 'keyframes', 'searched', 'lost', 'loops', 'refused', 'near_misses', 'empty',
+            'jumps', 'crowded', 'outdated', 'points_gone', 'skipped', 'fixes', 'fixes_left',
             'forgotten', 'found'), 0)
         self._begin(np.zeros(3) if start is None else np.asarray(start, dtype=np.float64), True)
 
@@ -395,6 +397,11 @@ class Mapper:
         self._moved()
         self.counts['lost'] -= self._afterthought.look_again(self.keyframes, self._track,
                                                              self._matcher)
+
+    @property
+    def near_misses(self) -> list[Verdict]:
+        """Return the last places that fitted nearly, and why no loop was closed there."""
+        return list(self._closing.near_misses)
 
     def trajectory(self) -> Floats:
         """Return the poses of the scans on the map as it is now; shape (scans, 3)."""

@@ -17,8 +17,10 @@ from __future__ import annotations
 
 from typing import Any
 from typing import Final
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from rt_robot_os.slam.graph import Graph
 from rt_robot_os.slam.pose_graph import Edges
@@ -35,6 +37,26 @@ _LAST_M: Final = 15.0
 _TIES: Final = 0.3
 
 
+class _Ties(NamedTuple):
+    """
+    What ties keyframes to each other, each once.
+
+    :ivar first: index of the one, and
+    :ivar way: variances of the way in m^2 and
+    :ivar turn: of the angle in rad^2.
+    :ivar order: which of them the rows of a sparse matrix hold, one after the other,
+    :ivar columns: in which column, and
+    :ivar begins: where each row begins.
+    """
+
+    first: npt.NDArray[Any]
+    way: Floats
+    turn: Floats
+    order: npt.NDArray[Any]
+    columns: npt.NDArray[np.int32]
+    begins: npt.NDArray[np.int32]
+
+
 class Surroundings:
     """
     A graph as it is at one moment.
@@ -47,7 +69,7 @@ class Surroundings:
         self.poses: Floats = np.array([each.pose for each in graph.keyframes])
         self.travelled_m: Floats = np.array([each.travelled_m for each in graph.keyframes])
         self._edges = graph.edges
-        self._known: tuple[Any, ...] | None = None
+        self._known: _Ties | None = None
 
     def spread(self, index: int) -> tuple[Floats, Floats]:
         """
@@ -57,24 +79,43 @@ class Surroundings:
 
         :param index: of that keyframe.
         """
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import dijkstra
-        if self._known is None:
-            self._known = self._variances()
-        first, second, way, turn = self._known
-        size = (len(self.poses),) * 2
-        arms = np.hypot(*(self.poses[first, :2] - self.poses[index, :2]).T)
-        total = way + turn * np.maximum(arms, _ARM_M) ** 2
-        ways, turns = (dijkstra(coo_matrix((each, (first, second)), size).tocsr(),
-                                directed=False, indices=index) for each in (total, turn))
-        return np.sqrt(ways), np.sqrt(turns)
+        return (self._deviations(self._ways(index), index, np.inf),
+                self._deviations(self._ties().turn, index, np.inf))
 
-    def _variances(self) -> tuple[Any, ...]:
-        """Return between which keyframes edges go, and their variances of way and angle."""
-        edges = Edges(self._edges)
+    def tied(self, index: int, within_m: float) -> npt.NDArray[np.bool_]:
+        """Return which keyframes are in place to a standard deviation, seen from another."""
+        found: npt.NDArray[np.bool_] = self._deviations(self._ways(index), index,
+                                                        within_m) <= within_m
+        return found
+
+    def _ways(self, index: int) -> Floats:
+        ties = self._ties()
+        arms = np.hypot(*(self.poses[ties.first, :2] - self.poses[index, :2]).T)
+        ways: Floats = ties.way + ties.turn * np.maximum(arms, _ARM_M) ** 2
+        return ways
+
+    def _deviations(self, variances: Floats, index: int, limit: float) -> Floats:
+        """Return the sums over the best known ways, as deviations; inf beyond a limit."""
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import dijkstra
+        ties = self._ties()
+        size = len(self.poses)
+        graph = csr_array((variances[ties.order], ties.columns, ties.begins), (size, size))
+        # It holds each tie in both directions.
+        found: Floats = np.sqrt(dijkstra(graph, indices=index, limit=limit ** 2))
+        return found
+
+    def _ties(self) -> _Ties:
+        if self._known is None:
+            self._known = self._tied()
+        return self._known
+
+    def _tied(self) -> _Ties:
+        edges, size = Edges(self._edges), len(self.poses)
         if not len(edges.first):
-            nothing = np.zeros(0, np.intp)
-            return nothing, nothing, np.zeros(0), np.zeros(0)
+            nothing = np.zeros(0, np.int32)
+            return _Ties(nothing, np.zeros(0), np.zeros(0), nothing, nothing,
+                         np.zeros(size + 1, np.int32))
         covariances = np.linalg.inv(edges.information)
         way = covariances[:, 0, 0] + covariances[:, 1, 1]
         turn = covariances[:, 2, 2]
@@ -84,9 +125,14 @@ class Surroundings:
         low, high = np.minimum(edges.first, edges.second), np.maximum(edges.first, edges.second)
         order = np.argsort(total, kind='stable')
         order = order[believed[order]]
-        _, best = np.unique(low[order] * len(self.poses) + high[order], return_index=True)
+        _, best = np.unique(low[order] * size + high[order], return_index=True)
         kept = order[best]
-        return low[kept], high[kept], way[kept], turn[kept]
+        low, high = low[kept], high[kept]
+        rows, columns = np.concatenate((low, high)), np.concatenate((high, low))
+        by_row = np.lexsort((columns, rows))
+        begins = np.searchsorted(rows[by_row], np.arange(size + 1))
+        return _Ties(low, way[kept], turn[kept], by_row % len(kept),
+                     columns[by_row].astype(np.int32), begins.astype(np.int32))
 
     def near(self, pose: Floats, anchor: int, travelled_m: float, tuning: Tuning) -> list[int]:
         """
@@ -101,7 +147,7 @@ class Surroundings:
         chosen = [index for index in range(first, last + 1)
                   if travelled_m - self.travelled_m[index] < _LAST_M]
         apart = np.hypot(self.poses[:, 0] - pose[0], self.poses[:, 1] - pose[1])
-        apart[self.spread(anchor)[0] > tuning.tied_m] = np.inf
+        apart[~self.tied(anchor, tuning.tied_m)] = np.inf
         apart[chosen] = np.inf
         most = tuning.near_keyframes + tuning.local_keyframes - len(chosen)
         nearest = np.argsort(apart, kind='stable')[:most]

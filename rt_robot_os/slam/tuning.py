@@ -31,7 +31,8 @@ class Tuning:
     :ivar cover_m: this near to a keyframe, and is not kept.
     :ivar local_keyframes: the last so many are what a scan is matched with,
     :ivar near_keyframes: and so many near the pose, if the graph
-    :ivar tied_m: says that they are in place to this standard deviation.
+    :ivar tied_m: says that they are in place to this standard deviation;
+    :ivar place_tied_m: the same of the keyframes of a place at which a loop may be closed.
     :ivar place_most: so many keyframes are kept
     :ivar place_m: within this distance of each other,
     :ivar keyframes_most: and so many in all.
@@ -62,6 +63,7 @@ class Tuning:
     local_keyframes: int = 12
     near_keyframes: int = 6
     tied_m: float = 0.1
+    place_tied_m: float = 0.3
     place_most: int = 8
     place_m: float = 0.5
     keyframes_most: int = 2000

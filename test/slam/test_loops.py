@@ -31,6 +31,7 @@ from rt_robot_os.slam.closing import Closing  # noqa: E402
 from rt_robot_os.slam.graph import Graph  # noqa: E402
 from rt_robot_os.slam.keyframes import Keyframe  # noqa: E402
 from rt_robot_os.slam.loops import Place  # noqa: E402
+from rt_robot_os.slam.loops import Verdict  # noqa: E402
 from rt_robot_os.slam.mapper import Mapper  # noqa: E402
 from rt_robot_os.slam.pose_graph import Edge  # noqa: E402
 from rt_robot_os.slam.scan import Scan  # noqa: E402
@@ -52,6 +53,13 @@ def along(count: int, turn_sigma: float = 0.02) -> Graph:
                           for index in range(count - 1)])
 
 
+def verdict(keyframes: Any, place: Place, there: Any, places: int = 3) -> Verdict:
+    """Return that a keyframe is somewhere else, if as many places say the same."""
+    edge = Edge(place.nearest, place.keyframe, between(keyframes[place.nearest].pose, there),
+                np.eye(3) * 100.0, True)
+    return Verdict(place.keyframe, place.nearest, 0.9, 0.9, 0.9, '', edge, places)
+
+
 def test_a_heading_that_was_wrong_far_away_makes_a_place_doubtful_by_the_way_from_there() -> None:
     ways, turns = Surroundings(along(61)).spread(60)
     # Of 60 headings, each 0.02 rad: at arms of 1 to 60 m, and none below 5 m.
@@ -67,7 +75,7 @@ def test_a_heading_that_was_wrong_far_away_makes_a_place_doubtful_by_the_way_fro
     (None, 0)])
 def test_a_loop_that_moves_the_robot_far_is_closed_when_three_places_say_the_same(
         monkeypatch: pytest.MonkeyPatch, second: Any, closed: int) -> None:
-    graph, counts = along(40), {'loops': 0, 'refused': 0, 'skipped': 0}
+    graph, counts = along(40), dict.fromkeys(('loops', 'refused', 'near_misses', 'skipped'), 0)
     doing = Closing(graph, Tuning(), counts)
 
     def found(keyframes: Any, place: Place, tuning: Tuning) -> Any:
@@ -76,8 +84,7 @@ def test_a_loop_that_moves_the_robot_far_is_closed_when_three_places_say_the_sam
         if off is None:
             return None
         there = keyframes[place.keyframe].pose + off
-        return Edge(place.nearest, place.keyframe, between(keyframes[place.nearest].pose, there),
-                    np.eye(3) * 100.0, True)
+        return verdict(keyframes, place, there)
 
     monkeypatch.setattr(closing, 'closing', found)
     for keyframe in (37, 38, 38, 39):
@@ -87,18 +94,21 @@ def test_a_loop_that_moves_the_robot_far_is_closed_when_three_places_say_the_sam
             doing.work()
     closed += bool(closed)  # of one place there are two
     assert counts['loops'] == closed == sum(each.is_loop for each in graph.edges)
+    # What nothing else confirms is not lost in silence.
+    waiting = 4 - closed - (second is None)
+    assert counts['near_misses'] == waiting
+    assert not waiting or 'no other keyframe' in doing.near_misses[-1].why
 
 
 def test_a_doubted_loop_follows_keyframes_that_are_taken_out(
         monkeypatch: pytest.MonkeyPatch) -> None:
-    graph, counts = along(40), {'loops': 0, 'refused': 0, 'skipped': 0}
+    graph, counts = along(40), dict.fromkeys(('loops', 'refused', 'near_misses', 'skipped'), 0)
     doing = Closing(graph, Tuning(), counts)
 
     def found(keyframes: Any, place: Place, tuning: Tuning) -> Any:
         yield
         there = keyframes[place.keyframe].pose + (3.0, 0.0, 0.0)
-        return Edge(place.nearest, place.keyframe, between(keyframes[place.nearest].pose, there),
-                    np.eye(3) * 100.0, True)
+        return verdict(keyframes, place, there)
 
     monkeypatch.setattr(closing, 'closing', found)
     for keyframe in (37, 38):

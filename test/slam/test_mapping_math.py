@@ -87,12 +87,13 @@ def test_the_best_of_a_window_is_the_best_of_every_place_of_it() -> None:
         for up in range(-8, 12):
             for across in range(-8, 12):
                 x, y = cells[:, 0] + across, cells[:, 1] + up
-                inside = (x >= 0) & (y >= 0) & (x < field.values.shape[1]) & (
-                    y < field.values.shape[0])
-                value = field.values[np.where(inside, y, 0), np.where(inside, x, 0)] * inside
+                # The hills themselves: of each point the highest counts.
+                off = (np.stack((x, y), -1)[:, None] - field.cells_of(points)) ** 2
+                near = np.where((np.abs(off) <= 25).all(-1), off.sum(-1), np.inf).min(1)
+                value = np.exp(-near * field.cell_m ** 2 / (2 * 0.07 ** 2))
                 far = (across ** 2 + up ** 2) * field.cell_m ** 2 / 0.04
                 everywhere.append(value.mean() - 0.01 * (far + (turn / 0.1) ** 2))
-    assert score == pytest.approx(max(everywhere), abs=1e-6)
+    assert score == pytest.approx(max(everywhere), abs=2e-3)  # hills have 546 steps
     assert math.hypot(pose[0], pose[1]) < 0.9
 
 

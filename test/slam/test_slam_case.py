@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,7 +29,11 @@ from rt_robot_os.slam.transforms import composed  # noqa: E402
 from rt_robot_os.tools.bench.case import Options  # noqa: E402
 from rt_robot_os.tools.bench.case import Outcome  # noqa: E402
 from rt_robot_os.tools.bench.case import Outcomes  # noqa: E402
+from rt_robot_os.tools.bench.case import UNPINNED  # noqa: E402
 from rt_robot_os.tools.bench.cases.slam import CASE  # noqa: E402
+from rt_robot_os.tools.bench.harness import Harness  # noqa: E402
+from rt_robot_os.tools.bench.harness import Unavailable  # noqa: E402
+from rt_robot_os.tools.bench.peers import slam_programs  # noqa: E402
 from rt_robot_os.tools.bench.result import Status  # noqa: E402
 from rt_robot_os.tools.bench.result import Verdict  # noqa: E402
 from rt_robot_os.tools.bench.slam_measures import agreement  # noqa: E402
@@ -94,6 +99,37 @@ def test_the_aims_follow_the_figures_and_a_missing_peer_is_a_line() -> None:
 def test_a_log_is_compared_with_the_relations_beside_it(tmp_path: object) -> None:
     options = Options(2.0, 1, data='/somewhere/intel.csv.gz', expected='/there/intel.csv')
     runs = {run.key: run for run in CASE.plan(options)}
-    assert runs['log'].arguments == runs['log kiss'].arguments == {
+    assert runs['log'].arguments == runs['log kiss'].arguments == runs['log karto'].arguments == {
         'data': '/somewhere/intel.csv.gz', 'relations': '/there/intel.csv'}
     assert [run.key for run in CASE.plan(Options(0.5, 1, quick=True))] == ['flat']
+
+
+#: It answers with the odometry that it is given, 1.5 CPU seconds later, as it says.
+_STAND_IN = """#!/bin/sh
+echo 1.5
+read beams start step reach
+while read seconds x y yaw ranges; do echo "$x $y $yaw"; done
+"""
+
+
+def test_a_program_gets_each_scan_and_its_poses_are_compared(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log, relations = tmp_path / 'way.csv', tmp_path / 'way.relations.csv'
+    log.write_text('# t, odometry x y yaw, reference x y yaw, then 3 ranges in m, first beam at '
+                   '-90.0 deg, step 90.0000 deg\n' + ''.join(
+                       f'{at},{0.5 * at},0,0,0,0,0,1.0,,2.0\n' for at in range(4)))
+    relations.write_text('i,j,dx,dy,dyaw\n0,1,0.5,0.0,0.0\n0,3,1.3,0.0,0.0\n')
+    harness = Harness({'data': str(log), 'relations': str(relations)}, UNPINNED, 0, tmp_path)
+    monkeypatch.setenv('PATH', str(tmp_path), prepend=':')
+    monkeypatch.setattr(Harness, 'prepare', lambda *_: None)
+    program = tmp_path / 'slam_peer_karto'
+    with pytest.raises(Unavailable, match='slam_peer_karto is not on PATH: build it'):
+        slam_programs.karto(harness)
+    program.write_text(_STAND_IN)
+    program.chmod(0o755)
+    figures = slam_programs.karto(harness).figures
+    assert figures['cpu_s'] == 1.5 and figures['scans_per_s'] == pytest.approx(4 / 1.5)
+    assert figures['loops_mean_m'] == pytest.approx(0.2)
+    program.write_text('#!/bin/sh\necho no settings >&2\nexit 2\n')
+    with pytest.raises(RuntimeError, match='slam_peer_karto ended with 2: no settings'):
+        slam_programs.karto(harness)

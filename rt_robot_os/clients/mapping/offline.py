@@ -27,6 +27,7 @@ from typing import Final
 import numpy as np
 
 from rt_robot_os.clients.mapping.picture import draw
+from rt_robot_os.clients.mapping.reach import Reach
 from rt_robot_os.clients.mapping.sources import opened
 from rt_robot_os.clients.mapping.sources import Source
 from rt_robot_os.errors import ConfigError
@@ -41,6 +42,7 @@ from rt_robot_os.slam.occupancy import grid_of
 from rt_robot_os.slam.relations import compare
 from rt_robot_os.slam.relations import read_relations
 from rt_robot_os.slam.transforms import Floats
+from rt_robot_os.slam.tuning import Tuning
 from rt_robot_os.units import NS_PER_S
 
 _TELL_S: Final = 5.0
@@ -57,11 +59,13 @@ def map_log(arguments: argparse.Namespace) -> None:
     require('mapping', *EXTRAS['slam'])
     if not 0.01 <= arguments.cell <= 1.0:
         raise ConfigError([f'--cell {arguments.cell:g}: 0.01 to 1 m'])
+    if not 0.5 <= arguments.range_max <= 200.0:
+        raise ConfigError([f'--range-max {arguments.range_max:g}: 0.5 to 200 m'])
     _check_outputs(arguments)
     relations = None if arguments.relations is None else read_relations(arguments.relations)
     source = opened(arguments)
     begun_s = time.perf_counter()
-    mapper, stamps_ns = _mapped(source)
+    mapper, stamps_ns = _mapped(source, arguments.range_max)
     took_s = time.perf_counter() - begun_s
     poses = mapper.trajectory()
     report = _report(arguments.bag.name, source, mapper, stamps_ns, poses)
@@ -104,11 +108,19 @@ def _report(name: str, source: Source, mapper: Mapper, stamps_ns: list[int], pos
     mount = getattr(source, 'mount', None)
     steps = np.diff(poses[:, :2], axis=0)
     return {
-        'log': name, **mapper.counts, 'bad_lines': source.bad, 'problems': source.problems,
+        'log': name, **mapper.counts, 'near': _near(mapper), 'bad_lines': source.bad,
+        'problems': source.problems,
         'duration_s': round((max(stamps_ns) - min(stamps_ns)) / NS_PER_S, 3),
         'way_m': round(float(np.hypot(steps[:, 0], steps[:, 1]).sum()), 2),
         'laser': None if mount is None else next(rows(mount.pose.reshape(1, 3))),
         'upside_down': bool(mount is not None and mount.is_mirrored)}
+
+
+def _near(mapper: Mapper) -> list[dict[str, Any]]:
+    """Return the last near misses, as docs/mapping.md says."""
+    return [{'keyframe': each.keyframe, 'nearest': each.nearest, 'share': round(each.share, 3),
+             'of_visible': round(each.of_visible, 3), 'score': round(each.score, 3),
+             'why': each.why} for each in mapper.near_misses]
 
 
 def _write(arguments: argparse.Namespace, mapper: Mapper, poses: Floats, report: dict[str, Any]
@@ -130,13 +142,14 @@ def _write(arguments: argparse.Namespace, mapper: Mapper, poses: Floats, report:
             raise ConfigError([f'--picture {arguments.picture}: {error}']) from error
 
 
-def _mapped(source: Source) -> tuple[Mapper, list[int]]:
+def _mapped(source: Source, range_max_m: float) -> tuple[Mapper, list[int]]:
     """Map all scans; return their stamps, too."""
-    mapper = Mapper()
+    mapper, reach = Mapper(Tuning(range_max_m=range_max_m)), Reach(range_max_m)
     stamps_ns: list[int] = []
     begun_s = told_s = time.monotonic()
     for scan in source.scans():
         mapper.add(scan)
+        reach.add(scan.ranges)
         stamps_ns.append(scan.stamp_ns)
         now_s = time.monotonic()
         if now_s - told_s > _TELL_S:
@@ -146,12 +159,15 @@ def _mapped(source: Source) -> tuple[Mapper, list[int]]:
             print(f'mapping: {len(stamps_ns)} scans, {share:.0%} of the log, some {left_s:.0f} s '
                   'to go', file=sys.stderr, flush=True)
     mapper.finish()
+    if problem := reach.problem():
+        source.problems.append(problem)
     return mapper, stamps_ns
 
 
 def _say(report: dict[str, Any]) -> None:
     print(f'{report["scans"]} scans over {report["way_m"]:g} m, {report["keyframes"]} kept, '
-          f'{report["loops"]} loops closed ({report["refused"]} refused), {report["lost"]} lost; '
+          f'{report["loops"]} loops closed ({report["refused"]} refused, '
+          f'{report["near_misses"]} near misses), {report["lost"]} lost; '
           f'{report["scans_per_s"]:g} scans a second')
     problems = report['problems']
     for each in problems[:_PROBLEMS_MOST]:

@@ -38,6 +38,7 @@ from rt_robot_os.units import NS_PER_S
 
 _WORKERS = 'rt_robot_os.tools.bench.workers.slam'
 _PEERS = 'rt_robot_os.tools.bench.peers.slam'
+_PROGRAMS = 'rt_robot_os.tools.bench.peers.slam_programs'
 _WARMUP_NS = 2000 * NS_PER_MS
 # What the libraries take to load, and scans a second as they are expected to be mapped.
 _START_S, _PACE = 0.6, 100.0
@@ -71,11 +72,14 @@ _WAY_NOTES = (
 _LOG_COLUMNS = (
     Column('mean', 'mean', 'm', 'relations'), Column('turn', 'mean turn', 'rad', 'relations'),
     Column('largest', 'largest', 'm', 'relations'), Column('loops', 'loops', 'm', 'relations'),
-    Column('pace', 'mapped', '/s', 'scans'))
+    Column('cpu', 'time', 's', 'CPU'), Column('pace', 'mapped', '/s', 'scans'))
+_LOG_NOTES = (
+    'CPU time of all threads, without starting and reading. Karto and GMapping: with the settings',
+    'that they ship, where the programs of scripts/slam_peers are on PATH.')
 _LOG: dict[str, common.Of] = {
     'mean': common.figure('mean_m'), 'turn': common.figure('mean_rad'),
     'largest': common.figure('largest_m'), 'loops': common.figure('loops_mean_m'),
-    'pace': common.figure('scans_per_s')}
+    'cpu': common.figure('cpu_s'), 'pace': common.figure('scans_per_s')}
 _MEMORY_COLUMNS = (
     Column('begin', 'empty', 'MB', 'resident'), Column('known', 'a quarter', 'MB', 'resident'),
     Column('end', 'end', 'MB', 'resident'), Column('keyframes', 'kept', '', 'keyframes'),
@@ -123,6 +127,8 @@ def _logs(options: Options) -> Sequence[Run]:
     return tuple(Run(key, f'{label}, {name}', worker, arguments, _LOG_S, LAST_CPU, 0, once=True)
                  for key, label, worker in (
                      ('log', 'mapping', f'{_WORKERS}:log'),
+                     ('log karto', 'Karto', f'{_PROGRAMS}:karto'),
+                     ('log gmapping', 'GMapping', f'{_PROGRAMS}:gmapping'),
                      ('log breezy', 'BreezySLAM', f'{_PEERS}:breezy'),
                      ('log kiss', 'KISS-ICP', f'{_PEERS}:kiss')))
 
@@ -143,7 +149,9 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         Table(title, columns, found, notes) for title, columns, found, notes in (
             ('Simulated drives', _WAY_COLUMNS, rows(('flat', 'ring', 'breezy', 'kiss'), _WAY),
              _WAY_NOTES),
-            ('A log', _LOG_COLUMNS, rows(('log', 'log breezy', 'log kiss'), _LOG), ()),
+            ('A log', _LOG_COLUMNS, rows(
+                ('log', 'log karto', 'log gmapping', 'log breezy', 'log kiss'), _LOG),
+             _LOG_NOTES),
             ('Memory', _MEMORY_COLUMNS, rows(('memory',), _MEMORY), ()),
             ('Finding oneself in a saved map', _RESTART_COLUMNS, rows(('restart',), _RESTART), ()),
             ('The core beside mapping', punctual.COLUMNS, rows(('alone', 'beside'),
