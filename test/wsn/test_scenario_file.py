@@ -114,6 +114,7 @@ def test_a_file_of_links_has_no_noise_and_no_places(write) -> None:
     ('topology: {links: none.txt}', 'none.txt: cannot be read: there is no such file'),
     ('topology: {grid: 2x2}\nprotocol: ctp\nbeacon_period_ms: 10', 'ctp times its beacons itself'),
     ('topology: {grid: 2x2}\nlongest_interval_binary_ms: 1024', 'only ctp has it'),
+    ('topology: {grid: 2x2}\nradio: {cut_off_frames: kept}', 'kept needs links'),
     ('topology: {grid: 2x2}\nprotocol: paper\ntinyos: 2', 'tinyos = 2: must be 1'),
     ('topology: {grid: 2x2}\nprotocol: paper\nsink: {id: 1}', 'sink.id = 1: must be 0'),
     ('topology: {grid: 2x2}\ntraffic: {period_ms: 1, period_binary_ms: 1}', 'must be left out'),

@@ -15,11 +15,11 @@
 """
 The receive FIFO of a CC2420 after a frame was cut off, and how TinyOS 2 reads it.
 
-A mote that begins to send while it receives leaves the first bytes of the cut-off frame in the
-chip's receive FIFO. The chip raises FIFOP when the *first* frame in the FIFO is whole, which the
-cut-off one never is, and TinyOS begins to read only at that edge. So the mote is deaf: it gets no
-frame and no acknowledgement, and acknowledges nothing, until the 128 bytes are full. The overflow
-raises FIFOP; TinyOS reads until a length cannot be, and flushes the FIFO.
+On an emulated mote that begins to send while it receives, the chip leaves the first bytes of the
+cut-off frame in the receive FIFO. It raises FIFOP when the *first* frame in the FIFO is whole,
+which the cut-off one never is, and TinyOS begins to read only at that edge. So the mote is deaf:
+it gets no frame and no acknowledgement, and acknowledges nothing, until the 128 bytes are full.
+The overflow raises FIFOP; TinyOS reads until a length cannot be, and flushes the FIFO.
 
 After the flush the emulated chip still counts down the bytes of the frame that TinyOS had begun to
 read. While this count is not at the end of a frame when TinyOS is, a frame that became whole
@@ -29,7 +29,8 @@ in the FIFO, and the mote is deaf again.
 Sources: TinyOS 2.1.2, ``tos/chips/cc2420/receive/CC2420ReceiveP.nc`` (``InterruptFIFOP.fired``,
 ``RXFIFO.readDone``, ``waitForNextPacket``, ``flush``) and
 ``transmit/CC2420TransmitP.nc`` (``attemptSend``); the chip as MSPSim emulates it,
-``se/sics/mspsim/chip/CC2420.java`` (``receivedByte``, ``dataReceived``, ``flushRX``).
+``se/sics/mspsim/chip/CC2420.java`` (``receivedByte``, ``dataReceived``, ``flushRX``). A real
+CC2420 with CCA mode 3, as TinyOS sets it (``CC2420ControlP.nc``), does not send into a frame.
 """
 
 from __future__ import annotations
