@@ -70,13 +70,14 @@ def test_somebody_falls_and_the_robot_goes_there_looks_and_calls_until_it_is_ack
         return [json.loads(each.data)['event'] for each in list(events)]
 
     until(lambda: 'suspected' in happened(), 'a suspicion')
+    recorded = Recorded(world, until, CONFIG, '/alarms', '/wsn/nodes', '/tf_static')
+    until(lambda: recorded.live['/wsn/nodes'], 'the network')
+    recorded.end()
+    recorded.check('/alarms', '/wsn/nodes', '/tf', '/tf_static', '/agent/state')
     until(lambda: 'confirm' in states(), 'the question')
-    recorded = Recorded(world, until, CONFIG, '/alarms', '/plan', '/wsn/nodes', '/tf_static')
     until(lambda: any(abs(each.twist.twist.linear.x) > 0.05 for each in list(odometry)), 'a way')
     until(lambda: 'raised' in happened(), 'an alarm')
     until(lambda: 'observe' in states(), 'the robot beside her')
-    recorded.end()
-    recorded.check('/alarms', '/plan', '/wsn/nodes', '/tf', '/tf_static', '/agent/state')
     until(lambda: seen, 'a picture')
     found = json.loads(seen[0].data)
     assert found['kind'] == 'picture' and Path(found['file']).stat().st_size > 1000

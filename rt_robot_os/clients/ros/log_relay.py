@@ -113,8 +113,8 @@ class LogRelay:
     def relay(self, severity: int, at_ns: int, source: str, text: str) -> None:
         """Log one line of the core; never waits; from one thread only."""
         self.lines += 1
-        self._hand_on(nearest_severity(severity), at_ns + self._mapper.offset_ns, safe_line(source),
-                      safe_text(text))
+        self._hand_on(nearest_severity(severity), at_ns + self._mapper.offset_ns,
+                      safe_line(source), safe_text(text))
 
     def note(self, severity: int, text: str) -> None:
         """Log a line of the node itself; never waits, from any thread."""

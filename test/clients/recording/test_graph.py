@@ -190,12 +190,11 @@ def test_messages_are_those_of_the_mirrors_and_a_replay_finds_those_of_the_core(
     assert found['/path'][0][1].header.frame_id == 'map'
     assert found['/velocity'][0][1].header.frame_id == 'base_link'
     assert '/inner' not in found
-    stored = {(each.topic, each.number): each.cdr for each in Recording(tmp_path / 'bag').samples()}
-    assert set(stored) == {(INFOS_BY_CHANNEL[head.channel], head.seq) for head, _ in packets}
+    stored = {(each.topic, each.number): each.cdr
+              for each in Recording(tmp_path / 'bag').samples()}
+    names = {info.channel: name for name, info in INFOS.items()}
+    assert set(stored) == {(names[head.channel], head.seq) for head, _ in packets}
     assert stored['plan', 0] == bytes(packets[3][1])
-
-
-INFOS_BY_CHANNEL = {info.channel: name for name, info in INFOS.items()}
 
 
 def test_each_file_begins_with_what_late_subscribers_need(tmp_path: Path) -> None:

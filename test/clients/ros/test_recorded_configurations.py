@@ -56,7 +56,7 @@ def load_shipped(path: str) -> RobotSettings:
 
 @pytest.fixture(scope='module')
 def node() -> Iterator[Node]:
-    """Give a node that nobody spins: what it has is asked of itself."""
+    """Give a node without an executor: it only lists its own entities."""
     context = rclpy.Context()
     rclpy.init(context=context)
     made = Node('robot', context=context, use_global_arguments=False, enable_rosout=False,
