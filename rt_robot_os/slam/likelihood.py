@@ -140,6 +140,6 @@ def _means(levels: Levels, step: int, side: int, row: Cells, column: Cells) -> L
     some = max(1, _AT_ONCE // (points * side * side))
     for begin in range(0, count, some):
         part = slice(begin, begin + some)
-        np.add.reduce(windows[up[:, part], across[:, part]], 0, np.uint16, sums[part])
+        np.add.reduce(windows[up[:, part], across[:, part]], 0, np.uint16, out=sums[part])
     means: Likelihoods = sums * np.float32(1.0 / (_TOP * points))
     return means

@@ -70,7 +70,7 @@ def ring(apart: float = 0.0) -> Walls:
 
 def drive(walls: Walls, corners: list[tuple[float, float]], bias_rad: float) -> tuple[Any, Any]:
     """Return scans along a way and where they were taken; odometry turns as it goes on."""
-    poses = []
+    poses: list[Any] = []
     for (x, y), (to_x, to_y) in zip(corners, corners[1:]):
         way, yaw = math.hypot(to_x - x, to_y - y), math.atan2(to_y - y, to_x - x)
         if poses:
