@@ -49,7 +49,7 @@ def test_live_data_are_shown_in_words(robot: FakeRobot, signed_in: SignedIn) -> 
     expect(card.locator('.score')).to_contain_text('risk high')
     expect(card).to_contain_text('High risk by NEWS2')
     robot_card = page.locator('.robot', has_text='robot')
-    expect(robot_card).to_contain_text('Ready, nobody needs it')
+    expect(robot_card).to_contain_text('Idle: no emergency')
     expect(robot_card).to_contain_text('16%, low')
 
 

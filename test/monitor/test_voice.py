@@ -82,7 +82,7 @@ def test_a_call_is_set_up_and_the_robot_is_heard(
         page.get_by_role('button', name='Open').click()
         wait_until(lambda: _loudest(heard) > 1000, 'sound at the robot')
         page.get_by_role('button', name='Hang up').click()
-        page.get_by_text('The call is over').first.wait_for()
+        page.get_by_text('The call has ended').first.wait_for()
         other.get_by_text('No call').wait_for()
         wait_until(lambda: not gateway.statistics()['in_call'], 'the end of the call')
 
