@@ -103,12 +103,12 @@ def remedy(missing: Sequence[Library]) -> str:
 
 
 def _extras(missing: Iterable[Library]) -> list[str]:
-    """Return the smallest extras that bring libraries."""
+    """Return the smallest extras that bring libraries; what no extra brings is of the base."""
     found: dict[str, None] = {}
     for each in missing:
         if not any(each in libraries([extra]) for extra in found):
             bringing = [extra for extra, names in EXTRAS.items() if each.name in names]
-            found[min(bringing, key=lambda extra: len(EXTRAS[extra]))] = None
+            found[min(bringing, key=lambda extra: len(EXTRAS[extra]), default='base')] = None
     return list(found)
 
 

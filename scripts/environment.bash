@@ -26,6 +26,7 @@ PACKAGE=rt_robot_os
 LOG=$ROOT/log/setup.log
 PROGRAM=   # that is to be started: its extras are added
 EXTRAS=()  # of the package that are to be installed
+INSTALL_AGAIN= # whether pip is asked although a stamp says that they are there
 MODE=      # wheels: ROS 2 Jazzy from wheels in a virtual environment; ros: the sourced installation
 BASE=      # the Python that a virtual environment is made from
 VENV=
@@ -248,7 +249,10 @@ install_requirements() {
   add_extras_of_program "$PYTHON"
   sum=$(requirements_sum)
   for extra in "${EXTRAS[@]}"; do
-    [ "$(cat "$VENV/.$PACKAGE-extra-$extra" 2>/dev/null)" = "$sum" ] || missing+=("$extra")
+    case " ${missing[*]} " in *" $extra "*) continue ;; esac
+    if [ -n "$INSTALL_AGAIN" ] || [ "$(cat "$VENV/.$PACKAGE-extra-$extra" 2>/dev/null)" != "$sum" ]; then
+      missing+=("$extra")
+    fi
   done
   [ "${#missing[@]}" -gt 0 ] || return 0
   say "installing what is needed (${missing[*]}); the first time takes a minute or two"

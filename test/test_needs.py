@@ -155,6 +155,8 @@ def test_an_environment_of_the_scripts_is_extended_by_them(
     install('websockets', '10.4')
     assert lacking('voice', 'aiortc').endswith(': ./scripts/install voice')
     assert lacking('it', 'scipy', 'websockets').endswith(': ./scripts/install slam gateway')
+    install('rich', '9.0')
+    assert lacking('it', 'rich').endswith(': ./scripts/install base')
 
 
 def test_where_pip_may_not_install_it_is_a_package_or_a_virtual_environment(

@@ -238,6 +238,7 @@ TEMPLATES: Final = MappingProxyType({
     'no_topic': (
         'this robot has no topic {topic:w} that others may publish: its parameter file lists '
         'none (topics)'),
+    'not_read': 'nothing in this robot or connected to it reads {topic:w}: nothing was done',
     'no_release': 'this robot has no topic {topic:w}: its e-stop is released at the robot',
     'no_command': 'this robot has no command {command}; it has {commands}',
     'too_many_commands': 'too many commands at a time',

@@ -71,7 +71,7 @@ def test_somebody_falls_and_the_robot_goes_there_looks_and_calls_until_it_is_ack
 
     until(lambda: 'suspected' in happened(), 'a suspicion')
     recorded = Recorded(world, until, CONFIG, '/alarms', '/wsn/nodes', '/tf_static')
-    until(lambda: recorded.live['/wsn/nodes'], 'the network')
+    recorded.wait_for('/wsn/nodes')
     recorded.end()
     recorded.check('/alarms', '/wsn/nodes', '/tf', '/tf_static', '/agent/state')
     until(lambda: 'confirm' in states(), 'the question')

@@ -152,6 +152,7 @@ def test_it_drives_to_a_goal_and_an_e_stop_holds_it_until_it_is_released(
     recorded = Recorded(world, until, CONFIG, *COMPARED)
     drive.aim(3.44, 2.3, math.pi / 2)
     until(lambda: recorded.live['/plan'], 'a plan')
+    recorded.wait_for('/wsn/nodes')
     recorded.end()
     recorded.check(*COMPARED)
     drive.go(3.44, 2.3, math.pi / 2)

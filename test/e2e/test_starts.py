@@ -101,7 +101,7 @@ def _written(folder: Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
-    (['my.yaml'], 'Write: robot --ros-args --params-file my.yaml'),
+    (['my.yaml'], 'my.yaml: cannot be read: No such file'),
     (['--params-file', 'x.yaml'], 'Write: robot --ros-args --params-file x.yaml'),
     (['--params-file=x y.yaml', '--simulate'],
      "Write: robot --simulate --ros-args --params-file 'x y.yaml'"),
@@ -125,7 +125,7 @@ def test_what_is_not_understood_is_refused_with_what_would_be_right(
 
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['--settings', 'nix.json'], '--settings nix.json: cannot be read: No such file'),
-    (['my.yaml'], 'Write: core --ros-args --params-file my.yaml')])
+    (['my.yaml'], 'my.yaml: cannot be read: No such file')])
 def test_core_refuses_in_the_same_way(tmp_path: Path, arguments: list[str], words: str) -> None:
     tmp_path.chmod(0o700)
     done = run('core', *arguments, folder=tmp_path)

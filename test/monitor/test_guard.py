@@ -34,6 +34,7 @@ from fake_robot import token_of  # noqa: E402, I100
 from monitor_server import let_robot_in  # noqa: E402
 from monitor_server import logged_in  # noqa: E402
 from monitor_server import quick_services  # noqa: E402
+from processes import wait_until  # noqa: E402
 from rt_robot_os.monitor.app import create_app  # noqa: E402
 from rt_robot_os.monitor.security.protection import BODY_BYTES  # noqa: E402
 from rt_robot_os.monitor.security.roles import Permission  # noqa: E402
@@ -152,6 +153,7 @@ def test_who_watches_what_is_live_is_noted_once(services: Services, stranger: Te
         with suppress(CancelledError):
             with stranger.websocket_connect(f'{SOCKETS}/live', headers=headers) as live:
                 live.receive_text()
+    wait_until(lambda: not services.audit.waiting, 'the audit')  # written behind the connection
     rows = services.audit.rows(name='wanda')
     assert [(row['action'], row['object'], row['details']) for row in rows] == [
         ('socket.open', '/live', {'people': ['anna']})]

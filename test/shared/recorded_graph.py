@@ -89,6 +89,7 @@ class Recorded:
                     raw=True)
         self._program = world.start(RECORD, '-o', str(self.bag))
         self._program.wait_for_line(' messages ')  # by then all topics were asked for
+        self._before = {name: len(messages) for name, messages in self.live.items()}
 
     def types(self) -> dict[str, str]:
         """Give the types of the topics of the live graph."""
@@ -107,6 +108,11 @@ class Recorded:
                            for each in self._node.get_publishers_info_by_topic(name)
                            if each.node_name == 'robot')
                 for name, _ in rows if name not in OF_THE_NODE}
+
+    def wait_for(self, name: str) -> None:
+        """Wait until a compared topic has had messages since the recording began."""
+        # The first of two may have been on its way when it began.
+        self._until(lambda: len(self.live[name]) >= self._before[name] + 2, f'messages on {name}')
 
     def end(self) -> None:
         """End the recording."""

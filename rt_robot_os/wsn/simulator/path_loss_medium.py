@@ -138,10 +138,10 @@ class PathLossMedium(GainMedium):
         """Return the signal of a radio at all radios in reach, in dBm."""
         if radio not in self._linked:
             others, there_dbm, _ = self._reached(radio)
-            self._store(radio, dict(zip(others, there_dbm)))
+            self._store_links(radio, dict(zip(others, there_dbm)))
         return radio.links
 
-    def _store(self, radio: Radio, links: dict[Radio, float]) -> None:
+    def _store_links(self, radio: Radio, links: dict[Radio, float]) -> None:
         radio.links = links
         radio.hearers = None
         self._links += len(links)
@@ -185,7 +185,7 @@ class PathLossMedium(GainMedium):
                 other.links[radio] = power_dbm
                 other.hearers = None
                 self._links += 1
-        self._store(radio, dict(zip(others, there_dbm)))
+        self._store_links(radio, dict(zip(others, there_dbm)))
 
     def _reached(self, radio: Radio) -> tuple[list[Radio], list[float], list[float]]:
         """Return the radios in reach of one, and the signals there and back, in dBm."""

@@ -238,8 +238,9 @@ def test_calls_are_answered_in_turn_and_too_many_are_refused(robot: Robot) -> No
 def test_without_an_answer_the_caller_is_told_so(robot: Robot) -> None:
     before = robot.counters('silent')['unanswered']
     ok, text = robot.answer(robot.ask('silent'))
-    assert not ok and text == ("mapping (pid 42) did not answer 'test by ROS' within 0.05 s; it is not "
-                               'known whether it was done: check before you call again')
+    assert not ok
+    assert text == ("mapping (pid 42) did not answer 'test by ROS' within 0.05 s; it is not "
+                    'known whether it was done: check before you call again')
     assert robot.counters('silent')['unanswered'] == before + 1
 
 

@@ -84,7 +84,8 @@ def test_with_an_old_rich_it_says_how_to_get_it_and_once_still_works(world: Any)
     world.start_core()
     assert world.top('--once', '--wait', '60', '--interval', '0.2').returncode == 0
     terminal = world.terminal()
-    assert terminal.end() == 2
+    code = terminal.end()
+    assert code == 2, terminal.seen
     assert 'the live screen needs rich ' in terminal.seen and '(9.0 is installed)' in terminal.seen
 
 

@@ -169,14 +169,18 @@ def test_all_bad_input_is_told_at_once(
     (['--execution', 'imu=-3'], "'imu=-3': must be NAME=NUMBER, microseconds above 0"),
     (['--tick-us', 'nan'], "'nan': must be microseconds from 0"),
     (['--save-measured', 'x'], 'give --measure S as well'),
-    (['--measure', '3', '--measured', 'x'], 'not allowed with'),
-    (['robot.yaml'], 'Write: plan --ros-args --params-file robot.yaml')])
+    (['--measure', '3', '--measured', 'x'], 'not allowed with')])
 def test_a_bad_argument_ends_with_code_2(
         arguments: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         plan(*arguments)
     assert ended.value.code == 2
     assert expected in capsys.readouterr().err
+
+
+def test_a_file_that_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert plan('robot.yaml') == 2
+    assert 'robot.yaml: cannot be read: No such file' in capsys.readouterr().err
 
 
 def test_the_real_core_is_measured_and_kept(
