@@ -160,7 +160,7 @@ def draw_map(drive: Drive, path: Path) -> None:
     axis.plot(*track[0][1:3], 'o', markerfacecolor='white', markeredgecolor=BLUE, markersize=8,
               label='start')
     draw_robot(axis, x, y, heading, BLUE, '#cfe6f5')
-    axis.text(x + 0.35, y, 'robot,\nat its goal', fontsize=9, va='center')
+    axis.text(x + 0.35, y, 'robot at\nits goal', fontsize=9, va='center')
     figure.legend(*axis.get_legend_handles_labels(), fontsize=9, loc='outside lower center',
                   ncol=4, frameon=False, markerscale=1.5)
     axis.set(xlabel='x, m', ylabel='y, m')
