@@ -82,6 +82,11 @@ class FrameSender:
         radio.enqueue(self)
         return True
 
+    def rewrite(self, destination: int, payload: bytes) -> None:
+        """Change the frame that is on its way; see ``Sender`` of the protocols."""
+        if self.busy:
+            self._radio.rewrite(self, destination, payload)
+
 
 class Transceiver(Radio):
     """
@@ -156,6 +161,30 @@ class Transceiver(Radio):
             self._begin(sender)
         else:
             self._waiting.append(sender)
+
+    def rewrite(self, sender: FrameSender, destination: int, payload: bytes) -> None:
+        """
+        Change a frame that was given to the radio, as far as TinyOS' memory reaches.
+
+        A frame that waits for its turn is still in memory. A CC2420 has a copy of the one whose
+        turn it is. In TOSSIM the receivers read the sender's memory at the end of the frame, and
+        the flag that requests an acknowledgement is the one that reports it
+        (``TossimPacketModelC``): set again during the transmission, the frame counts as
+        acknowledged.
+        """
+        if sender is self._sending and not self._mac.is_tossim:
+            return
+        sender.destination = destination
+        sender.payload = payload
+        if sender is not self._sending:
+            return
+        frame = self._frame
+        if frame is not None:
+            frame.destination = destination
+            frame.payload = payload
+        is_in_flight = (self._event.call == self._no_ack if frame is None
+                        else self._queue.now_ns >= frame.begin_ns)
+        self._acked |= is_in_flight and sender.acknowledge
 
     def _begin(self, sender: FrameSender) -> None:
         """Wait for a random time, then look whether the channel is clear."""
