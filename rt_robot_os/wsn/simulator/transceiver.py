@@ -166,25 +166,20 @@ class Transceiver(Radio):
         """
         Change a frame that was given to the radio, as far as TinyOS' memory reaches.
 
-        A frame that waits for its turn is still in memory. A CC2420 has a copy of the one whose
-        turn it is. In TOSSIM the receivers read the sender's memory at the end of the frame, and
-        the flag that requests an acknowledgement is the one that reports it
-        (``TossimPacketModelC``): set again during the transmission, the frame counts as
-        acknowledged.
+        A CC2420 has a copy of the frame whose turn it is. TOSSIM's receivers read the sender's
+        memory at the end of the frame, and its flag that requests an acknowledgement is also the
+        one that reports it (``TossimPacketModelC``).
         """
-        if sender is self._sending and not self._mac.is_tossim:
-            return
-        sender.destination = destination
-        sender.payload = payload
-        if sender is not self._sending:
-            return
-        frame = self._frame
-        if frame is not None:
-            frame.destination = destination
-            frame.payload = payload
-        is_in_flight = (self._event.call == self._no_ack if frame is None
-                        else self._queue.now_ns >= frame.begin_ns)
-        self._acked |= is_in_flight and sender.acknowledge
+        if sender is self._sending:
+            if not self._mac.is_tossim:
+                return
+            frame = self._frame
+            is_in_flight = self._event.call == self._no_ack
+            if frame is not None:
+                frame.destination, frame.payload = destination, payload
+                is_in_flight = self._queue.now_ns >= frame.begin_ns
+            self._acked |= is_in_flight and sender.acknowledge
+        sender.destination, sender.payload = destination, payload
 
     def _begin(self, sender: FrameSender) -> None:
         """Wait for a random time, then look whether the channel is clear."""
@@ -252,15 +247,11 @@ class Transceiver(Radio):
         mac = self._mac
         self._frame = None
         # Planned before the receivers act, so that they may do so at the same time.
-        if frame.acknowledge:
+        if frame.acknowledge or mac.is_tossim:
             self._event.call = self._no_ack
             self._queue.at(frame.end_ns + mac.ack_wait_ns, self._event)
             if not mac.is_tossim:
                 self._acks_awaited[frame.dsn].append(self)
-            self._medium.end_frame(frame)
-        elif mac.is_tossim:
-            self._event.call = self._no_ack
-            self._queue.at(frame.end_ns + mac.ack_wait_ns, self._event)
             self._medium.end_frame(frame)
         else:
             self._medium.end_frame(frame)
