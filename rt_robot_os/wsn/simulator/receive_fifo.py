@@ -234,4 +234,3 @@ def _reading_ns(size: int) -> int:
 def bytes_until(frame: Transmission, now_ns: int) -> int:
     """Return how many bytes of a frame are in the FIFO of a radio that receives it."""
     return max(0, (now_ns - frame.begin_ns - SYNC_NS) // BYTE_NS)
-

@@ -205,7 +205,8 @@ def test_the_firmware_of_a_chain_has_the_same_tree_and_costs(
 
 
 @pytest.mark.parametrize('name', ['chain4', 'lossy4'])
-def test_emulated_motes_boot_when_they_did_whatever_they_pass_on(data_dir: Path, name: str) -> None:
+def test_emulated_motes_boot_when_they_did_whatever_they_pass_on(
+        data_dir: Path, name: str) -> None:
     # The emulator booted the motes alike under both protocols; with CTP node 1 or 2 passes on a
     # packet of node 3 before it sends its own first one.
     if not (data_dir / 'wsn' / 'mspsim_summary.json').is_file():
