@@ -90,6 +90,11 @@ class FakeSender:
         self.frame = Sent(destination, am_type, payload, acknowledge)
         return True
 
+    def rewrite(self, destination: int, payload: bytes) -> None:
+        """Change the frame that was kept."""
+        assert self.frame is not None, 'nothing was sent'
+        self.frame = self.frame._replace(destination=destination, payload=payload)
+
     def done(self, acknowledged: bool = False) -> Sent:
         """Say that the frame is through, and return it."""
         assert self.frame is not None, 'nothing was sent'

@@ -189,6 +189,26 @@ def test_failures_turn_a_node_to_another_parent_within_a_packet() -> None:
     assert destinations == [0] * 10 + [1]
 
 
+def test_a_wait_that_runs_down_meanwhile_prepares_the_frame_again() -> None:
+    # CtpForwardingEngineP's sendTask sets the next hop of the message before AMQueueImplP refuses
+    # it, and sendDone credits the message's destination.
+    mote = Mote()
+    mote.beacon(1, 30, 3)
+    mote.think()
+    mote.node.run_binary_ms(8192 - 3)
+    assert mote.ctp.originate(b'one')
+    mote.through()
+    assert mote.ctp.originate(b'two')
+    frame = mote.on_air()
+    assert frame is not None and frame.destination == 1
+    mote.beacon(0, 0, 3)
+    mote.node.run_binary_ms(4)
+    assert mote.ctp.parent == 0
+    mote.node.run_binary_ms(14)
+    frame = mote.on_air()
+    assert frame is not None and frame.destination == 0
+
+
 def test_an_application_has_one_packet_under_way() -> None:
     mote = Mote().with_parent()
     assert mote.ctp.originate(b'one')

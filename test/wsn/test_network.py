@@ -26,6 +26,7 @@ import pytest
 from rt_robot_os.wsn.radio.mac import MAC_PROFILES
 from rt_robot_os.wsn.radio.mac import TINYOS1
 from rt_robot_os.wsn.radio.mac import TINYOS2
+from rt_robot_os.wsn.radio.mac import TOSSIM
 from rt_robot_os.wsn.radio.path_loss import PathLoss
 from rt_robot_os.wsn.routing.ctp import Ctp
 from rt_robot_os.wsn.routing.least_cost import LeastCost
@@ -168,6 +169,34 @@ def test_an_acknowledgement_comes_when_the_profile_says():
         network = chain(medium, mac, motes=2)
         network.run_until(20 * S)
         assert gaps and set(gaps) == {gap_ns}
+
+
+@pytest.mark.parametrize(('mac', 'after_us', 'receiver', 'acked'), [
+    (TOSSIM, 0, 2, False), (TOSSIM, 100, 2, False), (TOSSIM, 300, 2, True),
+    (TINYOS2, 300, 0, False)], ids=['back-off', 'turnaround', 'on the air', 'CC2420'])
+def test_a_frame_that_is_written_to_during_its_transmission_counts_as_acknowledged_in_tossim(
+        mac, after_us, receiver, acked):
+    # TossimPacketModelC clears the flag when the frame begins, and reads it when it is through;
+    # CpmModelC's receivers read the sender's message when the frame ends.
+    medium = gains(mac, motes=3)
+    for address in (0, 2):
+        medium.set_gain(address, 1, -120.0)
+    network = Network(medium, FirstHeard, mac=mac)
+    for address in range(3):
+        network.add(address)
+    network.run_until(S)
+    results: list[bool] = []
+    radio = network.motes[1].radio
+    sender = network.motes[1].sender(results.append)
+    sender.send(0, BEACON, bytes(20), True)
+    while after_us and not radio.sent_frames:
+        network.run_until(network.queue.now_ns + 1000)
+    network.run_until(network.queue.now_ns + 1000 * after_us)
+    sender.rewrite(2, bytes(20))
+    network.run_until(2 * S)
+    assert results == [acked]
+    assert [network.motes[address].radio.received_frames for address in (0, 2)] == [
+        int(receiver == address) for address in (0, 2)]
 
 
 class Shouter(FirstHeard):

@@ -178,9 +178,15 @@ class ForwardingEngine:
         if self.is_congested():
             options |= CONGESTED
         first.data = first.data._replace(options=options, etx=self._routing.etx())
-        if self._sender.send(parent, CtpData.AM_TYPE, first.data.pack(), True):
+        self._destination = parent
+        payload = first.data.pack()
+        if self._sender.busy:
+            # A wait ran down during the transmission. TinyOS prepares the same message again
+            # before its queue refuses it (AMQueueEntryP, AMQueueImplP); the result counts for
+            # the new parent.
+            self._sender.rewrite(parent, payload)
+        elif self._sender.send(parent, CtpData.AM_TYPE, payload, True):
             self._sending = True
-            self._destination = parent
             if first.tries < self._rules.transmissions:
                 self._counters['resends'] += 1
 

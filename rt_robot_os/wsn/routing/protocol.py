@@ -86,6 +86,13 @@ class Sender(Protocol):
         :return: False when the sender is busy; then nothing happens.
         """
 
+    def rewrite(self, destination: int, payload: bytes) -> None:
+        """
+        Change the frame that is on its way, if it has not left the mote's memory yet.
+
+        In TOSSIM a frame on the air changes too, and counts as acknowledged if that was asked.
+        """
+
 
 class Node(Protocol):
     """

@@ -82,6 +82,11 @@ class FrameSender:
         radio.enqueue(self)
         return True
 
+    def rewrite(self, destination: int, payload: bytes) -> None:
+        """Change the frame that is on its way; see ``Sender`` of the protocols."""
+        if self.busy:
+            self._radio.rewrite(self, destination, payload)
+
 
 class Transceiver(Radio):
     """
@@ -157,6 +162,25 @@ class Transceiver(Radio):
         else:
             self._waiting.append(sender)
 
+    def rewrite(self, sender: FrameSender, destination: int, payload: bytes) -> None:
+        """
+        Change a frame that was given to the radio, as far as TinyOS' memory reaches.
+
+        A CC2420 has a copy of the frame whose turn it is. TOSSIM's receivers read the sender's
+        memory at the end of the frame, and its flag that requests an acknowledgement is also the
+        one that reports it (``TossimPacketModelC``).
+        """
+        if sender is self._sending:
+            if not self._mac.is_tossim:
+                return
+            frame = self._frame
+            is_in_flight = self._event.call == self._no_ack
+            if frame is not None:
+                frame.destination, frame.payload = destination, payload
+                is_in_flight = self._queue.now_ns >= frame.begin_ns
+            self._acked |= is_in_flight and sender.acknowledge
+        sender.destination, sender.payload = destination, payload
+
     def _begin(self, sender: FrameSender) -> None:
         """Wait for a random time, then look whether the channel is clear."""
         self._sending = sender
@@ -223,15 +247,11 @@ class Transceiver(Radio):
         mac = self._mac
         self._frame = None
         # Planned before the receivers act, so that they may do so at the same time.
-        if frame.acknowledge:
+        if frame.acknowledge or mac.is_tossim:
             self._event.call = self._no_ack
             self._queue.at(frame.end_ns + mac.ack_wait_ns, self._event)
             if not mac.is_tossim:
                 self._acks_awaited[frame.dsn].append(self)
-            self._medium.end_frame(frame)
-        elif mac.is_tossim:
-            self._event.call = self._no_ack
-            self._queue.at(frame.end_ns + mac.ack_wait_ns, self._event)
             self._medium.end_frame(frame)
         else:
             self._medium.end_frame(frame)

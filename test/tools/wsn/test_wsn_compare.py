@@ -27,6 +27,7 @@ import pytest
 from rt_robot_os.tools.wsn.command import run
 from rt_robot_os.tools.wsn.compare_report import Difference
 from rt_robot_os.tools.wsn.compare_report import lines
+from rt_robot_os.tools.wsn.references import read_references
 from rt_robot_os.tools.wsn.references import Skipped
 
 
@@ -39,10 +40,10 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def write(folder: Path, delivered: int) -> None:
+def write(folder: Path, delivered: int, generated: int = 38) -> None:
     (folder / 'tossim_reference.json').write_text(json.dumps([{
         'variant': 'ctp', 'topology': 'pair', 'noise': 'still', 'seed': seed, 'seconds': 30,
-        'generated': 38, 'delivered': delivered, 'duplicates': 0, 'transmissions': 55}
+        'generated': generated, 'delivered': delivered, 'duplicates': 0, 'transmissions': 55}
         for seed in (1, 2)]))
 
 
@@ -52,6 +53,16 @@ def test_a_reference_that_agrees(folder: Path, capsys: pytest.CaptureFixture[str
     assert name == 'TOSSIM pair still ctp'
     assert [(each['what'], each['ok']) for each in found] == [
         ('delivery', True), ('frames per packet', True)]
+
+
+@pytest.mark.parametrize('generated, spread_s', [(38, 0.001), (38 + 37, 1.0), (2 * 38, 0.001)])
+def test_motes_are_booted_as_far_apart_as_the_reference_says(
+        folder: Path, generated: int, spread_s: float) -> None:
+    # The first packet is a period after the boot: 38 in 30 s, and 37 of a mote that is late.
+    write(folder, 37, generated)
+    (reference, ), _ = read_references(folder)
+    assert [(one.boot_spread_s, one.traffic.start_ms) for one in reference.scenarios] == [
+        (spread_s, 781.25)] * 2
 
 
 def test_a_reference_that_differs_is_told(
@@ -191,3 +202,17 @@ def test_the_firmware_of_a_chain_has_the_same_tree_and_costs(
     said = capsys.readouterr().out
     assert '4 of 4 figures agree' in said
     assert '0:0 1:216/65534 2:432/1331 3:648/1547/65534' in ' '.join(said.split())
+
+
+@pytest.mark.parametrize('name', ['chain4', 'lossy4'])
+def test_emulated_motes_boot_when_they_did_whatever_they_pass_on(
+        data_dir: Path, name: str) -> None:
+    # The emulator booted the motes alike under both protocols; with CTP node 1 or 2 passes on a
+    # packet of node 3 before it sends its own first one.
+    if not (data_dir / 'wsn' / 'mspsim_summary.json').is_file():
+        pytest.skip(f'no references in {data_dir}')
+    references, _ = read_references(data_dir / 'wsn', seeds=1)
+    boots = [[float(fault.split()[-1]) for fault in sorted(one.scenarios[0].faults)]
+             for one in references if one.name.startswith(f'firmware {name} ')]
+    assert len(boots) == 2
+    assert boots[0] == pytest.approx(boots[1], abs=0.02)
