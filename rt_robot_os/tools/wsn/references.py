@@ -167,15 +167,15 @@ def _tossim(folder: Path, rows: Sequence[Mapping[str, Any]]) -> Iterator[Make]:
     groups: dict[tuple[str, str, str], list[Mapping[str, Any]]] = {}
     for row in rows:
         groups.setdefault((row['topology'], row['noise'], row['variant']), []).append(row)
+    boot_spread_s = _boot_spread_s(rows)
     for key, runs in groups.items():
         label = ' '.join(('TOSSIM', *map(str, key)))
-        yield label, partial(_tossim_reference, folder, label, *key, runs)
+        yield label, partial(_tossim_reference, folder, label, *key, runs, boot_spread_s)
 
 
 def _tossim_reference(folder: Path, label: str, topology: str, noise: str, variant: str,
-                      runs: Sequence[Mapping[str, Any]]) -> Reference:
+                      runs: Sequence[Mapping[str, Any]], boot_spread_s: float) -> Reference:
     trace = _beside(folder, f'noise_{noise}.txt')
-    boot_spread_s = max(_boot_spread_s(run) for run in runs)
     return Reference(
         label,
         [tossim_scenario(_beside(folder, f'tossim_{topology}.topo.txt'), trace, variant,
@@ -186,15 +186,22 @@ def _tossim_reference(folder: Path, label: str, topology: str, noise: str, varia
         statistics.fmean(run['transmissions'] / run['delivered'] for run in runs))
 
 
-def _boot_spread_s(run: Mapping[str, Any]) -> float:
+def _boot_spread_s(rows: Sequence[Mapping[str, Any]]) -> float:
     """
-    Return within which time the motes of a run were booted.
+    Return within which time the motes of all runs of a file were booted.
 
     A mote's first packet comes one period after its boot. Motes that boot together make the same
     number of packets; of motes that boot within a second, a fifth make one less.
     """
-    most = math.ceil(float(run['seconds']) * NS_PER_S / _TOSSIM_PERIOD_NS) - 1
-    return _TOGETHER_S if int(run['generated']) % max(most, 1) == 0 else _WITHIN_S
+    for run in rows:
+        try:
+            most = math.ceil(float(run['seconds']) * NS_PER_S / _TOSSIM_PERIOD_NS) - 1
+            if int(run['generated']) % most:
+                return _WITHIN_S
+        except _MISUNDERSTOOD:
+            # Such a run is skipped, with the reason, where it would be compared.
+            continue
+    return _TOGETHER_S
 
 
 def _beside(folder: Path, name: str) -> str:

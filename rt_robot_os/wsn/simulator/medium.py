@@ -155,7 +155,7 @@ class Medium(ABC):
             if self.is_overheard(frame):
                 self._give_to_others(frame, destination, receivers)
             elif self._out_of_step:
-                self._store(frame)
+                self._give_out_of_step(frame)
         self.finish(frame)
         if self.on_end is not None:
             self.on_end(frame)
@@ -171,7 +171,7 @@ class Medium(ABC):
         receivers = [radio for radio in waiting
                      if not radio.is_out_of_step and not self.hear(ack, radio)]
         if self._out_of_step:
-            self._store(ack)
+            self._give_out_of_step(ack)
         if self.trace is not None:
             others = [radio for radio in self.hearers(ack.sender)
                       if radio not in waiting and not self.hear(ack, radio)]
@@ -188,7 +188,7 @@ class Medium(ABC):
         """Return whether a frame for one node is given to the others too."""
         return self.overhears or (self.snooped is not None and self.snooped(frame))
 
-    def _store(self, frame: Transmission) -> None:
+    def _give_out_of_step(self, frame: Transmission) -> None:
         """Give a frame to radios that are out of step, unless they get it anyhow."""
         for radio in tuple(self._out_of_step):
             if radio.address != frame.destination or frame.am_type == ACK:
