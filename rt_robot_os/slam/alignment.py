@@ -124,8 +124,9 @@ class Lines:
             x, y = there[pairs.near, 0], there[pairs.near, 1]
             errors = pairs.across * x + pairs.up * y - pairs.offset
             weights = 1.0 / (1.0 + (errors / _SOFT_M) ** 2)
-            jacobian = np.stack((pairs.across, pairs.up, pairs.up * (x - pose[0])
-                                 - pairs.across * (y - pose[1])))
+            jacobian = np.empty((3, len(x)))
+            jacobian[0], jacobian[1] = pairs.across, pairs.up
+            jacobian[2] = pairs.up * (x - pose[0]) - pairs.across * (y - pose[1])
             weighted = jacobian * weights
             found = weighted @ jacobian.T
             matrix, right = found + _LEAST, weighted @ errors
