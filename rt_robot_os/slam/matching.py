@@ -39,9 +39,9 @@ _SHORT_M: Final = 0.3
 _SHORT_RAD: Final = 0.15
 #: After less than this a scan is first aligned from there as well, and a window is looked through
 #: unless so many of its points lie on lines.
-_NEAR_M: Final = 1.0
-_NEAR_RAD: Final = 0.6
-_CONVINCING: Final = 0.85
+_NEAR_M: Final = 1.5
+_NEAR_RAD: Final = 1.0
+_CONVINCING: Final = 0.8
 _DENSE_M: Final = 0.15
 _DENSE_RAD: Final = 0.15
 #: Standard deviations of odometry within which a scan is looked for, at first.
