@@ -140,7 +140,7 @@ def test_a_corridor_that_looks_alike_beside_the_first_one_is_not_closed() -> Non
 
 def test_near_misses_are_counted_and_reported(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    scans, _ = drive(ring(), [*AROUND, (12.1, 13.0)], 0.012)
+    scans, _ = drive(ring(), [*AROUND, (12.6, 13.0)], 0.012)
     log, report = tmp_path / 'ring.csv', tmp_path / 'report.json'
     lines = [f'# t, odometry x y yaw, reference x y yaw, then {BEAMS} ranges in m, first beam at '
              '-90.0 deg, step 1.0000 deg']
