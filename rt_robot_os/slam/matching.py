@@ -41,7 +41,7 @@ _SHORT_RAD: Final = 0.15
 #: unless so many of its points lie on lines.
 _NEAR_M: Final = 1.5
 _NEAR_RAD: Final = 1.0
-_CONVINCING: Final = 0.8
+_CONVINCING: Final = 0.75
 _DENSE_M: Final = 0.15
 _DENSE_RAD: Final = 0.15
 #: Standard deviations of odometry within which a scan is looked for, at first.
