@@ -170,8 +170,9 @@ def _mapped(source: Source, range_max_m: float | None, reach_m: float | None
     mapper.finish()
     if reach_m is not None:
         source.problems.append(
-            f'the laser reports its reach where it has no echo: from {reach_m:.2f} m on ranges are '
-            f'taken as no echo; --range-max {mapper.tuning.range_max_m:g} maps them as walls')
+            'the laser reports its reach where it has no echo: '
+            f'from {reach_m:.2f} m on ranges are taken as no echo; '
+            f'--range-max {mapper.tuning.range_max_m:g} maps them as walls')
     return mapper, stamps_ns
 
 

@@ -15,8 +15,9 @@
 """
 Recognise a laser that reports its reach where it has no echo: REP 117 wants +inf there.
 
-A LaserScan says in ``range_max`` what its reach is; in a log it is recognised. A wall does not stand at one distance from a robot that moves, with nothing farther away and
-nothing just in front of it. A reported reach does.
+A LaserScan says in ``range_max`` what its reach is; in a log it is recognised. A wall does not
+stand at one distance from a robot that moves, with nothing farther away and nothing just in front
+of it. A reported reach does.
 """
 
 from __future__ import annotations
