@@ -35,8 +35,6 @@ from rt_robot_os.slam.transforms import wrapped
 
 _STEPS_MOST: Final = 20
 _SMALL: Final = 1e-4
-#: After a step as small as this each point keeps the line that it was put onto, in m and rad.
-_SAME: Final = 1e-3
 _LEAST: Final = 1e-6 * np.eye(3)
 #: Distance to its line at which a point counts half.
 _SOFT_M: Final = 0.05
@@ -113,19 +111,19 @@ class Lines:
         has_side = np.hypot(facing[:, 0], facing[:, 1]) > _ALIKE
         views = np.hstack((points, facing * _SIDE))
         pose, found, errors = start.copy(), np.zeros((3, 3)), np.zeros(0)
-        pairs: _Pairs | None = None
         for _ in range(_STEPS_MOST):
             there = _moved(pose, views)
-            if pairs is None:
-                pairs = self._pairs(there, has_side, gate_m)
-                if len(pairs.near) < _POINTS_LEAST:
-                    return Aligned(pose, np.zeros((3, 3)), 0.0)
-                gate_m = max(_GATE_LEAST_M, gate_m * 0.8)
+            # Lines are looked up in each step: held, they end the way along a corridor too early.
+            pairs = self._pairs(there, has_side, gate_m)
+            if len(pairs.near) < _POINTS_LEAST:
+                return Aligned(pose, np.zeros((3, 3)), 0.0)
+            gate_m = max(_GATE_LEAST_M, gate_m * 0.8)
             x, y = there[pairs.near, 0], there[pairs.near, 1]
             errors = pairs.across * x + pairs.up * y - pairs.offset
             weights = 1.0 / (1.0 + (errors / _SOFT_M) ** 2)
-            jacobian = np.stack((pairs.across, pairs.up, pairs.up * (x - pose[0])
-                                 - pairs.across * (y - pose[1])))
+            jacobian = np.empty((3, len(x)))
+            jacobian[0], jacobian[1] = pairs.across, pairs.up
+            jacobian[2] = pairs.up * (x - pose[0]) - pairs.across * (y - pose[1])
             weighted = jacobian * weights
             found = weighted @ jacobian.T
             matrix, right = found + _LEAST, weighted @ errors
@@ -136,11 +134,8 @@ class Lines:
             step = -np.linalg.solve(matrix, right)
             pose = pose + step
             pose[2] = wrapped(pose[2])
-            size = np.abs(step).max()
-            if size < _SMALL:
+            if np.abs(step).max() < _SMALL:
                 break
-            if size > _SAME or gate_m > _GATE_LEAST_M:
-                pairs = None
         share = float((np.abs(errors) < _ON_LINE_M).sum() / len(points))
         return Aligned(pose, found, share)
 

@@ -185,7 +185,7 @@ class Closing:
     def _step(self) -> bool:
         if self._poses is None or len(self._poses) != len(self._graph.keyframes):
             self._poses, self._steps = self._now(), 0
-        agreed = agree(self._poses, self._graph.edges, 1, self._graph.fixes, _SMALL)
+        agreed = agree(self._poses, self._graph.edge_arrays(), 1, self._graph.fixes, _SMALL)
         self._poses, self._steps = agreed.poses, self._steps + 1
         if agreed.step > _SMALL and self._steps < _STEPS:
             return False
@@ -194,7 +194,7 @@ class Closing:
 
     def settle(self) -> None:
         """Move all keyframes until they agree as well as they can."""
-        agreed = agree(self._now(), self._graph.edges, _STEPS_AT_END, self._graph.fixes)
+        agreed = agree(self._now(), self._graph.edge_arrays(), _STEPS_AT_END, self._graph.fixes)
         self._put(agreed.poses, agreed.weights)
 
     def _now(self) -> Floats:

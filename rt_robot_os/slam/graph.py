@@ -21,6 +21,7 @@ from dataclasses import field
 
 from rt_robot_os.slam.keyframes import Keyframe
 from rt_robot_os.slam.pose_graph import Edge
+from rt_robot_os.slam.pose_graph import Edges
 from rt_robot_os.slam.pose_graph import Fix
 
 
@@ -37,3 +38,9 @@ class Graph:
     keyframes: list[Keyframe] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
     fixes: list[Fix] = field(default_factory=list)
+    _arrays: Edges = field(default_factory=Edges, init=False, repr=False, compare=False)
+
+    def edge_arrays(self) -> Edges:
+        """Return the edges as they are now, as arrays; they change with the next call."""
+        self._arrays.follow(self.edges)
+        return self._arrays

@@ -37,6 +37,11 @@ from rt_robot_os.slam.tuning import Tuning
 #: Steps shorter than this need no search: odometry is near enough.
 _SHORT_M: Final = 0.3
 _SHORT_RAD: Final = 0.15
+#: After less than this a scan is first aligned from there as well, and a window is looked through
+#: unless so many of its points lie on lines.
+_NEAR_M: Final = 1.5
+_NEAR_RAD: Final = 1.0
+_CONVINCING: Final = 0.75
 _DENSE_M: Final = 0.15
 _DENSE_RAD: Final = 0.15
 #: Standard deviations of odometry within which a scan is looked for, at first.
@@ -98,6 +103,11 @@ class Way:
         return (self.way_m < _DENSE_M * self.steps) and (self.turn_rad < _DENSE_RAD * self.steps)
 
     @property
+    def is_near(self) -> bool:
+        """Return whether it is worth while to begin with odometry."""
+        return self.way_m < _NEAR_M and self.turn_rad < _NEAR_RAD
+
+    @property
     def is_short(self) -> bool:
         """Return whether odometry is near enough to begin with."""
         return self.way_m < _SHORT_M and self.turn_rad < _SHORT_RAD
@@ -156,10 +166,10 @@ class Matcher:
         t = self._tuning
         sigmas = way.sigmas(t)
         best: Match | None = None
-        if way.is_short:
+        if way.is_near:
             best = Match(local.lines.align(surface.points, guess, guess, prior_of(sigmas, t),
                                            normals=surface.normals), 0.0)
-            if best.aligned.share >= t.share_good:
+            if best.aligned.share >= (t.share_good if way.is_short else _CONVINCING):
                 return best
         self.searched += 1
         for factor in (1.0, 2.0):

@@ -24,10 +24,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import is_
 from typing import Any
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from rt_robot_os.slam.transforms import between
 from rt_robot_os.slam.transforms import composed
@@ -103,15 +105,44 @@ class Edges:
 
     :ivar first: shape (edges,), as ``second`` and ``is_loop``.
     :ivar relative: shape (edges, 3).
-    :ivar information: shape (edges, 3, 3).
+    :ivar information: shape (edges, 3, 3), as its inverse, ``covariances``.
     """
 
-    def __init__(self, edges: Sequence[Edge]) -> None:
-        self.first = np.array([each.first for each in edges], dtype=np.int64)
-        self.second = np.array([each.second for each in edges], dtype=np.int64)
-        self.relative = np.array([each.relative for each in edges]).reshape(-1, 3)
-        self.information = np.array([each.information for each in edges]).reshape(-1, 3, 3)
-        self.is_loop = np.array([each.is_loop for each in edges], dtype=np.bool_)
+    first: npt.NDArray[np.int64]
+    second: npt.NDArray[np.int64]
+    is_loop: npt.NDArray[np.bool_]
+    relative: Floats
+    information: Floats
+    covariances: Floats
+
+    def __init__(self, edges: Sequence[Edge] = ()) -> None:
+        self._clear()
+        self.follow(edges)
+
+    def _clear(self) -> None:
+        self._edges: list[Edge] = []
+        self.first, self.second = np.zeros(0, np.int64), np.zeros(0, np.int64)
+        self.is_loop, self.relative = np.zeros(0, np.bool_), np.zeros((0, 3))
+        self.information = self.covariances = np.zeros((0, 3, 3))
+
+    def __len__(self) -> int:
+        return len(self._edges)
+
+    def follow(self, edges: Sequence[Edge]) -> None:
+        """Hold other edges; where they begin with those that are held, only new ones are read."""
+        if len(edges) < len(self) or not all(map(is_, self._edges, edges)):
+            self._clear()
+        new = edges[len(self):]
+        if not new:
+            return
+        information = np.array([each.information for each in new])
+        self._edges.extend(new)
+        self.first = np.append(self.first, [each.first for each in new])
+        self.second = np.append(self.second, [each.second for each in new])
+        self.is_loop = np.append(self.is_loop, [each.is_loop for each in new])
+        self.relative = np.concatenate((self.relative, [each.relative for each in new]))
+        self.information = np.concatenate((self.information, information))
+        self.covariances = np.concatenate((self.covariances, np.linalg.inv(information)))
 
     def errors(self, poses: Floats) -> tuple[Floats, Floats]:
         """Return how far poses are from what edges say, and how much each of them counts."""
@@ -121,7 +152,7 @@ class Edges:
         return errors, np.where(self.is_loop, 1.0 / (1.0 + chi2 / _SOFT_CHI2), 1.0)
 
 
-def agree(poses: Floats, edges: Sequence[Edge], steps: int = 10, fixes: Sequence[Fix] = (),
+def agree(poses: Floats, edges: Sequence[Edge] | Edges, steps: int = 10, fixes: Sequence[Fix] = (),
           small: float = _SMALL) -> Agreement:
     """
     Move poses so that edges agree.
@@ -132,7 +163,7 @@ def agree(poses: Floats, edges: Sequence[Edge], steps: int = 10, fixes: Sequence
         other, the map is moved as a whole first.
     :param small: a step that moves no pose by more, in m or rad, is the last.
     """
-    known = Edges(edges)
+    known = edges if isinstance(edges, Edges) else Edges(edges)
     poses, weights = _where_most_agree(poses, fixes), np.ones(len(edges))
     absolute = _Absolute(fixes)
     moved = 0.0

@@ -96,8 +96,9 @@ def surface_of(scan: Scan, range_max: float) -> Surface:
         points = scan.beam_poses[:, :2] + np.stack(
             (safe * np.cos(angles), safe * np.sin(angles)), -1)
     gap = np.maximum(_GAP_M, _GAP_STEPS * safe * abs(scan.angle_increment))
-    before, has_before = _reach(points, valid, gap, 1)
-    after, has_after = _reach(points, valid, gap, -1)
+    apart = np.hypot(*np.diff(points, axis=0).T)
+    before, has_before = _reach(points, valid, apart, gap, -1)
+    after, has_after = _reach(points, valid, apart, gap, 1)
     along = after - before
     length = np.hypot(along[:, 0], along[:, 1])
     lined = valid & (has_before | has_after) & (length > 1e-6)
@@ -109,19 +110,23 @@ def surface_of(scan: Scan, range_max: float) -> Surface:
     return Surface(points[valid], normals[valid], lined[valid], echoless)
 
 
-def _reach(points: Floats, valid: npt.NDArray[np.bool_], gap: Floats, step: int
+def _reach(points: Floats, valid: npt.NDArray[np.bool_], apart: Floats, gap: Floats, step: int
            ) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """Return how far the line of each point reaches to one side, a few neighbours at most."""
-    furthest, last = points.copy(), points
-    going, moved = valid.copy(), np.zeros(len(points), dtype=np.bool_)
-    for count in range(1, min(_NEIGHBOURS, len(points) - 1) + 1):
-        neighbour = np.roll(points, step * count, axis=0)
-        there = np.roll(valid, step * count)
-        there[:count] &= step < 0
-        there[len(there) - count:] &= step > 0
-        apart = np.hypot(neighbour[:, 0] - last[:, 0], neighbour[:, 1] - last[:, 1])
-        going &= there & (apart < gap)
-        furthest[going] = neighbour[going]
+    """
+    Return how far the line of each point reaches to one side, a few neighbours at most.
+
+    :param apart: shape (n - 1,): how far each point is from the next.
+    :param step: 1: to the points that follow; -1: to those before.
+    """
+    furthest, size = points.copy(), len(points)
+    going, moved = valid.copy(), np.zeros(size, dtype=np.bool_)
+    for count in range(1, min(_NEIGHBOURS, size - 1) + 1):
+        first, last = slice(size - count), slice(count, size)
+        here, there, link = ((first, last, slice(count - 1, size - 1)) if step > 0
+                             else (last, first, first))
+        goes = going[here] & valid[there] & (apart[link] < gap[here])
+        going[:] = False
+        going[here] = goes
+        furthest[here][goes] = points[there][goes]
         moved |= going
-        last = neighbour
     return furthest, moved

@@ -23,7 +23,6 @@ import numpy as np
 import numpy.typing as npt
 
 from rt_robot_os.slam.graph import Graph
-from rt_robot_os.slam.pose_graph import Edges
 from rt_robot_os.slam.transforms import Floats
 from rt_robot_os.slam.tuning import Tuning
 
@@ -68,7 +67,7 @@ class Surroundings:
     def __init__(self, graph: Graph) -> None:
         self.poses: Floats = np.array([each.pose for each in graph.keyframes])
         self.travelled_m: Floats = np.array([each.travelled_m for each in graph.keyframes])
-        self._edges = graph.edges
+        self._edges = graph.edge_arrays()
         self._known: _Ties | None = None
 
     def spread(self, index: int) -> tuple[Floats, Floats]:
@@ -111,12 +110,12 @@ class Surroundings:
         return self._known
 
     def _tied(self) -> _Ties:
-        edges, size = Edges(self._edges), len(self.poses)
+        edges, size = self._edges, len(self.poses)
         if not len(edges.first):
             nothing = np.zeros(0, np.int32)
             return _Ties(nothing, np.zeros(0), np.zeros(0), nothing, nothing,
                          np.zeros(size + 1, np.int32))
-        covariances = np.linalg.inv(edges.information)
+        covariances = edges.covariances
         way = covariances[:, 0, 0] + covariances[:, 1, 1]
         turn = covariances[:, 2, 2]
         total = way + turn * _ARM_M ** 2

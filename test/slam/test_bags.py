@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 import math
 from pathlib import Path
 import sqlite3
@@ -152,6 +153,16 @@ def test_all_storages_give_the_scans_with_odometry_of_the_laser(
         assert found.angle_increment == pytest.approx(true.angle_increment)
     assert log.mount is not None and log.mount.pose == pytest.approx(short.laser)
     assert log.reference is None and log.share_read > 0.9
+
+
+def test_a_range_at_the_reach_is_no_echo_and_one_too_near_is_no_measurement(
+        tmp_path: Path, short: Drive) -> None:
+    ranges = short.scans[0].ranges.copy()
+    ranges[:4] = 12.0, 11.9, 0.0, 0.04
+    scans = [replace(short.scans[0], ranges=ranges), *short.scans[1:]]
+    found = next(BagLog(bag_of(replace(short, scans=scans), tmp_path / 'bag')).scans())
+    assert np.isposinf(found.ranges[0]) and found.ranges[1] == pytest.approx(11.9)
+    assert np.isnan(found.ranges[2:4]).all()
 
 
 def test_one_file_of_a_folder_is_a_bag_as_well(tmp_path: Path, short: Drive) -> None:

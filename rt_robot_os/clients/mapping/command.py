@@ -61,9 +61,9 @@ def _parser() -> argparse.ArgumentParser:
                         help='a CSV of i,j,dx,dy,dyaw: say how far the poses are off')
     parser.add_argument('--cell', metavar='M', type=float, default=0.05,
                         help='edge of a cell of the map in m (default: %(default)s)')
-    parser.add_argument('--range-max', metavar='M', type=float, default=20.0,
-                        help='ranges from here on say nothing, for a laser that reports its '
-                        'reach where it has no echo (default: %(default)s)')
+    parser.add_argument('--range-max', metavar='M', type=float,
+                        help='ranges from here on say nothing (default: 20, and the reach of '
+                        'a laser that reports it where it has no echo, see docs/mapping.md)')
     parser.add_argument('--scan-topic', metavar='TOPIC',
                         help='of a bag, which scans (default: /scan, or the only ones)')
     parser.add_argument('--odom-topic', metavar='TOPIC',

@@ -40,6 +40,7 @@ from rt_robot_os.clients.mapping.messages import pose_in
 from rt_robot_os.clients.mapping.messages import PoseMessage
 from rt_robot_os.clients.mapping.messages import scan_in
 from rt_robot_os.clients.mapping.messages import ScanMessage
+from rt_robot_os.clients.mapping.reach import echoes
 from rt_robot_os.slam.deskew import beam_seconds
 from rt_robot_os.slam.deskew import LaserMount
 from rt_robot_os.slam.deskew import scan_of
@@ -63,8 +64,6 @@ _FASTEST_M_S: Final = 4.0
 _FASTEST_RAD_S: Final = 12.0
 _JUMP_M: Final = 0.1
 _JUMP_RAD: Final = 0.2
-#: Beyond the reach of the laser, by so much, nothing was measured.
-_REACH_SLACK_M: Final = 1e-3
 #: A plane that is tilted by more shows floor and ceiling.
 _TILT_MOST_RAD: Final = math.radians(15.0)
 
@@ -224,10 +223,7 @@ class Intake:
         return mount
 
     def _sweep(self, stamp_ns: int, message: ScanMessage) -> Sweep:
-        ranges = message.ranges.copy()
-        ranges[ranges < message.range_min] = math.nan
-        if message.range_max > 0.0:
-            ranges[ranges > message.range_max - _REACH_SLACK_M] = math.inf
+        ranges = echoes(message.ranges, message.range_min, message.range_max)
         beam_s = beam_seconds(message.time_increment_s, message.scan_time_s,
                               message.angle_increment, len(ranges)) if self._deskew else 0.0
         return Sweep(stamp_ns, ranges, message.angle_min, message.angle_increment, beam_s)

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 import json
 from pathlib import Path
 import sys
@@ -27,7 +28,8 @@ from typing import Final
 import numpy as np
 
 from rt_robot_os.clients.mapping.picture import draw
-from rt_robot_os.clients.mapping.reach import Reach
+from rt_robot_os.clients.mapping.reach import echoes
+from rt_robot_os.clients.mapping.reach import reach_of
 from rt_robot_os.clients.mapping.sources import opened
 from rt_robot_os.clients.mapping.sources import Source
 from rt_robot_os.errors import ConfigError
@@ -59,17 +61,19 @@ def map_log(arguments: argparse.Namespace) -> None:
     require('mapping', *EXTRAS['slam'])
     if not 0.01 <= arguments.cell <= 1.0:
         raise ConfigError([f'--cell {arguments.cell:g}: 0.01 to 1 m'])
-    if not 0.5 <= arguments.range_max <= 200.0:
+    if arguments.range_max is not None and not 0.5 <= arguments.range_max <= 200.0:
         raise ConfigError([f'--range-max {arguments.range_max:g}: 0.5 to 200 m'])
     _check_outputs(arguments)
     relations = None if arguments.relations is None else read_relations(arguments.relations)
     source = opened(arguments)
     begun_s = time.perf_counter()
-    mapper, stamps_ns = _mapped(source, arguments.range_max)
+    reach_m = None if arguments.range_max is not None else reach_of(opened(arguments).scans())
+    mapper, stamps_ns = _mapped(source, arguments.range_max, reach_m)
     took_s = time.perf_counter() - begun_s
     poses = mapper.trajectory()
     report = _report(arguments.bag.name, source, mapper, stamps_ns, poses)
-    report.update(seconds=round(took_s, 3), scans_per_s=round(len(poses) / took_s, 1))
+    report.update(seconds=round(took_s, 3), scans_per_s=round(len(poses) / took_s, 1),
+                  reach_m=reach_m)
     if relations is not None:
         report['errors'] = compare(poses, relations)
         if source.bad:
@@ -142,14 +146,19 @@ def _write(arguments: argparse.Namespace, mapper: Mapper, poses: Floats, report:
             raise ConfigError([f'--picture {arguments.picture}: {error}']) from error
 
 
-def _mapped(source: Source, range_max_m: float) -> tuple[Mapper, list[int]]:
-    """Map all scans; return their stamps, too."""
-    mapper, reach = Mapper(Tuning(range_max_m=range_max_m)), Reach(range_max_m)
+def _mapped(source: Source, range_max_m: float | None, reach_m: float | None
+            ) -> tuple[Mapper, list[int]]:
+    """
+    Map all scans; return their stamps, too.
+
+    :param reach_m: from here on there was no echo, see :func:`.reach_of`.
+    """
+    mapper = Mapper(Tuning() if range_max_m is None else Tuning(range_max_m=range_max_m))
     stamps_ns: list[int] = []
     begun_s = told_s = time.monotonic()
     for scan in source.scans():
-        mapper.add(scan)
-        reach.add(scan.ranges)
+        mapper.add(scan if reach_m is None else replace(
+            scan, ranges=echoes(scan.ranges, 0.0, reach_m)))
         stamps_ns.append(scan.stamp_ns)
         now_s = time.monotonic()
         if now_s - told_s > _TELL_S:
@@ -159,8 +168,11 @@ def _mapped(source: Source, range_max_m: float) -> tuple[Mapper, list[int]]:
             print(f'mapping: {len(stamps_ns)} scans, {share:.0%} of the log, some {left_s:.0f} s '
                   'to go', file=sys.stderr, flush=True)
     mapper.finish()
-    if problem := reach.problem():
-        source.problems.append(problem)
+    if reach_m is not None:
+        source.problems.append(
+            'the laser reports its reach where it has no echo: '
+            f'from {reach_m:.2f} m on ranges are taken as no echo; '
+            f'--range-max {mapper.tuning.range_max_m:g} maps them as walls')
     return mapper, stamps_ns
 
 

@@ -36,6 +36,7 @@ from rt_robot_os.clients.mapping.bags.topics import choose
 from rt_robot_os.clients.mapping.bags.topics import listed
 from rt_robot_os.clients.mapping.messages import odometry_in
 from rt_robot_os.clients.mapping.messages import scan_in
+from rt_robot_os.clients.mapping.reach import echoes
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.link.cdr import CdrReader
 from rt_robot_os.slam.deskew import beam_seconds
@@ -171,11 +172,7 @@ class BagLog:
             self.counts['backwards'] += 1
             return
         self._last_ns = stamp_ns
-        with np.errstate(invalid='ignore'):
-            # A driver that says nothing of its reach says 0.
-            good = (told.ranges >= told.range_min) & (
-                (told.ranges <= told.range_max) | (told.range_max <= told.range_min))
-        ranges = np.where(good, told.ranges, math.inf)
+        ranges = echoes(told.ranges, told.range_min, told.range_max)
         beam_s = beam_seconds(told.time_increment_s, told.scan_time_s, told.angle_increment,
                               len(ranges))
         self._waiting.append((Sweep(stamp_ns, ranges, *numbers, beam_s),
