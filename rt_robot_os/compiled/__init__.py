@@ -85,6 +85,9 @@ MODULES: Final = (
 C_MODULES: Final = ('linux._timer',)
 
 
+NATIVE: Any = None
+
+
 @dataclass(frozen=True)
 class State:
     """

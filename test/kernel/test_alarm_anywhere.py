@@ -63,13 +63,13 @@ class RacingClock(VirtualClock):
         self.held = False
 
     def fire(self) -> None:
-        first_ns = min(self._alarm_ns, self._spare_ns)
+        first_ns = min(self._timer_ns, self._spare_ns)
         # Further away is only the repetition of an alarm that is being served, and a job that had
         # to wait until the end is missed by right.
         if self.held or first_ns >= min(self._now_ns + 900 * US, END_NS) or self._on_tick is None:
             return
         self._now_ns = max(self._now_ns, first_ns)
-        self._take_alarms(self._now_ns + AGAIN_NS)
+        self._take_due_timers(self._now_ns + AGAIN_NS)
         self._on_tick()
 
 

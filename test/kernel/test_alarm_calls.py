@@ -44,7 +44,7 @@ from rt_robot_os.kernel import MonotonicClock
 from rt_robot_os.kernel import TraceLog
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.clock import Handler
-from rt_robot_os.kernel.clock import WAKE_MOST_NS
+from rt_robot_os.kernel.monotonic_clock import WAKE_MOST_NS
 
 WAKE_NS = 20 * US
 LATE_NS = 4 * WAKE_NS  # as docs/timing_model.md promises
@@ -149,7 +149,7 @@ def test_jobs_closer_than_an_alarm_costs_do_nearly_without() -> None:
     assert calls.total() < 0.1 * jobs
     assert calls['signal'] + calls['wait'] < 0.02 * jobs
     statistics = kernel.statistics()
-    assert 0 < statistics.looked_ns < 100 * MS and statistics.alarm_ns == WAKE_NS
+    assert 0 < statistics.polled_ns < 100 * MS and statistics.interrupt_ns == WAKE_NS
 
 
 def test_a_kernel_that_looks_at_the_clock_leaves_others_their_share_of_the_cpu() -> None:
@@ -284,7 +284,7 @@ def test_handlers_of_signals_run_while_it_looks() -> None:
         signal.setitimer(signal.ITIMER_REAL, 0.05)
         begin_ns = kernel.now_ns()
         before = kernel.lock()
-        ended.append(kernel._look(begin_ns + 20 * S, begin_ns) - begin_ns)
+        ended.append(kernel._poll(begin_ns + 20 * S, begin_ns) - begin_ns)
         kernel.unlock(before)
 
     kernel.add_task('look', look, priority=1, rate_hz=1.0)
@@ -307,7 +307,7 @@ def test_an_alarm_ends_the_look() -> None:
         timer.start(20 * MS)
         before = kernel.lock()
         begin_ns = kernel.now_ns()
-        seen.append(kernel._look(begin_ns + 20 * S, begin_ns) < begin_ns + 20 * S)
+        seen.append(kernel._poll(begin_ns + 20 * S, begin_ns) < begin_ns + 20 * S)
         kernel.unlock(before)
 
     kernel.add_task('look', look, priority=1, rate_hz=1.0)

@@ -28,9 +28,9 @@ import pytest
 
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import TaskSpec
-from rt_robot_os.kernel.ran_instead import ran_instead
-from rt_robot_os.kernel.ran_instead import RECORDS_MAXIMUM
-from rt_robot_os.kernel.ran_instead import SUSPECTS_MAXIMUM
+from rt_robot_os.kernel.interference import blame
+from rt_robot_os.kernel.interference import RECORDS_MAXIMUM
+from rt_robot_os.kernel.interference import SUSPECTS_MAXIMUM
 
 JOB, PUBLISH, CEILING, BLOCKED = 0, 1, 5, 6
 Record = tuple[Any, ...]

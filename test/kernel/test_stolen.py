@@ -35,7 +35,7 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import MARK
-from rt_robot_os.kernel.stolen import Stolen
+from rt_robot_os.kernel.steal_time import Stolen
 
 
 class SharedClock(VirtualClock):
