@@ -41,7 +41,7 @@
 #define FRESH_NS 5000000LL
 
 PyTypeObject *core_type;
-static PyObject *task_aborted; /* kernel.failure.TaskAborted */
+static PyObject *task_aborted; /* kernel.failure.TaskAborted; that module imports this one */
 static PyObject *system_clock; /* time.monotonic_ns */
 static PyObject *arm_name, *arm_spare_name, *swap_name, *poll_name, *wait_name;
 static PyObject *keep_fresh_name, *start_text, *end_text, *fail_text;
@@ -759,6 +759,15 @@ begin_job(Core *core, Task *task, int level, ns_t time_ns, ns_t end_ns, ns_t *pr
     return trace(core, start_ns, start_text, task);
 }
 
+static PyObject *
+attribute_of(const char *module_name, const char *name)
+{
+    PyObject *module = PyImport_ImportModule(module_name);
+    PyObject *found = module == NULL ? NULL : PyObject_GetAttrString(module, name);
+    Py_XDECREF(module);
+    return found;
+}
+
 /* Removes the exception that is raised now and returns it. */
 static PyObject *
 raised_exception(void)
@@ -778,6 +787,12 @@ static int
 contain(Core *core, Task *task, PyObject **failure)
 {
     PyObject *error = raised_exception();
+    if (task_aborted == NULL)
+        task_aborted = attribute_of("rt_robot_os.kernel.failure", "TaskAborted");
+    if (task_aborted == NULL) {
+        Py_DECREF(error);
+        return -1;
+    }
     int outcome = PyErr_GivenExceptionMatches((PyObject *)Py_TYPE(error), task_aborted)
         ? ABORTED : FAILED;
     task->limit_ns = 0;
@@ -1629,15 +1644,6 @@ static PyType_Spec core_spec = {
     Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE | Py_TPFLAGS_HAVE_GC, core_slots,
 };
 
-static PyObject *
-attribute_of(const char *module_name, const char *name)
-{
-    PyObject *module = PyImport_ImportModule(module_name);
-    PyObject *found = module == NULL ? NULL : PyObject_GetAttrString(module, name);
-    Py_XDECREF(module);
-    return found;
-}
-
 int
 add_core_types(PyObject *module)
 {
@@ -1653,8 +1659,7 @@ add_core_types(PyObject *module)
         if ((*names[i].place = PyUnicode_InternFromString(names[i].text)) == NULL)
             return -1;
     system_clock = attribute_of("time", "monotonic_ns");
-    task_aborted = attribute_of("rt_robot_os.kernel.failure", "TaskAborted");
-    if (system_clock == NULL || task_aborted == NULL || add_task_types(module) < 0)
+    if (system_clock == NULL || add_task_types(module) < 0)
         return -1;
     core_type = (PyTypeObject *)PyType_FromSpec(&core_spec);
     if (core_type == NULL)

@@ -243,6 +243,11 @@ class Scheduler(Core):
             self.settle()
         return describe(task.name, now_ns, error)
 
+    def undescribed(self, task: Task) -> FailureReport:
+        """Return the report of an exception that raised another when it was described."""
+        return FailureReport(
+            task.name, 0, 'an exception that raised another when it was looked at', ())
+
     def check_depth(self, task: Task, limit: int) -> None:
         """Have a job aborted that is about to reach its recursion limit."""
         try:
