@@ -738,8 +738,11 @@ begin_job(Core *core, Task *task, int level, ns_t time_ns, ns_t end_ns, ns_t *pr
     Py_INCREF((PyObject *)task);
     Py_XDECREF((PyObject *)before);
     core->level = level;
-    ns_t next_ns = smaller(first_due(core, 0).due_ns, due_at(core, level, 0));
-    if (time_ns < task->next_ns && task->next_ns < next_ns)
+    ns_t next_ns = first_due(core, 0).due_ns, soon_ns = time_ns + core->near_ns;
+    ns_t level_ns = due_at(core, level, 0);
+    if (soon_ns < level_ns && level_ns < next_ns)
+        next_ns = level_ns;
+    if (soon_ns < task->next_ns && task->next_ns < next_ns)
         next_ns = task->next_ns;
     if (task->aborts || next_ns > core->armed_due_ns
             || core->armed_due_ns > next_ns + core->slack_ns)
