@@ -29,7 +29,9 @@ and the kept ones are ``head - depth`` to ``head - 1``):
 
 A reader never writes to the ring: publishing costs the same with one or a hundred of them.
 
-Samples longer than ``PIECE_BYTES`` are copied in pieces, between which a task may be preempted.
+Here is what it means; where the extension in C is there, its types of the same names are used
+(``_ring.c``). Samples longer than ``PIECE_BYTES`` stay in Python on both: they are copied in
+pieces, between which a task may be preempted.
 """
 
 from __future__ import annotations
@@ -37,6 +39,7 @@ from __future__ import annotations
 from typing import Any
 from typing import TYPE_CHECKING
 
+from rt_robot_os.compiled import NATIVE
 from rt_robot_os.kernel.black_box import PUBLISH
 from rt_robot_os.topics.pieces import PIECE_BYTES
 
@@ -278,3 +281,9 @@ class SubscriptionCore:
     def unread(self) -> int:
         """How many samples wait, those that are lost already not counted."""
         return min(self.topic.head - self.next_seq, self.topic.mask + 1)
+
+
+if not TYPE_CHECKING and NATIVE is not None:
+    TopicCore = NATIVE.TopicCore
+    PublisherCore = NATIVE.PublisherCore
+    SubscriptionCore = NATIVE.SubscriptionCore
