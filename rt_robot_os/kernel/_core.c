@@ -23,10 +23,6 @@
 
 #include "_core.h"
 
-#include <errno.h>
-#include <stddef.h>
-#include <string.h>
-
 #define NS_PER_S 1000000000LL
 #define ONE_SHOT_ORDER (1LL << 32)
 #define DEFER_MOST 8
@@ -359,7 +355,7 @@ static void
 append_to_queue(Core *core, Task *task)
 {
     Queue *queue = &core->queues[task->priority];
-    Py_INCREF(task);
+    Py_INCREF((PyObject *)task);
     task->behind = NULL;
     if (queue->last == NULL)
         queue->first = task;
@@ -518,9 +514,9 @@ wake(Core *core, PyObject *tasks, ns_t at_ns)
     if (PyList_Check(tasks)) {
         for (Py_ssize_t i = 0; i < PyList_Size(tasks); i++) {
             PyObject *task = PyList_GetItem(tasks, i);
-            Py_INCREF(task);
+            Py_INCREF((PyObject *)task);
             int status = wake_one(core, task, at_ns);
-            Py_DECREF(task);
+            Py_DECREF((PyObject *)task);
             if (status < 0)
                 return -1;
         }
@@ -739,11 +735,14 @@ begin_job(Core *core, Task *task, int level, ns_t time_ns, ns_t end_ns, ns_t *pr
     Task *before = core->current;
     task->busy = 1;
     core->current = task;
-    Py_INCREF(task);
-    Py_XDECREF(before);
+    Py_INCREF((PyObject *)task);
+    Py_XDECREF((PyObject *)before);
     core->level = level;
-    ns_t next_ns = smaller(first_due(core, 0).due_ns, due_at(core, level, 0));
-    if (time_ns < task->next_ns && task->next_ns < next_ns)
+    ns_t next_ns = first_due(core, 0).due_ns, soon_ns = time_ns + core->near_ns;
+    ns_t level_ns = due_at(core, level, 0);
+    if (soon_ns < level_ns && level_ns < next_ns)
+        next_ns = level_ns;
+    if (soon_ns < task->next_ns && task->next_ns < next_ns)
         next_ns = task->next_ns;
     if (task->aborts || next_ns > core->armed_due_ns
             || core->armed_due_ns > next_ns + core->slack_ns)
@@ -893,7 +892,7 @@ nobody_runs(Core *core, int level)
     Task *before = core->current;
     core->current = NULL;
     core->level = level;
-    Py_XDECREF(before);
+    Py_XDECREF((PyObject *)before);
 }
 
 /* Runs every ready task above a level. `end_ns`: when the last job ended, or whatever the kernel
@@ -911,7 +910,7 @@ dispatch(Core *core, int floor, ns_t time_ns, ns_t *end_ns)
         if (task == NULL)
             continue;
         int status = run_job(core, task, level, &time_ns, end_ns);
-        Py_DECREF(task);
+        Py_DECREF((PyObject *)task);
         if (status < 0)
             return -1;
     }
@@ -1022,10 +1021,10 @@ static void
 go_on(Core *core, Task *current, int level)
 {
     Task *before = core->current;
-    Py_XINCREF(current);
+    Py_XINCREF((PyObject *)current);
     core->current = current;
     core->level = level;
-    Py_XDECREF(before);
+    Py_XDECREF((PyObject *)before);
 }
 
 /* Serves interrupts until none is pending. What the kernel itself raises ends it, not the job. */
@@ -1082,7 +1081,7 @@ settle(Core *core, int signalled)
     Task *current = core->current;
     int level = core->level, status = 0;
     PyObject *made = NULL;
-    Py_XINCREF(current);
+    Py_XINCREF((PyObject *)current);
     core->locked = 1;
     core->recursion_limit = limit + RECURSION_ROOM;
     Py_SetRecursionLimit(limit + RECURSION_ROOM);
@@ -1096,7 +1095,7 @@ settle(Core *core, int signalled)
         made = PyObject_CallMethod((PyObject *)core, "make_abort", "O", current);
         status = made == NULL ? -1 : 0;
     }
-    Py_XDECREF(current);
+    Py_XDECREF((PyObject *)current);
     core->recursion_limit = limit;
     Py_SetRecursionLimit(limit);
     core->locked = 0;
@@ -1254,7 +1253,7 @@ clear_queues(Core *core)
     for (int level = 0; level < LEVELS; level++)
         while (core->queues[level].first != NULL) {
             Task *task = pop_queue(&core->queues[level]);
-            Py_DECREF(task);
+            Py_DECREF((PyObject *)task);
         }
 }
 
@@ -1411,7 +1410,7 @@ core_withdraw(PyObject *self, PyObject *object)
                 queue->last = before;
             task->behind = NULL;
             task->missed++;
-            Py_DECREF(task); /* the argument holds another one */
+            Py_DECREF((PyObject *)task); /* the argument holds another one */
             break;
         }
     task->pending = 0;

@@ -359,9 +359,14 @@ class Core(TimerInterrupt):
         """Set the interrupt for what may preempt a job; return when that before it began."""
         task.busy = True
         self.current, self.level = task, level
-        # Set now for what comes after it at its level, nothing is left to do when it has ended.
-        next_ns = min(self._firsts[0][0], self._timers[level][0][0])
-        if now_ns < task.next_ns < next_ns:
+        next_ns = self._firsts[0][0]
+        # Set now for what comes after it at its level, nothing is left to do when it has ended;
+        # for what is due very soon the clock will be polled.
+        soon_ns = now_ns + self._near_ns
+        level_ns = self._timers[level][0][0]
+        if soon_ns < level_ns < next_ns:
+            next_ns = level_ns
+        if soon_ns < task.next_ns < next_ns:
             next_ns = task.next_ns
         if task.aborts or not next_ns <= self._armed_due_ns <= next_ns + self._slack_ns:
             self._arm_for(task, level, next_ns)

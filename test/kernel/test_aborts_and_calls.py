@@ -121,7 +121,7 @@ class Busy:
             self.torn.append((self.publisher.published, self.publisher.topic.head))
         if self.task.aborted >= ENOUGH:
             self.kernel.stop()
-        self.task.rearm()  # a busy machine may have kept it from ending before the second strike
+        self.task.rearm()  # a busy machine may have kept it from ending before the second abort
 
 
 def test_an_abort_leaves_no_publication_and_no_resource_half_done() -> None:
