@@ -156,10 +156,15 @@ class Outcomes:
 
         :return: None unless both were measured together at least once.
         """
+        return self.between(key, of, other, of)
+
+    def between(self, key: str, of: Callable[[Outcome], float | None], other: str,
+                other_of: Callable[[Outcome], float | None]) -> Metric | None:
+        """Divide a number of one run by another number of another one, repeat by repeat."""
         values = []
         for one, two in zip(self.all(key), self.all(other)):
             if one.status is Status.OK and two.status is Status.OK:
-                above, below = of(one), of(two)
+                above, below = of(one), other_of(two)
                 if above is not None and below:
                     values.append(above / below)
         return Metric(tuple(values)) if values else None
