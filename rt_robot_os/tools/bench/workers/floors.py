@@ -28,7 +28,6 @@ from collections.abc import Sequence
 import signal
 import time
 from types import FrameType
-from typing import Any
 
 import numpy as np
 
