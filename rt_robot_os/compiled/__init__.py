@@ -68,18 +68,10 @@ MODULES: Final = (
     'kernel.stolen',
     'kernel.task',
     'kernel.timers',
-    'link.batch',
-    'link.mirror',
-    'modules.attitude.estimate',
-    'modules.attitude.guards',
-    'modules.attitude.rest',
-    'modules.attitude.uncertainty',
-    'motion.quaternion',
     'topics.logical',
     'topics.publisher',
     'topics.subscription',
     'topics.topic',
-    'units',
 )
 # What is written in C: the same in Python stands beside it.
 C_MODULES: Final = ('linux._timer',)
