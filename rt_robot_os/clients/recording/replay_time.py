@@ -45,9 +45,9 @@ class ReplayClock(VirtualClock):
     def pass_until(self, at_ns: int) -> None:
         """Advance to a time; jobs that become due preempt the caller, and take time as well."""
         while self._now_ns < at_ns:
-            first_ns = min(self._alarm_ns, self._spare_ns)
+            first_ns = min(self._timer_ns, self._spare_ns)
             self._now_ns = max(self._now_ns, min(at_ns, first_ns))
-            if self._take_alarms(self._now_ns + AGAIN_NS) and self._on_tick is not None:
+            if self._take_due_timers(self._now_ns + AGAIN_NS) and self._on_tick is not None:
                 self._on_tick()
 
 
