@@ -21,13 +21,13 @@ from collections.abc import Callable
 from collections.abc import Mapping
 import functools
 from typing import Final
-from typing import TYPE_CHECKING
 
 from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import MISS
 from rt_robot_os.kernel.black_box import OVERRUN
 from rt_robot_os.kernel.core import BLOCKED_NS
+from rt_robot_os.kernel.core import Core
 from rt_robot_os.kernel.core import LATE_NS
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.interference import blame
@@ -38,9 +38,6 @@ from rt_robot_os.kernel.spec import OverrunPolicy
 from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.units import NS_PER_MS
-
-if TYPE_CHECKING:
-    from rt_robot_os.kernel.scheduler import Scheduler
 
 _SUSPECTS_EVERY_NS: Final = 10 * NS_PER_MS
 
@@ -55,7 +52,7 @@ class FaultHandling:
 
     __slots__ = ('_kernel', '_resources', '_suspects_ns', '_ended')
 
-    def __init__(self, kernel: Scheduler, resources: Mapping[str, Resource]) -> None:
+    def __init__(self, kernel: Core, resources: Mapping[str, Resource]) -> None:
         self._kernel = kernel
         self._resources = resources
         self._suspects_ns = 0
