@@ -92,6 +92,9 @@ def main() -> int:
     begin_s = time.monotonic()
     with Builds(one=False, two=not options.pure) as builds:
         count, scenario, found = compare(builds, options.cases, options.seed)
+    if builds.endless:
+        print(f'{len(builds.endless)} did not end on either build, such as\n'
+              f'{text_of(builds.endless[0])}')
     if scenario is not None:
         print(f'\n{text_of(scenario)}\n\n{found}\n\nThey differ, after {count} cases '
               f'(--seed {options.seed}).')

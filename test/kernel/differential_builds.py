@@ -43,6 +43,7 @@ _LENGTH = struct.Struct('=Q')
 
 # What a process says instead of what it saw: it could not make the scenario, or it is gone.
 FAILED = 'it failed'
+ENDLESS = f'it did not end within {PATIENCE_S:g} s'
 
 
 class BuildProcess:
@@ -84,7 +85,7 @@ class BuildProcess:
         assert process is not None and process.stdout is not None
         if not select.select([process.stdout], [], [], PATIENCE_S)[0]:
             self.close()
-            return {FAILED: f'it did not end within {PATIENCE_S:g} s'}
+            return {FAILED: ENDLESS}
         head = process.stdout.read(_LENGTH.size)
         if len(head) == _LENGTH.size:
             data = process.stdout.read(_LENGTH.unpack(head)[0])
@@ -116,10 +117,12 @@ class Builds:
 
     :param one: whether the first is of the compiled build.
     :param two: the same of the second.
+    :ivar endless: scenarios that neither ended; no difference, but nothing was compared either.
     """
 
     def __init__(self, one: bool = False, two: bool = True, root: Path = ROOT) -> None:
         self._one, self._two = BuildProcess(one, root), BuildProcess(two, root)
+        self.endless: list[Any] = []
 
     def __enter__(self) -> Builds:
         return self
@@ -133,15 +136,17 @@ class Builds:
         """Say where the two differ in a scenario; empty when they do not."""
         self._one.send(scenario)
         self._two.send(scenario)
-        return difference(self._one.receive(), self._two.receive(),
-                          (self._one.name, self._two.name))
+        seen = self._one.receive(), self._two.receive()
+        if all(found.get(FAILED) == ENDLESS for found in seen):
+            self.endless.append(scenario)
+        return difference(*seen, (self._one.name, self._two.name))
 
 
 def difference(one: dict[str, Any], two: dict[str, Any],
                names: Sequence[str] = ('pure', 'compiled')) -> str:
     """Say what is first different in what two processes saw; empty when nothing is."""
     if FAILED in one or FAILED in two:
-        if one == two:
+        if one == two and one[FAILED] == ENDLESS:
             return ''
         return '\n'.join(f'{name}: {found.get(FAILED, "it ran to its end")}'
                          for name, found in zip(names, (one, two)))

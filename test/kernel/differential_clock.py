@@ -98,12 +98,16 @@ class ScenarioClock(VirtualClock):
         self._note('clock', 'swap')
         super().swap()
 
-    def wait(self) -> bool:
+    def wait_masked(self) -> bool:
         self.reads = 0
         self._note('clock', 'wait')
-        came = super().wait()
+        came = super().wait_masked()
         self._now_ns += self._data.late_ns
         return came
+
+    def poll(self, until_ns: int) -> int:
+        self._note('clock', 'poll', until_ns)
+        return super().poll(until_ns)
 
     # ---- what a job does ---------------------------------------------------------------------
 

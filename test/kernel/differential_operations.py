@@ -317,8 +317,7 @@ class Operations:
         publisher = self.nth(self.publishers[who], topic)
         self.fill(publisher)
         layout = publisher.topic.layout
-        octets = memoryview(publisher.msg.cdr if hasattr(publisher.msg, 'cdr')
-                            else publisher._buffer)
+        octets = memoryview(publisher.buffer)
         publisher.publish_cdr(bytes(octets[:layout.length(octets)]), stamp_ns)
         return publisher.published
 

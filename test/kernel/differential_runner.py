@@ -62,7 +62,8 @@ OF_A_TASK = (
     'follow_up', 'start_ns', 'release_ns', 'interval_ns', 'releases', 'runs', 'missed',
     'coalesced', 'failures', 'overruns', 'aborted', 'budget_exceeded', 'deadline_missed',
     'last_miss', 'state', 'execution_total_ns', 'gap_maximum_ns', 'blocked_maximum_ns',
-    'response_maximum_ns', 'limit_ns', 'restart_ns', 'resume_ns', 'rephasing', 'backlog')
+    'response_maximum_ns', 'limit_ns', 'restart_ns', 'resume_ns', 'rephasing', 'backlog',
+    'next_ns', 'next_period_ns', 'held', 'abort_pending', 'resists', 'over', 'aborts_raised')
 OF_A_READER = ('seq', 'stamp_ns', 'length', 'lost', 'skipped', 'reads', 'next_seq', 'unread',
                'age_ns', 'status')
 
@@ -243,7 +244,7 @@ class Runner(Operations):
         yield 'kernel', [
             (name, plain(getattr(kernel, name))) for name in (
                 'running', 'locked', 'pending', 'current', 'ended', 'failures_total', 'wakeups',
-                'overhead_ns', 'looked_ns', 'start_ns')]
+                'overhead_ns', 'polled_ns', 'start_ns')]
         yield 'time', self.clock.time_ns
         yield 'failures', [plain(failure) for failure in kernel.failures]
         yield 'black box', [plain(record) for record in kernel.black_box.records]
@@ -256,9 +257,11 @@ class Runner(Operations):
                 yield f'{kind} of {task.name}', [('maximum', histogram.maximum_ns), *counts]
         yield 'statistics', plain(kernel.statistics())
         for topic in self.topics:
+            kept = range(max(0, topic.head - topic.depth), topic.head)
             yield f'topic {topic.name}', [
-                plain(topic.statistics()), topic.head, list(topic.stamps), list(topic.lengths),
-                [bytes(slot[:length])[:100] for slot, length in zip(topic.slots, topic.lengths)]]
+                plain(topic.statistics()), topic.head,
+                *((n, topic.stamp_of(n), topic.length_of(n),
+                   bytes(topic.slots[n % topic.depth][:topic.length_of(n)])[:100]) for n in kept)]
         for index, reader in enumerate(self.readers):
             yield f'reader {index}', [(key, plain(getattr(reader, key))) for key in OF_A_READER]
             yield f'message of reader {index}', bytes(reader.buffer[:reader.length])[:100]
