@@ -237,6 +237,7 @@ class Core(TimerInterrupt):
             except RecursionError:
                 raise
             except Exception as error:  # of the kernel, not of the job that it would end
+                self.current, self.level = current, level
                 if not self.fail(error):
                     break
             if not self.pending:
