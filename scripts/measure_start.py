@@ -152,7 +152,7 @@ class Output(threading.Thread):
 
 
 @contextmanager
-def robot_of(tree: Path, build: str, arguments: list[str]
+def robot_of(tree: Path, build: str, arguments: list[str], before: list[str]
              ) -> Iterator[tuple[subprocess.Popen[str], Output, Path]]:
     """Start a robot, and end it."""
     with tempfile.TemporaryDirectory(prefix='start-') as name:
@@ -165,7 +165,7 @@ def robot_of(tree: Path, build: str, arguments: list[str]
             if '_ROS_WHEELS_BOOTSTRAP_COMPLETE' in os.environ:
                 environment.pop(variable, None)
         process = subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.clients.ros.program', *arguments], cwd=tree,
+            [*before, sys.executable, '-m', 'rt_robot_os.clients.ros.program', *arguments], cwd=tree,
             env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         assert process.stdout is not None
         output = Output(process.stdout)
@@ -177,8 +177,8 @@ def robot_of(tree: Path, build: str, arguments: list[str]
             output.join()
 
 
-def one_start(listener: Listener, tree: Path, build: str, arguments: list[str], topics: int,
-              patience_s: float) -> dict[str, float]:
+def one_start(listener: Listener, tree: Path, build: str, arguments: list[str],
+              before: list[str], topics: int, patience_s: float) -> dict[str, float]:
     """
     Start a robot once.
 
@@ -187,7 +187,7 @@ def one_start(listener: Listener, tree: Path, build: str, arguments: list[str], 
     """
     listener.clear()
     began_s, wall_offset_s = time.monotonic(), time.time() - time.monotonic()
-    with robot_of(tree, build, arguments) as (process, output, log):
+    with robot_of(tree, build, arguments, before) as (process, output, log):
         if not listener.wait(1, START_PATIENCE_S):
             raise SystemExit('no message came:\n' + ''.join(line for _, line in output.lines))
         used = {pid: cpu_s(pid) for pid in descendants(process.pid)}
@@ -222,13 +222,18 @@ def measure(arguments: argparse.Namespace) -> None:
                 for build in arguments.build or BUILDS]
     results: dict[tuple[Path, str], list[dict[str, float]]] = {each: [] for each in variants}
     load = os.getloadavg()[0]
+    before = ['chrt', '--rr', '1'] if arguments.first else []
+    if arguments.first:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(2))
     for count in range(arguments.runs + 1):
         for variant in variants:
-            result = one_start(listener, *variant, words, len(topics), arguments.patience)
+            result = one_start(listener, *variant, words, before, len(topics),
+                               arguments.patience)
             if count:
                 results[variant].append(result)
     print(f'medians of {arguments.runs} starts in turns; ms from the start of the program, CPU in '
-          f's; {os.cpu_count()} CPUs, load {load:.1f} before and {os.getloadavg()[0]:.1f} after')
+          f's; {os.cpu_count()} CPUs, load {load:.1f} before and {os.getloadavg()[0]:.1f} after'
+          f'{", SCHED_RR" if arguments.first else ""}')
     print(f'{"":26}' + ''.join(f'{name:>11}' for name in (*COLUMNS, *CPU_COLUMNS)) +
           '  message, least to greatest')
     for (tree, build), rows in results.items():
@@ -279,6 +284,8 @@ def main() -> None:
     parser.add_argument('--build', action='append', choices=BUILDS, help='by default both')
     parser.add_argument('--runs', type=int, default=5)
     parser.add_argument('--patience', type=float, default=1.0, metavar='S')
+    parser.add_argument('--first', action='store_true', help='the robots run before all ordinary '
+                        'processes (SCHED_RR), for a machine that is busy')
     parser.add_argument('--help-of-all', action='store_true')
     arguments = parser.parse_args()
     if arguments.help_of_all:

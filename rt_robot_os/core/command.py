@@ -26,6 +26,8 @@ from collections.abc import Iterator
 from collections.abc import Sequence
 from contextlib import contextmanager
 from contextlib import ExitStack
+from functools import partial
+import os
 from pathlib import Path
 import signal
 import sys
@@ -83,15 +85,20 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument('--parent', metavar='PID', type=int, help='end when this process does')
     parser.add_argument('--life', metavar='FD', type=int, default=-1,
                         help=argparse.SUPPRESS)  # where a node looks for the sign of life
+    parser.add_argument('--ready', metavar='FD', type=int, default=-1,
+                        help=argparse.SUPPRESS)  # closed when clients can connect
     parser.add_argument('--duration', metavar='S', type=float, help='end after this long')
     return parse_own(parser, argv)
 
 
 def _settings(arguments: argparse.Namespace, argv: Sequence[str]
-              ) -> tuple[RobotSettings, RobotSettings, Path]:
+              ) -> tuple[RobotSettings, RobotSettings, Path] | None:
+    """Return the settings and the socket's path; None when the node has ended without a word."""
     if arguments.settings:
         # A second line: as it was loaded, before something was changed while a core ran.
         now, _, loaded = _text(arguments.settings).strip().partition('\n')
+        if arguments.parent is not None and not now:
+            return None
         return from_json(now), from_json(loaded or now), arguments.socket or socket_path()
     # Reading YAML takes memory that a spawned core does not need.
     from rt_robot_os.settings.load import load_from_arguments
@@ -123,7 +130,10 @@ def run(argv: Sequence[str]) -> int:
     if arguments.parent is not None and not die_with_parent(arguments.parent):
         return OK
     try:
-        settings, loaded, path = _settings(arguments, argv)
+        given = _settings(arguments, argv)
+        if given is None:
+            return OK
+        settings, loaded, path = given
         lock = hold_core(path, arguments.parent or 0)
     except RtRobotError as error:
         tell('core', error)
@@ -158,6 +168,9 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
         simulators.attach(core.host)
         _watch(services, core.host)
         signals.enter_context(_signals_to(core))
+        if arguments.ready >= 0:
+            core.on_open = partial(os.close, arguments.ready)
+        simulators.wait()  # they have started beside all this
         core.prepare_process()
         if by_hand:
             core.watch.write_reports_to(sys.stderr.fileno())

@@ -53,16 +53,17 @@ class Simulators:
         self.restarts = 0
         self._keeper: SupervisedChild | None = None
         self._folder = Path()
+        self._ports: tuple[Path, ...] = ()
         self._news = b''
 
     def start(self, settings: RobotSettings, folder: Path) -> dict[str, str]:
         """
-        Start what the settings ask for and wait until the ports are there.
+        Start what the settings ask for; :meth:`wait` until the ports are there.
 
         :param folder: where the ports get their stable paths; the caller holds the robot's name,
             so what lies there was left behind.
         :return: the path of the port of each simulated device, by device.
-        :raises DeviceError: the simulator ended or hangs.
+        :raises OSError: it cannot be started.
         """
         devices = {d.name: {'type': d.type, 'device': dict(d.settings), 'sim': dict(d.sim or {})}
                    for d in settings.devices if d.port == SIM_PORT}
@@ -76,15 +77,23 @@ class Simulators:
         given_json = json.dumps(given, default=_plain).encode()
         self._keeper = SupervisedChild('what keeps the simulated devices running', lambda: (
             _started_keeper(folder, given_json)))
-        process = self._keeper.start()
-        ports = {name: folder / name for name in devices}
+        self._keeper.start()
+        self._ports = tuple(folder / name for name in devices)
+        return {path.name: str(path) for path in self._ports}
+
+    def wait(self) -> None:
+        """
+        Wait until the ports of all simulated devices are there.
+
+        :raises DeviceError: the simulator ended or hangs.
+        """
+        process = self._keeper.process if self._keeper is not None else None
         deadline = time.monotonic() + START_PATIENCE_S
-        while not all(path.exists() for path in ports.values()):
+        while process is not None and not all(path.exists() for path in self._ports):
             if process.poll() is not None or time.monotonic() > deadline:
                 self.stop()
                 raise DeviceError('the simulated devices did not start; see the message above')
             time.sleep(0.01)
-        return {name: str(path) for name, path in ports.items()}
 
     def attach(self, host: Host) -> None:
         """Have a core look after them, and count them."""

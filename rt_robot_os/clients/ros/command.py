@@ -18,8 +18,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
 import sys
 
+from rt_robot_os.clients.ros.core_process import CoreProcess
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.paths import socket_path
@@ -66,12 +69,23 @@ def run(argv: Sequence[str]) -> int:
         return BAD_USE
     if settings.simulated:
         print(f'robot: {told_simulated(settings)}', file=sys.stderr, flush=True)
+    core = _loaded_core(path) if settings.core.spawn and settings.autostart else None
     try:
         # Everything of ROS 2 comes after the check: it takes a second, a typing mistake does not.
         from rt_robot_os.clients.ros.spin import spin
-        return spin(settings)
+        return spin(settings, core)
     finally:
+        if core is not None:
+            core.stop()
         lock.release()
+
+
+def _loaded_core(path: Path) -> CoreProcess:
+    """Have the core's interpreter load beside that of ROS; it opens nothing before ROS is there."""
+    core = CoreProcess('', path)
+    with suppress(OSError):  # it is tried again, and told, when it is to run
+        core.load()
+    return core
 
 
 def _arguments(argv: Sequence[str]) -> argparse.Namespace:

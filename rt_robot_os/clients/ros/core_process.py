@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 import os
 from pathlib import Path
+import select
 import signal
 import subprocess
 
@@ -42,7 +43,7 @@ class CoreProcess:
     A core that is this process's child, restarted with a back-off when it ends.
 
     It ends with its parent (PR_SET_PDEATHSIG), and for Linux that is the *thread* that starts it:
-    call :meth:`start` from a thread that lives as long as the core shall.
+    call :meth:`start` and :meth:`load` from a thread that lives as long as the core shall.
 
     :param settings_json: what the core reads on its standard input.
     :param socket_path: where it shall listen.
@@ -57,7 +58,9 @@ class CoreProcess:
         self._path = socket_path
         self._arguments = list(arguments)
         self._process: subprocess.Popen[bytes] | None = None
+        self._waits = False  # for its settings
         self._life: Life | None = None
+        self._ready_fd = -1
 
     def set_settings(self, settings_json: str, loaded_json: str = '') -> None:
         """
@@ -72,6 +75,33 @@ class CoreProcess:
         """Return the process id; 0 when it does not run."""
         return self._process.pid if self._process is not None else 0
 
+    def load(self) -> None:
+        """
+        Start the interpreter, which imports what every core needs and waits for :meth:`start`.
+
+        Until then it opens nothing, and it ends in silence when it is stopped or this process is
+        gone: what else is to be checked can be checked meanwhile.
+
+        :raises OSError: it cannot be started.
+        """
+        ready, told = os.pipe()
+        page = LifePage()
+        self._forget()
+        try:
+            self._process = start_child(
+                'rt_robot_os.core.program', '--socket', self._path, '--settings', '-', '--parent',
+                os.getpid(), '--life', page.fd, '--ready', told, *self._arguments,
+                stdin=subprocess.PIPE, env={**os.environ, **ONE_BLAS_THREAD},
+                pass_fds=(told, page.fd) if page.fd >= 0 else (told,))
+            self._waits = True
+            self._ready_fd, ready = ready, -1
+            with suppress(OSError, LinkError):  # without it the start is bounded by time alone
+                self._life = Life(os.dup(page.fd))
+        finally:
+            page.close()
+            for fd in {told, ready} - {-1}:
+                os.close(fd)
+
     def start(self) -> None:
         """
         Start the core; it is ready when its socket answers.
@@ -79,18 +109,38 @@ class CoreProcess:
         :raises OSError: the interpreter cannot be started.
         """
         self.starts += 1
-        self.exit_code = None
-        page = LifePage()
-        fds = (page.fd,) if page.fd >= 0 else ()
-        try:
-            self._process = start_child(
-                'rt_robot_os.core.program', '--socket', self._path, '--settings', '-', '--parent',
-                os.getpid(), '--life', page.fd, *self._arguments, given=self._settings,
-                env={**os.environ, **ONE_BLAS_THREAD}, pass_fds=fds)
-            with suppress(OSError, LinkError):  # without it the start is bounded by time alone
-                self._life = Life(os.dup(page.fd))
-        finally:
-            page.close()
+        waited, self._waits = self._waits, False
+        if not (waited and self.alive()):
+            self.load()
+        self.exit_code, self._waits = None, False
+        if self._process is not None and self._process.stdin is not None:
+            # That it has ended before it has read them is seen by whoever waits for it.
+            with suppress(BrokenPipeError), self._process.stdin as pipe:
+                pipe.write(self._settings)
+
+    def wait_until_ready(self, timeout_s: float) -> bool:
+        """
+        Wait until its socket may answer, or it has ended.
+
+        :return: False when it has said so before: there is nothing more to wait for.
+        """
+        if self._ready_fd < 0:
+            return False
+        if select.select([self._ready_fd], [], [], timeout_s)[0]:
+            self._close_ready()
+        return True
+
+    def _close_ready(self) -> None:
+        fd, self._ready_fd = self._ready_fd, -1
+        if fd >= 0:
+            os.close(fd)
+
+    def _forget(self) -> None:
+        """Let go of what belongs to the core before."""
+        self._close_ready()
+        life = self.take_life()
+        if life is not None:
+            life.close()
 
     def take_life(self) -> Life | None:
         """Return, once, the sign of life of the core that was started last; None without one."""
@@ -98,14 +148,15 @@ class CoreProcess:
         return life
 
     def alive(self) -> bool:
-        """Look whether it runs; :attr:`exit_code` says how it ended."""
-        if self._process is None:
+        """Look whether it was started and runs; :attr:`exit_code` says how it ended."""
+        if self._process is None or self._waits:
             return False
         code = self._process.poll()
         if code is None:
             return True
         self.exit_code = code
         self._process = None
+        self._close_ready()
         with suppress(OSError, RtRobotError):  # no descriptors, say: the next core sees to it
             remove_leftovers(self._path)
         return False
@@ -128,6 +179,9 @@ class CoreProcess:
         self._end(signal.SIGTERM)
 
     def _end(self, signo: int) -> None:
-        if self._process is not None:
-            end_child(self._process, _STOP_TIMEOUT_S, signo)
+        process, self._waits = self._process, False
+        if process is not None:
+            if process.stdin is not None:
+                process.stdin.close()
+            end_child(process, _STOP_TIMEOUT_S, signo)
         self.alive()
