@@ -29,7 +29,7 @@ PACKAGE = 'rt_robot_os'
 # From the bottom up. A layer may import itself and every layer of the rows before it.
 LAYERS = (
     ('requirements',),
-    ('compiled', 'moved', 'safe_text'),
+    ('compiled', 'lazy_names', 'moved', 'safe_text'),
     ('errors', 'reports', 'schema', 'units'),
     ('live_settings', 'logger', 'needs', 'plugins', 'programs'),
     ('output_files',),

@@ -29,12 +29,12 @@ from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import hold_core
 from rt_robot_os.link.robots import hold_robot
 from rt_robot_os.programs import BAD_USE
+from rt_robot_os.programs import importing
 from rt_robot_os.settings.command_line import add_simulate
 from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.settings.command_line import ROS_ARGS_HELP
 from rt_robot_os.settings.command_line import tell
 from rt_robot_os.settings.command_line import told_simulated
-from rt_robot_os.settings.load import load_from_arguments
 
 _EPILOG = """
 Without a parameter file the shipped robot runs, and its sensors are simulated.
@@ -58,7 +58,9 @@ def run(argv: Sequence[str]) -> int:
     """
     arguments = _arguments(argv)
     try:
-        settings, ros = load_from_arguments(argv, arguments.simulate, arguments.files)
+        with importing():  # of drivers, modules and messages
+            from rt_robot_os.settings.load import load_from_arguments
+            settings, ros = load_from_arguments(argv, arguments.simulate, arguments.files)
         robot = robot_name(ros.node_name, ros.namespace)
         path = socket_path(robot)
         lock = hold_robot(robot)
@@ -72,7 +74,8 @@ def run(argv: Sequence[str]) -> int:
     core = _loaded_core(path) if settings.core.spawn and settings.autostart else None
     try:
         # Everything of ROS 2 comes after the check: it takes a second, a typing mistake does not.
-        from rt_robot_os.clients.ros.spin import spin
+        with importing():
+            from rt_robot_os.clients.ros.spin import spin
         return spin(settings, core)
     finally:
         if core is not None:
