@@ -17,7 +17,10 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from collections.abc import Sequence
+from contextlib import contextmanager
+from contextlib import ExitStack
 from contextlib import suppress
 from pathlib import Path
 import sys
@@ -35,6 +38,7 @@ from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.settings.command_line import ROS_ARGS_HELP
 from rt_robot_os.settings.command_line import tell
 from rt_robot_os.settings.command_line import told_simulated
+from rt_robot_os.settings.ros_args import parse_ros_args
 
 _EPILOG = """
 Without a parameter file the shipped robot runs, and its sensors are simulated.
@@ -57,38 +61,43 @@ def run(argv: Sequence[str]) -> int:
     :return: the exit code, 2 for a bad configuration.
     """
     arguments = _arguments(argv)
-    try:
-        with importing():  # of drivers, modules and messages
-            from rt_robot_os.settings.load import load_from_arguments
-            settings, ros = load_from_arguments(argv, arguments.simulate, arguments.files)
-        robot = robot_name(ros.node_name, ros.namespace)
-        path = socket_path(robot)
-        lock = hold_robot(robot)
-        if settings.core.spawn:
-            hold_core(path).release()  # the core itself will hold it
-    except RtRobotError as error:
-        tell('robot', error)
-        return BAD_USE
-    if settings.simulated:
-        print(f'robot: {told_simulated(settings)}', file=sys.stderr, flush=True)
-    core = _loaded_core(path) if settings.core.spawn and settings.autostart else None
-    try:
-        # Everything of ROS 2 comes after the check: it takes a second, a typing mistake does not.
+    with ExitStack() as stack:
+        try:
+            ros = parse_ros_args(argv)
+            robot = robot_name(ros.node_name, ros.namespace)
+            path = socket_path(robot)
+            core = stack.enter_context(_loaded_core(path))
+            with importing():  # of drivers, modules and messages
+                from rt_robot_os.settings.load import load_from_arguments
+                settings, _ = load_from_arguments(argv, arguments.simulate, arguments.files)
+            stack.callback(hold_robot(robot).release)
+            if settings.core.spawn:
+                hold_core(path).release()  # the core itself will hold it
+        except RtRobotError as error:
+            tell('robot', error)
+            return BAD_USE
+        if settings.simulated:
+            print(f'robot: {told_simulated(settings)}', file=sys.stderr, flush=True)
+        # Everything of ROS 2 comes after the check: a typing mistake is told before it.
         with importing():
             from rt_robot_os.clients.ros.spin import spin
         return spin(settings, core)
-    finally:
-        if core is not None:
-            core.stop()
-        lock.release()
 
 
-def _loaded_core(path: Path) -> CoreProcess:
-    """Have the core's interpreter load beside that of ROS; it opens nothing before ROS is there."""
+@contextmanager
+def _loaded_core(path: Path) -> Iterator[CoreProcess]:
+    """
+    Have the core's interpreter load while this one checks the settings and loads ROS.
+
+    It waits for its settings, and opens nothing before ROS has accepted the node.
+    """
     core = CoreProcess('', path)
     with suppress(OSError):  # it is tried again, and told, when it is to run
         core.load()
-    return core
+    try:
+        yield core
+    finally:
+        core.stop()
 
 
 def _arguments(argv: Sequence[str]) -> argparse.Namespace:

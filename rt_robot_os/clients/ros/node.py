@@ -95,6 +95,8 @@ class RobotNode(LifecycleNode):
         self._loaded_values = self._robot_parameters.live_values()
         self._stopping = stopping
         self._core = core
+        if core is not None and not (settings.core.spawn and settings.autostart):
+            core.stop()  # nobody knows whether and when it is needed
         self._adopting = False
         self._digest: int | None = None
         self.robot = robot_name(self.get_name(), self.get_namespace())
