@@ -33,6 +33,7 @@ import signal
 import sys
 from types import FrameType
 
+from rt_robot_os.core.ahead import prepare
 from rt_robot_os.core.app import Core
 from rt_robot_os.core.dump_keeper import BlackBoxWriter
 from rt_robot_os.core.part import Host
@@ -85,6 +86,8 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument('--parent', metavar='PID', type=int, help='end when this process does')
     parser.add_argument('--life', metavar='FD', type=int, default=-1,
                         help=argparse.SUPPRESS)  # where a node looks for the sign of life
+    parser.add_argument('--ahead', action='store_true',
+                        help=argparse.SUPPRESS)  # see rt_robot_os.core.ahead
     parser.add_argument('--ready', metavar='FD', type=int, default=-1,
                         help=argparse.SUPPRESS)  # closed when clients can connect
     parser.add_argument('--duration', metavar='S', type=float, help='end after this long')
@@ -129,9 +132,13 @@ def run(argv: Sequence[str]) -> int:
     arguments = _arguments(argv)
     if arguments.parent is not None and not die_with_parent(arguments.parent):
         return OK
+    simulators = Simulators()
+    if arguments.ahead:
+        prepare(sys.stdin, simulators, arguments.socket)
     try:
         given = _settings(arguments, argv)
         if given is None:
+            simulators.stop()
             return OK
         settings, loaded, path = given
         lock = hold_core(path, arguments.parent or 0)
@@ -144,16 +151,17 @@ def run(argv: Sequence[str]) -> int:
     # Up to the end: its parent's death is told twice, and the signal may come while it tidies up.
     with ExitStack() as signals:
         try:
-            return _run(settings, loaded, path, lock, arguments, by_hand, signals)
+            return _run(settings, loaded, path, lock, arguments, by_hand, signals, simulators)
         finally:
             lock.release()
             remove_dead_lock(path)
 
 
 def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockFile,
-         arguments: argparse.Namespace, by_hand: bool, signals: ExitStack) -> int:
+         arguments: argparse.Namespace, by_hand: bool, signals: ExitStack,
+         simulators: Simulators) -> int:
     duration_s: float | None = arguments.duration
-    simulators, services = Simulators(), Services()
+    services = Services()
     writer: BlackBoxWriter | None = None
     try:
         ports = simulators.start(settings, device_folder(path))

@@ -70,12 +70,15 @@ def run(argv: Sequence[str]) -> int:
             with importing():  # of drivers, modules and messages
                 from rt_robot_os.settings.load import load_from_arguments
                 settings, _ = load_from_arguments(argv, arguments.simulate, arguments.files)
+                from rt_robot_os.settings.json_text import to_json
             stack.callback(hold_robot(robot).release)
             if settings.core.spawn:
                 hold_core(path).release()  # the core itself will hold it
         except RtRobotError as error:
             tell('robot', error)
             return BAD_USE
+        if settings.core.spawn and settings.autostart:
+            core.prepare(to_json(settings))
         if settings.simulated:
             print(f'robot: {told_simulated(settings)}', file=sys.stderr, flush=True)
         # Everything of ROS 2 comes after the check: a typing mistake is told before it.

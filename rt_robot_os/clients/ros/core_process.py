@@ -30,6 +30,7 @@ from rt_robot_os.link.robots import remove_leftovers
 from rt_robot_os.link.sign_of_life import Life
 from rt_robot_os.link.sign_of_life import LifePage
 from rt_robot_os.linux.process import end_child
+from rt_robot_os.linux.process import hand_over
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.programs import ONE_BLAS_THREAD
 
@@ -59,6 +60,7 @@ class CoreProcess:
         self._arguments = list(arguments)
         self._process: subprocess.Popen[bytes] | None = None
         self._waits = False  # for its settings
+        self._prepares = False
         self._life: Life | None = None
         self._ready_fd = -1
 
@@ -90,10 +92,10 @@ class CoreProcess:
         try:
             self._process = start_child(
                 'rt_robot_os.core.program', '--socket', self._path, '--settings', '-', '--parent',
-                os.getpid(), '--life', page.fd, '--ready', told, *self._arguments,
+                os.getpid(), '--ahead', '--life', page.fd, '--ready', told, *self._arguments,
                 stdin=subprocess.PIPE, env={**os.environ, **ONE_BLAS_THREAD},
                 pass_fds=(told, page.fd) if page.fd >= 0 else (told,))
-            self._waits = True
+            self._waits, self._prepares = True, False
             self._ready_fd, ready = ready, -1
             with suppress(OSError, LinkError):  # without it the start is bounded by time alone
                 self._life = Life(os.dup(page.fd))
@@ -101,6 +103,18 @@ class CoreProcess:
             page.close()
             for fd in {told, ready} - {-1}:
                 os.close(fd)
+
+    def prepare(self, settings_json: str) -> None:
+        """
+        Have a core that is loaded import what the settings name, before it is started.
+
+        :param settings_json: may differ from those with which it is started.
+        """
+        if self._waits and self._process is not None and self._process.stdin is not None:
+            self._prepares = True
+            with suppress(OSError):  # that it has ended is seen when it is to be started
+                self._process.stdin.write(settings_json.encode() + b'\n')
+                self._process.stdin.flush()
 
     def start(self) -> None:
         """
@@ -113,10 +127,8 @@ class CoreProcess:
         if not (waited and self.alive()):
             self.load()
         self.exit_code, self._waits = None, False
-        if self._process is not None and self._process.stdin is not None:
-            # That it has ended before it has read them is seen by whoever waits for it.
-            with suppress(BrokenPipeError), self._process.stdin as pipe:
-                pipe.write(self._settings)
+        if self._process is not None:
+            hand_over(self._process, (b'' if self._prepares else b'\n') + self._settings)
 
     def wait_until_ready(self, timeout_s: float) -> bool:
         """
@@ -182,6 +194,7 @@ class CoreProcess:
         process, self._waits = self._process, False
         if process is not None:
             if process.stdin is not None:
-                process.stdin.close()
+                with suppress(OSError):
+                    process.stdin.close()
             end_child(process, _STOP_TIMEOUT_S, signo)
         self.alive()
