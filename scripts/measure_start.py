@@ -216,15 +216,15 @@ def measure(arguments: argparse.Namespace) -> None:
     topics = {full_topic(each.ros_topic, ros.namespace, ros.node_name): ros_class(each)
               for each in settings.mirrors
               if each.direction == 'out' and not is_lacking(ros_type(each))}
+    before = ['chrt', '--rr', '1'] if arguments.first else []
+    if arguments.first:  # this one, too, with the threads of its DDS
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(2))
     rclpy.init()
     listener = Listener(topics)
     variants = [(tree.resolve(), build) for tree in arguments.tree or [ROOT]
                 for build in arguments.build or BUILDS]
     results: dict[tuple[Path, str], list[dict[str, float]]] = {each: [] for each in variants}
     load = os.getloadavg()[0]
-    before = ['chrt', '--rr', '1'] if arguments.first else []
-    if arguments.first:
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(2))
     for count in range(arguments.runs + 1):
         for variant in variants:
             result = one_start(listener, *variant, words, before, len(topics),
