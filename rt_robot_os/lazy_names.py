@@ -16,28 +16,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable
 from collections.abc import Mapping
 from importlib import import_module
 import sys
+from types import ModuleType
 from typing import Any
 
+_PLACES: dict[str, Mapping[str, str]] = {}
 
-def lazy_names(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
+
+class _LazyPackage(ModuleType):
+    """A package of which not everything is imported yet."""
+
+    def __getattr__(self, name: str) -> Any:
+        """
+        Import a public name.
+
+        :raises AttributeError: there is none of that name.
+        """
+        place = _PLACES[self.__name__].get(name)
+        if place is None:
+            raise AttributeError(f'module {self.__name__!r} has no attribute {name!r}')
+        found = getattr(import_module(f'.{place}', self.__name__), name)
+        setattr(self, name, found)
+        return found
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Set an attribute; a module that is imported does not hide a public name like its own."""
+        if not (isinstance(value, ModuleType) and name in _PLACES[self.__name__]):
+            super().__setattr__(name, value)
+
+    def __dir__(self) -> Iterable[str]:
+        """Name what is there, and what would be imported."""
+        return sorted({*super().__dir__(), *_PLACES[self.__name__]})
+
+
+def lazy_names(package: str, places: Mapping[str, str]) -> None:
     """
-    Make the ``__getattr__`` of a package (PEP 562).
+    Have public names of a package imported when they are first asked for.
 
     Whoever imports one module of a package runs its ``__init__``, too, which therefore imports
     nothing that not everybody needs: `--help` would take a second otherwise.
 
-    :param package: its ``__name__``.
+    :param package: its ``__name__``; called at the end of its ``__init__``.
     :param places: name -> the module that has it, from this package.
     """
-    def getattr_of_package(name: str) -> Any:
-        if name not in places:
-            raise AttributeError(f'module {package!r} has no attribute {name!r}')
-        found = getattr(import_module(f'.{places[name]}', package), name)
-        setattr(sys.modules[package], name, found)
-        return found
-
-    return getattr_of_package
+    _PLACES[package] = places
+    sys.modules[package].__class__ = _LazyPackage

@@ -102,5 +102,4 @@ __all__ = [
     'serial_settings',
 ]
 
-if not TYPE_CHECKING:
-    __getattr__ = lazy_names(__name__, _PLACES)
+lazy_names(__name__, _PLACES)

@@ -41,5 +41,4 @@ _PLACES: Final = {
 }
 __all__ = ['LinkClient', 'LinkServer', 'socket_path', 'TopicInfo']
 
-if not TYPE_CHECKING:
-    __getattr__ = lazy_names(__name__, _PLACES)
+lazy_names(__name__, _PLACES)

@@ -88,5 +88,4 @@ __all__ = [
     'parse_ros_args', 'to_json',
 ]
 
-if not TYPE_CHECKING:
-    __getattr__ = lazy_names(__name__, _PLACES)
+lazy_names(__name__, _PLACES)
