@@ -49,9 +49,9 @@ from rt_robot_os.sim.paths import release
 from rt_robot_os.sim.player import at_line_speed
 from rt_robot_os.sim.player import by_nmea_time
 from rt_robot_os.sim.player import load_log
+from rt_robot_os.sim.player import Piece
 from rt_robot_os.sim.player import Player
 from rt_robot_os.sim.pty_port import PtyPort
-from rt_robot_os.sim.scan_log import by_scan_time
 from rt_robot_os.sim.server import SimServer
 from rt_robot_os.sim.tcp_port import TcpPlug
 from rt_robot_os.sim.world.happenings import HAPPENINGS
@@ -59,7 +59,13 @@ from rt_robot_os.sim.world.happenings import HAPPENINGS
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World
 
-_PACES: Final = {'line': at_line_speed, 'times': by_nmea_time, 'scans': by_scan_time}
+def _by_scan_time(lines: Sequence[bytes]) -> tuple[Piece, ...]:
+    # Late: it needs NumPy.
+    from rt_robot_os.sim.scan_log import by_scan_time
+    return by_scan_time(lines)
+
+
+_PACES: Final = {'line': at_line_speed, 'times': by_nmea_time, 'scans': _by_scan_time}
 _BAUD: Final = 9600
 _SCAN_BAUD: Final = 500000
 

@@ -22,7 +22,6 @@ from collections.abc import Sequence
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
@@ -30,6 +29,9 @@ from rt_robot_os.link.paths import runtime_folder
 from rt_robot_os.output_files import check_output
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import tell
+from rt_robot_os.settings import RobotSettings
+from rt_robot_os.settings import to_json
+from rt_robot_os.settings.load import load_from_arguments
 from rt_robot_os.tools.plan.json_report import document
 from rt_robot_os.tools.plan.measure import CoreRunner
 from rt_robot_os.tools.plan.measure import measure
@@ -38,10 +40,8 @@ from rt_robot_os.tools.plan.measured import read_measured
 from rt_robot_os.tools.plan.options import given
 from rt_robot_os.tools.plan.options import parse
 from rt_robot_os.tools.plan.report import make_report
+from rt_robot_os.tools.plan.robot import robot_tasks
 from rt_robot_os.tools.plan.text_report import report_lines
-
-if TYPE_CHECKING:
-    from rt_robot_os.settings import RobotSettings
 
 # Makes what runs a core, from its settings as JSON and the path of its socket.
 MakeCore = Callable[[str, Path], CoreRunner]
@@ -59,7 +59,6 @@ def run(argv: Sequence[str], make_core: MakeCore) -> int:
     settings, measured = None, None
     try:
         check_output('--save-measured', arguments.save_measured)
-        from rt_robot_os.settings.load import load_from_arguments  # late: `--help` needs none
         settings, _ = load_from_arguments(argv, files=arguments.files)
     except ConfigError as error:
         problems += error.problems
@@ -72,7 +71,6 @@ def run(argv: Sequence[str], make_core: MakeCore) -> int:
         return _refuse(problems)
     try:
         options = given(arguments)
-        from rt_robot_os.tools.plan.robot import robot_tasks
         robot_tasks(settings, measured, options)  # before a measurement that takes minutes
         if arguments.measure is not None:
             measured = _measure(settings, make_core, arguments)
@@ -97,7 +95,6 @@ def _refuse(problems: Sequence[str]) -> int:
 
 def _measure(settings: RobotSettings, make_core: MakeCore, arguments: argparse.Namespace
              ) -> Measured:
-    from rt_robot_os.settings import to_json
     # A socket of its own: the robot itself may be running.
     path = runtime_folder() / f'plan-{os.getpid()}.sock'
     measured = measure(settings, make_core(to_json(settings), path), path, arguments.measure,

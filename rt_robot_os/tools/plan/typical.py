@@ -29,13 +29,10 @@ import json
 from pathlib import Path
 from typing import Any
 from typing import Final
-from typing import TYPE_CHECKING
 
+from rt_robot_os.settings import RobotSettings
 from rt_robot_os.tools.plan.wiring import Wiring
 from rt_robot_os.units import NS_PER_US
-
-if TYPE_CHECKING:
-    from rt_robot_os.settings import RobotSettings
 
 FORMAT: Final = 1
 PATH: Final = Path(__file__).with_name('typical.json')

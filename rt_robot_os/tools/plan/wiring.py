@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from dataclasses import replace
 import math
 
+from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.modules.registry import module_class
 from rt_robot_os.schema import STAR
 from rt_robot_os.schema import star_match
@@ -97,7 +98,6 @@ class Wiring:
         self._sources.setdefault(topic, []).append(source)
 
     def _add_device(self, device: DeviceSettings) -> None:
-        from rt_robot_os.devices.registry import DRIVERS  # late: `--help` needs none of it
         made = DRIVERS.load(device.type)(device.name, dict(device.settings))
         for each in made.publications():
             self._add(each.topic, Source(device.name, device.priority, device.rate_hz,
