@@ -51,7 +51,7 @@ import tempfile
 import threading
 import time
 from typing import Any
-from typing import TextIO
+from typing import IO
 
 # Imported, it begins this process anew where ROS comes from wheels.
 import rclpy
@@ -135,7 +135,7 @@ class Listener:
 class Output(threading.Thread):
     """Reads what a robot prints, and notes when."""
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: IO[str]) -> None:
         super().__init__(daemon=True)
         self.lines: list[tuple[float, str]] = []
         self._stream = stream

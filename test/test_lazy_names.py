@@ -54,7 +54,7 @@ def test_a_module_does_not_hide_a_name_like_its_own(package: str) -> None:
 
 def test_other_names_are_there_or_not_as_ever(package: str) -> None:
     lazy = __import__(package)
-    lazy.more = 2
+    setattr(lazy, 'more', 2)
     assert lazy.more == 2
     with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'Nothing'"):
         lazy.Nothing

@@ -49,7 +49,8 @@ def prepare(stdin: TextIO, simulators: Simulators, path: Path | None) -> None:
     if simulators.wanted(settings):
         with suppress(OSError, RtRobotError):
             simulators.load(device_folder(path or socket_path()))
-    messages = dict.fromkeys(each.message for each in (*settings.mirrors, *settings.topics))
+    messages = dict.fromkeys([*(each.message for each in settings.mirrors),
+                              *(each.message for each in settings.topics)])
     for load, names in ((DRIVERS.load, [each.type for each in settings.devices]),
                         (module_class, [each.type for each in settings.modules]),
                         (message_class, messages)):

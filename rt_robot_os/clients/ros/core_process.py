@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from fcntl import F_SETPIPE_SZ
+from fcntl import fcntl
 import os
 from pathlib import Path
 import select
@@ -37,6 +39,9 @@ from rt_robot_os.programs import ONE_BLAS_THREAD
 CONFIGURATION_EXIT_CODE = 2
 FORCED_EXIT_CODE = 3
 _STOP_TIMEOUT_S = 3.0
+# Of the standard input of a core: the settings of a large robot fit in, so that nobody waits.
+_PIPE_BYTES = 1 << 19
+_MS_PER_S = 1000
 
 
 class CoreProcess:
@@ -112,6 +117,8 @@ class CoreProcess:
         """
         if self._waits and self._process is not None and self._process.stdin is not None:
             self._prepares = True
+            with suppress(OSError):  # as a user, beyond the limit of his pipes: one waits then
+                fcntl(self._process.stdin, F_SETPIPE_SZ, _PIPE_BYTES)
             with suppress(OSError):  # that it has ended is seen when it is to be started
                 self._process.stdin.write(settings_json.encode() + b'\n')
                 self._process.stdin.flush()
@@ -138,9 +145,17 @@ class CoreProcess:
         """
         if self._ready_fd < 0:
             return False
-        if select.select([self._ready_fd], [], [], timeout_s)[0]:
+        told = select.poll()
+        told.register(self._ready_fd, select.POLLIN)
+        if told.poll(timeout_s * _MS_PER_S):
             self._close_ready()
         return True
+
+    def _close_stdin(self) -> None:
+        """Tell a core that waits for its settings that there will be none."""
+        if self._process is not None and self._process.stdin is not None:
+            with suppress(OSError):
+                self._process.stdin.close()
 
     def _close_ready(self) -> None:
         fd, self._ready_fd = self._ready_fd, -1
@@ -167,6 +182,7 @@ class CoreProcess:
         if code is None:
             return True
         self.exit_code = code
+        self._close_stdin()
         self._process = None
         self._close_ready()
         with suppress(OSError, RtRobotError):  # no descriptors, say: the next core sees to it
@@ -191,10 +207,8 @@ class CoreProcess:
         self._end(signal.SIGTERM)
 
     def _end(self, signo: int) -> None:
-        process, self._waits = self._process, False
-        if process is not None:
-            if process.stdin is not None:
-                with suppress(OSError):
-                    process.stdin.close()
-            end_child(process, _STOP_TIMEOUT_S, signo)
+        self._waits = False
+        if self._process is not None:
+            self._close_stdin()
+            end_child(self._process, _STOP_TIMEOUT_S, signo)
         self.alive()
