@@ -112,7 +112,7 @@ class Core:
                  parts: Sequence[type[CorePart]] = (), cpu: int | None = None,
                  make_bus: Callable[[Kernel], Bus] = Bus, life_fd: int = -1) -> None:
         self.settings = settings
-        self.on_open: Callable[[], object] = int
+        self.on_open: Callable[[], object] = lambda: None
         core = settings.core
         self.kernel = _kernel(core, clock)
         self.bus = make_bus(self.kernel)

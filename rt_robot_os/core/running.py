@@ -51,6 +51,7 @@ from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import END_SIGNALS
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import FAILED
+from rt_robot_os.programs import importing
 from rt_robot_os.programs import OK
 from rt_robot_os.reports import Severity
 from rt_robot_os.settings import from_json
@@ -102,7 +103,8 @@ def run_core(arguments: argparse.Namespace, argv: Sequence[str]) -> int:
     """
     simulators = Simulators()
     if arguments.ahead:
-        prepare(sys.stdin, simulators, arguments.socket)
+        with importing():
+            prepare(sys.stdin, simulators, arguments.socket)
     try:
         given = _settings(arguments, argv)
         if given is None:
@@ -111,6 +113,7 @@ def run_core(arguments: argparse.Namespace, argv: Sequence[str]) -> int:
         settings, loaded, path = given
         lock = hold_core(path, arguments.parent or 0)
     except RtRobotError as error:
+        simulators.stop()
         tell('core', error)
         return BAD_USE
     by_hand = arguments.settings is None
