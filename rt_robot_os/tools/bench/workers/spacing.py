@@ -62,10 +62,10 @@ class CountingClock(MonotonicClock):
         self.calls += 1
         super().arm_spare(deadline_ns)
 
-    def rest(self, owner: Noting) -> bool:
+    def wait(self, owner: Noting) -> bool:
         """Count and wait, with signals held back meanwhile."""
         self.calls += 3
-        return super().rest(owner)
+        return super().wait(owner)
 
 
 class Stretch(NamedTuple):
