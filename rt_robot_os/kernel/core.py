@@ -150,6 +150,10 @@ class Core(TimerInterrupt):
         """Describe what came out of the job that runs."""
 
     @abstractmethod
+    def undescribed(self, task: Any) -> FailureReport:
+        """Return the report of an exception that raised another when it was described."""
+
+    @abstractmethod
     def fail(self, error: Exception) -> bool:
         """Let ``run`` end with a defect of the kernel; return whether it was the first."""
 
@@ -398,8 +402,7 @@ class Core(TimerInterrupt):
         except BaseException:
             self.locked = True
             outcome = outcome or FAILED
-            failure = failure or FailureReport(
-                task.name, 0, 'an exception that raised another when it was looked at', ())
+            failure = failure or self.undescribed(task)
         return outcome, failure
 
     def _end_job(self, task: Any, release_ns: int, previous_ns: int, end_ns: int, outcome: int,

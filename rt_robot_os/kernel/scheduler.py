@@ -28,6 +28,7 @@ import functools
 import sys
 from typing import Final
 
+from rt_robot_os.compiled import NATIVE
 from rt_robot_os.errors import KernelError
 from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import BlackBox
@@ -241,7 +242,13 @@ class Scheduler(Core):
         self.locked = False
         if self.pending:
             self.settle()
-        return describe(task.name, now_ns, error)
+        # The outermost call is the dispatcher's own, unless that is C.
+        return describe(task.name, now_ns, error, outermost=NATIVE is not None)
+
+    def undescribed(self, task: Task) -> FailureReport:
+        """Return the report of an exception that raised another when it was described."""
+        return FailureReport(
+            task.name, 0, 'an exception that raised another when it was looked at', ())
 
     def check_depth(self, task: Task, limit: int) -> None:
         """Have a job aborted that is about to reach its recursion limit."""

@@ -18,10 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final
 
-from rt_robot_os.compiled.preemption import preemption_point
-from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.link.batch import Batch
 from rt_robot_os.link.gather import Gather
 from rt_robot_os.link.gather import Gathered
@@ -31,8 +28,6 @@ from rt_robot_os.units import NS_PER_S
 
 #: How long a sample may wait for others at most.
 DELAY_MAXIMUM_MS = 100.0
-# Samples from one preemption point to the next: 10 us.
-_POINT_EVERY: Final = 16
 
 
 class Policy(Enum):
@@ -75,7 +70,6 @@ class MirrorStatistics:
     delay_ms: float = 0.0
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)  # LargeMirror is one
 class Mirror:
     """
     One topic to one client; used by the link's task alone.
@@ -157,9 +151,7 @@ class Mirror:
         subscription, batch = self.subscription, self._batch
         latest = self.policy is Policy.LATEST
         take = subscription.latest if latest else subscription.take
-        for turn in range(1 if latest else unread):
-            if not turn % _POINT_EVERY:
-                preemption_point()
+        for _ in range(1 if latest else unread):
             if self._interval_ns and self._is_early(now_ns, latest):
                 if latest:
                     return

@@ -19,7 +19,6 @@ from __future__ import annotations
 from typing import Any
 from typing import Final
 
-from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel.black_box import PUBLISH
 from rt_robot_os.topics.pieces import copy_in_pieces
@@ -30,7 +29,6 @@ from rt_robot_os.topics.topic import Topic
 _ALL: Final = slice(None)  # not made anew each time
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class Publisher:
     """
     Write messages to a topic; made by :meth:`rt_robot_os.topics.Bus.publisher`.

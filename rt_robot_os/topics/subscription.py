@@ -21,7 +21,6 @@ from typing import Any
 from typing import Final
 from typing import TYPE_CHECKING
 
-from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import Wait
 from rt_robot_os.topics.pieces import copy_in_pieces
@@ -45,7 +44,6 @@ class ReadStatus(Enum):
     STALE = 'stale'
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class Subscription(SubscriberStatisticsSource):
     """
     Read messages from a topic; made by :meth:`rt_robot_os.topics.Bus.subscribe`.

@@ -44,7 +44,6 @@ from typing import Any
 from typing import Final
 from typing import TYPE_CHECKING
 
-from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
@@ -221,7 +220,6 @@ def _is_int(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class SubscriberStatisticsSource:
     """What a topic knows of a subscriber."""
 
@@ -232,7 +230,6 @@ class SubscriberStatisticsSource:
         raise NotImplementedError
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class Trigger(ABC):
     """
     Decide with each publication whether a task is released; made by ``bus.trigger``.
