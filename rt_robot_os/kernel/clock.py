@@ -27,10 +27,14 @@ from abc import ABC
 from abc import abstractmethod
 from collections.abc import Callable
 from collections.abc import Iterable
+from importlib import import_module
 import signal
 import time
+from typing import Any
 from typing import ClassVar
 from typing import Final
+from typing import TYPE_CHECKING
+import warnings
 
 from rt_robot_os.linux.timer import Noting
 
@@ -168,6 +172,18 @@ class Clock(ABC):
     @abstractmethod
     def spend(self, duration_ns: int) -> None:
         """Pretend to compute: what a task calls in a simulation or a test."""
+
+
+if not TYPE_CHECKING:
+    def __getattr__(name: str) -> Any:
+        """Lead old imports to the clocks that have modules of their own, for one release."""
+        place = {'MonotonicClock': 'monotonic_clock', 'VirtualClock': 'virtual_clock',
+                 'CooperativeClock': 'cooperative_clock'}.get(name)
+        if place is None:
+            raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+        warnings.warn(f'{__name__}.{name} is now rt_robot_os.kernel.{name}; the old name goes '
+                      'with the next release', DeprecationWarning, stacklevel=2)
+        return getattr(import_module(f'rt_robot_os.kernel.{place}'), name)
 
 
 def suspended_ns() -> int:

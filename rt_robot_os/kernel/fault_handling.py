@@ -20,14 +20,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Mapping
 import functools
+from typing import Any
 from typing import Final
-from typing import TYPE_CHECKING
 
 from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import MISS
 from rt_robot_os.kernel.black_box import OVERRUN
 from rt_robot_os.kernel.core import BLOCKED_NS
+from rt_robot_os.kernel.core import Core
 from rt_robot_os.kernel.core import LATE_NS
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.interference import blame
@@ -39,9 +40,6 @@ from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.units import NS_PER_MS
 
-if TYPE_CHECKING:
-    from rt_robot_os.kernel.scheduler import Scheduler
-
 _SUSPECTS_EVERY_NS: Final = 10 * NS_PER_MS
 
 
@@ -51,13 +49,20 @@ class FaultHandling:
 
     :param kernel: whose tasks they are.
     :param resources: those of the kernel, by name.
+    :param note_failure: stores a report.
+    :param rearm_sources: listens again to what releases a task.
     """
 
-    __slots__ = ('_kernel', '_resources', '_suspects_ns', '_ended')
+    __slots__ = ('_kernel', '_resources', '_note_failure', '_rearm_sources', '_suspects_ns',
+                 '_ended')
 
-    def __init__(self, kernel: Scheduler, resources: Mapping[str, Resource]) -> None:
+    def __init__(self, kernel: Core, resources: Mapping[str, Resource],
+                 note_failure: Callable[[FailureReport], None],
+                 rearm_sources: Callable[[Task], None]) -> None:
         self._kernel = kernel
         self._resources = resources
+        self._note_failure = note_failure
+        self._rearm_sources = rearm_sources
         self._suspects_ns = 0
         # The job that was found to have lost time to Linux when it ended: task, start, how much.
         self._ended: tuple[Task | None, int, int] = (None, 0, 0)
@@ -119,14 +124,14 @@ class FaultHandling:
         task.bucket = max(0, task.bucket - leaked) + overruns
         task.bucket_runs = task.runs
         if task.bucket > spec.overrun_limit:
-            self.request_policy(task, spec.failure, f'{task.bucket} overruns, of which one is forgotten '
-                        f'with {spec.overrun_leak} jobs without (overrun_limit: '
-                        f'{spec.overrun_limit})', now_ns)
+            reason = (f'{task.bucket} overruns, of which one is forgotten with '
+                      f'{spec.overrun_leak} jobs without (overrun_limit: {spec.overrun_limit})')
+            self.request_policy(task, spec.failure, reason, now_ns)
             task.bucket = 0
 
     # ---- limits ------------------------------------------------------------------------------
 
-    def long_execution(self, task: Task, execution_ns: int) -> int:
+    def long_execution(self, task: Any, execution_ns: int) -> int:
         """
         Look at a job that computed for longer than the longest so far, or than its budget.
 
@@ -142,7 +147,7 @@ class FaultHandling:
         task.budget_exceeded += execution_ns > task.budget_ns
         return execution_ns
 
-    def long_response(self, task: Task, release_ns: int, end_ns: int) -> None:
+    def long_response(self, task: Any, release_ns: int, end_ns: int) -> None:
         """Look at a job that ended later after its release than any so far, or too late."""
         response_ns = end_ns - release_ns
         longest_ns = task.response_maximum_ns = max(task.response_maximum_ns, response_ns)
@@ -217,12 +222,12 @@ class FaultHandling:
         inside, task.inside = task.inside, 0
         task.follow_up = bool(task.successors)
         if failure is not None:
-            kernel.note_failure(failure)
+            self._note_failure(failure)
             policy = policy or task.spec.failure
         if inside:
             for resource in self._resources.values():
                 resource.abandon(task)
-            kernel.note_failure(FailureReport(
+            self._note_failure(FailureReport(
                 task.name, now_ns, 'a job ended inside a resource; use it with `with`', ()))
         if task.aborts_raised:
             task.aborted += outcome != FAILED
@@ -240,14 +245,14 @@ class FaultHandling:
             kernel.enqueue(task, task.backlog.popleft(), task.period_ns)
             task.follow_up = True
         kernel.wake(task.successors, now_ns)
-        kernel.rearm_sources(task)
+        self._rearm_sources(task)
 
     def _after_aborts(self, task: Task, policy: FailurePolicy | None, now_ns: int
                        ) -> FailurePolicy | None:
         delivered, task.aborts_raised = task.aborts_raised, 0
         if delivered == 1:
             return policy or task.spec.failure
-        self._kernel.note_failure(FailureReport(
+        self._note_failure(FailureReport(
             task.name, now_ns, f'went on after TaskAborted, {delivered} times; stopped: '
             'let it end in `finally` and never catch BaseException', ()))
         return FailurePolicy.STOP
@@ -271,7 +276,7 @@ class FaultHandling:
 
     def request_policy(self, task: Task, policy: FailurePolicy, reason: str, now_ns: int) -> None:
         """Apply a policy for another reason than an exception, when its job has ended."""
-        self._kernel.note_failure(FailureReport(task.name, now_ns, reason, ()))
+        self._note_failure(FailureReport(task.name, now_ns, reason, ()))
         task.wanted = policy
         if task.busy or (task.pending and not task.held):
             task.follow_up = True
@@ -294,8 +299,8 @@ class FaultHandling:
                 task.restart_ns = spec.restart_ns
             task.resume_ns = now_ns + task.restart_ns
             kernel.schedule(task.resume_ns,
-                             functools.partial(self._end_backoff, task, task.resume_ns),
-                             task.priority)
+                            functools.partial(self._end_backoff, task, task.resume_ns),
+                            task.priority)
             task.restart_ns = min(2 * task.restart_ns, spec.restart_maximum_ns)
         else:
             task.state = TaskState.STOPPED
@@ -314,7 +319,7 @@ class FaultHandling:
             kernel.return_timer(task, now_ns)
         self.withdraw(task)
         task.state = TaskState.ACTIVE
-        kernel.rearm_sources(task)
+        self._rearm_sources(task)
         if task.on_restart is not None:
             self._run_next(task, task.on_restart, now_ns)
 
