@@ -33,7 +33,6 @@ import time
 from typing import Any
 from typing import ClassVar
 from typing import Final
-from typing import TYPE_CHECKING
 import warnings
 
 from rt_robot_os.linux.timer import Noting
@@ -174,19 +173,18 @@ class Clock(ABC):
         """Pretend to compute: what a task calls in a simulation or a test."""
 
 
-if not TYPE_CHECKING:
-    def __getattr__(name: str) -> Any:
-        """Lead old imports to the clocks that have modules of their own, for one release."""
-        place = {'MonotonicClock': 'monotonic_clock', 'VirtualClock': 'virtual_clock',
-                 'CooperativeClock': 'cooperative_clock'}.get(name)
-        if place is None:
-            raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-        warnings.warn(f'{__name__}.{name} is now rt_robot_os.kernel.{name}; the old name goes '
-                      'with the next release', DeprecationWarning, stacklevel=2)
-        return getattr(import_module(f'rt_robot_os.kernel.{place}'), name)
-
-
 def suspended_ns() -> int:
     """Give the time that the machine was suspended so far."""
     # CLOCK_BOOTTIME counts while the machine is suspended, see clock_gettime(2).
     return time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
+
+
+_MOVED: Final = {'MonotonicClock': 'monotonic_clock', 'VirtualClock': 'virtual_clock'}
+
+
+def __getattr__(name: str) -> Any:
+    """Find for one release what was here before."""
+    if name not in _MOVED:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    warnings.warn(f'{name} has moved to rt_robot_os.kernel', DeprecationWarning, stacklevel=2)
+    return getattr(import_module(f'rt_robot_os.kernel.{_MOVED[name]}'), name)

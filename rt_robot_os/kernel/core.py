@@ -162,8 +162,16 @@ class Core(TimerInterrupt):
         """Have a job aborted that is about to reach its recursion limit."""
 
     @abstractmethod
-    def idle(self, slack_ns: int) -> None:
-        """Call ``on_idle``, preemptible."""
+    def idle(self, slack_ns: int) -> bool:
+        """Call ``on_idle``, preemptible; return whether it is the end."""
+
+    @abstractmethod
+    def note_failure(self, failure: FailureReport) -> None:
+        """Store a report, and count it."""
+
+    @abstractmethod
+    def rearm_sources(self, task: Any) -> None:
+        """Listen again to the sources that were not heard while a job of their task waited."""
 
     # ---- interrupts --------------------------------------------------------------------------
 
@@ -365,7 +373,8 @@ class Core(TimerInterrupt):
             self._arm_for(task, level, next_ns)
         start_ns = self.now_ns()
         self.overhead_ns += start_ns - end_ns
-        previous_ns, task.start_ns = task.start_ns, start_ns
+        previous_ns: int = task.start_ns
+        task.start_ns = start_ns
         self.stolen_ns = 0
         if self.trace is not None:
             self.trace(start_ns, 'start', task.name)
@@ -452,10 +461,8 @@ class Core(TimerInterrupt):
             idled_ns = now_ns
             self.overhead_ns += self.now_ns() - end_ns
             end_ns = 0
-            if self.on_idle is not None:
-                self.idle(interrupt_ns - now_ns)
-                if self.stopping:  # an interrupt may have cleared the note of it
-                    break
+            if self.on_idle is not None and self.idle(interrupt_ns - now_ns):
+                break
             if now_ns - self._fresh_ns > FRESH_NS:
                 self._fresh_ns = now_ns
                 self.steal_time.keep_fresh(now_ns)

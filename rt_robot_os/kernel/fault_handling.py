@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Mapping
 import functools
-from typing import Any
 from typing import Final
 
 from rt_robot_os.kernel.black_box import BLOCKED
@@ -49,20 +48,13 @@ class FaultHandling:
 
     :param kernel: whose tasks they are.
     :param resources: those of the kernel, by name.
-    :param note_failure: stores a report.
-    :param rearm_sources: listens again to what releases a task.
     """
 
-    __slots__ = ('_kernel', '_resources', '_note_failure', '_rearm_sources', '_suspects_ns',
-                 '_ended')
+    __slots__ = ('_kernel', '_resources', '_suspects_ns', '_ended')
 
-    def __init__(self, kernel: Core, resources: Mapping[str, Resource],
-                 note_failure: Callable[[FailureReport], None],
-                 rearm_sources: Callable[[Task], None]) -> None:
+    def __init__(self, kernel: Core, resources: Mapping[str, Resource]) -> None:
         self._kernel = kernel
         self._resources = resources
-        self._note_failure = note_failure
-        self._rearm_sources = rearm_sources
         self._suspects_ns = 0
         # The job that was found to have lost time to Linux when it ended: task, start, how much.
         self._ended: tuple[Task | None, int, int] = (None, 0, 0)
@@ -131,7 +123,7 @@ class FaultHandling:
 
     # ---- limits ------------------------------------------------------------------------------
 
-    def long_execution(self, task: Any, execution_ns: int) -> int:
+    def long_execution(self, task: Task, execution_ns: int) -> int:
         """
         Look at a job that computed for longer than the longest so far, or than its budget.
 
@@ -147,7 +139,7 @@ class FaultHandling:
         task.budget_exceeded += execution_ns > task.budget_ns
         return execution_ns
 
-    def long_response(self, task: Any, release_ns: int, end_ns: int) -> None:
+    def long_response(self, task: Task, release_ns: int, end_ns: int) -> None:
         """Look at a job that ended later after its release than any so far, or too late."""
         response_ns = end_ns - release_ns
         longest_ns = task.response_maximum_ns = max(task.response_maximum_ns, response_ns)
@@ -222,12 +214,12 @@ class FaultHandling:
         inside, task.inside = task.inside, 0
         task.follow_up = bool(task.successors)
         if failure is not None:
-            self._note_failure(failure)
+            kernel.note_failure(failure)
             policy = policy or task.spec.failure
         if inside:
             for resource in self._resources.values():
                 resource.abandon(task)
-            self._note_failure(FailureReport(
+            kernel.note_failure(FailureReport(
                 task.name, now_ns, 'a job ended inside a resource; use it with `with`', ()))
         if task.aborts_raised:
             task.aborted += outcome != FAILED
@@ -245,14 +237,14 @@ class FaultHandling:
             kernel.enqueue(task, task.backlog.popleft(), task.period_ns)
             task.follow_up = True
         kernel.wake(task.successors, now_ns)
-        self._rearm_sources(task)
+        kernel.rearm_sources(task)
 
     def _after_aborts(self, task: Task, policy: FailurePolicy | None, now_ns: int
                        ) -> FailurePolicy | None:
         delivered, task.aborts_raised = task.aborts_raised, 0
         if delivered == 1:
             return policy or task.spec.failure
-        self._note_failure(FailureReport(
+        self._kernel.note_failure(FailureReport(
             task.name, now_ns, f'went on after TaskAborted, {delivered} times; stopped: '
             'let it end in `finally` and never catch BaseException', ()))
         return FailurePolicy.STOP
@@ -276,7 +268,7 @@ class FaultHandling:
 
     def request_policy(self, task: Task, policy: FailurePolicy, reason: str, now_ns: int) -> None:
         """Apply a policy for another reason than an exception, when its job has ended."""
-        self._note_failure(FailureReport(task.name, now_ns, reason, ()))
+        self._kernel.note_failure(FailureReport(task.name, now_ns, reason, ()))
         task.wanted = policy
         if task.busy or (task.pending and not task.held):
             task.follow_up = True
@@ -319,7 +311,7 @@ class FaultHandling:
             kernel.return_timer(task, now_ns)
         self.withdraw(task)
         task.state = TaskState.ACTIVE
-        self._rearm_sources(task)
+        kernel.rearm_sources(task)
         if task.on_restart is not None:
             self._run_next(task, task.on_restart, now_ns)
 

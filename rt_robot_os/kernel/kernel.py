@@ -329,8 +329,8 @@ class Kernel(Scheduler):
                 self.locked = True
             task.limit_ns, task.over = 0, False
 
-    def idle(self, slack_ns: int) -> None:
-        """Call ``on_idle``, preemptible."""
+    def idle(self, slack_ns: int) -> bool:
+        """Call ``on_idle``; return whether it is the end: an interrupt may have cleared the note."""
         self.locked = False
         if self.pending:
             self.settle()
@@ -340,6 +340,7 @@ class Kernel(Scheduler):
         except Exception as error:
             self.note_failure(describe('idle', self.now_ns(), error))
         self.locked = True
+        return self.stopping
 
     # ---- while it runs -----------------------------------------------------------------------
 

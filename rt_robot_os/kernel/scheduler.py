@@ -99,8 +99,7 @@ class Scheduler(Core):
         self._resources: dict[str, Resource] = {}
         self._sources = InterruptSources(clock)
         self._observers: tuple[Observer, ...] = ()
-        self.faults = FaultHandling(
-            self, self._resources, self.note_failure, self.rearm_sources)
+        self.faults = FaultHandling(self, self._resources)
 
     # ---- reports -----------------------------------------------------------------------------
 

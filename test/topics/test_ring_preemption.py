@@ -45,8 +45,8 @@ pytest.importorskip('geometry_msgs', reason='the ROS 2 message packages are not 
 DEPTH = 4
 TOOL = 4  # of sys.monitoring; coverage, debuggers and profilers have others
 CODES = () if state().compiled else tuple(function.__code__ for function in (
-    Subscription.take, Subscription.latest, Subscription._copy_tail, Publisher.publish,
-    Publisher.publish_cdr, Publisher._publish))
+    Subscription.take, Subscription.latest, Subscription.copy_large, Publisher.publish,
+    Publisher.publish_cdr, Publisher.send, Publisher.commit))
 pytestmark = pytest.mark.interpreted
 
 

@@ -154,13 +154,13 @@ class ReplayPublisher(Publisher):
 
     def publish(self, stamp_ns: int = 0) -> None:
         """Publish the message as it stands when its moment has come."""
-        if not self.topic.has_tail:
-            self._schedule.wait_for(self.topic.name, self._task)
+        self._schedule.wait_for(self.topic.name, self._task)
         super().publish(stamp_ns)
 
-    def _publish(self, data: memoryview, stamp_ns: int) -> None:
+    def send(self, data: memoryview, stamp_ns: int = 0) -> None:
+        """Publish CDR when its moment has come."""
         self._schedule.wait_for(self.topic.name, self._task)
-        super()._publish(data, stamp_ns)
+        super().send(data, stamp_ns)
 
 
 class ReplaySubscription(Subscription):
@@ -180,10 +180,10 @@ class ReplaySubscription(Subscription):
 
     def latest(self) -> bool:
         """Copy the newest sample that is there now."""
-        behind = self.topic.head - self._next - 1
+        behind = self.topic.head - self.next_seq - 1
         if behind > 0:
             self.skipped += behind
-            self._next += behind
+            self.next_seq += behind
         return super().take()
 
 
