@@ -109,6 +109,8 @@ class Alarms(Releases):
             alarm_ns = self._early_ns(level)
         if task.aborts:
             task.limit_ns = task.budget_ns
+            task.computed_ns = self.clock.computed_ns()
+            task.waited_ns = 0
             alarm_ns = min(alarm_ns, self.now_ns() + task.budget_ns)
         self._arm(alarm_ns)
         # Spinning depends on who runs, budgets end: these must be looked at each time.

@@ -42,6 +42,9 @@ from rt_robot_os.units import NS_PER_US
 
 BLOCKED_NS: Final = 50 * NS_PER_US
 _SUSPECTS_EVERY_NS: Final = 10 * NS_PER_MS
+# A job that waits in system calls instead of computing is aborted after this many times its
+# budget at last.
+WAITING_LIMITS: Final = 20
 
 
 class Consequences:
@@ -138,14 +141,18 @@ class Consequences:
         :return: its computing time, without what Linux took.
         """
         if execution_ns > LOOKS_LONG_NS:
-            taken_ns = self._claim(task, self._kernel.now_ns(), execution_ns)
+            now_ns = self._kernel.now_ns()
+            if task.aborts:
+                taken_ns = self.taken(task, now_ns, execution_ns, self._kernel.clock.computed_ns())
+            else:
+                taken_ns = self._claim(task, now_ns, execution_ns)
             if taken_ns:
                 self._ended = (task, task.start_ns, taken_ns)
                 task.execution_total_ns -= taken_ns
                 execution_ns -= taken_ns
         longest_ns = task.execution_maximum_ns = max(task.execution_maximum_ns, execution_ns)
         task.execution_limit_ns = min(longest_ns, task.budget_ns)
-        task.budget_exceeded += execution_ns > task.budget_ns
+        task.budget_exceeded += execution_ns - task.waited_ns > task.budget_ns
         return execution_ns
 
     def long_response(self, task: Task, release_ns: int, end_ns: int) -> None:
@@ -192,14 +199,30 @@ class Consequences:
             kernel.record((BLOCKED, task, at_ns, late_ns))
         return taken_ns
 
-    def taken(self, task: Task, now_ns: int, used_ns: int) -> int:
+    def taken(self, task: Task, now_ns: int, used_ns: int, computed_ns: int) -> int:
         """
-        Look at a job that seems to have used up its budget.
+        Look whether a job with a limit computed all the time.
 
-        :param used_ns: its computing time, as far as what Linux took is known.
-        :return: how much of that Linux took all the same.
+        What Linux took is taken off its time. What is left without computing is its own waiting,
+        which does not count for its budget, up to a limit. From the first TaskAborted on it does.
+
+        :param used_ns: its time, as far as what Linux took is known.
+        :param computed_ns: the computing time of the thread, at that time.
+        :return: how much of its time Linux took, as far as that was not known.
         """
-        return self._claim(task, now_ns, used_ns) if used_ns > LOOKS_LONG_NS else 0
+        gap_ns = used_ns - task.waited_ns - (computed_ns - task.computed_ns)
+        if gap_ns <= LOOKS_LONG_NS:
+            return 0
+        taken_ns = self._claim(task, now_ns, gap_ns)
+        gap_ns -= taken_ns
+        if gap_ns > LOOKS_LONG_NS and not (task.resists or task.over):
+            waited_ns = min(gap_ns, WAITING_LIMITS * task.budget_ns - task.waited_ns)
+            task.waited_ns += waited_ns
+            if waited_ns > NS_PER_MS:
+                self._kernel.black_box.mark(
+                    now_ns, f'{task.name} waited for {waited_ns / NS_PER_MS:.1f} ms, in a system '
+                            'call or for the host')
+        return taken_ns
 
     def _claim(self, task: Task, now_ns: int, window_ns: int) -> int:
         kernel = self._kernel

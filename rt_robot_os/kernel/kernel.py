@@ -330,6 +330,7 @@ class Kernel(Scheduler):
             now_ns = task.start_ns = self.now_ns()
             self.current, self._level, self._stolen_ns = task, PRIORITY_MAXIMUM, 0
             task.limit_ns, task.over = _CLOSE_NS, True
+            task.computed_ns, task.waited_ns = self.clock.computed_ns(), 0
             self._look_at(now_ns + _CLOSE_NS)
             try:
                 try:

@@ -48,6 +48,7 @@ from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.consequences import BLOCKED_NS
 from rt_robot_os.kernel.consequences import Consequences
+from rt_robot_os.kernel.consequences import WAITING_LIMITS
 from rt_robot_os.kernel.count import count
 from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import drop_context
@@ -55,6 +56,7 @@ from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.failure import TaskAborted
 from rt_robot_os.kernel.releases import IDLE_LEVEL
 from rt_robot_os.kernel.resource import Resource
+from rt_robot_os.kernel.stolen import LOOKS_LONG_NS
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.kernel.timers import insert
 from rt_robot_os.kernel.timers import Timer
@@ -69,8 +71,6 @@ from rt_robot_os.units import NS_PER_US
 GRACE_NS: Final = 20 * NS_PER_MS
 STRIKE_AGAIN_NS: Final = 50 * NS_PER_US
 STRIKE_ALWAYS_NS: Final = 1
-# A job that may have lost its time to Linux is aborted after this many times its budget at last.
-STOLEN_LIMITS: Final = 20
 # Computing time for describing an exception and for dropping it: both may run its author's code.
 CONTAIN_NS: Final = 10 * NS_PER_MS
 # Python frames that each level of nesting adds to the limit: a task that recursed to its own must
@@ -197,6 +197,10 @@ class Scheduler(Alarms):
         self.pending = False
         entry_ns = now_ns = self.now_ns()
         late_ns = 0
+        computed_ns = 0
+        limited = current is not None and current.limit_ns > STRIKE_ALWAYS_NS
+        if limited:
+            computed_ns = self.clock.computed_ns()
         if current is not None and not self._stopping:
             late_ns = entry_ns - (
                 self._armed_ns if self._armed_ns > current.start_ns else current.start_ns)
@@ -208,6 +212,9 @@ class Scheduler(Alarms):
         if current is not None and (
                 late_ns > current.blocked_maximum_ns or late_ns > BLOCKED_NS):
             stolen_ns += self._consequences.held_up(current, level, entry_ns, late_ns)
+        if current is not None and limited:  # before others run, whose time is theirs
+            stolen_ns += self._consequences.taken(
+                current, entry_ns, entry_ns - current.start_ns - stolen_ns, computed_ns)
         done_ns = entry_ns
         if self._ready.bit_length() - 1 > level:
             done_ns = self._dispatch(level, now_ns, entry_ns)
@@ -218,17 +225,14 @@ class Scheduler(Alarms):
             self._set_aside(level, now_ns)
             due_ns = firsts[0][0]
         if current is not None and (current.limit_ns or self._stopping):
-            used_ns = entry_ns - current.start_ns - stolen_ns
-            if (used_ns >= current.limit_ns > 0 and not current.resists
-                    and entry_ns - current.start_ns < STOLEN_LIMITS * current.limit_ns):
-                taken_ns = self._consequences.taken(current, entry_ns, used_ns)
-                stolen_ns += taken_ns
-                used_ns -= taken_ns
+            used_ns = entry_ns - current.start_ns - stolen_ns - current.waited_ns
             self._arm_ahead(level, self._police(current, used_ns))
         elif not self._spare_ns or not (
                 due_ns <= self._armed_due_ns <= due_ns + self._slack_ns):
             self._arm_ahead(level, NEVER_NS)
         self.current, self._level = current, level
+        if current is not None and limited:
+            current.computed_ns += self.clock.computed_ns() - computed_ns
         end_ns = self.now_ns()
         self.overhead_ns += end_ns - done_ns
         self._stolen_ns = stolen_ns + end_ns - entry_ns
@@ -431,7 +435,12 @@ class Scheduler(Alarms):
         :return: when to look again.
         """
         now_ns = self.now_ns()
-        look_ns = now_ns + task.limit_ns - used_ns if task.limit_ns else NEVER_NS
+        look_ns = NEVER_NS
+        if task.limit_ns:
+            left_ns = task.limit_ns - used_ns
+            if left_ns > 0 and task.waited_ns:  # while it waits that does not become less
+                left_ns = max(left_ns, LOOKS_LONG_NS)
+            look_ns = now_ns + left_ns
         if self._stopping and not (task.strikes or task.over) and self._stop_ns < look_ns:
             look_ns = self._stop_ns
         if now_ns < look_ns:
@@ -450,7 +459,7 @@ class Scheduler(Alarms):
     def _strike(self, task: Task) -> TaskAborted:
         """Return what is to be raised in the task on the top of the stack, at once."""
         now_ns = self.now_ns()
-        used_ns = now_ns - task.start_ns - self._stolen_ns
+        used_ns = now_ns - task.start_ns - self._stolen_ns - task.waited_ns
         task.struck = False
         if not task.over:
             task.strikes += 1
@@ -469,6 +478,8 @@ class Scheduler(Alarms):
                    f'after the kernel was told to stop ({self._stop_reason})')
             if task.name not in self.ended:
                 self.ended.append(task.name)
+        elif task.waited_ns >= WAITING_LIMITS * task.budget_ns:
+            why = f'waited for {task.waited_ns // NS_PER_MS} ms, {WAITING_LIMITS} times its budget'
         elif not task.aborts or used_ns < task.budget_ns:
             why = f'was ended near the recursion limit, after {used_ns // NS_PER_US} us'
         return TaskAborted(task.name, used_ns, task.spec.budget_ns, why)
@@ -483,7 +494,9 @@ class Scheduler(Alarms):
         now_ns = self.now_ns()
         task.over = True
         task.struck = task.resists = False  # too late
-        task.limit_ns = now_ns - task.start_ns - self._stolen_ns + CONTAIN_NS
+        used_ns = now_ns - task.start_ns - self._stolen_ns - task.waited_ns
+        task.limit_ns = used_ns + CONTAIN_NS
+        task.computed_ns = self.clock.computed_ns() - used_ns
         self._look_at(now_ns + CONTAIN_NS)
         self.locked = False
         if self.pending:

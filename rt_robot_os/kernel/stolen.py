@@ -22,7 +22,9 @@ computing time, and the time that it waited for a CPU. They are compared with th
 last reading, at most a few milliseconds before; so what is claimed is what Linux took since then,
 and never more than the time in question.
 
-A job that waits in a system call of its own (a disk) is not robbed: that remains its own.
+A job that waits in a system call of its own (a disk) is not robbed: that remains its own. It does
+not count for a budget to abort, see :meth:`Consequences.taken`: there the thread's computing time
+decides, also where something above the job was robbed as well and claimed its part first.
 """
 
 from __future__ import annotations

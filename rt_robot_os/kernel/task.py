@@ -98,6 +98,10 @@ class Task:
     What became of its budget:
 
     :ivar limit_ns: computing time at which the job that runs is struck; 0 means never.
+    :ivar computed_ns: computing time of the thread when the job began, and of what preempted it
+        since; counts while there is a limit.
+    :ivar waited_ns: time of the job with a budget to abort in which it did not compute, although
+        Linux took nothing, as far as that is known: waiting in a system call.
     :ivar strikes: times that it was; one more waits to be delivered while ``struck``.
     :ivar resists: it had its time for ``finally`` clauses: TaskAborted is raised until it ends.
     :ivar over: its function has ended by an exception, which is being described and dropped.
@@ -128,7 +132,7 @@ class Task:
         # Its releases and its job
         'backlog', 'rephasing',
         # Its budget
-        'limit_ns', 'strikes', 'resists',
+        'limit_ns', 'computed_ns', 'waited_ns', 'strikes', 'resists',
         # Trouble, and what is done about it
         'state', 'wanted', 'bucket', 'bucket_runs', 'restart_ns', 'resume_ns',
         # Counters
@@ -201,6 +205,8 @@ class Task:
         self.follow_up = bool(self.successors)
         self.aborts = self.spec.on_budget is BudgetPolicy.ABORT
         self.limit_ns = 0
+        self.computed_ns = 0
+        self.waited_ns = 0
         self.strikes = 0
         self.struck = False
         self.over = False
