@@ -280,6 +280,12 @@ set_ready(Core *core, int level)
     core->ready[level >> 6] |= 1ULL << (level & 63);
 }
 
+static int
+is_ready(Core *core, int level)
+{
+    return core->ready[level >> 6] >> (level & 63) & 1;
+}
+
 static First
 first_due(Core *core, int index)
 {
@@ -502,7 +508,14 @@ return_timer(Core *core, Task *task, ns_t at_ns)
         }
         period_ns = task->period_ns;
     }
-    return due_ns ? add_timer(core, task, due_ns, period_ns) : 0;
+    if (!due_ns)
+        return 0;
+    Timer timer = {due_ns, task->index, period_ns, (PyObject *)task};
+    if (insert_timer(&core->timers[task->priority], timer) < 0)
+        return -1;
+    if (!is_ready(core, task->priority))
+        index_timer(core, task->priority);
+    return 0;
 }
 
 static int
