@@ -47,7 +47,8 @@ EXTENSION: Final = f'{PACKAGE}._core'
 SWITCH: Final = 'RT_ROBOT_OS_COMPILE'
 
 # What the extension is made of; the header is read by the others.
-C_SOURCES: Final = ('compiled/_module.c', 'kernel/_core.c', 'linux/_timer.c', 'topics/_ring.c')
+C_SOURCES: Final = ('compiled/_module.c', 'kernel/_core.c', 'kernel/_task.c', 'linux/_timer.c',
+                    'topics/_ring.c')
 C_HEADERS: Final = ('kernel/_core.h',)
 
 #: The extension module, or None; decided when it is first asked for (``__getattr__``).

@@ -91,6 +91,11 @@ class SignalTimer:
         spec[3] = deadline_ns % NS_PER_S
         _libc.timer_settime(*self._arguments)
 
+    @property
+    def number(self) -> int:
+        """Return what ``timer_settime`` calls it."""
+        return self._timer.value or 0
+
     def disarm(self) -> None:
         """Forget the deadline."""
         spec = self._spec
