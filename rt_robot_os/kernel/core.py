@@ -335,9 +335,17 @@ class Core(TimerInterrupt):
             level = self._ready.bit_length() - 1
             if level <= floor:
                 break
-            task = self._next_job(level, now_ns)
-            if task is None:
+            if self._timers[level][0][0] <= now_ns:
+                self.release_due(level, now_ns)
+                if self.interrupted:
+                    self.poll_sources(now_ns)
                 continue
+            queue = self._queues[level]
+            if not queue:
+                self._rest_level(level)
+                continue
+            task = queue.popleft()
+            task.pending = False
             release_ns = task.release_ns  # an event may release it again while it runs
             previous_ns = self._begin_job(task, level, now_ns, end_ns)
             outcome, failure = self._call(task)
@@ -348,21 +356,6 @@ class Core(TimerInterrupt):
                 now_ns = self._collect_after(task, level)
         self.current, self.level = None, floor
         return end_ns
-
-    def _next_job(self, level: int, now_ns: int) -> Any:
-        """Return the task at a level whose turn it is; None when that is to be asked again."""
-        if self._timers[level][0][0] <= now_ns:
-            self.release_due(level, now_ns)
-            if self.interrupted:
-                self.poll_sources(now_ns)
-            return None
-        queue = self._queues[level]
-        if not queue:
-            self._rest_level(level)
-            return None
-        task = queue.popleft()
-        task.pending = False
-        return task
 
     def _begin_job(self, task: Any, level: int, now_ns: int, end_ns: int) -> int:
         """Set the interrupt for what may preempt a job; return when that before it began."""
@@ -491,4 +484,4 @@ def narrow_recursion(limit: int) -> None:
 
 
 if not TYPE_CHECKING and NATIVE is not None:
-    Core = NATIVE.Core
+    Core = NATIVE.Core  # noqa: F811

@@ -116,9 +116,9 @@ class FaultHandling:
         task.bucket = max(0, task.bucket - leaked) + overruns
         task.bucket_runs = task.runs
         if task.bucket > spec.overrun_limit:
-            self.request_policy(task, spec.failure, f'{task.bucket} overruns, of which one is forgotten '
-                        f'with {spec.overrun_leak} jobs without (overrun_limit: '
-                        f'{spec.overrun_limit})', now_ns)
+            reason = (f'{task.bucket} overruns, of which one is forgotten with '
+                      f'{spec.overrun_leak} jobs without (overrun_limit: {spec.overrun_limit})')
+            self.request_policy(task, spec.failure, reason, now_ns)
             task.bucket = 0
 
     # ---- limits ------------------------------------------------------------------------------
@@ -291,8 +291,8 @@ class FaultHandling:
                 task.restart_ns = spec.restart_ns
             task.resume_ns = now_ns + task.restart_ns
             kernel.schedule(task.resume_ns,
-                             functools.partial(self._end_backoff, task, task.resume_ns),
-                             task.priority)
+                            functools.partial(self._end_backoff, task, task.resume_ns),
+                            task.priority)
             task.restart_ns = min(2 * task.restart_ns, spec.restart_maximum_ns)
         else:
             task.state = TaskState.STOPPED

@@ -168,4 +168,4 @@ def _nothing() -> None:
 
 
 if not TYPE_CHECKING and NATIVE is not None:
-    TaskCore = NATIVE.TaskCore
+    TaskCore = NATIVE.TaskCore  # noqa: F811
