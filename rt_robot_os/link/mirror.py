@@ -180,7 +180,7 @@ class Mirror:
         if self._latest:
             self._at_ns = now_ns
         else:
-            stamp_ns = self.topic.stamps[self.subscription.next_seq & self.topic.mask]
+            stamp_ns = self.topic.stamp_of(self.subscription.next_seq)
             self._at_ns = min(now_ns, max(self._carried_ns, stamp_ns))
         return self._at_ns < self._next_ns
 
