@@ -39,7 +39,7 @@ from types import FrameType
 from typing import Any
 from typing import Final
 
-from rt_robot_os.compiled import FOLDER
+from rt_robot_os.compiled import EXTENSION
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
 
@@ -132,7 +132,7 @@ def run_program(name: str, load: Callable[[], Run], argv: Sequence[str] | None =
         tell(name, error)
         return FAILED
     except ImportError as error:
-        if error.name != FOLDER:
+        if error.name != EXTENSION:
             raise
         tell(name, error)  # a build was demanded that is not there
         return BAD_USE

@@ -197,7 +197,7 @@ def _allowed(one: Import) -> bool:
     if imported == 'sim':
         return importer in MAY_IMPORT_SIM
     if importer == imported or (
-            importer == '' and imported in ('compiled', 'moved')):
+            importer == '' and imported == 'moved'):
         return True
     return importer in RANK and imported in RANK and RANK[imported] < RANK[importer]
 

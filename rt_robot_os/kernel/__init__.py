@@ -19,10 +19,10 @@ from rt_robot_os.kernel.black_box import BlackBox
 from rt_robot_os.kernel.black_box import BlackBoxDump
 from rt_robot_os.kernel.black_box import TaskFacts
 from rt_robot_os.kernel.clock import Clock
-from rt_robot_os.kernel.clock import CooperativeClock
-from rt_robot_os.kernel.clock import MonotonicClock
+from rt_robot_os.kernel.cooperative_clock import CooperativeClock
+from rt_robot_os.kernel.monotonic_clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
-from rt_robot_os.kernel.clock import VirtualClock
+from rt_robot_os.kernel.virtual_clock import VirtualClock
 from rt_robot_os.kernel.coroutine import any_of
 from rt_robot_os.kernel.coroutine import Event
 from rt_robot_os.kernel.coroutine import Ticks

@@ -35,7 +35,7 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import MARK
-from rt_robot_os.kernel.stolen import Stolen
+from rt_robot_os.kernel.steal_time import StealTime
 
 
 class SharedClock(VirtualClock):
@@ -47,9 +47,9 @@ class SharedClock(VirtualClock):
         self.queued_ns = 0
         self.computed_ns = lambda: self._now_ns - self.others_ns
 
-    def wait(self) -> bool:
+    def wait_masked(self) -> bool:
         before_ns = self._now_ns
-        found = super().wait()
+        found = super().wait_masked()
         self.others_ns += self._now_ns - before_ns  # idle
         return found
 
@@ -57,7 +57,7 @@ class SharedClock(VirtualClock):
         return self.queued_ns
 
     def take(self, duration_ns: int, stopped: bool = False) -> None:
-        """Let others compute, or the process be stopped: no alarm is heard meanwhile."""
+        """Let others compute, or the process be stopped: no interrupt is served meanwhile."""
         self._now_ns += duration_ns
         self.others_ns += duration_ns
         if stopped:
@@ -122,7 +122,7 @@ def test_a_job_without_end_is_aborted_also_where_linux_takes_nearly_all_time(
 
 
 @pytest.mark.parametrize('stopped', [False, True])
-def test_a_job_that_is_robbed_is_charged_with_its_own_time(
+def test_a_job_that_lost_time_to_linux_is_charged_with_its_own_time(
         kernel: Kernel, clock: SharedClock, stopped: bool) -> None:
     def job() -> None:
         clock.spend(300 * US)
@@ -176,16 +176,16 @@ def test_native_calls_and_waiting_for_a_disk_remain_the_jobs_own(
 
 
 def test_a_stop_after_a_job_has_ended_belongs_to_what_comes_next(clock: SharedClock) -> None:
-    stolen = Stolen(clock)
-    stolen.start(clock.now_ns())
+    account = StealTime(clock)
+    account.start(clock.now_ns())
     clock.spend(2 * MS)
     ended_ns = clock.now_ns()
     clock.take(400 * MS, stopped=True)
-    assert stolen.claim(ended_ns, 2 * MS) == 0
+    assert account.attribute(ended_ns, 2 * MS) == 0
     clock.spend(MS)
-    assert stolen.claim(clock.now_ns(), 401 * MS) == 400 * MS
+    assert account.attribute(clock.now_ns(), 401 * MS) == 400 * MS
     clock.block(30 * MS)  # the stop is not told twice
-    assert stolen.claim(clock.now_ns(), 30 * MS) == 0
+    assert account.attribute(clock.now_ns(), 30 * MS) == 0
 
 
 def test_a_stop_within_the_kernel_is_not_charged_to_the_job_that_it_interrupted(
@@ -216,7 +216,7 @@ def test_a_budget_is_computing_time(kernel: Kernel, clock: SharedClock) -> None:
 
 def test_a_late_wake_up_is_nobodys_fault(kernel: Kernel, clock: SharedClock,
                                          monkeypatch: pytest.MonkeyPatch) -> None:
-    wait = clock.wait
+    wait = clock.wait_masked
 
     def late() -> bool:
         wait()
@@ -226,7 +226,7 @@ def test_a_late_wake_up_is_nobodys_fault(kernel: Kernel, clock: SharedClock,
             clock.queued_ns += 40 * MS
         return True
 
-    monkeypatch.setattr(clock, 'wait', late)
+    monkeypatch.setattr(clock, 'wait_masked', late)
     task = kernel.add_task('imu', lambda: clock.spend(300 * US), priority=50, rate_hz=100.0)
     kernel.run(S)
     assert (task.blocked_maximum_ns, task.execution.maximum_ns) == (0, 300 * US)
