@@ -21,13 +21,14 @@ ready task above the interrupted one on top of it, to the end, and returns. Ther
 one stack: the depth of nesting is at most the number of priorities.
 
 The whole synchronisation is one flag. While ``locked`` is set an interrupt only notes itself in
-``pending``; whoever clears the flag reads that note afterwards and calls :meth:`Core.settle`. Nested
-code always finishes before the code below it goes on, so nothing else can come in between. Whoever
-serves a note clears it first and reads the clock then: an interrupt that came before is due by that
-time, and one that comes later leaves a new note. The other way round one would be lost in between.
+``pending``; whoever clears the flag reads that note afterwards and calls :meth:`Core.settle`.
+Nested code always finishes before the code below it goes on, so nothing else can come in between.
+Whoever serves a note clears it first and reads the clock then: what an earlier interrupt was for
+is due by that time, and a later interrupt leaves a new note. In the other order, one that comes
+between the two steps would be lost.
 
-This is the specification, and what runs where nothing was compiled. The extension in C has the same
-class: what is changed here is changed in ``_core.c`` as well (docs/testing_the_core.md).
+This is the specification, and what runs where nothing was compiled. The extension in C has the
+same class: what is changed here is changed in ``_core.c`` as well.
 """
 
 from __future__ import annotations
@@ -66,8 +67,8 @@ RECURSION_ROOM: Final = 200
 BLOCKED_NS: Final = 50 * NS_PER_US
 # A wake-up that came so much later asks what Linux did meanwhile.
 LATE_NS: Final = 200 * NS_PER_US
-# While idle the clocks are read so often that tell what Linux took: what came before a job is not
-# its; about 1 us each.
+# While idle the clocks that say what Linux took are read this often (1 us each), so that a job is
+# not credited with what Linux took before it.
 FRESH_NS: Final = 5 * NS_PER_MS
 
 TraceHook = Callable[[int, str, str], None]
@@ -90,7 +91,7 @@ class StealAccount(Protocol):
     """Who knows what Linux took: the kernel's StealTime."""
 
     def keep_fresh(self, now_ns: int) -> None:
-        """Read the clocks that tell it."""
+        """Read the clocks from which it is computed."""
 
     def attribute(self, now_ns: int, window_ns: int) -> int:
         """Return how much of a time up to now Linux took."""
@@ -171,7 +172,7 @@ class Core(TimerInterrupt):
 
     @abstractmethod
     def rearm_sources(self, task: Any) -> None:
-        """Listen again to the sources that were not heard while a job of their task waited."""
+        """Listen again to the sources that were ignored while a job of their task waited."""
 
     # ---- interrupts --------------------------------------------------------------------------
 
