@@ -203,11 +203,7 @@ class Core(TimerInterrupt):
         current, level = self.current, self.level
         if signum and not SEPARATE_LIMITS and current is not None:
             self.check_depth(current, limit)
-        self._serve_interrupts(current, level)
-        abort: TaskAborted | None = None
-        steps: Iterable[object] = ()
-        if current is not None and current.abort_pending and not current.inside:
-            abort, steps = self.make_abort(current)
+        abort, steps = self._serve_interrupts(current, level)
         self.recursion_limit = limit
         # Written out: no call may follow where the stack is as deep as it may be.
         try:
@@ -218,33 +214,40 @@ class Core(TimerInterrupt):
             except RecursionError:  # of a handler that found no room any more: the limit is set
                 pass
         self.locked = False
-        if abort is not None:
-            try:
-                for _ in steps:  # raises it as well
-                    pass
-            except RecursionError:  # no room: the interrupt comes again
+        try:
+            for _ in steps:  # raises the abort as well
                 pass
-            raise abort
-        if self.pending:
-            try:
+            if abort is None and self.pending:
                 self.settle()
-            except RecursionError:  # no room: the interrupt comes again
-                pass
+        except RecursionError:  # no room: the interrupt comes again
+            pass
+        if abort is not None:
+            raise abort
 
-    def _serve_interrupts(self, current: Any, level: int) -> None:
+    def _serve_interrupts(self, current: Any, level: int
+                          ) -> tuple[TaskAborted | None, Iterable[object]]:
+        """
+        Serve the interrupt of a task, or of none, and those that came meanwhile; locked.
+
+        :return: what is to be raised in the task, and what raises it as well when it is iterated.
+        """
         while True:
             try:
                 self._serve_interrupt(current, level)
             except RecursionError:
                 raise
             except Exception as error:  # of the kernel, not of the job that it would end
+                self.current, self.level = current, level
                 if not self.fail(error):
                     break
             if not self.pending:
                 break
+        if current is not None and current.abort_pending and not current.inside:
+            return self.make_abort(current)
+        return None, ()
 
     def _serve_interrupt(self, current: Any, level: int) -> None:
-        """Serve one interrupt of a task, or of none; locked."""
+        """Serve one of them."""
         stolen_ns = self.stolen_ns
         self.pending = False
         entry_ns = now_ns = self.now_ns()
