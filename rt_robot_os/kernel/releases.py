@@ -79,10 +79,11 @@ class Releases(ABC):
     :ivar interrupted: a descriptor may be readable: poll the sources.
     :ivar current: the task whose job runs; None between jobs.
     :ivar level: of what runs, its task's priority or the ceiling of a resource that it is in.
-    :ivar stolen_ns: how much of the time since that began others computed.
+    :ivar stolen_ns: how much of the time since its job began was not its own: that of jobs above
+        it, of the kernel, of Linux.
     :ivar stopping: ``run`` is to end; nothing is released or started any more.
     :ivar end_ns: what is due then or later does not run.
-    :ivar record: adds to the black box, and informs the observers.
+    :ivar record: adds to the black box, and informs the observers; ``observed`` if there are any.
 
     Of what is not for others:
 

@@ -61,7 +61,7 @@ class TimerInterrupt(Releases):
     - ``_armed_due_ns``: the release that it is for, if nothing else matters; else 0;
     - ``_spare_ns``: when the other timer interrupts;
     - ``_near_ns``: sooner than that an interrupt costs more than polling the clock;
-    - ``_slack_ns``: how late the interrupt may be, if only others run;
+    - ``_slack_ns``: how late the interrupt may come; grows where it has to be set often;
     - ``_set_ns``: when it was set last for what may preempt a job.
     """
 
