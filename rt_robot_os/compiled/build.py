@@ -104,6 +104,8 @@ def wheel_options() -> dict[str, dict[str, str]]:
 class BuildCore(build_ext):
     """Compile the extension unless there is one of these very sources."""
 
+    force: bool
+
     def build_extension(self, extension: Extension) -> None:
         """Compile it; one that fails is no reason to have no package, unless it is demanded."""
         digest = sources_digest(Path(PACKAGE))

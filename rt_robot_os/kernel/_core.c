@@ -97,6 +97,10 @@ now_ns(Core *core)
         clock_gettime(CLOCK_MONOTONIC, &time);
         return time.tv_sec * NS_PER_S + time.tv_nsec;
     }
+    if (core->now_ns == NULL) {
+        PyErr_SetString(PyExc_AttributeError, "the kernel has no clock: __init__ did not run");
+        return FAILED_NS;
+    }
     return time_from(PyObject_CallNoArgs(core->now_ns));
 }
 
@@ -812,7 +816,7 @@ contain(Core *core, Task *task, PyObject **failure)
 static int
 call(Core *core, Task *task, PyObject **failure)
 {
-    PyObject *function = task->function, *result = NULL;
+    PyObject *function = task->function == NULL ? Py_None : task->function, *result = NULL;
     Py_INCREF(function);
     *failure = NULL;
     core->locked = 0;
@@ -1190,7 +1194,7 @@ is_level(long level)
     return 0;
 }
 
-/* A task out of an argument, whose priority is a level. */
+/* A task out of an argument. */
 static int
 to_task(PyObject *object, void *address)
 {
@@ -1199,7 +1203,7 @@ to_task(PyObject *object, void *address)
         return 0;
     }
     *(Task **)address = (Task *)object;
-    return is_level(((Task *)object)->priority);
+    return 1;
 }
 
 static PyObject *
@@ -1527,7 +1531,8 @@ static int
 core_set_current(PyObject *self, PyObject *value, void *Py_UNUSED(closure))
 {
     Task *task = NULL;
-    if (value == NULL || (value != Py_None && !to_task(value, &task)))
+    value = value == NULL ? Py_None : value; /* deleted */
+    if (value != Py_None && !to_task(value, &task))
         return -1;
     go_on((Core *)self, task, ((Core *)self)->level);
     return 0;

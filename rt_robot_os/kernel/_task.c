@@ -163,6 +163,33 @@ task_dealloc(PyObject *self)
     free_object(self);
 }
 
+static PyObject *
+task_get_priority(PyObject *self, void *Py_UNUSED(closure))
+{
+    return PyLong_FromLong(((Task *)self)->priority);
+}
+
+/* The core has as many levels, and asks no more. */
+static int
+task_set_priority(PyObject *self, PyObject *value, void *Py_UNUSED(closure))
+{
+    long priority = value == NULL ? -1 : PyLong_AsLong(value);
+    if (PyErr_Occurred())
+        return -1;
+    if (priority < 0 || priority >= LEVELS) {
+        PyErr_Format(PyExc_ValueError, "priority %R must be from 0 to %d",
+                     value == NULL ? Py_None : value, LEVELS - 1);
+        return -1;
+    }
+    ((Task *)self)->priority = (int)priority;
+    return 0;
+}
+
+static PyGetSetDef task_attributes[] = {
+    {"priority", task_get_priority, task_set_priority, "Higher runs first.", NULL},
+    {NULL, NULL, NULL, NULL, NULL},
+};
+
 static PyMethodDef task_methods[] = {
     {"count", task_count, METH_VARARGS, "Count the job that has ended."},
     {"counts", task_counts, METH_O, "Copy a histogram of this task."},
@@ -175,7 +202,7 @@ static PyMemberDef task_members[] = {
     FIELD(name, T_OBJECT), FIELD(function, T_OBJECT), FIELD(aborts, T_BOOL),
     FIELD(skips, T_BOOL), FIELD(pending, T_BOOL), FIELD(held, T_BOOL), FIELD(busy, T_BOOL),
     FIELD(follow_up, T_BOOL), FIELD(abort_pending, T_BOOL), FIELD(resists, T_BOOL),
-    FIELD(over, T_BOOL), FIELD(priority, T_INT), FIELD(index, T_INT), FIELD(inside, T_INT),
+    FIELD(over, T_BOOL), FIELD(index, T_INT), FIELD(inside, T_INT),
     FIELD(period_ns, T_LONGLONG), FIELD(budget_ns, T_LONGLONG), FIELD(limit_ns, T_LONGLONG),
     FIELD(next_ns, T_LONGLONG), FIELD(next_period_ns, T_LONGLONG),
     FIELD(release_ns, T_LONGLONG), FIELD(interval_ns, T_LONGLONG), FIELD(start_ns, T_LONGLONG),
@@ -196,6 +223,7 @@ static PyType_Slot task_slots[] = {
     {Py_tp_clear, task_clear},
     {Py_tp_dealloc, task_dealloc},
     {Py_tp_methods, task_methods},
+    {Py_tp_getset, task_attributes},
     {Py_tp_members, task_members},
     {0, NULL},
 };
@@ -371,40 +399,51 @@ record_at(BlackBox *box, Py_ssize_t index)
     return &box->ring[place < box->capacity ? place : place - box->capacity];
 }
 
+/*
+ * Returns a tuple of the tuples of some records, from a private copy: to make a tuple may start the
+ * collector of garbage, whose work may add records.
+ */
+static PyObject *
+tuple_of(BlackBox *box, Py_ssize_t count, int newest_first)
+{
+    PyObject *tuple = PyTuple_New(count);
+    Record *copy = PyMem_Calloc((size_t)count + 1, sizeof(Record));
+    if (tuple == NULL || copy == NULL || count > box->count) {
+        Py_XDECREF(tuple);
+        PyMem_Free(copy);
+        return PyErr_Occurred() ? NULL : PyErr_NoMemory();
+    }
+    for (Py_ssize_t i = 0; i < count; i++) {
+        copy[i] = *record_at(box, newest_first ? box->count - 1 - i : i);
+        Py_XINCREF(copy[i].who);
+        Py_XINCREF(copy[i].what);
+    }
+    for (Py_ssize_t i = 0; i < count; i++) {
+        PyObject *record = tuple == NULL ? NULL : record_as_tuple(&copy[i]);
+        if (record != NULL)
+            PyTuple_SetItem(tuple, i, record);
+        else
+            Py_CLEAR(tuple);
+        Py_XDECREF(copy[i].who);
+        Py_XDECREF(copy[i].what);
+    }
+    PyMem_Free(copy);
+    return tuple;
+}
+
 static PyObject *
 black_box_records(PyObject *self, void *Py_UNUSED(closure))
 {
-    BlackBox *box = (BlackBox *)self;
-    PyObject *tuple = PyTuple_New(box->count);
-    /* To make a tuple may start the collector, whose work may add records: count and compare. */
-    for (Py_ssize_t i = 0, count = box->count; tuple != NULL && i < count; i++) {
-        PyObject *record = record_as_tuple(record_at(box, i));
-        if (record == NULL)
-            Py_CLEAR(tuple);
-        else
-            PyTuple_SetItem(tuple, i, record);
-    }
-    return tuple;
+    return tuple_of((BlackBox *)self, ((BlackBox *)self)->count, 0);
 }
 
 static PyObject *
 black_box_latest(PyObject *self, PyObject *number)
 {
-    BlackBox *box = (BlackBox *)self;
-    Py_ssize_t count = PyLong_AsSsize_t(number);
+    Py_ssize_t count = PyLong_AsSsize_t(number), most = ((BlackBox *)self)->count;
     if (count == -1 && PyErr_Occurred())
         return NULL;
-    if (count > box->count)
-        count = box->count;
-    PyObject *tuple = PyTuple_New(count < 0 ? 0 : count);
-    for (Py_ssize_t i = 0; tuple != NULL && i < count; i++) {
-        PyObject *record = record_as_tuple(record_at(box, box->count - 1 - i));
-        if (record == NULL)
-            Py_CLEAR(tuple);
-        else
-            PyTuple_SetItem(tuple, i, record);
-    }
-    return tuple;
+    return tuple_of((BlackBox *)self, count < 0 ? 0 : count < most ? count : most, 1);
 }
 
 static PyObject *
@@ -423,15 +462,12 @@ black_box_pop_oldest(PyObject *self, PyObject *Py_UNUSED(nothing))
     BlackBox *box = (BlackBox *)self;
     if (box->count == 0)
         Py_RETURN_NONE;
-    Record oldest = *record_at(box, 0);
-    PyObject *tuple = record_as_tuple(&oldest);
-    if (tuple == NULL)
-        return NULL;
-    Record *slot = record_at(box, 0);
+    Record *slot = record_at(box, 0), oldest = *slot;
     slot->who = slot->what = NULL;
     box->count--;
     if (++box->oldest == box->capacity)
         box->oldest = 0;
+    PyObject *tuple = record_as_tuple(&oldest);
     Py_XDECREF(oldest.who);
     Py_XDECREF(oldest.what);
     return tuple;

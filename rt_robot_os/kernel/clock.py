@@ -27,10 +27,13 @@ from abc import ABC
 from abc import abstractmethod
 from collections.abc import Callable
 from collections.abc import Iterable
+from importlib import import_module
 import signal
 import time
+from typing import Any
 from typing import ClassVar
 from typing import Final
+import warnings
 
 from rt_robot_os.linux.timer import Noting
 
@@ -174,3 +177,14 @@ def suspended_ns() -> int:
     """Give the time that the machine was suspended so far."""
     # CLOCK_BOOTTIME counts while the machine is suspended, see clock_gettime(2).
     return time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
+
+
+_MOVED: Final = {'MonotonicClock': 'monotonic_clock', 'VirtualClock': 'virtual_clock'}
+
+
+def __getattr__(name: str) -> Any:
+    """Find for one release what was here before."""
+    if name not in _MOVED:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    warnings.warn(f'{name} has moved to rt_robot_os.kernel', DeprecationWarning, stacklevel=2)
+    return getattr(import_module(f'rt_robot_os.kernel.{_MOVED[name]}'), name)

@@ -162,8 +162,16 @@ class Core(TimerInterrupt):
         """Have a job aborted that is about to reach its recursion limit."""
 
     @abstractmethod
-    def idle(self, slack_ns: int) -> None:
-        """Call ``on_idle``, preemptible."""
+    def idle(self, slack_ns: int) -> bool:
+        """Call ``on_idle``, preemptible; return whether it is the end."""
+
+    @abstractmethod
+    def note_failure(self, failure: FailureReport) -> None:
+        """Store a report, and count it."""
+
+    @abstractmethod
+    def rearm_sources(self, task: Any) -> None:
+        """Listen again to the sources that were not heard while a job of their task waited."""
 
     # ---- interrupts --------------------------------------------------------------------------
 
@@ -229,6 +237,7 @@ class Core(TimerInterrupt):
             except RecursionError:
                 raise
             except Exception as error:  # of the kernel, not of the job that it would end
+                self.current, self.level = current, level
                 if not self.fail(error):
                     break
             if not self.pending:
@@ -326,9 +335,17 @@ class Core(TimerInterrupt):
             level = self._ready.bit_length() - 1
             if level <= floor:
                 break
-            task = self._next_job(level, now_ns)
-            if task is None:
+            if self._timers[level][0][0] <= now_ns:
+                self.release_due(level, now_ns)
+                if self.interrupted:
+                    self.poll_sources(now_ns)
                 continue
+            queue = self._queues[level]
+            if not queue:
+                self._rest_level(level)
+                continue
+            task = queue.popleft()
+            task.pending = False
             release_ns = task.release_ns  # an event may release it again while it runs
             previous_ns = self._begin_job(task, level, now_ns, end_ns)
             outcome, failure = self._call(task)
@@ -339,21 +356,6 @@ class Core(TimerInterrupt):
                 now_ns = self._collect_after(task, level)
         self.current, self.level = None, floor
         return end_ns
-
-    def _next_job(self, level: int, now_ns: int) -> Any:
-        """Return the task at a level whose turn it is; None when that is to be asked again."""
-        if self._timers[level][0][0] <= now_ns:
-            self.release_due(level, now_ns)
-            if self.interrupted:
-                self.poll_sources(now_ns)
-            return None
-        queue = self._queues[level]
-        if not queue:
-            self._rest_level(level)
-            return None
-        task = queue.popleft()
-        task.pending = False
-        return task
 
     def _begin_job(self, task: Any, level: int, now_ns: int, end_ns: int) -> int:
         """Set the interrupt for what may preempt a job; return when that before it began."""
@@ -372,7 +374,8 @@ class Core(TimerInterrupt):
             self._arm_for(task, level, next_ns)
         start_ns = self.now_ns()
         self.overhead_ns += start_ns - end_ns
-        previous_ns, task.start_ns = task.start_ns, start_ns
+        previous_ns: int = task.start_ns
+        task.start_ns = start_ns
         self.stolen_ns = 0
         if self.trace is not None:
             self.trace(start_ns, 'start', task.name)
@@ -459,10 +462,8 @@ class Core(TimerInterrupt):
             idled_ns = now_ns
             self.overhead_ns += self.now_ns() - end_ns
             end_ns = 0
-            if self.on_idle is not None:
-                self.idle(interrupt_ns - now_ns)
-                if self.stopping:  # an interrupt may have cleared the note of it
-                    break
+            if self.on_idle is not None and self.idle(interrupt_ns - now_ns):
+                break
             if now_ns - self._fresh_ns > FRESH_NS:
                 self._fresh_ns = now_ns
                 self.steal_time.keep_fresh(now_ns)
@@ -483,4 +484,4 @@ def narrow_recursion(limit: int) -> None:
 
 
 if not TYPE_CHECKING and NATIVE is not None:
-    Core = NATIVE.Core
+    Core = NATIVE.Core  # noqa: F811

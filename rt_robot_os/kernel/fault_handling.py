@@ -21,13 +21,13 @@ from collections.abc import Callable
 from collections.abc import Mapping
 import functools
 from typing import Final
-from typing import TYPE_CHECKING
 
 from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import MISS
 from rt_robot_os.kernel.black_box import OVERRUN
 from rt_robot_os.kernel.core import BLOCKED_NS
+from rt_robot_os.kernel.core import Core
 from rt_robot_os.kernel.core import LATE_NS
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.interference import blame
@@ -38,9 +38,6 @@ from rt_robot_os.kernel.spec import OverrunPolicy
 from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.units import NS_PER_MS
-
-if TYPE_CHECKING:
-    from rt_robot_os.kernel.scheduler import Scheduler
 
 _SUSPECTS_EVERY_NS: Final = 10 * NS_PER_MS
 
@@ -55,7 +52,7 @@ class FaultHandling:
 
     __slots__ = ('_kernel', '_resources', '_suspects_ns', '_ended')
 
-    def __init__(self, kernel: Scheduler, resources: Mapping[str, Resource]) -> None:
+    def __init__(self, kernel: Core, resources: Mapping[str, Resource]) -> None:
         self._kernel = kernel
         self._resources = resources
         self._suspects_ns = 0
@@ -119,9 +116,9 @@ class FaultHandling:
         task.bucket = max(0, task.bucket - leaked) + overruns
         task.bucket_runs = task.runs
         if task.bucket > spec.overrun_limit:
-            self.request_policy(task, spec.failure, f'{task.bucket} overruns, of which one is forgotten '
-                        f'with {spec.overrun_leak} jobs without (overrun_limit: '
-                        f'{spec.overrun_limit})', now_ns)
+            reason = (f'{task.bucket} overruns, of which one is forgotten with '
+                      f'{spec.overrun_leak} jobs without (overrun_limit: {spec.overrun_limit})')
+            self.request_policy(task, spec.failure, reason, now_ns)
             task.bucket = 0
 
     # ---- limits ------------------------------------------------------------------------------
@@ -294,8 +291,8 @@ class FaultHandling:
                 task.restart_ns = spec.restart_ns
             task.resume_ns = now_ns + task.restart_ns
             kernel.schedule(task.resume_ns,
-                             functools.partial(self._end_backoff, task, task.resume_ns),
-                             task.priority)
+                            functools.partial(self._end_backoff, task, task.resume_ns),
+                            task.priority)
             task.restart_ns = min(2 * task.restart_ns, spec.restart_maximum_ns)
         else:
             task.state = TaskState.STOPPED

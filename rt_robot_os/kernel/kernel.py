@@ -37,13 +37,12 @@ from rt_robot_os.kernel.black_box import dump
 from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import Handler
-from rt_robot_os.kernel.monotonic_clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.clock import signal_name
+from rt_robot_os.kernel.core import narrow_recursion
 from rt_robot_os.kernel.coroutine import AsyncBody
 from rt_robot_os.kernel.coroutine import AsyncFunction
 from rt_robot_os.kernel.coroutine import Ticks
-from rt_robot_os.kernel.core import narrow_recursion
 from rt_robot_os.kernel.coroutine import Until
 from rt_robot_os.kernel.declare import check_async
 from rt_robot_os.kernel.declare import check_chains
@@ -52,6 +51,7 @@ from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import TaskAborted
 from rt_robot_os.kernel.logical import Logical
 from rt_robot_os.kernel.logical_tasks import LogicalTasks
+from rt_robot_os.kernel.monotonic_clock import MonotonicClock
 from rt_robot_os.kernel.one_shot import OneShot
 from rt_robot_os.kernel.releases import IDLE_LEVEL
 from rt_robot_os.kernel.releases import LEVEL_END
@@ -329,8 +329,8 @@ class Kernel(Scheduler):
                 self.locked = True
             task.limit_ns, task.over = 0, False
 
-    def idle(self, slack_ns: int) -> None:
-        """Call ``on_idle``, preemptible."""
+    def idle(self, slack_ns: int) -> bool:
+        """Call ``on_idle``; return whether it is the end: an interrupt may have cleared the note."""
         self.locked = False
         if self.pending:
             self.settle()
@@ -340,6 +340,7 @@ class Kernel(Scheduler):
         except Exception as error:
             self.note_failure(describe('idle', self.now_ns(), error))
         self.locked = True
+        return self.stopping
 
     # ---- while it runs -----------------------------------------------------------------------
 

@@ -21,6 +21,7 @@ Here is what it means; where the extension in C is there, its type of the same n
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 from typing import Final
 from typing import Protocol
 from typing import TYPE_CHECKING
@@ -38,10 +39,10 @@ _KINDS: Final = 3
 class Judge(Protocol):
     """Who is asked when a time is longer than any so far: the kernel's FaultHandling."""
 
-    def long_execution(self, task: TaskCore, execution_ns: int) -> int:
+    def long_execution(self, task: Any, execution_ns: int) -> int:
         """Return the computing time without what Linux took of it."""
 
-    def long_response(self, task: TaskCore, release_ns: int, end_ns: int) -> None:
+    def long_response(self, task: Any, release_ns: int, end_ns: int) -> None:
         """Note that a job ended later after its release than any so far, or too late."""
 
 
@@ -167,4 +168,4 @@ def _nothing() -> None:
 
 
 if not TYPE_CHECKING and NATIVE is not None:
-    TaskCore = NATIVE.TaskCore
+    TaskCore = NATIVE.TaskCore  # noqa: F811

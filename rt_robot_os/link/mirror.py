@@ -110,6 +110,7 @@ class Mirror:
         :param delay_ms: how long a sample may wait for others; 0: as long as the link gathers.
         """
         self.policy = policy
+        self._latest = policy is Policy.LATEST
         self.max_rate_hz = max_rate_hz
         self.delay_ms = delay_ms
         self._trigger.delay_ns = round(delay_ms * NS_PER_MS)
@@ -149,18 +150,17 @@ class Mirror:
         :raises OSError: the client is gone.
         """
         subscription, batch = self.subscription, self._batch
-        latest = self.policy is Policy.LATEST
-        take = subscription.latest if latest else subscription.take
-        for _ in range(1 if latest else unread):
-            if self._interval_ns and self._is_early(now_ns, latest):
-                if latest:
+        take = subscription.latest if self._latest else subscription.take
+        for _ in range(1 if self._latest else unread):
+            if self._interval_ns and self._is_early(now_ns):
+                if self._latest:
                     return
                 self._pass_over()
                 continue
             room = batch.room(self._longest)
             if room is None:
                 if not self.patient:
-                    self.full += subscription.pass_over(latest)
+                    self.full += subscription.pass_over(self._latest)
                 return
             subscription.buffer = room
             if not take():
@@ -171,13 +171,13 @@ class Mirror:
             if self._interval_ns:
                 self._count_interval()
 
-    def _is_early(self, now_ns: int, latest: bool) -> bool:
+    def _is_early(self, now_ns: int) -> bool:
         """
         Return whether the next sample comes too soon after the last one that was sent.
 
         What waited for others counts from when it was published, or as near as its stamp tells.
         """
-        if latest:
+        if self._latest:
             self._at_ns = now_ns
         else:
             stamp_ns = self.topic.stamp_of(self.subscription.next_seq)

@@ -186,7 +186,7 @@ def test_observers_are_told_what_is_recorded_in_the_order_in_which_they_came() -
     told: list[tuple[str, int, str]] = []
 
     def note(who: str, record: tuple[Any, ...]) -> None:
-        assert kernel.locked and kernel.black_box.records[-1] is record
+        assert kernel.locked and kernel.black_box.records[-1] == record
         told.append((who, record[0], record[1].name))
 
     kernel.add_observer(partial(note, 'first'))

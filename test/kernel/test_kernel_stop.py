@@ -429,7 +429,7 @@ def test_a_defect_of_the_kernel_is_told_as_such_and_no_job_is_blamed(where: str)
     kernel.add_task('high', lambda: None, priority=50, rate_hz=1.0,
                     phase_ns=2 * MS if where == 'nested' else 50 * MS)
     with pytest.raises(KernelError, match='please report it with this: LookupError: an entry that '
-                                          'must be there(?s:.*)core.py:') as caught:
+                                          'must be there(?s:.*) in defect') as caught:
         kernel.run(60 * MS)
     assert isinstance(caught.value.__cause__, LookupError)
     assert went_on == [True] and low.runs == 1 and low.failures == 0

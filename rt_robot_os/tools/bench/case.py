@@ -52,6 +52,7 @@ class Options:
     :ivar repeats: of each run; other runs lie between them.
     :ivar full: measure the slow variants as well.
     :ivar quick: leave out what a first look does not need.
+    :ivar docs: for the documentation: each case is repeated as often as it says itself.
     :ivar hours: of the case `stability`.
     :ivar out: the folder of the results, for what is written while measuring; or empty.
     :ivar data: a recording for the cases that take one; or empty.
@@ -63,6 +64,7 @@ class Options:
     repeats: int
     full: bool = False
     quick: bool = False
+    docs: bool = False
     hours: float = 1 / 60
     out: str = ''
     data: str = ''
@@ -156,10 +158,15 @@ class Outcomes:
 
         :return: None unless both were measured together at least once.
         """
+        return self.between(key, of, other, of)
+
+    def between(self, key: str, of: Callable[[Outcome], float | None], other: str,
+                other_of: Callable[[Outcome], float | None]) -> Metric | None:
+        """Divide a number of one run by another number of another one, repeat by repeat."""
         values = []
         for one, two in zip(self.all(key), self.all(other)):
             if one.status is Status.OK and two.status is Status.OK:
-                above, below = of(one), of(two)
+                above, below = of(one), other_of(two)
                 if above is not None and below:
                     values.append(above / below)
         return Metric(tuple(values)) if values else None
@@ -191,6 +198,8 @@ class Case:
     :ivar evaluate: makes tables and verdicts; knows nothing but the outcomes.
     :ivar partial: what a case that was interrupted has written so far, or None.
     :ivar takes_data: a recording of the user's can be evaluated with it.
+    :ivar docs_repeats: how often its runs are repeated for the documentation: more often where
+        small figures are compared with floors, once where it takes long.
     """
 
     name: str
@@ -199,3 +208,4 @@ class Case:
     evaluate: Callable[[Options, Outcomes], CaseResult]
     partial: Callable[[Options], Outcomes | None] | None = None
     takes_data: bool = False
+    docs_repeats: int = 1

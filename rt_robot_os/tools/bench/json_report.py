@@ -49,7 +49,7 @@ def document(machine: Mapping[str, Any], conditions: Mapping[str, Any], options:
         'program': 'rt_robot_os bench', 'schema': SCHEMA_VERSION, **conditions,
         'interrupted': interrupted,
         'options': {'seconds': options.seconds, 'repeats': options.repeats, 'full': options.full,
-                    'quick': options.quick, 'hours': options.hours,
+                    'quick': options.quick, 'docs': options.docs, 'hours': options.hours,
                     'data': Path(options.data).name, 'expected': Path(options.expected).name,
                     'imu_mounting': list(options.imu_mounting)},
         'machine': dict(machine), 'samples': _files(options.out, results),

@@ -40,6 +40,12 @@ PEERS = (
     'the earliest call stands for that, which makes its latencies a little too small.',
     'clock_nanosleep: a bare loop on absolute deadlines in one thread under SCHED_FIFO, called '
     'from Python by one ctypes call: nothing in Python can be earlier. cyclictest: the same in C.',
+    'Floors, against which aims are judged: that loop (how late, and the CPU time of a wake-up; '
+    'ctypes takes less than 1 us of it); a plain loop that calls functions one after the other when '
+    'it woke up, leaves out what it is too late for and stays on the grid, as the kernel does (how '
+    'often, and the CPU time of a call); a bare signal handler of Python that interrupts Python (how '
+    'late; an exception from it for aborts); calls of an empty function. Same CPU, same priority, '
+    'in turns with what they are compared with.',
 )
 
 BY_HAND = """\
@@ -62,6 +68,13 @@ latency_ns = np.sort(latency_ns[latency_ns >= 0])
 print(latency_ns[int(np.ceil(0.99 * len(latency_ns))) - 1] / 1000)"""
 
 
+def _times(options: Mapping[str, Any]) -> str:
+    # What an earlier version has written does not know of this.
+    most = options['repeats']
+    return f'{most} times' if not options.get('docs') else (
+        f'up to {most} times where small figures are compared, once in cases that take long')
+
+
 def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
            options: Mapping[str, Any]) -> Sequence[str]:
     """Describe the method of one call of the program."""
@@ -69,7 +82,7 @@ def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
     lines = [
         f'Interleaving: each system runs in a fresh process for {options["seconds"]:g} s (a '
         'case may divide or multiply that), then the next; when all have run, all run again, '
-        f'in the reverse order; {options["repeats"]} times. What disturbs the machine for '
+        f'in the reverse order; {_times(options)}. What disturbs the machine for '
         'a while meets all of them.',
         'Figures: the median of the repeats, with the lowest and the highest beside it. Ratios '
         'are taken repeat by repeat, between runs that lay close together, then their median. '

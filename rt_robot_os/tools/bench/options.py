@@ -40,6 +40,8 @@ from rt_robot_os.tools.bench.processes import lock_path
 _DEFAULT = Options(2.0, 3)
 _QUICK = Options(0.5, 1, quick=True)
 _FULL = Options(3.2, 4, full=True)
+# Repeats: at most; each case says how often.
+_DOCS = Options(0.5, 5, quick=True, docs=True)
 _SECONDS = (0.1, 86_400.0)
 _HOURS = (0.001, 1000.0)
 _REPEATS_MAXIMUM = 1000
@@ -55,11 +57,12 @@ an aim is missed: this is a measurement, not a test. 2: a bad argument; 1: a mea
 
 Where `bench` stands here, type `ros2 run rt_robot_os bench`, or `./scripts/run bench`:
 
-  bench --quick --out first           a first look, about five minutes; open first/index.html
+  bench --quick --out first           a first look, about six minutes; open first/index.html
   bench preemption --seconds 60       one case, longer
   bench memory --seconds 3600         watch the size of the core for an hour
   bench localization --data drive.csv --out drive    your own recording
-  bench --full --out results          everything, 95 minutes
+  bench --full --out results          everything, 100 minutes
+  bench --docs --out results          what docs/benchmarks.md is made of, 12 minutes
   bench stability --hours 24 --out s  the long test of the paper; to look at it meanwhile, in
   bench --page s                      another terminal: evaluates what is there so far;
                                       after Ctrl-C the same call goes on where it ended
@@ -108,6 +111,9 @@ def _parser(cases: Mapping[str, Case]) -> _Parser:
                         help=f'{_QUICK.seconds:g} s each, {_QUICK.repeats} repeat')
     length.add_argument('--full', action='store_true',
                         help=f'{_FULL.seconds:g} s each, {_FULL.repeats} repeats, more variants')
+    length.add_argument('--docs', action='store_true',
+                        help=f'the runs of --quick, repeated up to {_DOCS.repeats} times where '
+                        'small figures are compared: what docs/benchmarks.md is made of')
     parser.add_argument('--seconds', metavar='S', type=_seconds,
                         help=f'length of each measurement (default {_DEFAULT.seconds:g})')
     parser.add_argument('--repeats', metavar='N', type=_repeats,
@@ -184,8 +190,11 @@ def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
     parser = _parser(cases)
     given = parser.parse_args(own)
     chosen = [_case(parser, name, cases) for name in dict.fromkeys(given.case)]
-    base = _QUICK if given.quick else _FULL if given.full else _DEFAULT
+    base = (_QUICK if given.quick else _FULL if given.full else _DOCS if given.docs
+            else _DEFAULT)
     _check_together(parser, given)
+    if given.docs and given.repeats is not None:
+        parser.error(f'--repeats {given.repeats}: with --docs each case says how often')
     _check_data(parser, given, chosen)
     options = replace(
         base, out=_absolute(given.out), data=_absolute(given.data),
@@ -209,7 +218,7 @@ def _check_together(parser: _Parser, given: argparse.Namespace) -> None:
     """Refuse what would have no effect, rather than leave it out in silence."""
     if given.page is not None:
         useless = ['--' + name.replace('_', '-') for name in (
-            'quick', 'full', 'seconds', 'repeats', 'hours', 'json', 'out', 'data', 'expected',
+            'quick', 'full', 'docs', 'seconds', 'repeats', 'hours', 'json', 'out', 'data', 'expected',
             'imu_mounting') if getattr(given, name)]
         if useless or given.case:
             parser.error(f'--page {given.page}: measures nothing, and cannot go with '

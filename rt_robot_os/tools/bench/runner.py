@@ -32,12 +32,17 @@ Measure = Callable[[Run], Outcome]
 
 def expected_seconds(case: Case, options: Options) -> float:
     """Estimate how long a case takes."""
-    return sum(run.seconds * repeats(run, options) for run in case.plan(options))
+    return sum(run.seconds * repeats(run, case, options) for run in case.plan(options))
 
 
-def repeats(run: Run, options: Options) -> int:
-    """Return how often a run is repeated."""
-    return 1 if run.once else options.repeats
+def repeats(run: Run, case: Case, options: Options) -> int:
+    """Return how often a run of a case is repeated."""
+    return 1 if run.once else rounds(case, options)
+
+
+def rounds(case: Case, options: Options) -> int:
+    """Return how often a case is repeated."""
+    return case.docs_repeats if options.docs else options.repeats
 
 
 def run_case(case: Case, options: Options, progress: Progress, measured: Measure = measure
@@ -53,11 +58,11 @@ def run_case(case: Case, options: Options, progress: Progress, measured: Measure
     runs = list(case.plan(options))
     outcomes = Outcomes(runs)
     missing: dict[str, Outcome] = {}
-    total = sum(repeats(run, options) for run in runs)
+    total = sum(repeats(run, case, options) for run in runs)
     count = 0
-    for repeat in range(options.repeats):
+    for repeat in range(rounds(case, options)):
         for run in runs if repeat % 2 == 0 else reversed(runs):
-            if repeat >= repeats(run, options):
+            if repeat >= repeats(run, case, options):
                 continue
             count += 1
             progress.show(f'{case.name} {count}/{total}: {run.label.strip()}')

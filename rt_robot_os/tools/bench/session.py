@@ -85,7 +85,8 @@ class Session:
         options = self._request.options
         for line in (*machine.summary(self.machine), *machine.warnings(self.machine)):
             _say(line)
-        _say(f'{options.repeats} x {options.seconds:g} s each, in turns; the median of the '
+        most = 'up to ' if options.docs else ''
+        _say(f'{most}{options.repeats} x {options.seconds:g} s each, in turns; the median of the '
              f'repeats is shown. Taking a sample costs '
              f'{self.conditions["harness_ns_per_sample"] / 1000:.2f} us.')
         _say(f'This takes about {duration(self._expected_s)}.')

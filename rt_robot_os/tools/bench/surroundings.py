@@ -88,14 +88,30 @@ class Surroundings:
                 LOOP: (self._loop_ns + loop_ns()) / 2}
 
 
+def away(figures: Mapping[str, float]) -> float | None:
+    """
+    Return how long a measurement was ready and had no CPU.
+
+    :return: ms: what the host took (of all CPUs, in steps of 10 ms) or what Linux counted as
+        waiting, which is mostly the same time; None where that was not counted.
+    """
+    if _PREFIX + 'waited_ms' not in figures:
+        return None
+    return max(figures.get(_PREFIX + 'stolen_ms', 0.0), _waited_ms(figures))
+
+
+def _waited_ms(figures: Mapping[str, float]) -> float:
+    """Return the waiting that is somebody else's: each wake-up waits for a moment."""
+    return (figures.get(_PREFIX + 'waited_ms', 0.0)
+            - _WAKE_UP_MS * figures.get(_PREFIX + 'switches', 0.0))
+
+
 def explain(figures: Mapping[str, float]) -> str:
     """Return in words what disturbed a measurement; empty when nothing is known to have."""
     stolen_ms = figures.get(_PREFIX + 'stolen_ms', 0.0)
     forced = figures.get(_PREFIX + 'switches_forced', 0.0)
     faults = figures.get(_PREFIX + 'faults_disk', 0.0)
-    # Each wake-up waits for a moment; what is above that is somebody else's.
-    waited_ms = (figures.get(_PREFIX + 'waited_ms', 0.0)
-                 - _WAKE_UP_MS * figures.get(_PREFIX + 'switches', 0.0))
+    waited_ms = _waited_ms(figures)
     parts = []
     if waited_ms >= _WAITED_MS:
         parts.append(f'it was ready and waited {waited_ms:.0f} ms for its CPU, which others had')

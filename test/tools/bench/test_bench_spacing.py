@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the case `spacing` measures: costs by the spacing of releases, what is asked of Linux."""
+"""What the case `spacing` measures: costs by the spacing of releases, and a thousand tasks."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_each_task_has_a_moment_of_its_own(spacing_us: int, tasks: int) -> None:
     assert tasks_at(spacing_us * 1000, 100, 5 * MS) == tasks
 
 
-def test_every_spacing_has_its_cost_and_what_it_asks_of_linux(
+def test_every_spacing_has_its_cost_and_its_sleeps(
         monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(spacing, '_STRETCH_NS', 20 * MS)
     measured = spacing.curve(_harness(tasks=20, spacings_ns=[0, 250_000]))
@@ -59,10 +59,7 @@ def test_every_spacing_has_its_cost_and_what_it_asks_of_linux(
     assert all((values > 0).all() for values in measured.samples.values())
     figures = measured.figures
     # Twenty jobs share what one of them alone asks for.
-    assert figures['alarms 0'] < figures['alarms 250000']
-    assert figures['calls 0'] < figures['calls 250000']
-    for name in ('0', '250000'):
-        assert figures[f'calls {name}'] >= figures[f'alarms {name}'] > 0
+    assert figures['sleeps 0'] < figures['sleeps 250000']
 
 
 def test_bare_wake_ups_are_measured_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,7 +79,8 @@ def test_what_very_many_tasks_reach_is_what_was_served_of_what_was_due() -> None
         assert figures[f'job_us {key}'] > 0
 
 
-def _evaluate(missed: tuple[int, int, int], reached_hz: float = 200.0) -> CaseResult:
+def _evaluate(missed: tuple[int, int, int], reached_hz: float = 200.0,
+              plain_hz: float = 200.0) -> CaseResult:
     outcomes = Outcomes(CASE.plan(OPTIONS))
 
     def measured(run: Run, repeat: int) -> Outcome:
@@ -91,7 +89,7 @@ def _evaluate(missed: tuple[int, int, int], reached_hz: float = 200.0) -> CaseRe
             str(ns): np.array([(1000 + ns // 10) * factor] * 4)
             for ns in run.arguments.get('spacings_ns', ())}, {
             f'{name} {key}': value for key in ('together', 'spread') for name, value in (
-                ('reached_hz', reached_hz), ('missed', missed[repeat]), ('job_us', 4.5),
+                ('reached_hz', plain_hz if run.key == 'plain' else reached_hz), ('missed', missed[repeat]), ('job_us', 4.5),
                 ('looked_us', 0.5), ('cpu_percent', 80.0))})
 
     for key, run in outcomes.runs.items():
@@ -118,13 +116,19 @@ def test_one_missed_release_spoils_a_try() -> None:
     rows = {row.label: row for row in _evaluate((0, 1, 0)).tables[1].rows}
     metric = rows['released together, compiled'].metrics['tries']
     assert metric is not None and metric.median == pytest.approx(200 / 3)
-    aims = {aim.text: aim for aim in _evaluate((0, 1, 0), 199.96).aims}
-    assert aims['1000 tasks spread: tries without a miss'].verdict is Verdict.MISSED
-    assert aims['1000 tasks spread: rate'].verdict is Verdict.REACHED
-    assert 'all of them ask for 80 % of a CPU' in aims[
-        '1000 tasks spread: tries without a miss'].reason
-    best = {aim.text: aim.verdict for aim in _evaluate((0, 0, 0)).aims}
-    assert best['1000 tasks together: tries without a miss'] is Verdict.REACHED
+
+
+@pytest.mark.parametrize('reached_hz, plain_hz, together, spread', [
+    (199.8, 200.0, Verdict.MISSED, Verdict.REACHED),
+    (190.0, 190.0, Verdict.REACHED, Verdict.REACHED),  # what the host takes, it takes from both
+    (190.0, 200.0, Verdict.MISSED, Verdict.MISSED)])
+def test_the_rate_of_a_thousand_tasks_is_compared_with_a_plain_loop(
+        reached_hz: float, plain_hz: float, together: Verdict, spread: Verdict) -> None:
+    aims = {aim.text: aim for aim in _evaluate((0, 1, 0), reached_hz, plain_hz).aims}
+    assert aims['1000 tasks together: rate / plain loop'].verdict is together
+    missed = aims['1000 tasks spread: rate / plain loop']
+    assert missed.verdict is spread
+    assert spread is Verdict.REACHED or 'all of them ask for 80 % of a CPU' in missed.reason
 
 
 def test_a_wake_up_of_ones_own_is_compared_with_a_bare_one() -> None:

@@ -23,6 +23,8 @@ import numpy as np
 import pytest
 
 from rt_robot_os.tools.bench.case import Options
+from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.cases.stability import CASE
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.workers.motion import Filter
@@ -100,9 +102,23 @@ def test_the_worst_row_counts(tmp_path: Path) -> None:
     assert CASE.partial is not None
     outcomes = CASE.partial(replace(options))
     assert outcomes is not None
-    aim = CASE.evaluate(options, outcomes).aims[0]
-    assert aim.measured is not None
-    assert np.isclose(aim.measured.median, 0.3)
+    metric = CASE.evaluate(options, outcomes).tables[0].rows[1].metrics['acquire_hz']
+    assert metric is not None and metric.median == 997.0
+
+
+@pytest.mark.parametrize('waited_ms, stolen_ms, percent', [
+    (0.0, 0.0, 100 * 14 / (10_000 * 1.4)), (10.0, 0.0, 0.0), (0.0, 10.0, 0.0),
+    (5.0, 0.0, 100 * 7 / (10_000 * 1.4))])
+def test_what_is_missed_while_the_host_has_the_cpu_is_not_the_kernels(
+        waited_ms: float, stolen_ms: float, percent: float) -> None:
+    options = Options(1.0, 1)
+    outcomes = Outcomes(CASE.plan(options))
+    samples = {name: np.zeros(2) for name in COLUMNS}
+    samples |= {'time_s': np.array([5.0, 10.0]), 'missed': np.array([0.0, 14.0])}
+    outcomes.add('kernel', Outcome(Status.OK, '', samples, {
+        'env waited_ms': waited_ms, 'env stolen_ms': stolen_ms, 'env switches': 0.0}))
+    aim = next(aim for aim in CASE.evaluate(options, outcomes).aims if 'missed' in aim.text)
+    assert aim.measured is not None and aim.measured.median == pytest.approx(percent)
 
 
 def test_an_interrupted_run_goes_on_after_its_last_row(tmp_path: Path) -> None:

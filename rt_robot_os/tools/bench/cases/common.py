@@ -61,6 +61,7 @@ RCLPY_PLACES: Mapping[str, tuple[int, int]] = {
 HORUS_LABEL = 'HORUS'
 THREADS_LABEL = 'Python threads'
 KERNEL_LABEL = 'rt_robot_os kernel'
+LOOP_LABEL = 'clock_nanosleep, plain loop'
 BUILD_LABELS: Mapping[str, str] = {COMPILED: 'compiled', PURE: 'pure Python'}
 RATIO_COLUMN = Column('ratio', 'of pure', '', 'p50')
 

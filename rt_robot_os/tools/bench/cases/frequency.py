@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,6 +40,8 @@ from rt_robot_os.tools.bench.result import Need
 from rt_robot_os.tools.bench.result import quoted
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.stats import frequencies
+from rt_robot_os.tools.bench.workers.modules import AWAY_CALL
+from rt_robot_os.tools.bench.workers.modules import OWN_CALL
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_S
 
@@ -46,7 +49,8 @@ RATES_HZ = (2000, 1000, 500, 200)
 _FLOOR_PERCENT = 1e-4
 _WINDOW_NS = 3 * NS_PER_S
 _WARMUP_NS = 300 * NS_PER_MS
-_LIMIT_PERCENT = 0.05
+# Of the frequency that a plain loop reaches: 0.05 % less.
+_LIMIT_RATIO = 0.9995
 _NEED_PERCENT = 0.5
 # As in the paper: 500 Hz before 200 Hz before 1000 Hz before 2000 Hz.
 _AS_PAPER = {2000: 20, 1000: 30, 500: 50, 200: 40}
@@ -62,7 +66,28 @@ _NOTES = (
     'over the whole run, where that is shorter); worst window: the lowest of them. Error: the',
     'largest of all modules and windows. The paper: priorities 500 > 200 > 1000 > 2000 Hz; the',
     'lowest of its samples, and its averages. In rclpy the order of timers cannot be chosen.',
-    'One CPU, SCHED_FIFO (MultiThreadedExecutor: all CPUs, without; HORUS: all CPUs).')
+    'One CPU, SCHED_FIFO (MultiThreadedExecutor: all CPUs, without; HORUS: all CPUs). Plain loop:',
+    'one loop of clock_nanosleep that calls all four; what the host of a virtual machine takes',
+    'from the CPU it loses as well, so that the aim is 0.05 % less than that, not than nominal.')
+_LATE_HZ, _LATE_S = 100, 0.8
+_LATE_PERIOD_NS = NS_PER_S // _LATE_HZ
+# Three whole periods pass in the meantime, and half of one.
+_STALL_NS = 7 * _LATE_PERIOD_NS // 2
+_LATE_SEEN = 15
+_EARLY_NS, _AT_ONCE_NS = NS_PER_MS, 4 * NS_PER_MS
+_STALLS = (('own', OWN_CALL, 'its own job computes'), ('away', AWAY_CALL, 'its CPU is away'))
+_LATE_COLUMNS = tuple(
+    Column(f'{what} {which}', title, unit, group) for which, _, group in _STALLS
+    for what, title, unit in (('at_once', 'at once', 'calls'), ('left_out', 'left out', 'calls'),
+                              ('shift', 'moved by', 'ms')))
+_LATE_NOTES = (
+    'A frequency is also a matter of what becomes of releases that come late, and systems differ in',
+    'it. One module of 100 Hz computes once for 3.5 periods; later its process is stopped for as',
+    'long while nothing runs, as the host of a virtual machine does. At once: calls right after',
+    'that, within 4 ms. Left out: of the 15 releases from the last call on, those without a call.',
+    'Moved by: how far the calls after it are off the grid of those before. "0 3 0": all three are',
+    'skipped, and the next call is on the grid. "1 2 0": one late call for all of them. "3 0 0":',
+    'all are caught up, in a burst. A grid that moves loses what it was late, each time.')
 
 
 def _plan(options: Options) -> Sequence[Run]:
@@ -78,7 +103,7 @@ def _plan(options: Options) -> Sequence[Run]:
             'warmup_ns': _WARMUP_NS, 'measure_ns': round(seconds * NS_PER_S), **more},
             start_s + _WARMUP_NS / NS_PER_S + seconds, cpu, priority)
 
-    return (
+    runs = (
         run('kernel', "rt_robot_os, the paper's order", 'workers.modules:kernel',
             _AS_PAPER),
         run('monotonic', 'rt_robot_os, rate-monotonic', 'workers.modules:kernel'),
@@ -87,7 +112,19 @@ def _plan(options: Options) -> Sequence[Run]:
           for name in common.rclpy(options)),
         run('threads', common.THREADS_LABEL, 'workers.threads:modules'),
         run('horus', common.HORUS_LABEL, 'peers.horus:modules', cpu=UNPINNED),
+        run('floor', common.LOOP_LABEL, 'workers.floors:modules'),
     )
+    if options.quick and not options.docs:
+        return runs
+    return (*runs, *(_late(one) for one in runs if one.key != 'kernel'))
+
+
+def _late(run: Run) -> Run:
+    """Let the same system be late once."""
+    return replace(run, key=f'late {run.key}', once=True, arguments={
+        **run.arguments, 'modules': [(_LATE_HZ, max(_MONOTONIC.values()))],
+        'stall_ns': _STALL_NS, 'warmup_ns': 0, 'measure_ns': round(_LATE_S * NS_PER_S)},
+        seconds=common.START_PEER_S + _LATE_S)
 
 
 def by_module(outcome: Outcome) -> Sequence[Samples]:
@@ -111,6 +148,61 @@ def _error(outcome: Outcome) -> float:
                for rate, found in _actual(outcome))
 
 
+def _lowest(outcome: Outcome) -> float:
+    """Return the lowest frequency as a part of what was asked for."""
+    return min(float(found.min()) / rate for rate, found in _actual(outcome))
+
+
+def _after(outcome: Outcome, call: int) -> tuple[Samples, Samples] | None:
+    """
+    Return the calls up to the one that was late, and those after it.
+
+    :return: in ns from the late one; None where too few came after it.
+    """
+    starts = outcome.samples['starts']
+    if len(starts) < call + 3:
+        return None
+    offsets = starts - starts[call - 1]
+    return offsets[max(0, call - 8):call], offsets[call:]
+
+
+def _at_once(call: int) -> common.Of:
+    def of(outcome: Outcome) -> float | None:
+        found = _after(outcome, call)
+        return None if found is None else float(np.count_nonzero(
+            (found[1] >= _STALL_NS - _EARLY_NS) & (found[1] < _STALL_NS + _AT_ONCE_NS)))
+
+    return of
+
+
+def _left_out(call: int) -> common.Of:
+    def of(outcome: Outcome) -> float | None:
+        found = _after(outcome, call)
+        # Half a period more: a call that is a little late is not left out.
+        end_ns = (2 * _LATE_SEEN + 1) * _LATE_PERIOD_NS // 2
+        return None if found is None else float(
+            max(0, _LATE_SEEN - int(np.count_nonzero(found[1] < end_ns))))
+
+    return of
+
+
+def _shift_ms(call: int) -> common.Of:
+    def of(outcome: Outcome) -> float | None:
+        found = _after(outcome, call)
+        if found is None:
+            return None
+        half_ns = _LATE_PERIOD_NS // 2
+        before, after = ((some + half_ns) % _LATE_PERIOD_NS - half_ns for some in found)
+        return float(np.median(after[2:_LATE_SEEN]) - np.median(before)) / NS_PER_MS
+
+    return of
+
+
+_LATE_METRICS: dict[str, common.Of] = {
+    f'{what} {which}': make(call) for which, call, _ in _STALLS
+    for what, make in (('at_once', _at_once), ('left_out', _left_out), ('shift', _shift_ms))}
+
+
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     columns: dict[str, common.Of] = {
         **{f'hz{rate}': _worst_hz(i) for i, rate in enumerate(RATES_HZ)},
@@ -119,14 +211,19 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         quoted('paper (STM32F4), lowest', hz2000=1894, hz1000=976, hz500=491,
                hz200=195, error=5.3),
         quoted('paper, average', hz2000=1907, hz1000=988, hz500=495, hz200=196, error=4.7),
-        *(outcomes.row(key, columns) for key in outcomes.runs)]
-    aims = [Aim(f'worst frequency error, {name}', _LIMIT_PERCENT, outcomes.metric(key, _error),
-                '%', why=common.disturbances(outcomes, key), paper='4.7 % at 2000 Hz')
+        *(outcomes.row(key, columns) for key in outcomes.runs if not key.startswith('late'))]
+    aims = [Aim(f'lowest frequency / plain loop, {name}', _LIMIT_RATIO,
+                outcomes.ratio(key, 'floor', _lowest), at_most=False,
+                why=common.disturbances(outcomes, key), paper='4.7 % less at 2000 Hz')
             for key, name in zip(_KERNELS, ("the paper's order", 'rate-monotonic'))]
     needs = (Need('four modules up to 2 kHz, nothing computes long: worst frequency error 0.5 %',
                   _NEED_PERCENT, '%', common.systems(outcomes, _error, 'monotonic'),
                   case=CASE.name),)
-    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims,
+    late = [outcomes.row(key, _LATE_METRICS) for key in outcomes.runs if key.startswith('late')]
+    tables = [Table('', _COLUMNS, rows, _NOTES)]
+    if late:
+        tables.append(Table('A release that is late', _LATE_COLUMNS, late, _LATE_NOTES))
+    return CaseResult(CASE.name, CASE.title, tables, aims,
                       (_plot(outcomes),), needs)
 
 
@@ -134,6 +231,8 @@ def _plot(outcomes: Outcomes) -> Plot:
     series = [Series('paper', RATES_HZ, [100 * abs(hz - rate) / rate for hz, rate in zip(
         (1907, 988, 495, 196), RATES_HZ)], 'marks')]
     for key, run in outcomes.runs.items():
+        if key.startswith('late'):
+            continue
         errors = []
         for i, rate in enumerate(RATES_HZ):
             metric = outcomes.metric(key, _worst_hz(i))
@@ -150,4 +249,4 @@ def _plot(outcomes: Outcomes) -> Plot:
 
 
 CASE = Case('frequency', 'four modules at 2000, 1000, 500 and 200 Hz (paper 1, test 1)', _plan,
-            _evaluate)
+            _evaluate, docs_repeats=3)

@@ -50,8 +50,11 @@ _PAPER = {20: (200, 0.0), 50: (199, 0.5), 80: (196, 2.0), 100: (193, 3.5)}
 _EVERY, _EVERY_OF_MANY, _MANY = 2, 20, 100
 _WINDOW_NS = 3 * NS_PER_S
 _WARMUP_NS = 400 * NS_PER_MS
+_FLOORS = (100, 1000)
 _DISPATCH_TASKS = (10, 30, 100, 300, 1000)
 _NEED_ERROR = 0.5
+# Of what a plain loop reaches.
+_LIMIT_RATIO = 0.9995
 
 _COLUMNS = (
     Column('mean', 'mean', 'Hz', 'frequency'), Column('lowest', 'lowest', 'Hz', 'frequency'),
@@ -62,7 +65,9 @@ _NOTES = (
     'with a read pointer of its own (in rclpy one subscription serves all; threads and HORUS only',
     'add). All have the same priority and are released together. Every 2nd (20th) is stamped.',
     'MultiThreadedExecutor: all CPUs, no SCHED_FIFO; with them its threads starve each other.',
-    'Frequency: of each module every 3 s, or over the whole run where that is shorter.')
+    'Frequency: of each module every 3 s, or over the whole run where that is shorter. Plain loop:',
+    'it wakes up 200 times a second, publishes, and calls all modules one after the other. It loses',
+    'what the host of a virtual machine takes, as the kernel does: the aims are ratios to it.')
 _COST_COLUMNS = (
     Column('p50', 'p50', 'us', 'CPU time a job'),
     Column('p50', 'range', 'us', 'CPU time a job', spread=True))
@@ -90,6 +95,7 @@ def _plan(options: Options) -> Sequence[Run]:
 
     runs = [run('kernel', count, 'rt_robot_os', 'workers.modules:kernel')
             for count in _counts(options)]
+    runs += [run('floor', count, common.LOOP_LABEL, 'workers.floors:modules') for count in _FLOORS]
     for count in _peer_counts(options):
         runs += [run(name, count, common.RCLPY_LABELS[name], 'peers.modules:executor',
                      common.START_PEER_S, *common.RCLPY_PLACES[name], executor=name)
@@ -142,15 +148,13 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
                  if key.endswith(f' {count}')]
     costs = [outcomes.row('cost', {'p50': common.part_of(f'{tasks}', 0.5)}, f'{tasks} tasks')
              for tasks in _DISPATCH_TASKS]
-    thousand = outcomes.metric('kernel 1000', _mean)
-    aims = (
-        Aim('1000 modules: mean frequency', 199.95, thousand, 'Hz', False,
-            common.disturbances(outcomes, 'kernel 1000'), '193 Hz with 100 modules'),
-        Aim('1000 modules: worst frequency error', 0.05,
-            outcomes.metric('kernel 1000', _error), '%',
-            why=common.disturbances(outcomes, 'kernel 1000')),
-        Aim('100 modules: worst frequency error', 0.05, outcomes.metric('kernel 100', _error),
-            '%', why=common.disturbances(outcomes, 'kernel 100'), paper='3.5 % in the mean'))
+    aims = [Aim(f'{count} modules: {which} frequency / plain loop', _LIMIT_RATIO,
+                outcomes.ratio(f'kernel {count}', f'floor {count}', of), at_most=False,
+                why=common.disturbances(outcomes, f'kernel {count}'), paper=paper)
+            for count, which, of, paper in (
+                (1000, 'mean', _mean, '193 of 200 Hz with 100 modules'),
+                (1000, 'lowest', _METRICS['lowest'], ''),
+                (100, 'lowest', _METRICS['lowest'], '3.5 % less in the mean'))]
     return CaseResult(
         CASE.name, CASE.title,
         (Table('', _COLUMNS, rows, _NOTES),
@@ -179,7 +183,7 @@ def _metric(outcomes: Outcomes, key: str) -> Metric | None:
 def _plot(options: Options, outcomes: Outcomes) -> Plot:
     series = [Series('paper', list(_PAPER), [_lacking(mean) for mean, _ in _PAPER.values()],
                      'marks')]
-    for system in ('kernel', *common.RCLPY, 'threads', 'horus'):
+    for system in ('kernel', 'floor', *common.RCLPY, 'threads', 'horus'):
         known = [(count, metric.median) for count in _counts(options)
                  if f'{system} {count}' in outcomes.runs
                  and (metric := outcomes.metric(f'{system} {count}', _mean)) is not None]
@@ -209,4 +213,4 @@ def _cost_plot(outcomes: Outcomes) -> Plot:
 
 
 CASE = Case('load', '20 to 1000 modules of 200 Hz, cost of a dispatch (paper 1, test 3)', _plan,
-            _evaluate)
+            _evaluate, docs_repeats=3)

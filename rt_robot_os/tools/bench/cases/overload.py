@@ -36,11 +36,13 @@ from rt_robot_os.units import NS_PER_US
 
 LOADS = (20, 50, 80, 120, 200, 500, 1000)
 _WORK_NS = 100 * NS_PER_US
+# What is judged takes a whole period of Linux's limit for real-time processes.
+_JUDGED, _JUDGED_NS = 1000, NS_PER_S
 _QUICK_S = 0.2
 _FULL_S = 0.5
 _SHOWN = (80, 200, 1000)
-# Of 100 %, less what Linux takes from real-time processes that compute all the time.
-_LEAST_PERCENT = 94.0
+# Of what the most important one of Python's threads gets, which lose the same to Linux and the host.
+_LEAST_RATIO = 0.98
 _COLUMNS = (
     *(Column(f'{which}{load}', name, '%', f'{load} % load') for load in _SHOWN
       for which, name in (('first', 'first'), ('last', 'last'))),
@@ -49,13 +51,15 @@ _NOTES = (
     'Twenty callbacks that compute for 100 us each, at the same rate, which rises until together',
     'they ask for ten times what one CPU has. First and last: the callback of the highest and of',
     'the lowest priority (of rclpy: made first and last), in percent of the calls asked for.',
-    'Linux takes 5 % of the CPU from real-time processes that compute all the time.')
+    'Linux takes 5 % of the CPU from real-time processes that compute all the time: the aim is what',
+    'twenty threads reach, which are alone on the same CPU with falling priorities of SCHED_FIFO.')
 
 
 def _plan(options: Options) -> Sequence[Run]:
     seconds = _QUICK_S if options.quick else _FULL_S
-    arguments = {'loads': LOADS, 'work_ns': _WORK_NS, 'measure_ns': round(seconds * NS_PER_S)}
-    total_s = seconds * len(LOADS) * 1.1
+    arguments = {'loads': LOADS, 'work_ns': _WORK_NS, 'measure_ns': round(seconds * NS_PER_S),
+                 'longer_ns': {str(_JUDGED): _JUDGED_NS}}
+    total_s = (seconds * (len(LOADS) - 1) + _JUDGED_NS / NS_PER_S) * 1.1
 
     def run(key: str, label: str, worker: str, start_s: float, **more: str) -> Run:
         return Run(key, label, f'rt_robot_os.tools.bench.{worker}', {**arguments, **more},
@@ -78,8 +82,8 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         columns[f'last{load}'] = _served(load, TASKS - 1)
         columns[f'jobs{load}'] = common.figure(f'jobs {load}')
     rows = [outcomes.row(key, columns) for key in outcomes.runs]
-    aims = (Aim('highest priority at 1000 % load', _LEAST_PERCENT, outcomes.metric(
-        'kernel', _served(1000, 0)), '%', at_most=False,
+    aims = (Aim(f'highest priority at {_JUDGED} % load / of threads', _LEAST_RATIO, outcomes.ratio(
+        'kernel', 'threads', _served(_JUDGED, 0)), at_most=False,
         why=common.disturbances(outcomes, 'kernel')),)
     return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims,
                       (_by_priority(outcomes), _first(outcomes)))
@@ -114,4 +118,5 @@ def _first(outcomes: Outcomes) -> Plot:
                 True, y_from_zero=True, x_ticks=_TICKS)
 
 
-CASE = Case('overload', 'twenty callbacks that ask for 20 to 1000 % of one CPU', _plan, _evaluate)
+CASE = Case('overload', 'twenty callbacks that ask for 20 to 1000 % of one CPU', _plan, _evaluate,
+            docs_repeats=5)

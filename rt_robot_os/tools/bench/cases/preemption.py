@@ -40,7 +40,6 @@ from rt_robot_os.tools.bench.plot import tail
 from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
-from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Need
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
@@ -57,14 +56,18 @@ BUSY_NS = 20 * NS_PER_MS
 BUSY_PERIOD_NS = 100 * NS_PER_MS
 _WARMUP_NS = NS_PER_S // 2
 _START_S = 1.0
-_FLOOR_RATIO = 1.3
-_PEER_RATIO = 100.0
+_FLOOR_RATIO = 1.5
+# An interpreter looks for signals between two bytecodes, and in native code it does not: the floor
+# of a task that interrupts another one is a bare signal handler, not another process.
+_PEER_RATIO, _ANY_PEER_RATIO = 100.0, 10.0
+_FLOOR_WORKER = 'rt_robot_os.tools.bench.workers.floors:handler'
 _MIDDLE_PERIOD_NS = 5 * NS_PER_MS
 _MIDDLE_BUSY_NS = NS_PER_MS
 _NEED_US = 100.0
 _NEED_NATIVE_US = 1000.0
 _PURE_KEY = common.key_of('kernel', PURE)
 _KERNELS = ('kernel', _PURE_KEY)
+_HANDLER = 'floor handler'
 
 _WORKERS = 'rt_robot_os.tools.bench.workers.preemption'
 _PEERS = 'rt_robot_os.tools.bench.peers.preemption'
@@ -84,7 +87,10 @@ _NOTES = (
     'where a row says otherwise (HORUS computes in its thread pool, on any CPU). clock_nanosleep:',
     'one thread that does nothing else; what computes beside it is a process without SCHED_FIFO',
     "on the same CPU: as much as the others' task (20 %), or always. 'Into the computation': the",
-    'releases that fell into it. The kernel: in the build that this machine has, and once more in',
+    'releases that fell into it. Signal handler: setitimer, and a function of Python that it calls in',
+    'the midst of the same computation; no interpreter can do it sooner, however it is asked. With a',
+    'switch interval of 0.1 ms threads hand over 50 times sooner: that row is to be a tenth as good.',
+    'The kernel: in the build that this machine has, and once more in',
     'pure Python. Range: lowest and highest of the repeats; the other figures are their medians.',
 )
 _LEVEL_NOTES = (
@@ -120,6 +126,7 @@ def _plan(options: Options) -> Sequence[Run]:
         run('floor none', 'clock_nanosleep, CPU idle', f'{_WORKERS}:floor', {'load': 'none'}),
         run('floor same', 'clock_nanosleep, CPU busy 20 %', f'{_WORKERS}:floor', {'load': 'same'}),
         run('floor always', 'clock_nanosleep, CPU busy', f'{_WORKERS}:floor', {'load': 'always'}),
+        run(_HANDLER, 'bare signal handler of Python', _FLOOR_WORKER, {}),
         run('kernel', common.KERNEL_LABEL, f'{_WORKERS}:kernel', {}),
         *(() if options.quick else (replace(
             run(_PURE_KEY, f'{common.KERNEL_LABEL}, {common.BUILD_LABELS[PURE]}',
@@ -196,7 +203,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
             levels += _level_rows(outcomes, key)
             continue
         rows.append(outcomes.row(key, _metrics()))
-        if key in _KERNELS and outcomes.measured(key):
+        if key in (*_KERNELS, _HANDLER) and outcomes.measured(key):
             pure = f', {common.BUILD_LABELS[PURE]}' if key == _PURE_KEY else ''
             rows.append(outcomes.row(key, _metrics(True), f'  into the computation{pure}'))
     why = common.disturbances(outcomes, 'kernel')
@@ -204,12 +211,12 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     aims = (
         Aim('p99 / that of clock_nanosleep, CPU busy 20 %', _FLOOR_RATIO,
             outcomes.ratio('kernel', 'floor same', _latency(0.99)), why=why),
-        Aim('p99 in the computation / the same, CPU busy', _FLOOR_RATIO,
-            _into_computation_ratio(outcomes), why=why),
+        Aim('p99 in the computation / of a bare handler', _FLOOR_RATIO,
+            outcomes.ratio('kernel', _HANDLER, _latency(0.99, True)), why=why),
         Aim('p99 of the best rclpy executor / of the kernel', _PEER_RATIO,
             common.best_ratio(outcomes, common.RCLPY, 'kernel', _latency(0.99)), at_most=False,
             why=why),
-        Aim('p99 of the best rclpy row of all / of the kernel', _PEER_RATIO,
+        Aim('p99 of the best rclpy row of all / of the kernel', _ANY_PEER_RATIO,
             common.best_ratio(outcomes, all_rclpy, 'kernel', _latency(0.99)), at_most=False,
             why='a switch interval of 0.1 ms makes the threads of rclpy hand over sooner; the '
                 f'kernel cannot be earlier than the floor of the machine; {why}'),
@@ -240,13 +247,6 @@ def _level_rows(outcomes: Outcomes, key: str) -> list[Row]:
     return [outcomes.row(key, fast, f'{outcomes.runs[key].label}: 1 kHz'),
             outcomes.row(key, {name: _middle_latency(part) for name, part in _PARTS},
                          '  200 Hz')]
-
-
-def _into_computation_ratio(outcomes: Outcomes) -> Metric | None:
-    def of(outcome: Outcome) -> float | None:
-        return _latency(0.99, len(outcome.samples['busy_begins']) > 0)(outcome)
-
-    return outcomes.ratio('kernel', 'floor always', of)
 
 
 def _intervals_plot(outcomes: Outcomes) -> Plot:
@@ -282,4 +282,4 @@ def _tails_plots(outcomes: Outcomes) -> tuple[Plot, ...]:
 
 
 CASE = Case('preemption', 'a 1 kHz task over one that computes: latency and jitter', _plan,
-            _evaluate)
+            _evaluate, docs_repeats=3)

@@ -50,11 +50,12 @@ _MANY = (('together', 'released together'), ('spread', 'spread over the period')
 _PERIOD_NS = NS_PER_S // RATE_HZ
 # Over the whole period, and far from everybody else.
 _SPREAD_US, _ALONE_US = 50, 500
-_TOGETHER_RATIO = 0.7
-# Of a bare wake-up. Before releases that lie close shared an alarm it was 0.73: 0.6 of that.
-_WAKE_RATIO = 0.45
-_RATE_LIMIT_HZ = 199.95
-_TRIES_PERCENT = 90.0
+_TOGETHER_RATIO = 0.25
+# Of a bare wake-up: releases that lie close share one. How much that saves is decided by what a
+# wake-up takes on the machine, 5 us or 40 us.
+_WAKE_RATIO = 1.0
+# Of what a plain loop reaches on the same CPU: 199.9 and 195 of 200 Hz.
+_RATE_RATIOS = {'together': 0.9995, 'spread': 0.975}
 _WARMUP_NS, _MANY_WARMUP_NS = 50 * NS_PER_MS, 300 * NS_PER_MS
 _WAKE_SHARE = 4
 # Of a bare wake-up: a warm-up and two stretches of 0.1 s.
@@ -69,16 +70,13 @@ _COLUMNS = (
     Column('p50', 'p50', 'us', 'CPU time a job'),
     Column('p50', 'range', 'us', 'CPU time a job', spread=True),
     Column('looked', 'awake', 'us', 'CPU time a job'), common.RATIO_COLUMN,
-    Column('alarms', 'alarms', '', 'of a job'), Column('sleeps', 'sleeps', '', 'of a job'),
-    Column('calls', 'calls', '', 'of a job'))
+    Column('sleeps', 'sleeps', '', 'of a job'))
 _NOTES = (
     'Tasks of 200 Hz that do nothing: 100 of them, or as many as find a moment of their own in',
     'the period of 5 ms (50 at 100 us, 10 at 500 us). CPU time of the thread divided by the jobs,',
     'stretches of 0.1 s, all spacings in turns. Awake: the part of it in which the kernel looked',
-    'at the clock, because the next release came sooner than an alarm pays. Of a job: alarms',
-    'that were set, times that the process slept, system calls of the clock (alarms, holding back',
-    'and awaiting signals), counted in a stretch of its own. clock_nanosleep: bare wake-ups, so',
-    'far apart.')
+    'at the clock, because the next release came sooner than an alarm pays. Of a job: times that the',
+    'process slept. clock_nanosleep: bare wake-ups, so far apart.')
 _MANY_COLUMNS = (
     Column('reached', 'reached', 'Hz', 'rate'),
     Column('reached', 'range', 'Hz', 'rate', spread=True),
@@ -89,7 +87,10 @@ _MANY_NOTES = (
     '1000 tasks of 200 Hz that do nothing, released together, or each at a moment of its own',
     '(5 us from the next). Reached: the rate, by the share of the releases that a job served.',
     'Each repeat is a try; ten tries of ten seconds: `bench spacing --seconds 10 --repeats 10`.',
-    'Linux takes 5 % of the CPU from real-time processes that compute all the time.')
+    'Linux takes 5 % of the CPU from real-time processes that compute all the time. Plain loop: it',
+    'calls 1000 functions when it woke up, or waits awake from one moment to the next; aims are',
+    'ratios to it. That a try misses nothing is shown, but is no aim: a host that takes the CPU for',
+    '5 ms in ten seconds decides it.')
 
 
 def _spacings(options: Options) -> Sequence[int]:
@@ -115,6 +116,9 @@ def _plan(options: Options) -> Sequence[Run]:
     wakes = _wakes(options)
     wake_s = max(len(wakes) * _WAKE_S, options.seconds / _WAKE_SHARE)
     return (*common.both_builds(curve, many),
+            Run('plain', f'plain loop, {MANY}', f'{_WORKERS}.floors:many', {
+                'tasks': MANY, 'rate_hz': RATE_HZ, 'measure_ns': options.measure_ns},
+                common.START_S + 2 * options.seconds),
             Run('wakes', 'bare wake-ups', f'{_WORKERS}.spacing:wakes', {
                 'spacings_ns': [us * NS_PER_US for us in wakes],
                 'measure_ns': options.measure_ns // _WAKE_SHARE}, common.START_S + wake_s))
@@ -136,7 +140,7 @@ def _curve_rows(options: Options, outcomes: Outcomes) -> list[Row]:
         rows += common.build_rows(outcomes, 'curve', _label(spacing_us), {
             'p50': _cost(spacing_us),
             'looked': common.figure(f'looked {name}', NS_PER_US),
-            **{key: common.figure(f'{key} {name}') for key in ('alarms', 'sleeps', 'calls')}})
+            'sleeps': common.figure(f'sleeps {name}')})
     return [*rows, *(outcomes.row('wakes', {'p50': _cost(spacing_us)},
                                   f'clock_nanosleep, {spacing_us} us apart')
                      for spacing_us in _wakes(options))]
@@ -153,16 +157,19 @@ def _many_rows(outcomes: Outcomes) -> list[Row]:
     for key, label in _MANY:
         for build in BUILDS:
             run = common.key_of('many', build)
-            row = outcomes.row(run, {
-                'reached': common.figure(f'reached_hz {key}'),
-                'missed': common.figure(f'missed {key}'), 'job': common.figure(f'job_us {key}'),
-                'looked': common.figure(f'looked_us {key}'),
-                'cpu': common.figure(f'cpu_percent {key}')},
-                f'{label}, {common.BUILD_LABELS[build]}')
+            row = outcomes.row(run, _many_metrics(key), f'{label}, {common.BUILD_LABELS[build]}')
             if row.metrics:
                 row = common.with_metric(row, 'tries', _tries(outcomes, run, key))
             rows.append(row)
+        rows.append(outcomes.row('plain', _many_metrics(key), f'{label}, plain loop'))
     return rows
+
+
+def _many_metrics(key: str) -> Mapping[str, common.Of]:
+    return {'reached': common.figure(f'reached_hz {key}'),
+            'missed': common.figure(f'missed {key}'), 'job': common.figure(f'job_us {key}'),
+            'looked': common.figure(f'looked_us {key}'),
+            'cpu': common.figure(f'cpu_percent {key}')}
 
 
 def _aims(outcomes: Outcomes) -> Sequence[Aim]:
@@ -172,15 +179,14 @@ def _aims(outcomes: Outcomes) -> Sequence[Aim]:
             common.build_ratio(outcomes, 'curve', _cost(0)),
             why=common.disturbances(outcomes, ours)),
         Aim('job, 50 us apart / a bare wake-up', _WAKE_RATIO,
-            _wake_ratio(outcomes, ours),
+            outcomes.ratio(ours, 'wakes', _cost(_SPREAD_US)),
             why=_woken(outcomes, ours) + common.disturbances(outcomes, ours))]
     many = common.ours(outcomes, 'many')
     for key, _ in _MANY:
         why = _asked_for(outcomes, many, key) + common.disturbances(outcomes, many)
-        aims += [Aim(f'{MANY} tasks {key}: rate', _RATE_LIMIT_HZ,
-                     outcomes.metric(many, common.figure(f'reached_hz {key}')), 'Hz', False, why),
-                 Aim(f'{MANY} tasks {key}: tries without a miss', _TRIES_PERCENT,
-                     _tries(outcomes, many, key), '%', False, why)]
+        aims.append(Aim(f'{MANY} tasks {key}: rate / plain loop', _RATE_RATIOS[key],
+                        outcomes.ratio(many, 'plain', common.figure(f'reached_hz {key}')),
+                        at_most=False, why=why))
     return aims
 
 
@@ -202,16 +208,6 @@ def _woken(outcomes: Outcomes, key: str) -> str:
     return '' if sleeps is None or wake is None else (
         f'the process slept {sleeps.median:.2f} times a job, and to wake up takes '
         f'{wake.median:.1f} us without any kernel; ')
-
-
-def _wake_ratio(outcomes: Outcomes, key: str) -> Metric | None:
-    values = []
-    for one, two in zip(outcomes.all(key), outcomes.all('wakes')):
-        above = _cost(_SPREAD_US)(one) if one.samples else None
-        below = _cost(_SPREAD_US)(two) if two.samples else None
-        if above is not None and below:
-            values.append(above / below)
-    return Metric(tuple(values)) if values else None
 
 
 def _facts(outcomes: Outcomes) -> Mapping[str, Metric | None]:
@@ -254,4 +250,5 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         _aims(outcomes), (_plot(outcomes),), facts=_facts(outcomes))
 
 
-CASE = Case('spacing', 'cost of a job by the spacing of releases; 1000 tasks', _plan, _evaluate)
+CASE = Case('spacing', 'cost of a job by the spacing of releases; 1000 tasks', _plan, _evaluate,
+            docs_repeats=5)

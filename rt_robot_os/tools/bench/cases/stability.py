@@ -40,6 +40,7 @@ from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import quoted
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.surroundings import away
 from rt_robot_os.tools.bench.workers.stability import measured_s
 from rt_robot_os.tools.bench.workers.stability import read_csv
 from rt_robot_os.units import NS_PER_MS
@@ -49,7 +50,11 @@ _WARMUP_NS = 600 * NS_PER_MS
 _QUICK_S = 3.0
 _PEER_S = 20.0
 _ROW_S = 60.0
+_FLOOR = 'floor'
+_MISSED_PERCENT = 0.01
 _RATES = (('acquire_hz', 1000), ('attitude_hz', 400), ('receive_hz', 200))
+# Those that are released by time, and so can miss a release.
+_PERIODIC = _RATES[:2]
 
 _COLUMNS = (
     *(Column(name, f'{rate} Hz', 'Hz', 'worst row') for name, rate in _RATES),
@@ -62,7 +67,9 @@ _NOTES = (
     'delay from publishing to it. A row of figures a minute (a tenth of the time where that is',
     'shorter). Worst row: the frequency furthest from what was asked for. Growth: resident size,',
     'last row less the first (the black box fills in the first seconds). The paper: 24 h. An',
-    'interrupted run goes on after its last row; the time between is not in the figures.')
+    'interrupted run goes on after its last row; the time between is not in the figures. Plain loop:',
+    'for 20 s at the most. While the host of a virtual machine has the CPU, every program misses',
+    'what is due; Linux counts that time, and the aim is about the releases beside it.')
 
 
 def _measure_s(options: Options) -> float:
@@ -91,6 +98,8 @@ def _plan(options: Options) -> Sequence[Run]:
     peers = ('events',) if options.quick else common.RCLPY
     return (
         run('kernel', common.KERNEL_LABEL, 'workers.stability:kernel', total_s, common.START_S),
+        run(_FLOOR, f'{common.LOOP_LABEL} of 1 kHz', 'workers.floors:rows',
+            min(_PEER_S, total_s), common.START_S),
         *(run(name, common.RCLPY_LABELS[name], 'peers.stability:executor', min(_PEER_S, total_s),
               common.START_PEER_S, executor=name) for name in peers))
 
@@ -126,10 +135,14 @@ def _worst_hz(name: str, rate: int) -> common.Of:
     return of
 
 
-def _error(outcome: Outcome) -> float | None:
-    errors = [abs(value - rate) * 100 / rate for name, rate in _RATES
-              if (value := _worst_hz(name, rate)(outcome)) is not None]
-    return max(errors, default=None)
+def _missed(outcome: Outcome) -> float | None:
+    """Return which part of the releases was missed while the CPU was there, in per cent."""
+    samples, away_ms = outcome.samples, away(outcome.figures)
+    if away_ms is None or not len(samples['missed']):
+        return None
+    releases_ms = sum(rate for _, rate in _PERIODIC) / 1000
+    due = float(samples['time_s'][-1]) * 1000 * releases_ms
+    return 100.0 * max(0.0, float(np.sum(samples['missed'])) - away_ms * releases_ms) / due
 
 
 def _growth(outcome: Outcome) -> float | None:
@@ -150,16 +163,15 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
                    receive_hz=194, delay_mean=30, delay_max=36)]
     for key in outcomes.runs:
         metrics = dict(_METRICS)
-        if key != 'kernel':
+        if key not in ('kernel', _FLOOR):
             del metrics['missed']  # rclpy does not count them
         rows.append(outcomes.row(key, metrics))
     why = common.disturbances(outcomes, 'kernel')
     aims = (
-        Aim('worst frequency error of a row', 0.05, outcomes.metric('kernel', _error), '%',
-            why=why, paper='3 % (200 Hz module)'),
         Aim('mean delay', 30.0, outcomes.metric('kernel', _METRICS['delay_mean']), 'us', why=why,
             paper='28 to 32 us'),
-        Aim('releases missed', 0.0, outcomes.metric('kernel', _METRICS['missed']), why=why))
+        Aim('releases missed while the CPU was there', _MISSED_PERCENT,
+            outcomes.metric('kernel', _missed), '%', why=why, paper='3 % (200 Hz module)'))
     return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims,
                       _plots(outcomes))
 
@@ -169,7 +181,7 @@ def _plots(outcomes: Outcomes) -> Sequence[Plot]:
     memory = []
     unit, unit_s = _time_unit(outcomes)
     for key, run in outcomes.runs.items():
-        for outcome in outcomes.measured(key)[:1]:
+        for outcome in outcomes.measured(key)[:1] if key != _FLOOR else ():
             moments = (outcome.samples['time_s'] / unit_s).tolist()
             for name, series in delays.items():
                 series.append(Series(

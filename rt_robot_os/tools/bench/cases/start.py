@@ -35,7 +35,7 @@ from rt_robot_os.units import NS_PER_S
 
 _WORKER = 'rt_robot_os.tools.bench.peers.start:robot'
 _START_S = 6.0
-_LIMIT_S = 3.0
+_LIMIT_S = 1.5
 _LIMIT_MB = 80.0
 _BYTES_PER_MB = 1e6
 _LABEL = 'robot, default configuration'

@@ -100,4 +100,4 @@ def _third(ratio: float | None) -> float | None:
 
 
 CASE = Case('throughput', 'messages and bytes a second through a ring, beside memcpy', _plan,
-            _evaluate)
+            _evaluate, docs_repeats=3)

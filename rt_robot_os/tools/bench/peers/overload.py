@@ -29,8 +29,9 @@ def executor(harness: Harness) -> Measured:
 
     def run(crowd: Crowd) -> None:
         with graph(a['executor']) as tested:
+            crowd.over = tested.end
             for job in crowd.jobs:
                 tested.timer(crowd.period_ns, job)
-            tested.spin(a['measure_ns'])
+            tested.spin(crowd.measure_ns)
 
     return figures(a, run)

@@ -46,6 +46,18 @@ _WRITER = 'rt_robot_os.tools.bench.workers.kernel:writer'
 _OBJECTS = 100_000
 
 
+class _Empty:
+    """The least that something can be which is entered and left."""
+
+    __slots__ = ()
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, *error: object) -> None:
+        pass
+
+
 def operations(harness: Harness) -> Measured:
     """Measure, inside a job: to enter and leave a resource, and to make a record."""
     a = harness.arguments
@@ -61,6 +73,12 @@ def operations(harness: Harness) -> Measured:
     def nothing() -> None:
         pass
 
+    empty_context = _Empty()
+
+    def enter_nothing() -> None:
+        with empty_context:
+            pass
+
     add = tested.black_box.add
 
     def one_record() -> None:
@@ -70,7 +88,8 @@ def operations(harness: Harness) -> Measured:
     def job() -> None:
         parts: dict[str, list[Samples]] = {}
         for _ in range(4):
-            for name, operation in (('resource', enter_and_leave), ('record', one_record)):
+            for name, operation in (('resource', enter_and_leave), ('with', enter_nothing),
+                                    ('record', one_record)):
                 empty = block_means_ps(nothing, share_ns // 16)
                 found = block_means_ps(operation, share_ns // 8)
                 # The call of the function itself is not what is measured.

@@ -19,6 +19,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
+import os
+import signal
 import time
 from typing import Any
 
@@ -27,12 +29,18 @@ import numpy as np
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.helper import Helper
 from rt_robot_os.tools.bench.stamps import Stamps
+from rt_robot_os.tools.bench.workers.compute import compute
 from rt_robot_os.tools.bench.workers.delay import MESSAGE
 from rt_robot_os.topics import Bus
 from rt_robot_os.units import NS_PER_S
 
 TOPIC_BYTES = 64
+# The calls in which a module that is to be late computes, and has its process stopped.
+OWN_CALL, AWAY_CALL = 10, 30
+_STOPPER = 'rt_robot_os.tools.bench.workers.modules:stopper'
+_AFTER_S = 1e-3
 _FREE_PRIORITY = 99
 
 
@@ -59,11 +67,61 @@ class Module:
         self.value += 1
 
 
+class Late(Module):
+    """
+    A module that is late twice: what becomes of the releases that pass meanwhile.
+
+    In its call number ``OWN_CALL`` it computes for ``stall_ns``. In its call number ``AWAY_CALL``
+    it asks another process to stop its own one until ``stall_ns`` later, as the host of a virtual
+    machine does.
+    """
+
+    __slots__ = ('_stall_ns', '_calls', '_helper')
+
+    def __init__(self, room: int, stall_ns: int) -> None:
+        super().__init__(room, 1)
+        self._stall_ns = stall_ns
+        self._calls = 0
+        cpus = sorted(os.sched_getaffinity(0))
+        self._helper = Helper(_STOPPER, {'pid': os.getpid(), 'stall_ns': stall_ns},
+                              cpus[:-1] or cpus)
+
+    def work(self) -> None:
+        """Be called once."""
+        super().work()
+        self._calls += 1
+        if self._calls == OWN_CALL:
+            compute(self._stall_ns)
+        elif self._calls == AWAY_CALL:
+            os.kill(self._helper.process.pid, signal.SIGUSR1)
+
+
+def stopper(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
+    """Wait for a signal; a moment later, when its job is over, stop the process that sent it."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGUSR1])
+    ready()
+    signal.sigwait([signal.SIGUSR1])
+    end_ns = time.monotonic_ns() + arguments['stall_ns']
+    time.sleep(_AFTER_S)
+    os.kill(arguments['pid'], signal.SIGSTOP)
+    try:
+        time.sleep(max(0.0, (end_ns - time.monotonic_ns()) / NS_PER_S))
+    finally:
+        os.kill(arguments['pid'], signal.SIGCONT)
+
+
 def make_modules(a: Mapping[str, Any]) -> Sequence[Module]:
-    """Make the modules of a run: ``modules`` is a list of (rate in Hz, priority)."""
+    """
+    Make the modules of a run.
+
+    :param a: ``modules`` is a list of (rate in Hz, priority); with ``stall_ns`` they are late by
+        that, see :class:`Late`.
+    """
     total_ns = a['warmup_ns'] + a['measure_ns']
-    return [Module(2 * int(total_ns * rate // (NS_PER_S * a['every'])) + 100, a['every'])
-            for rate, _ in a['modules']]
+    rooms = [2 * int(total_ns * rate // (NS_PER_S * a['every'])) + 100 for rate, _ in a['modules']]
+    if a.get('stall_ns'):
+        return [Late(room, a['stall_ns']) for room in rooms]
+    return [Module(room, a['every']) for room in rooms]
 
 
 def collect(modules: Sequence[Module], begin_ns: int, a: Mapping[str, Any], cpu_ns: int,

@@ -26,8 +26,6 @@ from typing import NamedTuple
 import numpy as np
 
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.kernel import MonotonicClock
-from rt_robot_os.linux.timer import Noting
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
@@ -36,36 +34,6 @@ from rt_robot_os.units import NS_PER_S
 
 _STRETCH_NS = 100 * NS_PER_MS
 _TURNS = 2
-
-
-class CountingClock(MonotonicClock):
-    """
-    The clock of the kernel, which counts what the kernel asks of Linux.
-
-    :ivar alarms: times that an alarm was set,
-    :ivar calls: these and the holding back and awaiting of signals: each is a system call.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.alarms = self.calls = 0
-
-    def arm(self, deadline_ns: int) -> None:
-        """Count and set the alarm."""
-        self.alarms += 1
-        self.calls += 1
-        super().arm(deadline_ns)
-
-    def arm_spare(self, deadline_ns: int) -> None:
-        """Count and set the other one."""
-        self.alarms += 1
-        self.calls += 1
-        super().arm_spare(deadline_ns)
-
-    def rest(self, owner: Noting) -> bool:
-        """Count and wait, with signals held back meanwhile."""
-        self.calls += 3
-        return super().rest(owner)
 
 
 class Stretch(NamedTuple):
@@ -90,9 +58,8 @@ class Crowd:
     :param spacing_ns: 0 releases them together.
     """
 
-    def __init__(self, count: int, rate_hz: int, spacing_ns: int,
-                 clock: MonotonicClock | None = None) -> None:
-        self._kernel = Kernel() if clock is None else Kernel(clock)
+    def __init__(self, count: int, rate_hz: int, spacing_ns: int) -> None:
+        self._kernel = Kernel()
         for i in range(count):
             self._kernel.add_task(f'task{i}', _nothing, priority=10 + i % 80, rate_hz=rate_hz,
                                   phase_ns=i * spacing_ns)
@@ -116,10 +83,10 @@ def tasks_at(spacing_ns: int, most: int, period_ns: int) -> int:
 
 def curve(harness: Harness) -> Measured:
     """
-    Measure the CPU time of a job at each spacing, in turns; count what is asked of Linux.
+    Measure the CPU time of a job at each spacing, in turns; count how often the process slept.
 
-    :return: for each spacing samples ``NS`` (nanoseconds a job), and figures ``alarms NS``,
-        ``calls NS`` and ``sleeps NS``, each by job, and ``looked NS``: nanoseconds a job.
+    :return: for each spacing samples ``NS`` (nanoseconds a job), and figures ``sleeps NS``, by
+        job, and ``looked NS``: nanoseconds a job.
     """
     a = harness.arguments
     harness.prepare(freeze=True)
@@ -141,19 +108,17 @@ def curve(harness: Harness) -> Measured:
     return Measured({name: np.array(some, np.int64) for name, some in costs.items()}, figures)
 
 
-def _crowd(a: Mapping[str, Any], spacing_ns: int, clock: MonotonicClock | None = None) -> Crowd:
+def _crowd(a: Mapping[str, Any], spacing_ns: int) -> Crowd:
     count = tasks_at(spacing_ns, a['tasks'], NS_PER_S // a['rate_hz'])
-    return Crowd(count, a['rate_hz'], spacing_ns, clock)
+    return Crowd(count, a['rate_hz'], spacing_ns)
 
 
 def _counted(a: Mapping[str, Any], spacing_ns: int) -> Mapping[str, float]:
-    clock = CountingClock()
-    crowd = _crowd(a, spacing_ns, clock)
+    crowd = _crowd(a, spacing_ns)
     sleeps = resource.getrusage(resource.RUSAGE_SELF).ru_nvcsw
     jobs = max(1, crowd.run(_STRETCH_NS).jobs)
     sleeps = resource.getrusage(resource.RUSAGE_SELF).ru_nvcsw - sleeps
-    return {f'alarms {spacing_ns}': clock.alarms / jobs, f'calls {spacing_ns}': clock.calls / jobs,
-            f'sleeps {spacing_ns}': sleeps / jobs}
+    return {f'sleeps {spacing_ns}': sleeps / jobs}
 
 
 def wakes(harness: Harness) -> Measured:
