@@ -297,8 +297,8 @@ publisher_init(PyObject *self, PyObject *args, PyObject *Py_UNUSED(keywords))
 static int
 write_slot(Topic *topic, const Py_buffer *data, Py_ssize_t length)
 {
-    if (length > data->len || (topic->has_tail ? length > topic->slot_bytes
-                               : length != topic->slot_bytes)) {
+    if (topic->has_tail ? length > data->len || length > topic->slot_bytes
+            : data->len != topic->slot_bytes) {
         PyErr_Format(PyExc_ValueError, "topic %R: %zd of %zd bytes for a slot of %s%zd",
                      topic->name, length, data->len, topic->has_tail ? "at most " : "",
                      topic->slot_bytes);
