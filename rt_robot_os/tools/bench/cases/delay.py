@@ -83,8 +83,8 @@ _BUILD_NOTES = (
 _BUILD_ROWS = ((DELAY, 'from task to task'), (SLEEPING, 'bare loop that sleeps'),
                (WARM, 'from task to task, fifth in a row'),
                (WAITING, 'bare loop that never sleeps'))
-# Of a larger message: of one of 64 B. The delay itself is compared with a bare loop: what the caches
-# cost after 2 ms, the machine decides.
+# Of a larger message: of one of 64 B. The delay itself is compared with a bare loop: what the
+# caches cost after 2 ms, the machine decides.
 _SIZE_RATIO = 1.5
 _BUILD_RATIO, _BARE_RATIO = 0.5, 1.5
 _P50 = {sample: common.part_of(sample, 0.5) for sample, _ in _BUILD_ROWS}
