@@ -20,8 +20,9 @@ import sys
 
 sys.path.insert(0, str(Path(__file__).parent.absolute()))  # pip leaves that to us
 
-from rt_robot_os.compiled.build import BuildCompiled  # noqa: E402
+from rt_robot_os.compiled.build import BuildCore  # noqa: E402
 from rt_robot_os.compiled.build import extensions  # noqa: E402
+from rt_robot_os.compiled.build import wheel_options  # noqa: E402
 from rt_robot_os.requirements import extras_require  # noqa: E402
 from rt_robot_os.requirements import install_requires  # noqa: E402
 from setuptools import find_packages  # noqa: E402
@@ -33,7 +34,8 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test', 'test.*']),
-    package_data={package_name: ['py.typed', 'devices/*/page.md', 'linux/_timer.c',
+    package_data={package_name: ['py.typed', 'devices/*/page.md', 'compiled/*.c', 'kernel/*.[ch]',
+                                 'linux/*.c', 'topics/*.c',
                                  'monitor/page/*.*', 'monitor/page/*/*.*', 'monitor/page/*/*/*.*',
                                  'tools/plan/typical.json', 'tools/new/templates/*.in']},
     data_files=[
@@ -45,7 +47,8 @@ setup(
         ('share/' + package_name + '/launch', sorted(glob('launch/*.xml'))),
     ],
     ext_modules=extensions(),
-    cmdclass={'build_ext': BuildCompiled},
+    options=wheel_options(),
+    cmdclass={'build_ext': BuildCore},
     install_requires=install_requires(),
     extras_require=extras_require(),
     python_requires='>=3.10',

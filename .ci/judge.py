@@ -45,7 +45,7 @@ from join_results import Run  # noqa: E402
 MUST_RUN = re.compile(
     r'\b(ros|rclpy|ament\w*|mypy|flake8|pep257|hypothesis)\b|_msgs\b', re.IGNORECASE)
 BUILDS = ('pure build', 'compiled build')
-# What a machine may lack; mypyc is installed for the tests.
+# What a machine may lack.
 MAY_LACK = re.compile(r'^no (C compiler|\S*Python\.h)\b')
 
 # What pytest-xdist says of a process that ended.

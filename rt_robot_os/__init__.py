@@ -14,8 +14,6 @@
 
 """A preemptive fixed-priority real-time kernel for Python robot code, as a ROS 2 package."""
 
-from rt_robot_os.compiled import use
 from rt_robot_os.moved import install
 
 install()
-use()

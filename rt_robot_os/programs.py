@@ -27,8 +27,10 @@ from collections.abc import Iterable
 from collections.abc import Iterator
 from collections.abc import Sequence
 from contextlib import contextmanager
+from contextlib import nullcontext
 from contextlib import suppress
 from dataclasses import dataclass
+import gc
 from importlib import import_module
 import os
 import signal
@@ -37,7 +39,7 @@ from types import FrameType
 from typing import Any
 from typing import Final
 
-from rt_robot_os.compiled import FOLDER
+from rt_robot_os.compiled import EXTENSION
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import RtRobotError
 
@@ -114,14 +116,12 @@ def run_program(name: str, load: Callable[[], Run], argv: Sequence[str] | None =
     """
     end_quietly()
     try:
-        run = load()
-        if not listens:
-            raise_again()
-        if argv is None:
-            with own_process():
-                code = run(sys.argv[1:])
-        else:
-            code = run(argv)
+        with own_process() if argv is None else nullcontext():
+            with importing():
+                run = load()
+            if not listens:
+                raise_again()
+            code = run(sys.argv[1:] if argv is None else argv)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
@@ -132,7 +132,7 @@ def run_program(name: str, load: Callable[[], Run], argv: Sequence[str] | None =
         tell(name, error)
         return FAILED
     except ImportError as error:
-        if error.name != FOLDER:
+        if error.name != EXTENSION:
             raise
         tell(name, error)  # a build was demanded that is not there
         return BAD_USE
@@ -199,6 +199,27 @@ def raise_again() -> None:
     """Have Ctrl-C raise KeyboardInterrupt, as Python does."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@contextmanager
+def importing() -> Iterator[None]:
+    """
+    Import much at once, a tenth faster in a process of one program (:func:`own_process`).
+
+    Hardly anything that is made by an import ever becomes garbage: the collector does not look
+    through it meanwhile, nor later.
+    """
+    if not _one_program:
+        yield
+        return
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        if collects:
+            gc.enable()
 
 
 @contextmanager

@@ -106,7 +106,6 @@ LIBRARIES: Final = {each.name: each for each in (
     Library('PyYAML', 'yaml', '6.0.1', '7', apt='python3-yaml'),
     Library('rich', 'rich', '13.7', '16', apt='python3-rich'),
     Library('setuptools', 'setuptools', '68', apt='python3-setuptools'),
-    Library('mypy', 'mypy', '1.9', '3', apt='python3-mypy'),
 
     Library('pillow', 'PIL', '10.1', '14', apt='python3-pil'),
     Library('opencv-python-headless', 'cv2', '4.6', '6', apt='python3-opencv',
@@ -149,7 +148,6 @@ BASE: Final = ('numpy', 'pyserial', 'PyYAML', 'rich', 'setuptools')
 EXTRAS: Final = {
     'attitude': ('vqf',),
     'camera': ('opencv-python-headless', 'pillow'),
-    'compile': ('mypy',),
     'docs': ('sphinx',),
     'gateway': ('websockets',),
     'i2c': ('smbus2',),
@@ -176,11 +174,11 @@ PROGRAMS: Final = {
     'replay': ('record',),
     'robot': ('pictures',),
     # What `./scripts/test` installs; what is left needs more than a wheel, or is for comparisons.
-    'test': ('attitude', 'compile', 'docs', 'gateway', 'i2c', 'monitor', 'pictures', 'plot',
-             'postgres', 'record', 'slam', 'test', 'voice')}
+    'test': ('attitude', 'docs', 'gateway', 'i2c', 'monitor', 'pictures', 'plot', 'postgres',
+             'record', 'slam', 'test', 'voice')}
 
-# They build and check the package; their oldest versions come with the distributions.
-_TOOLS: Final = ('mypy', 'setuptools')
+# They build the package; their oldest versions come with the distributions.
+_TOOLS: Final = ('setuptools',)
 
 
 def at_least(version: str, lowest: str) -> bool:

@@ -210,7 +210,6 @@ adopt_venv() {
 choose_extras() {
   EXTRAS=(base "$@")
   [ "$KIND" = run ] || PROGRAM=test
-  if can_compile; then EXTRAS+=(compile); fi
 }
 
 add_extras_of_program() {
@@ -220,7 +219,6 @@ add_extras_of_program() {
   PROGRAM=
 }
 
-# Without a compiler mypy would be 50 MB of no use.
 can_compile() { [ "${RT_ROBOT_OS_COMPILE:-}" != 0 ] && [ -n "$(type -P "${CC:-cc}")" ]; }
 
 # What is no library of the package: ROS, which a sourced installation brings itself, and tools.
@@ -255,7 +253,7 @@ install_requirements() {
     fi
   done
   [ "${#missing[@]}" -gt 0 ] || return 0
-  say "installing what is needed (${missing[*]}); the first time takes a minute or two"
+  say "installing what is needed (${missing[*]}); the first time takes a minute"
   list=$VENV/.$PACKAGE-requirements.txt
   touch "$list" || fail "cannot write to $VENV"
   requirements >"$list" || exit 2
@@ -296,26 +294,23 @@ build_state() {
   cd "$ROOT" || return
   printf 'compile: %s\n' "${RT_ROBOT_OS_COMPILE:-}" "$(command -v "${CC:-cc}")"
   sha256sum package.xml setup.py setup.cfg
-  compiled_sources | xargs -r sha256sum
+  [ "${RT_ROBOT_OS_COMPILE:-}" = 0 ] || find "$PACKAGE" -name '*.[ch]' -exec sha256sum {} + | LC_ALL=C sort
   if [ -L "build/$PACKAGE/setup.py" ]; then
-    find config launch resource "$PACKAGE" -name __pycache__ -prune -o -type f -print 2>/dev/null
+    package_files -print
   else
-    find config launch resource "$PACKAGE" -name __pycache__ -prune -o -type f -printf '%p %s %T@\n' 2>/dev/null
+    package_files -printf '%p %s %T@\n'
   fi | LC_ALL=C sort
 }
 
-# What the binaries were made of, as their manifests say: only an edit of these needs a new build.
-compiled_sources() {
-  [ "${RT_ROBOT_OS_COMPILE:-}" = 0 ] ||
-    cat "build/$PACKAGE/${PACKAGE}_compiled"/manifest.*.json 2>/dev/null |
-      sed -n 's/^  "\([a-z0-9_.]*\)": "[0-9a-f]*",*$/\1/p' | sort -u | tr . / |
-      while read -r name; do ls "$PACKAGE/$name".py "$PACKAGE/$name".c 2>/dev/null; done
+# package_files ACTION: of find, on what is installed and was not made here.
+package_files() {
+  find config launch resource "$PACKAGE" -name __pycache__ -prune -o -type f ! -name '*.so' "$@" 2>/dev/null
 }
 
 build() {
   local stamp=$ROOT/build/.$PACKAGE-build
   [ "$(cat "$stamp" 2>/dev/null)" != "$(build_state | sha256sum)" ] || return 0
-  say 'building with colcon (to compile the kernel takes half a minute)'
+  say 'building with colcon'
   # A build that another Python made, or that was cut short, is not built upon.
   if [ "$(head -n 1 "$stamp.python" 2>/dev/null)" != "$PYTHON $(version_of "$PYTHON")" ] || [ ! -f "$stamp" ]; then
     rm -rf "${ROOT:?}/build/$PACKAGE" "${ROOT:?}/install/$PACKAGE"
@@ -339,13 +334,13 @@ enter() {
 
 # ---- the type of /tf ---------------------------------------------------------------------------
 
-# ROS from wheels has no tf2_msgs. It is generated once, while the kernel is compiled on another CPU;
+# ROS from wheels has no tf2_msgs. It is generated once, while the package is built on another CPU;
 # without a compiler, or when that fails, everything but /tf works.
 start_tf2_msgs() {
   TYPES=
   [ "$MODE" = wheels ] && [ ! -e "$VENV/.$PACKAGE-tf2_msgs" ] && [ -w "$VENV" ] && can_compile &&
     [ -n "$(type -P c++ g++ clang++)" ] || return 0
-  say 'generating the type of /tf (half a minute, once)'
+  say 'generating the type of /tf (some seconds, once)'
   "$ROOT/scripts/tf2_msgs" "$VENV" &
   TYPES=$!
   trap 'kill "$TYPES" 2>/dev/null; exit 130' INT

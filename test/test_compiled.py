@@ -12,11 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The compiled build: used when it fits its sources to the letter, and never otherwise."""
+
+"""The C core: used when it was made of the C sources beside it, and never otherwise."""
 
 from __future__ import annotations
 
-import json
+from collections.abc import Iterator
+from importlib.machinery import EXTENSION_SUFFIXES
 import os
 from pathlib import Path
 import shutil
@@ -31,110 +33,138 @@ from rt_robot_os.compiled import build
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / compiled.PACKAGE
+WARNINGS = ('-std=c11', '-Wall', '-Wextra', '-Werror')
 
 ASK = """
 from rt_robot_os.compiled import state
 try:
-    import rt_robot_os.kernel.scheduler as scheduler
-    print(state().compiled, scheduler.__file__.endswith('.so'), state().text)
+    from rt_robot_os.linux.timer import NATIVE
+    print(state().compiled, NATIVE is not None, state().stale, state().text)
 except ImportError as error:
     print('refused:', error)
 """
+USED = 'True True False compiled with '
+NOT_COMPILED = 'False False False pure Python: it was not compiled'
+STALE = 'False False True pure Python: its C sources changed after it was compiled'
 
 
-def made() -> Path | None:
-    """Return the folder of binaries that fit these sources, where there is one."""
-    for folder in (Path(compiled.__file__).parents[2], ROOT, ROOT / 'build' / compiled.PACKAGE):
-        manifest = compiled.read_manifest(folder / compiled.FOLDER)
-        if manifest is not None and not compiled.changed_since(manifest, PACKAGE):
-            return folder / compiled.FOLDER
-    return None
+@pytest.fixture(scope='session')
+def binary(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Compile the C core of these sources, which takes some seconds."""
+    if (why := build.obstacle()) is not None and why != f'{compiled.SWITCH}=0':
+        pytest.skip(f'there is {why}')
+    folder = tmp_path_factory.mktemp('compiled')
+    subprocess.run(
+        [sys.executable, 'setup.py', '--quiet', 'build_ext', '--build-lib', folder,
+         '--build-temp', folder / 'objects'], cwd=ROOT, env=environment('1'), check=True)
+    return next((folder / compiled.PACKAGE).glob('_core*'))
 
 
 @pytest.fixture
-def copy(tmp_path: Path) -> Path:
-    """Copy the sources and their binaries, as an installation has them."""
-    folder = made()
-    if folder is None:
-        pytest.skip('there is no compiled build of these sources')
-    shutil.copytree(PACKAGE, tmp_path / compiled.PACKAGE,
-                    ignore=shutil.ignore_patterns('__pycache__', 'clients', 'devices', 'tools'))
-    shutil.copytree(folder, tmp_path / compiled.FOLDER)
+def copy(binary: Path, tmp_path: Path) -> Path:
+    """Copy what a decision needs, with the binary in the package, as an installation has it."""
+    for name in ('compiled', 'linux', 'kernel', 'topics'):
+        shutil.copytree(PACKAGE / name, tmp_path / compiled.PACKAGE / name,
+                        ignore=shutil.ignore_patterns('__pycache__'))
+    for path in PACKAGE.glob('*.py'):
+        shutil.copy(path, tmp_path / compiled.PACKAGE)
+    shutil.copy(binary, tmp_path / compiled.PACKAGE)
     return tmp_path
+
+
+def environment(switch: str, path: object = '') -> dict[str, str]:
+    """Return the environment of a child."""
+    return {**os.environ, 'PYTHONPATH': str(path), compiled.SWITCH: switch}
 
 
 def ask(installed: Path, switch: str = '', path: Path | str = '') -> str:
     """Return which build a new process runs; with one more folder on its path."""
-    environment = {**os.environ, 'PYTHONPATH': f'{installed}{os.pathsep}{path}',
-                   compiled.SWITCH: switch}
-    told = subprocess.run([sys.executable, '-c', ASK], env=environment, cwd=installed,
-                          capture_output=True, text=True, check=True)
+    told = subprocess.run(
+        [sys.executable, '-c', ASK], cwd=installed, capture_output=True, text=True, check=True,
+        env=environment(switch, f'{installed}{os.pathsep}{path}'))
     return told.stdout.strip()
 
 
-def test_binaries_that_fit_are_used(copy: Path) -> None:
-    assert ask(copy).startswith('True True compiled with mypyc')
-    assert ask(copy, '1').startswith('True True compiled with mypyc')
+def edit(installed: Path, name: str) -> None:
+    """Change a source, but not its size and time of change."""
+    path = installed / compiled.PACKAGE / name
+    before = path.stat()
+    text = path.read_text()
+    path.write_text(text.replace('Copyright', 'copyrighT', 1))
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
 
 
-def test_binaries_on_the_path_are_used_as_colcon_builds_elsewhere(copy: Path) -> None:
-    (copy / 'build').mkdir()
-    (copy / compiled.FOLDER).rename(copy / 'build' / compiled.FOLDER)
-    assert ask(copy).startswith('False False pure Python: it was not compiled')
-    assert ask(copy, path=copy / 'build').startswith('True True compiled with mypyc')
+def test_a_binary_of_these_sources_is_used(copy: Path) -> None:
+    assert ask(copy).startswith(USED)
+    assert ask(copy, '1').startswith(USED)
 
 
-def test_they_are_not_used_when_that_is_forbidden(copy: Path) -> None:
-    assert ask(copy, '0') == 'False False pure Python: RT_ROBOT_OS_COMPILE=0'
+def test_a_binary_on_the_path_is_used_as_colcon_builds_elsewhere(copy: Path, binary: Path) -> None:
+    (copy / compiled.PACKAGE / binary.name).unlink()
+    assert ask(copy).startswith(NOT_COMPILED)
+    assert ask(copy, path=binary.parents[1]).startswith(USED)
 
 
-def test_an_edited_source_is_what_runs(copy: Path) -> None:
-    source = copy / compiled.PACKAGE / 'kernel' / 'scheduler.py'
-    before = source.stat()
-    source.write_text(source.read_text() + 'GRACE_NS = 21\n')
-    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
+def test_it_is_not_used_when_that_is_forbidden(copy: Path) -> None:
+    assert ask(copy, '0') == 'False False False pure Python: RT_ROBOT_OS_COMPILE=0'
+
+
+@pytest.mark.parametrize('name', [*compiled.C_SOURCES, *compiled.C_HEADERS])
+def test_a_binary_of_other_c_sources_is_not_used(copy: Path, name: str) -> None:
+    edit(copy, name)
     told = ask(copy)
-    assert told.startswith('False False pure Python: kernel/scheduler.py changed after it was')
-    assert 'colcon build' in told
-    assert ask(copy, '1').startswith('refused: RT_ROBOT_OS_COMPILE=1, but pure Python: kernel/')
+    assert told.startswith(STALE) and 'colcon build' in told
+    assert ask(copy, '1').startswith('refused: RT_ROBOT_OS_COMPILE=1, but pure Python: its C sou')
 
 
-def test_a_constant_that_the_binaries_contain_counts_as_theirs(copy: Path) -> None:
-    source = copy / compiled.PACKAGE / 'kernel' / 'spec.py'
-    source.write_text(source.read_text() + 'PRIORITY_MAXIMUM = 98\n')
-    assert ask(copy).startswith('False False pure Python: kernel/spec.py changed')
+def test_a_stale_binary_does_not_hide_one_that_fits(copy: Path, binary: Path) -> None:
+    stale = copy / compiled.PACKAGE / binary.name
+    digest = compiled.sources_digest(PACKAGE).encode()
+    stale.write_bytes(stale.read_bytes().replace(digest, digest[::-1]))
+    assert ask(copy).startswith(STALE)
+    assert ask(copy, path=binary.parents[1]).startswith(USED)
 
 
-def test_a_source_that_is_gone_is_told(copy: Path) -> None:
-    (copy / compiled.PACKAGE / 'kernel' / 'one_shot.py').unlink()
-    environment = {**os.environ, 'PYTHONPATH': str(copy), compiled.SWITCH: ''}
-    told = subprocess.run(
-        [sys.executable, '-c', 'from rt_robot_os.compiled import state; print(state())'],
-        env=environment, cwd=copy, capture_output=True, text=True, check=True)
-    assert 'kernel/one_shot.py changed' in told.stdout and 'stale=True' in told.stdout
+def test_a_package_without_its_c_sources_trusts_its_binary(copy: Path) -> None:
+    for path in copy.rglob('*.[ch]'):
+        path.unlink()
+    assert ask(copy).startswith(USED)
 
 
-def test_what_another_python_made_is_not_looked_at(copy: Path) -> None:
-    manifest = compiled.manifest_path(copy / compiled.FOLDER)
-    manifest.rename(manifest.with_name('manifest.cpython-39-x86_64-linux-gnu.json'))
-    assert ask(copy).startswith('False False pure Python: it was not compiled')
+def test_a_package_with_a_part_of_them_does_not(copy: Path) -> None:
+    (copy / compiled.PACKAGE / compiled.C_SOURCES[0]).unlink()
+    assert ask(copy).startswith(STALE)
 
 
-@pytest.mark.parametrize('text', ['', '{', '[]', '{"files": {}}'])
-def test_a_manifest_that_was_cut_short_is_none(copy: Path, text: str) -> None:
-    compiled.manifest_path(copy / compiled.FOLDER).write_text(text)
-    assert ask(copy).startswith('False False pure Python: it was not compiled')
+def test_a_binary_that_cannot_be_loaded_is_named(copy: Path, binary: Path) -> None:
+    broken = copy / compiled.PACKAGE / binary.name
+    broken.write_bytes(compiled.sources_digest(PACKAGE).encode())  # of another processor
+    told = ask(copy)
+    assert told.startswith(f'False False False pure Python: {broken} cannot be loaded: ')
+    assert ask(copy, path=binary.parents[1]).startswith(USED)
 
 
-def test_a_list_of_modules_that_has_grown_makes_binaries_stale(tmp_path: Path) -> None:
-    manifest = {'modules': list(compiled.MODULES[1:]), 'sources': {}, 'files': {}}
-    assert compiled.changed_since(manifest, PACKAGE) == ['compiled.__init__']
+def test_what_another_python_made_is_not_looked_at(copy: Path, binary: Path) -> None:
+    ours = copy / compiled.PACKAGE / binary.name
+    ours.rename(ours.with_name('_core.cpython-39-x86_64-linux-gnu.so'))
+    assert ask(copy).startswith(NOT_COMPILED)
 
 
-def test_the_switch_has_two_positions(tmp_path: Path) -> None:
-    environment = {**os.environ, 'PYTHONPATH': str(ROOT), compiled.SWITCH: 'yes'}
-    told = subprocess.run([sys.executable, '-c', 'import rt_robot_os.kernel'], env=environment,
-                          capture_output=True, text=True)
+def test_python_3_10_does_not_use_what_is_made_for_later_ones(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / compiled.PACKAGE
+    folder.mkdir()
+    for suffix in EXTENSION_SUFFIXES:
+        (folder / f'_core{suffix}').touch()
+    found = [path.name for path in compiled._binaries(folder) if path.parent == folder]
+    monkeypatch.setattr(sys, 'version_info', (3, 10, 12))
+    older = [path.name for path in compiled._binaries(folder) if path.parent == folder]
+    assert set(found) - set(older) == {'_core.abi3.so'}
+
+
+def test_the_switch_has_two_positions() -> None:
+    told = subprocess.run([sys.executable, '-c', 'import rt_robot_os.kernel'], cwd=ROOT,
+                          env=environment('yes', ROOT), capture_output=True, text=True)
     assert told.returncode == 1
     assert told.stderr.splitlines()[-1] == (
         "ImportError: RT_ROBOT_OS_COMPILE='yes' must be 0 (pure Python) or 1 (compiled), or unset")
@@ -143,40 +173,30 @@ def test_the_switch_has_two_positions(tmp_path: Path) -> None:
 @pytest.mark.parametrize('switch, words', [
     ('yes', "doctor: RT_ROBOT_OS_COMPILE='yes' must be 0 (pure Python) or 1 (compiled), or unset"),
     ('1', 'doctor: RT_ROBOT_OS_COMPILE=1, but pure Python: it was not compiled')])
-def test_a_program_says_in_one_line_that_it_cannot_have_the_build(
-        switch: str, words: str, tmp_path: Path) -> None:
-    (tmp_path / compiled.PACKAGE).symlink_to(PACKAGE)
-    code = ('import sys; sys.path.insert(0, "."); from rt_robot_os import compiled; '
-            'compiled._finder._folders = lambda: []; '
-            'from rt_robot_os.tools.doctor.program import main; sys.exit(main([]))')
-    told = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, capture_output=True,
-                          text=True, env={**os.environ, compiled.SWITCH: switch})
+def test_a_program_says_in_one_line_that_it_cannot_have_the_build(switch: str, words: str) -> None:
+    code = ('from rt_robot_os import compiled; compiled._binaries = lambda package: []; '
+            'from rt_robot_os.tools.doctor.program import main; import sys; sys.exit(main([]))')
+    told = subprocess.run([sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True,
+                          env=environment(switch, ROOT))
     assert (told.returncode, told.stdout, told.stderr.count('\n')) == (2, '', 1)
     assert told.stderr.startswith(words)
 
 
-# ---- building ----------------------------------------------------------------------------------
+# ---- the build -------------------------------------------------------------------------------
 
-def test_each_module_of_the_list_has_a_source() -> None:
-    assert [module for module in compiled.MODULES
-            if not compiled.source_of(module, PACKAGE).is_file()] == []
-    assert list(compiled.MODULES) == sorted(set(compiled.MODULES))
-
-
-def test_constants_come_from_modules_that_are_watched() -> None:
-    assert {'kernel.spec', 'kernel.clock', 'kernel.scheduler', 'units'} <= set(
-        build.sources(PACKAGE))
+def test_each_c_file_of_the_package_counts() -> None:
+    assert sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob('*.[ch]')) == (
+        sorted((*compiled.C_SOURCES, *compiled.C_HEADERS)))
 
 
 def test_what_is_missing_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(compiled.SWITCH, raising=False)
-    monkeypatch.setattr(build, 'find_spec', lambda name: None)
-    if shutil.which('cc') is not None and Path(
-            sysconfig.get_path('include'), 'Python.h').is_file():
-        assert 'pip install mypy' in (build.obstacle() or '')
-    monkeypatch.setenv('CC', 'no-such-compiler')
-    assert (build.obstacle() or '').startswith('no C compiler (no-such-compiler): sudo apt')
-    assert build.extensions() == []
+    monkeypatch.setenv('CC', sys.executable)
+    monkeypatch.setattr(sysconfig, 'get_path', lambda name: '/nowhere')
+    assert build.obstacle() == 'no /nowhere/Python.h: sudo apt install python3-dev'
+    monkeypatch.setenv('CC', 'no-such-compiler -pipe')
+    assert (build.obstacle() or '').startswith('no C compiler (no-such-compiler -pipe): sudo apt')
+    assert build.extensions() == [] and build.wheel_options() == {}
     monkeypatch.setenv(compiled.SWITCH, '1')
     with pytest.raises(build.ExecError, match='RT_ROBOT_OS_COMPILE=1, but there is no C comp'):
         build.extensions()
@@ -184,42 +204,59 @@ def test_what_is_missing_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatc
     assert build.obstacle() == 'RT_ROBOT_OS_COMPILE=0'
 
 
-def test_binaries_that_fit_are_not_made_again(
-    copy: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-) -> None:
-    from setuptools import Distribution
-    monkeypatch.chdir(copy)
-    monkeypatch.setattr(build, 'obstacle', lambda: None)
-    monkeypatch.setattr(build.BuildCompiled, '_compile', lambda *_: pytest.fail('compiled again'))
-    command = build.BuildCompiled(Distribution({'name': 'x'}))
-    command.ensure_finalized()
-    command.inplace = True
-    command.run()
-    assert 'compiled with mypyc' in capsys.readouterr().out
-    manifest = json.loads(compiled.manifest_path(copy / compiled.FOLDER).read_text())
-    assert all((copy / path).is_file() for path in command.get_outputs())
-    assert len(command.get_outputs()) == len(manifest['files']) + 1
+def build_with(compiler: Path, installed: Path, switch: str = '') -> tuple[int, str, str]:
+    """Run the command in a copy with another compiler; return its exit code and its output."""
+    shutil.copy(ROOT / 'setup.py', installed)
+    done = subprocess.run(
+        [sys.executable, 'setup.py', 'build_ext', '--inplace'], cwd=installed,
+        env={**environment(switch), 'CC': str(compiler)}, capture_output=True, text=True)
+    return done.returncode, done.stdout, done.stderr
 
 
-def test_a_fault_of_the_compiler_leaves_the_sources_as_they_are(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-) -> None:
-    from setuptools import Distribution
+@pytest.fixture
+def failing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Return a compiler that fails."""
+    path = tmp_path_factory.mktemp('compiler') / 'cc'
+    path.write_text('#!/bin/sh\nexit 1\n')
+    path.chmod(0o755)
+    yield path
 
-    def fail(*_: object) -> None:
-        raise ValueError('value is not in list')  # as that of mypy 1.9 may
 
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(build, 'obstacle', lambda: None)
-    monkeypatch.setattr(build.BuildCompiled, '_compile', fail)
-    monkeypatch.delenv(compiled.SWITCH, raising=False)
-    command = build.BuildCompiled(Distribution({'name': 'x'}))
-    command.ensure_finalized()
-    command.inplace = True
-    command.run()
-    assert command.get_outputs() == []
-    assert 'pure Python, it could not be compiled: ValueError: value is not in list' in (
-        ''.join(capsys.readouterr()))
-    monkeypatch.setenv(compiled.SWITCH, '1')
-    with pytest.raises(ValueError):
-        command.run()
+def test_a_binary_that_fits_is_not_made_again(
+        copy: Path, binary: Path, failing: Path, tmp_path: Path) -> None:
+    lib = tmp_path / 'build' / f'lib.{sysconfig.get_platform()}-{sys.implementation.cache_tag}'
+    (lib / compiled.PACKAGE).mkdir(parents=True)
+    shutil.copy(binary, lib / compiled.PACKAGE)
+    for path in copy.rglob('*.c'):
+        path.touch()  # as after a fresh clone
+    assert build_with(failing, copy, '1')[0] == 0
+    edit(copy, 'kernel/_core.h')
+    assert build_with(failing, copy, '1')[0] == 1
+
+
+def test_a_fault_of_the_compiler_leaves_pure_python_unless_it_is_demanded(
+        copy: Path, failing: Path) -> None:
+    edit(copy, 'kernel/_core.h')
+    code, _, told = build_with(failing, copy)
+    assert code == 0
+    assert 'rt_robot_os: pure Python, it could not be compiled: command' in told
+    assert ask(copy).startswith(STALE)
+    code, _, told = build_with(failing, copy, '1')
+    assert code == 1 and 'failed with exit code 1' in told
+
+
+@pytest.mark.linter
+@pytest.mark.parametrize('compiler', ['gcc', 'clang', 'aarch64-linux-gnu-gcc'])
+@pytest.mark.parametrize('stable', [True, False])
+def test_the_c_sources_have_no_warnings(compiler: str, stable: bool) -> None:
+    if shutil.which(compiler) is None:
+        pytest.skip(f'there is no {compiler}')
+    include = sysconfig.get_path('include')
+    if not Path(include, 'Python.h').is_file():
+        pytest.skip(f'there is no {include}/Python.h')
+    macros = [f'-D{name}={value}' for name, value in build.macros(PACKAGE).items()
+              if stable or name != 'Py_LIMITED_API']
+    done = subprocess.run(
+        [compiler, '-fsyntax-only', *WARNINGS, *macros, '-isystem', include,
+         *(str(PACKAGE / name) for name in compiled.C_SOURCES)], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, '')

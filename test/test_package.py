@@ -49,7 +49,7 @@ KEYS = {
     'yaml': 'python3-yaml'}
 
 # import name -> the library that brings it, for those that the table does not list
-BROUGHT = {'av': 'aiortc', 'mypy_extensions': 'mypy', 'mypyc': 'mypy', 'starlette': 'fastapi'}
+BROUGHT = {'av': 'aiortc', 'starlette': 'fastapi'}
 # import name -> the library of the table
 TABLE = {each.module: each.name for each in LIBRARIES.values()}
 # What is given to the functions of needs.py.
@@ -82,13 +82,13 @@ def _texts() -> Iterator[Path]:
     for folder, folders, names in os.walk(ROOT):
         folders[:] = [name for name in folders
                       if not (name.startswith('.') and name != '.ci')
-                      and name not in ('__pycache__', 'build', 'install', 'log',
-                                       f'{PACKAGE}_compiled')
+                      and name not in ('__pycache__', 'build', 'install', 'log')
                       and not name.endswith('.egg-info')]
         for name in names:
             path = Path(folder, name)
             # In a further work tree .git is a file.
-            if name != '.git' and not name.endswith(('.pyc', '.png', '.mcap', '.bin', '.lock')):
+            if name != '.git' and not name.endswith(
+                    ('.pyc', '.png', '.mcap', '.bin', '.lock', '.so')):
                 yield path
 
 
@@ -147,7 +147,7 @@ def test_what_is_optional_is_asked_for_by_name_where_it_is_needed() -> None:
     asked = {name for path in (ROOT / PACKAGE).rglob('*.py') for name in ASKED.findall(
         path.read_text()) for name in EXTRAS_ASKED.get(name, (name,))}
     optional = {name for extra, names in EXTRAS.items() for name in names
-                if extra not in ('compile', 'docs', 'peers', 'test')}
+                if extra not in ('docs', 'peers', 'test')}
     assert sorted(optional - asked) == []
 
 
@@ -212,7 +212,7 @@ def test_every_module_and_data_file_is_installed() -> None:
     missing = []
     for path in sorted((ROOT / PACKAGE).rglob('*')):
         name = path.relative_to(ROOT).as_posix()
-        if not path.is_file() or path.suffix == '.pyc':
+        if not path.is_file() or path.suffix in ('.pyc', '.so'):
             continue
         if path.suffix == '.py':
             if not (path.parent / '__init__.py').is_file():

@@ -134,7 +134,7 @@ def test_a_machine_that_cannot_compile_says_so_and_does_not_fail(results: Result
     assert results.judge() == []
 
 
-@pytest.mark.parametrize('why_not', ['no mypyc: pip install mypy', 'RT_ROBOT_OS_COMPILE=0'])
+@pytest.mark.parametrize('why_not', ['no time', 'RT_ROBOT_OS_COMPILE=0'])
 def test_ci_fails_when_only_the_will_to_compile_is_missing(
         results: Results, why_not: str) -> None:
     assert results.join(suite(GOOD), why_not=why_not)[0] == 0

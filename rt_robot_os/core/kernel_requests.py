@@ -57,10 +57,10 @@ class KernelRequests:
         kernel, now_ns = self._kernel, self._kernel.now_ns()
         return {'pid': os.getpid(), 'now_ns': now_ns, 'elapsed_ns': now_ns - kernel.start_ns,
                 'wakeups': kernel.wakeups, 'overhead_ns': kernel.overhead_ns,
-                'looked_ns': kernel.looked_ns, 'alarm_ns': kernel.clock.wake_ns,
-                'failures_total': kernel.failures_total, 'stolen': kernel.stolen.events,
-                'stolen_total_ns': kernel.stolen.total_ns,
-                'stolen_maximum_ns': kernel.stolen.times.maximum_ns}
+                'looked_ns': kernel.polled_ns, 'alarm_ns': kernel.clock.wake_ns,
+                'failures_total': kernel.failures_total, 'stolen': kernel.steal_time.events,
+                'stolen_total_ns': kernel.steal_time.total_ns,
+                'stolen_maximum_ns': kernel.steal_time.times.maximum_ns}
 
     def _rearm(self, session: Session, arguments: Arguments) -> Arguments:
         """Re-arm a task that is held, or all of them."""
@@ -77,7 +77,7 @@ class KernelRequests:
     def _reset_statistics(self, session: Session, arguments: Arguments) -> Arguments:
         for task in self._kernel.tasks:
             task.reset_statistics()
-        self._kernel.stolen.reset()
+        self._kernel.steal_time.reset()
         return {}
 
     def _end(self, session: Session, arguments: Arguments) -> Arguments:

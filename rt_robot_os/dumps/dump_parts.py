@@ -110,20 +110,17 @@ def live_parts(kernel: Kernel, reason: str, facts: Mapping[str, str | int] | Non
     """
     Divide the black box of a running kernel into parts; not above its lowest priorities.
 
-    Its records are copied by one native call, about 5 us a thousand; the rest can be preempted. A
-    whole :class:`BlackBoxDump` is not made: giving back 8192 tuples is one native call of
-    500 us, so they are made, and the old ones given up, one by one.
+    The black box is copied by one native call, about 5 us a thousand records; the rest can be
+    preempted. A whole :class:`BlackBoxDump` is not made: 8192 tuples are one native call of
+    500 us, so they are made, and dropped, one by one.
     """
-    kept = kernel.black_box.records
-    # One native call from end to end: an iterator would fail at the first record in between.
-    records = kept.copy()
+    records = kernel.black_box.copy()
     head = dump(BlackBox(1), kernel.tasks, reason, kernel.now_ns(), kernel.start_ns)
-    head = replace(head, full=len(records) == kept.maxlen)
+    head = replace(head, full=len(records) == records.capacity)
     numbers: dict[Any, int] = {task: number for number, task in enumerate(kernel.tasks)}
 
     def numbered() -> Iterator[tuple[Any, ...]]:
-        while records:
-            record = records.popleft()
+        while (record := records.pop_oldest()) is not None:
             yield (record[0], numbers.get(record[1], -1), *record[2:])
 
     return _parts(head, numbered(), len(records), facts)

@@ -15,8 +15,7 @@
 """
 Logarithmic histograms of durations: eight buckets an octave, so at most 12.5 % wide.
 
-The dispatcher counts straight into the list of a task (``Task.counts``) with the arithmetic of
-:func:`bucket`, written out in place: a call would cost more than the counting.
+The histograms of a task are in :class:`rt_robot_os.kernel.task_core.TaskCore`.
 """
 
 from __future__ import annotations
@@ -106,13 +105,18 @@ def summarise(counts: Sequence[int], maximum_ns: int) -> Summary:
 
 
 class Histogram:
-    """Counts of durations by bucket, with the exact maximum."""
+    """
+    Counts of durations by bucket, with the exact maximum.
+
+    :param counts: one number a bucket; by default none has been counted.
+    :param maximum_ns: the longest duration of these.
+    """
 
     __slots__ = ('counts', 'maximum_ns')
 
-    def __init__(self) -> None:
-        self.counts = [0] * BUCKETS
-        self.maximum_ns = 0
+    def __init__(self, counts: list[int] | None = None, maximum_ns: int = 0) -> None:
+        self.counts = [0] * BUCKETS if counts is None else counts
+        self.maximum_ns = maximum_ns
 
     def add(self, duration_ns: int) -> None:
         """Count a duration of at least 0; safe in the real-time loop."""

@@ -37,9 +37,9 @@ from rt_robot_os.kernel.black_box import dump
 from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import Handler
-from rt_robot_os.kernel.clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.clock import signal_name
+from rt_robot_os.kernel.core import narrow_recursion
 from rt_robot_os.kernel.coroutine import AsyncBody
 from rt_robot_os.kernel.coroutine import AsyncFunction
 from rt_robot_os.kernel.coroutine import Ticks
@@ -51,6 +51,7 @@ from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import TaskAborted
 from rt_robot_os.kernel.logical import Logical
 from rt_robot_os.kernel.logical_tasks import LogicalTasks
+from rt_robot_os.kernel.monotonic_clock import MonotonicClock
 from rt_robot_os.kernel.one_shot import OneShot
 from rt_robot_os.kernel.releases import IDLE_LEVEL
 from rt_robot_os.kernel.releases import LEVEL_END
@@ -60,10 +61,7 @@ from rt_robot_os.kernel.spec import checked_period_ns
 from rt_robot_os.kernel.spec import FailurePolicy
 from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.statistics import KernelStatistics
-from rt_robot_os.kernel.stolen import LOOKS_LONG_NS
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.kernel.timers import insert
-from rt_robot_os.kernel.timers import Timer
 from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 
@@ -87,11 +85,9 @@ class Kernel(Scheduler):
     :param spin_ns: wake this much before a release and spin until it: less jitter for more CPU.
     :param black_box_records: how many events are kept, see :mod:`rt_robot_os.kernel.black_box`.
     :raises TaskError: a value is out of range.
-    :ivar on_idle: called, preemptible, before the kernel waits, with the time until the next
-        release in nanoseconds, unless it is None.
     """
 
-    __slots__ = ('on_idle', 'start_ns', 'wakeups', '_tasks', '_by_name', '_broken')
+    __slots__ = ('start_ns', '_tasks', '_by_name', '_broken')
 
     def __init__(self, clock: Clock | None = None, *, spin_ns: SupportsIndex = 0,
                  black_box_records: SupportsIndex = RECORDS_DEFAULT) -> None:
@@ -99,9 +95,7 @@ class Kernel(Scheduler):
             raise TaskError(f'spin_ns {spin_ns!r} must be a whole number of nanoseconds from 0 to '
                             f'{SPIN_MAXIMUM_NS}')
         super().__init__(clock or MonotonicClock(), spin_ns, int(black_box_records))
-        self.on_idle: Callable[[int], None] | None = None
         self.start_ns = 0
-        self.wakeups = 0
         self._tasks: list[Task] = []
         self._by_name: dict[str, Task] = {}
         self._broken = False
@@ -235,31 +229,31 @@ class Kernel(Scheduler):
         check_chains(self._tasks)
         self.clock.attach(self.settle, self._on_interrupt, self._on_break)
         recursion_limit = sys.getrecursionlimit()
-        self._recursion_limit = max(recursion_limit, _RECURSION_LIMIT)
-        sys.setrecursionlimit(self._recursion_limit)
+        self.recursion_limit = max(recursion_limit, _RECURSION_LIMIT)
+        sys.setrecursionlimit(self.recursion_limit)
         unraisable_hook, sys.unraisablehook = sys.unraisablehook, self._on_unraisable
         try:
             self.clock.wrap_handlers(self._run_handler)
             self._prepare(duration_ns)
             try:
-                self._loop()
+                self.loop()
             except RtRobotError:
                 raise
             except Exception as error:
-                self._fail(error)
+                self.fail(error)
         finally:
-            self.locked = self._stopping = True
-            self._interrupts.disarm()
+            self.locked = self.stopping = True
+            self._sources.disarm()
             self._close_coroutines()
             self.clock.detach()
             self.running = False
             self._abandon()
             self.locked = self.pending = False
-            self._level, self.current = IDLE_LEVEL, None
+            self.level, self.current = IDLE_LEVEL, None
             sys.setrecursionlimit(recursion_limit)
             sys.unraisablehook = unraisable_hook
             reason, broken = self._stop_reason, self._broken
-            self._stopping, self._stop_reason, self._broken = False, '', False
+            self.stopping, self._stop_reason, self._broken = False, '', False
             self._stop_ns = NEVER_NS
             leaving, self._leaving = self._leaving, None
         if leaving is not None:
@@ -269,10 +263,10 @@ class Kernel(Scheduler):
         return reason
 
     def _prepare(self, duration_ns: SupportsIndex | None) -> None:
-        self._interrupted = True  # something may be readable already
+        self.interrupted = True  # something may be readable already
         self.pending = False
         self.ended = []
-        self._begin_alarms()
+        self.begin_timers()
         for task in self._tasks:
             task.rest()
             if task.coroutine is not None:
@@ -282,45 +276,38 @@ class Kernel(Scheduler):
         if isinstance(self.clock, MonotonicClock):
             start_ns += _START_DELAY_NS + len(self._tasks) * _START_TASK_NS
         self.start_ns = start_ns
-        self.stolen.start(start_ns)
-        self._end_ns = NEVER_NS if duration_ns is None else start_ns + int(duration_ns)
-        self._clear_timers()
-        self._schedule(self._end_ns, self._end, LEVEL_END)
-        periods: dict[int, Any] = {}  # one object for equal ones: each job looks at it
+        self.steal_time.start(start_ns)
+        self.end_ns = NEVER_NS if duration_ns is None else start_ns + int(duration_ns)
+        self.clear_timers()
+        self.schedule(self.end_ns, self._end, LEVEL_END)
         for task in self._tasks:
             if task.coroutine is not None:
                 at_ns = start_ns + task.spec.phase_ns
-                self._schedule(at_ns, functools.partial(self._begin, task, at_ns), task.priority)
+                self.schedule(at_ns, functools.partial(self._begin, task, at_ns), task.priority)
             elif task.period_ns and task.logical is None:
-                period_ns = periods.setdefault(task.period_ns, task.period_ns)
-                timer: Timer = (start_ns + task.spec.phase_ns, task.index, task, period_ns)
-                insert(self._timers[task.priority], timer)
-                self._expect(task.priority)
-        self._interrupts.arm()
+                self.add_timer(task, start_ns + task.spec.phase_ns, task.period_ns)
+        self._sources.arm()
         self.running = True
 
     def _begin(self, task: Task, at_ns: int, now_ns: int) -> None:
         if task.coroutine is not None and task.coroutine.by_schedule is None:
-            self._arrive(task, at_ns)
+            self.arrive(task, at_ns)
 
     def _end(self, now_ns: int) -> None:
         self.stop('duration')
 
     def _abandon(self) -> None:
         """Count what was released and does not run any more as missed."""
-        now_ns = min(self.now_ns(), self._end_ns - 1)
-        for timers in self._timers:
-            for timer in timers.copy():
-                if timer[0] <= now_ns and timer[3]:
-                    self._release(timer)
+        now_ns = min(self.now_ns(), self.end_ns - 1)
+        self.release_unserved(now_ns)
         for task in self._tasks:
-            if task.timer is not None and task.timer[0] <= now_ns:
-                self._consequences.reckon(task, task.timer, now_ns)
-            self._withdraw(task)
+            if task.next_ns and task.next_ns <= now_ns:
+                self.account_missed_releases(task, task.next_ns, now_ns)
+            self.faults.withdraw(task)
             task.missed += task.rephasing
-            task.timer = None
+            task.next_ns = 0
             task.rephasing = False
-        self._clear_timers()
+        self.clear_timers()
 
     def _close_coroutines(self) -> None:
         """Let them clean up, for a while; what that raises is contained like what a job raises."""
@@ -328,66 +315,33 @@ class Kernel(Scheduler):
             if task.coroutine is None or not self.running:
                 continue
             now_ns = task.start_ns = self.now_ns()
-            self.current, self._level, self._stolen_ns = task, PRIORITY_MAXIMUM, 0
+            self.current, self.level, self.stolen_ns = task, PRIORITY_MAXIMUM, 0
             task.limit_ns, task.over = _CLOSE_NS, True
-            self._look_at(now_ns + _CLOSE_NS)
+            task.computed_ns, task.waited_ns = self.clock.computed_ns(), 0
+            self._interrupt_by(now_ns + _CLOSE_NS)
             try:
                 try:
                     self.locked = False
                     task.coroutine.close()
                 except BaseException as error:
-                    self._note_failure(describe(task.name, now_ns, error))
+                    self.note_failure(describe(task.name, now_ns, error))
                 self.locked = True
             except BaseException:
                 self.locked = True
             task.limit_ns, task.over = 0, False
 
-    def _loop(self) -> None:
-        clock = self.clock
-        end_ns = idled_ns = 0
-        while True:
-            self.locked = True
-            self.pending = False
-            if self._stopping:  # who says so later leaves a note, so that nothing is waited for
-                break
-            now_ns = self.now_ns()
-            end_ns = end_ns or now_ns
-            late_ns = now_ns - self._armed_ns
-            if late_ns > LOOKS_LONG_NS and self._armed_ns and not self._ready:
-                self.stolen.claim(now_ns, late_ns)  # woken late
-            if self.spin_ns:
-                now_ns = self._spin(now_ns, IDLE_LEVEL)
-            self._notice(now_ns)
-            if self._ready:
-                end_ns = self._dispatch(IDLE_LEVEL, now_ns, end_ns)
-                continue
-            next_ns = self._firsts[0][0]
-            alarm_ns = self._arm_or_look(next_ns, now_ns, idled_ns)
-            if not alarm_ns:
-                self.overhead_ns += now_ns - end_ns
-                end_ns = 0
-                continue
-            idled_ns = now_ns
-            self.overhead_ns += self.now_ns() - end_ns
-            end_ns = 0
-            if self.on_idle is not None and self._idle(self.on_idle, alarm_ns - now_ns):
-                break
-            self.stolen.keep_fresh(now_ns)
-            if clock.rest(self):
-                self._interrupted = True
-            self.wakeups += 1
-
-    def _idle(self, hook: Callable[[int], None], slack_ns: int) -> bool:
-        """Call the hook; return whether it is the end: an alarm may have taken the note of it."""
+    def idle(self, slack_ns: int) -> bool:
+        """Call ``on_idle``; return whether it is the end: an interrupt may have cleared the note."""
         self.locked = False
         if self.pending:
             self.settle()
         try:
-            hook(slack_ns)
+            if self.on_idle is not None:
+                self.on_idle(slack_ns)
         except Exception as error:
-            self._note_failure(describe('idle', self.now_ns(), error))
+            self.note_failure(describe('idle', self.now_ns(), error))
         self.locked = True
-        return self._stopping
+        return self.stopping
 
     # ---- while it runs -----------------------------------------------------------------------
 
@@ -400,13 +354,13 @@ class Kernel(Scheduler):
         :param reason: for the report.
         """
         before = self.lock()
-        self._consequences.demand(task, policy, reason, self.now_ns())
+        self.faults.request_policy(task, policy, reason, self.now_ns())
         self.unlock(before)
 
     def rearm(self, task: Task) -> None:
         """Let a held task make jobs again, beginning with its ``on_restart``; as Task.rearm."""
         before = self.lock()
-        self._consequences.resume(task, self.now_ns())
+        self.faults.resume(task, self.now_ns())
         self.unlock(before)
 
     # ---- interrupts --------------------------------------------------------------------------
@@ -426,9 +380,9 @@ class Kernel(Scheduler):
         """
         before = self.lock()
         try:
-            self._interrupts.add(fd, task, separation_ns, name)
+            self._sources.add(fd, task, separation_ns, name)
             if self.running:
-                self._interrupted = self.pending = True  # it may be readable already
+                self.interrupted = self.pending = True  # it may be readable already
         finally:
             self.unlock(before)
 
@@ -436,12 +390,12 @@ class Kernel(Scheduler):
         """Undo :meth:`add_interrupt`, before the descriptor is closed; unknown ones are fine."""
         before = self.lock()
         try:
-            self._interrupts.remove(fd)
+            self._sources.remove(fd)
         finally:
             self.unlock(before)
 
     def _on_interrupt(self, signum: int = 0, frame: object = None) -> None:
-        self._interrupted = True
+        self.interrupted = True
         self.settle(signum)
 
     def _on_break(self, signum: int = 0, frame: object = None) -> None:
@@ -459,20 +413,20 @@ class Kernel(Scheduler):
         except TaskAborted:
             raise  # meant for the job that runs
         except Exception as error:
-            self._note_failure(describe(f'handler of {signal_name(signum)}', self.now_ns(), error))
+            self.note_failure(describe(f'handler of {signal_name(signum)}', self.now_ns(), error))
         except BaseException as error:
             if self._broken and isinstance(error, KeyboardInterrupt):
                 raise  # the second Ctrl-C
             self._leaving = self._leaving or error
             self.stop(type(error).__name__)
         finally:
-            self._narrow(self._recursion_limit)
+            narrow_recursion(self.recursion_limit)
 
     def _on_unraisable(self, unraisable: sys.UnraisableHookArgs) -> None:
         """Report what a finaliser raised; Python would print each, and wait for the console."""
         if unraisable.exc_value is not None:
             name = self.current.name if self.current is not None else 'idle'
-            self._note_failure(describe(name, self.now_ns(), unraisable.exc_value, outermost=True))
+            self.note_failure(describe(name, self.now_ns(), unraisable.exc_value, outermost=True))
 
     def guard_handlers(self) -> None:
         """
@@ -490,7 +444,7 @@ class Kernel(Scheduler):
         if not self.running:
             return
         before = self.lock()
-        self._consequences.account(task, self.now_ns())
+        self.faults.account(task, self.now_ns())
         self.unlock(before)
 
     def black_box_dump(self, reason: str) -> BlackBoxDump:
@@ -503,8 +457,9 @@ class Kernel(Scheduler):
             elapsed_ns=self.now_ns() - self.start_ns, wakeups=self.wakeups,
             failures_total=self.failures_total,
             failures_dropped=self.failures_total - len(self.failures),
-            overhead_ns=self.overhead_ns, looked_ns=self.looked_ns, alarm_ns=self.clock.wake_ns,
-            stolen=self.stolen.times.summary(), stolen_total_ns=self.stolen.total_ns,
+            overhead_ns=self.overhead_ns, polled_ns=self.polled_ns,
+            interrupt_ns=self.clock.wake_ns,
+            stolen=self.steal_time.times.summary(), stolen_total_ns=self.steal_time.total_ns,
             tasks=tuple(task.statistics() for task in self._tasks),
             resources=tuple(r.statistics() for r in self._resources.values()),
-            sources=self._interrupts.statistics())
+            sources=self._sources.statistics())

@@ -63,13 +63,13 @@ class LogicalTasks:
         else:
             self._logical.begin()
             release_ns = releaser.release_ns
-            kernel._take_in(task.priority, release_ns)  # what came before
-            kernel._queue(task, release_ns, task.period_ns)
-            kernel._schedule(release_ns + task.deadline_ns, self._end, LEVEL_OUTPUTS)
+            kernel.release_due(task.priority, release_ns)  # what came before
+            kernel.enqueue(task, release_ns, task.period_ns)
+            kernel.schedule(release_ns + task.deadline_ns, self._end, LEVEL_OUTPUTS)
         kernel.locked = False
 
     def _end(self, now_ns: int) -> None:
-        self._kernel._arrive(self._publisher, now_ns)
+        self._kernel.arrive(self._publisher, now_ns)
 
     def _publish(self) -> None:
         self._logical.end(in_time=not (self._task.busy or self._task.pending))

@@ -22,7 +22,6 @@ from typing import SupportsIndex
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.kernel.timers import Timer
 
 
 class OneShot:
@@ -32,17 +31,18 @@ class OneShot:
     It belongs to the run of the kernel in which it was started.
     """
 
-    __slots__ = ('task', '_kernel', '_timer')
+    __slots__ = ('task', '_kernel', '_order', '_due_ns')
 
     def __init__(self, kernel: Releases, task: Task) -> None:
         self.task = task
         self._kernel = kernel
-        self._timer: Timer | None = None
+        self._order = 0  # what the kernel calls it; 0 when it is not started
+        self._due_ns = 0
 
     @property
     def started(self) -> bool:
         """Whether it will release its task."""
-        return self._timer is not None
+        return self._order != 0
 
     def start(self, delay_ns: SupportsIndex) -> None:
         """
@@ -68,23 +68,22 @@ class OneShot:
             raise TaskError(f'timer of task {self.task.name!r}: the kernel is not running; start '
                             'it from a task')
         before = kernel.lock()
-        if self._timer is not None:
-            kernel._cancel(self._timer, self.task.priority)
-        self._timer = kernel._schedule(
-            max(time_ns, kernel.now_ns()), self._fire, self.task.priority)
+        if self._order:
+            kernel.cancel(self._order, self.task.priority)
+        self._due_ns = max(time_ns, kernel.now_ns())
+        self._order = kernel.schedule(self._due_ns, self._fire, self.task.priority)
         kernel.unlock(before)
 
     def cancel(self) -> None:
         """Take the start back; nothing happens if it has released its task already."""
         kernel = self._kernel
         before = kernel.lock()
-        if self._timer is not None:
-            kernel._cancel(self._timer, self.task.priority)
-            self._timer = None
+        if self._order:
+            kernel.cancel(self._order, self.task.priority)
+            self._order = 0
         kernel.unlock(before)
 
     def _fire(self, now_ns: int) -> None:
+        self._order = 0
         # When it was due: the kernel comes to it later if something higher runs.
-        due_ns = now_ns if self._timer is None else self._timer[0]
-        self._timer = None
-        self._kernel._arrive(self.task, due_ns)
+        self._kernel.arrive(self.task, self._due_ns)

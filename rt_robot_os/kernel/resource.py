@@ -84,9 +84,9 @@ class Resource:
             raise self._misuse(task)
         self.holder = task
         task.inside += 1
-        self._below = below = kernel._level
+        self._below = below = kernel.level
         if self.ceiling > below:
-            kernel._level = self.ceiling
+            kernel.level = self.ceiling
         self._enter_ns = kernel.now_ns()
         kernel.locked = False
         if kernel.pending:
@@ -110,9 +110,9 @@ class Resource:
         self.entries += 1
         kernel.record((CEILING, task, self._enter_ns, leave_ns, self.name))
         task.inside -= 1
-        kernel._level = below
+        kernel.level = below
         kernel.locked = False
-        if kernel.pending or kernel._ready >> below + 1 or task.struck:
+        if kernel.pending or kernel.ready_above(below) or task.abort_pending:
             kernel.settle()
 
     def _misuse(self, task: Task | None) -> TaskError:

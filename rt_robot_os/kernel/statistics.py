@@ -56,7 +56,7 @@ class TaskStatistics:
     :ivar execution: computing time, with what preempted it taken off.
     :ivar jitter: how far the interval between two starts was from the period.
     :ivar gap_maximum_ns: longest time from one start to the next.
-    :ivar blocked_maximum_ns: longest time that its code (a native call) held up an alarm.
+    :ivar blocked_maximum_ns: longest time that its code (a native call) held up an interrupt.
     :ivar state: whether its releases make jobs.
     :ivar overruns: releases that found the job before unfinished, whatever became of them.
     :ivar aborted: jobs that TaskAborted ended.
@@ -130,13 +130,13 @@ class KernelStatistics:
     :ivar elapsed_ns: since the kernel was started last.
     :ivar wakeups: times that it woke from idling.
     :ivar stolen: times that Linux took the CPU while there was something to compute, as far as
-        that was noticed: where an alarm or a job was late by 0.2 ms or more.
+        that was noticed: where an interrupt or a job was late by 0.2 ms or more.
     :ivar failures_dropped: failure reports that gave way to newer ones.
     :ivar overhead_ns: what the kernel itself computed for since it was made: releasing,
-        dispatching, setting alarms. What Linux and Python need to deliver a signal is not in it.
-    :ivar looked_ns: what it looked at the clock for, since it was made, where an alarm would have
+        dispatching, setting timers. What Linux and Python need to deliver a signal is not in it.
+    :ivar polled_ns: how long it polled the clock, since it was made, where an interrupt would have
         cost more.
-    :ivar alarm_ns: what an alarm costs here, as measured at the start; 0 where it costs nothing.
+    :ivar interrupt_ns: what a timer interrupt costs here, as measured at the start; 0 where it costs nothing.
     """
 
     elapsed_ns: int
@@ -149,5 +149,5 @@ class KernelStatistics:
     overhead_ns: int = 0
     stolen: Summary = Summary()
     stolen_total_ns: int = 0
-    looked_ns: int = 0
-    alarm_ns: int = 0
+    polled_ns: int = 0
+    interrupt_ns: int = 0

@@ -23,12 +23,10 @@ from collections import deque
 from collections.abc import Callable
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 from typing import SupportsFloat
 
 from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.clock import NEVER_NS
-from rt_robot_os.kernel.histogram import BUCKETS
 from rt_robot_os.kernel.histogram import Histogram
 from rt_robot_os.kernel.logical import Logical
 from rt_robot_os.kernel.spec import BudgetPolicy
@@ -39,17 +37,11 @@ from rt_robot_os.kernel.spec import TaskSpec
 from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.statistics import DeadlineMiss
 from rt_robot_os.kernel.statistics import TaskStatistics
-from rt_robot_os.kernel.timers import Timer
+from rt_robot_os.kernel.task_core import EXECUTION
+from rt_robot_os.kernel.task_core import JITTER
+from rt_robot_os.kernel.task_core import LATENCY
+from rt_robot_os.kernel.task_core import TaskCore
 from rt_robot_os.units import NS_PER_S
-
-# The histograms of a task, in one list: bucket b of kind k is number b * KINDS + k.
-LATENCY: Final = 0
-EXECUTION: Final = 1
-JITTER: Final = 2
-KINDS: Final = 3
-_COUNTS: Final = KINDS * BUCKETS
-# The first count that is carried: Python keeps the integers up to 256.
-CARRY: Final = 256
 
 
 class Coroutine(ABC):
@@ -75,99 +67,49 @@ class Coroutine(ABC):
         """Drop the coroutine; its ``finally`` clauses run."""
 
 
-class Task:
+class Task(TaskCore):
     """
     A task in its kernel; made by :meth:`rt_robot_os.kernel.Kernel.add_task`.
 
-    The public attributes are for reading. What was declared:
+    The public attributes are for reading. What was declared, besides those of the base class:
 
+    :ivar spec: all of it.
+    :ivar body: its function; ``function`` may be another one for the next job.
+    :ivar successors: tasks that each ended job releases.
     :ivar logical: what publishes its outputs at the deadline, if that was declared.
     :ivar coroutine: what it is made of when it is written as one.
-    :ivar aborts: a job that exceeds the budget is struck.
-    :ivar skips: an overrun is counted, and nothing else.
 
-    Its releases and its job:
+    What went wrong, and what is done about it:
 
-    :ivar pending: it waits for its turn, or is held (``state``).
-    :ivar timer: for its next release, once that is no longer among the kernel's timers, because a
-        job of it waits, runs or is late, or it is held; else None.
-    :ivar busy: a job of it is on the stack.
-    :ivar inside: number of resources that this job is inside of.
-    :ivar follow_up: something is to be looked at when this job has ended.
-
-    What became of its budget:
-
-    :ivar limit_ns: computing time at which the job that runs is struck; 0 means never.
-    :ivar strikes: times that it was; one more waits to be delivered while ``struck``.
-    :ivar resists: it had its time for ``finally`` clauses: TaskAborted is raised until it ends.
-    :ivar over: its function has ended by an exception, which is being described and dropped.
-
-    What went wrong:
-
+    :ivar state: whether its releases make jobs.
+    :ivar backlog: times of releases that the overrun policy catch_up stores.
+    :ivar rephasing: its grid begins anew when the job that runs has ended.
+    :ivar wanted: the policy to apply then.
+    :ivar aborts_raised: times that TaskAborted was raised in the job that runs.
+    :ivar bucket: of overruns, see ``overrun_limit``; ``bucket_runs`` is ``runs`` at the last one.
+    :ivar restart_ns: the next pause before a restart.
+    :ivar resume_ns: when the current or last one ends.
     :ivar miss: job, release_ns and late_ns of ``last_miss``.
-    :ivar suspects: its ``ran_instead``; looked for every 10 ms at most.
-    :ivar execution_limit_ns: longer jobs are looked at: the longest so far, or the budget.
-    :ivar response_limit_ns: the same for the time from release to end, with the deadline.
-
-    How long its jobs took:
-
-    :ivar counts: of the histograms ``latency``, ``execution`` and ``jitter``, bucket by bucket
-        side by side. All of them are below ``CARRY``, so that Python has them ready made and
-        counting touches nothing but this list; what is more has been carried elsewhere.
+    :ivar suspects: its ``ran_instead``; searched for every 10 ms at most.
     """
 
     __slots__ = (
-        # What each job touches, side by side: in the compiled build these are few cache lines.
-        'pending', 'busy', 'aborts', 'follow_up', 'struck', 'over', 'timer', 'function', 'counts',
-        'priority', 'period_ns', 'inside', 'start_ns', 'release_ns', 'interval_ns', 'releases',
-        'runs', 'execution_total_ns', 'execution_limit_ns', 'latency_maximum_ns',
-        'response_limit_ns', 'gap_maximum_ns', 'jitter_maximum_ns',
-        # What was declared
-        'spec', 'name', 'index', 'body', 'on_restart', 'on_safe_state', 'successors',
-        'logical', 'coroutine', 'deadline_ns', 'budget_ns', 'skips',
-        # Its releases and its job
-        'backlog', 'rephasing',
-        # Its budget
-        'limit_ns', 'strikes', 'resists',
-        # Trouble, and what is done about it
-        'state', 'wanted', 'bucket', 'bucket_runs', 'restart_ns', 'resume_ns',
+        'spec', 'body', 'on_restart', 'on_safe_state', 'successors', 'logical', 'coroutine',
+        'deadline_ns',
+        # What went wrong, and what is done about it
+        '_state', 'backlog', 'rephasing', 'wanted', 'aborts_raised', 'bucket', 'bucket_runs',
+        'restart_ns', 'resume_ns', 'miss', 'suspects',
         # Counters
-        'missed', 'coalesced', 'failures', 'overruns', 'aborted', 'budget_exceeded',
-        'deadline_missed', 'miss', 'suspects', 'execution_maximum_ns', 'blocked_maximum_ns',
-        'response_maximum_ns', '_carried', '_carries',
+        'failures', 'aborted', 'budget_exceeded', 'deadline_missed', 'response_maximum_ns',
         # Its kernel
         '_rearm', '_account')
-
-    # In the order in which the compiled build lays them out.
-    pending: bool
-    busy: bool
-    aborts: bool
-    follow_up: bool
-    struck: bool
-    over: bool
-    timer: Timer | None
-    function: Callable[[], object]
-    counts: list[int]
-    priority: int
-    period_ns: int
-    inside: int
-    start_ns: int
-    release_ns: int
-    interval_ns: int
-    releases: int
-    runs: int
-    execution_total_ns: int
-    execution_limit_ns: int
-    latency_maximum_ns: int
-    response_limit_ns: int
-    gap_maximum_ns: int
-    jitter_maximum_ns: int
 
     def __init__(self, spec: TaskSpec, function: Callable[[], object], index: int, *,
                  on_restart: Callable[[], object] | None = None,
                  on_safe_state: Callable[[], object] | None = None,
                  rearm: Callable[[Task], None] | None = None,
                  account: Callable[[Task], None] | None = None) -> None:
+        super().__init__()
         self.spec = spec
         self.name = spec.name
         self.priority = spec.priority
@@ -176,41 +118,44 @@ class Task:
         self.period_ns = spec.period_ns
         self.deadline_ns = spec.deadline_ns or spec.period_ns or NEVER_NS
         self.budget_ns = spec.budget_ns or NEVER_NS
+        self.aborts = spec.on_budget is BudgetPolicy.ABORT
         self.skips = spec.overrun is OverrunPolicy.SKIP and not spec.overrun_limit
         self.on_restart = on_restart
         self.on_safe_state = on_safe_state
         self.successors: Sequence[Task] = ()
         self.logical: Logical | None = None
         self.coroutine: Coroutine | None = None
-        self.counts = [0] * _COUNTS
-        self._carried: dict[int, int] = {}
-        self._carries = 0
-        self.backlog: deque[int] = deque()  # times of releases that catch_up keeps
+        self.backlog: deque[int] = deque()
         self._rearm = rearm
         self._account = account
         self.rest()
         self.reset_statistics()
 
+    @property
+    def state(self) -> TaskState:
+        """Return whether its releases make jobs."""
+        return self._state
+
+    @state.setter
+    def state(self, state: TaskState) -> None:
+        self._state = state
+        self.held = state is not TaskState.ACTIVE
+
     def rest(self) -> None:
         """Forget a job that was waiting, and any trouble; the kernel calls it before it starts."""
         self.function = self.body
-        self.pending = False
-        self.timer = None
-        self.busy = False
+        self.pending = self.busy = False
+        self.next_ns = self.next_period_ns = 0
         self.inside = 0
         self.follow_up = bool(self.successors)
-        self.aborts = self.spec.on_budget is BudgetPolicy.ABORT
-        self.limit_ns = 0
-        self.strikes = 0
-        self.struck = False
-        self.over = False
-        self.resists = False
+        self.limit_ns = self.computed_ns = self.waited_ns = 0
+        self.aborts_raised = 0
+        self.abort_pending = self.over = self.resists = False
         self.backlog.clear()
         self.rephasing = False
         self.state = TaskState.ACTIVE
         self.wanted: FailurePolicy | None = None
-        self.bucket = 0
-        self.bucket_runs = 0
+        self.bucket = self.bucket_runs = 0
         self.restart_ns = self.spec.restart_ns
         self.resume_ns = 0
         self.release_ns = 0
@@ -261,37 +206,17 @@ class Task:
     @property
     def latency(self) -> Histogram:
         """Return a copy of the histogram from release to start; not for the real-time loop."""
-        return self._histogram(LATENCY, self.latency_maximum_ns)
+        return Histogram(self.counts(LATENCY), self.latency_maximum_ns)
 
     @property
     def execution(self) -> Histogram:
         """Return a copy of that of computing times; not for the real-time loop."""
-        return self._histogram(EXECUTION, self.execution_maximum_ns)
+        return Histogram(self.counts(EXECUTION), self.execution_maximum_ns)
 
     @property
     def jitter(self) -> Histogram:
         """Return a copy of that of the jitter; not for the real-time loop."""
-        return self._histogram(JITTER, self.jitter_maximum_ns)
-
-    def carry(self, place: int) -> None:
-        """Put aside a count that has become ``CARRY``; called locked."""
-        self.counts[place] -= CARRY
-        self._carried[place] = self._carried.get(place, 0) + CARRY
-        self._carries += 1
-
-    def _histogram(self, kind: int, maximum_ns: int) -> Histogram:
-        found = Histogram()
-        found.maximum_ns = maximum_ns
-        while True:
-            carries = self._carries
-            counts, carried = self.counts[kind::KINDS], self._carried.copy()
-            if carries == self._carries:  # no job of it came in between and carried
-                break
-        for place, number in carried.items():
-            if place % KINDS == kind:
-                counts[place // KINDS] += number
-        found.counts = counts
-        return found
+        return Histogram(self.counts(JITTER), self.jitter_maximum_ns)
 
     @property
     def last_miss(self) -> DeadlineMiss | None:
@@ -301,20 +226,14 @@ class Task:
     def reset_statistics(self) -> None:
         """Begin to count anew; a job that waits or runs now counts as released."""
         self.account()
-        waits = self.pending and self.state is TaskState.ACTIVE
-        self.releases = int(waits) + int(self.busy) + len(self.backlog) + int(
-            self.rephasing)
-        self.runs = self.missed = self.coalesced = self.failures = 0
-        self.overruns = self.aborted = self.budget_exceeded = self.deadline_missed = 0
+        self.clear_counts()
+        waits = self.pending and not self.held
+        self.releases = waits + self.busy + len(self.backlog) + self.rephasing
+        self.failures = self.aborted = self.budget_exceeded = self.deadline_missed = 0
         self.bucket_runs = 0
         self.miss: tuple[int, int, int] | None = None
         self.suspects: tuple[str, ...] = ()
-        self.gap_maximum_ns = self.blocked_maximum_ns = self.execution_total_ns = 0
-        self.response_maximum_ns = self.response_limit_ns = self.execution_limit_ns = 0
-        self.latency_maximum_ns = self.execution_maximum_ns = self.jitter_maximum_ns = 0
-        self.counts[:] = [0] * _COUNTS
-        self._carried = {}
-        self._carries += 1
+        self.response_maximum_ns = 0
 
     def statistics(self) -> TaskStatistics:
         """Take the statistics; costs about 100 us, so not for the real-time loop."""

@@ -109,9 +109,9 @@ class LargeMirror(Mirror):
 
     def _lend(self, now_ns: int) -> None:
         subscription = self.subscription
-        latest = self.policy is Policy.LATEST
+        latest = self._latest
         while subscription.unread:
-            if self._interval_ns and self._is_early(now_ns, latest):
+            if self._interval_ns and self._is_early(now_ns):
                 if latest:
                     return
                 self._pass_over()

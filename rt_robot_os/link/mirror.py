@@ -18,10 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final
 
-from rt_robot_os.compiled.preemption import preemption_point
-from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.link.batch import Batch
 from rt_robot_os.link.gather import Gather
 from rt_robot_os.link.gather import Gathered
@@ -31,8 +28,6 @@ from rt_robot_os.units import NS_PER_S
 
 #: How long a sample may wait for others at most.
 DELAY_MAXIMUM_MS = 100.0
-# Samples from one preemption point to the next: 10 us.
-_POINT_EVERY: Final = 16
 
 
 class Policy(Enum):
@@ -75,7 +70,6 @@ class MirrorStatistics:
     delay_ms: float = 0.0
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)  # LargeMirror is one
 class Mirror:
     """
     One topic to one client; used by the link's task alone.
@@ -116,6 +110,7 @@ class Mirror:
         :param delay_ms: how long a sample may wait for others; 0: as long as the link gathers.
         """
         self.policy = policy
+        self._latest = policy is Policy.LATEST
         self.max_rate_hz = max_rate_hz
         self.delay_ms = delay_ms
         self._trigger.delay_ns = round(delay_ms * NS_PER_MS)
@@ -155,20 +150,17 @@ class Mirror:
         :raises OSError: the client is gone.
         """
         subscription, batch = self.subscription, self._batch
-        latest = self.policy is Policy.LATEST
-        take = subscription.latest if latest else subscription.take
-        for turn in range(1 if latest else unread):
-            if not turn % _POINT_EVERY:
-                preemption_point()
-            if self._interval_ns and self._is_early(now_ns, latest):
-                if latest:
+        take = subscription.latest if self._latest else subscription.take
+        for _ in range(1 if self._latest else unread):
+            if self._interval_ns and self._is_early(now_ns):
+                if self._latest:
                     return
                 self._pass_over()
                 continue
             room = batch.room(self._longest)
             if room is None:
                 if not self.patient:
-                    self.full += subscription.pass_over(latest)
+                    self.full += subscription.pass_over(self._latest)
                 return
             subscription.buffer = room
             if not take():
@@ -179,16 +171,16 @@ class Mirror:
             if self._interval_ns:
                 self._count_interval()
 
-    def _is_early(self, now_ns: int, latest: bool) -> bool:
+    def _is_early(self, now_ns: int) -> bool:
         """
         Return whether the next sample comes too soon after the last one that was sent.
 
         What waited for others counts from when it was published, or as near as its stamp tells.
         """
-        if latest:
+        if self._latest:
             self._at_ns = now_ns
         else:
-            stamp_ns = self.topic.stamps[self.subscription.next_seq & self.topic.mask]
+            stamp_ns = self.topic.stamp_of(self.subscription.next_seq)
             self._at_ns = min(now_ns, max(self._carried_ns, stamp_ns))
         return self._at_ns < self._next_ns
 

@@ -12,11 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-The samples of a packet, as its reader takes it apart.
-
-Not compiled, unlike what fills the packet: for a generator of mypyc each sample costs more.
-"""
+"""The samples of a packet, as its reader takes it apart."""
 
 from __future__ import annotations
 

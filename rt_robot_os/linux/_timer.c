@@ -26,33 +26,49 @@
 #include <signal.h>
 #include <time.h>
 
+#include "../kernel/_core.h"
+
 #define NS_PER_S 1000000000LL
 
 typedef struct {
     PyObject_HEAD
     timer_t timer;
     long long again_ns;
-} Alarm;
+} PosixTimer;
 
 typedef struct {
     PyObject_HEAD
     sigset_t signals;
-} Gate;
+} SignalGate;
 
 /* The attribute of whoever rests that is set when something came up. */
 static PyObject *pending_name;
 
 static PyObject *
-alarm_new(PyTypeObject *type, PyObject *args, PyObject *kwds)
+allocate(PyTypeObject *type)
+{
+    return ((allocfunc)PyType_GetSlot(type, Py_tp_alloc))(type, 0);
+}
+
+static void
+deallocate(PyObject *self)
+{
+    PyTypeObject *type = Py_TYPE(self);
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(self);
+    Py_DECREF(type);
+}
+
+static PyObject *
+posix_timer_new(PyTypeObject *type, PyObject *args, PyObject *kwds)
 {
     long long timer, again_ns;
-    if (kwds != NULL && PyDict_GET_SIZE(kwds)) {
-        PyErr_SetString(PyExc_TypeError, "Alarm(timer, again_ns) takes no keywords");
+    if (kwds != NULL && PyDict_Size(kwds) != 0) {
+        PyErr_SetString(PyExc_TypeError, "PosixTimer(timer, again_ns) takes no keywords");
         return NULL;
     }
     if (!PyArg_ParseTuple(args, "LL", &timer, &again_ns))
         return NULL;
-    Alarm *self = (Alarm *)type->tp_alloc(type, 0);
+    PosixTimer *self = (PosixTimer *)allocate(type);
     if (self != NULL) {
         self->timer = (timer_t)(intptr_t)timer;
         self->again_ns = again_ns;
@@ -61,9 +77,9 @@ alarm_new(PyTypeObject *type, PyObject *args, PyObject *kwds)
 }
 
 static PyObject *
-alarm_arm(PyObject *object, PyObject *deadline)
+posix_timer_arm(PyObject *object, PyObject *deadline)
 {
-    Alarm *self = (Alarm *)object;
+    PosixTimer *self = (PosixTimer *)object;
     int overflow;
     long long deadline_ns = PyLong_AsLongLongAndOverflow(deadline, &overflow);
     if (overflow > 0)
@@ -80,16 +96,16 @@ alarm_arm(PyObject *object, PyObject *deadline)
 }
 
 static PyObject *
-gate_new(PyTypeObject *type, PyObject *args, PyObject *kwds)
+signal_gate_new(PyTypeObject *type, PyObject *args, PyObject *kwds)
 {
     unsigned long long mask;
-    if (kwds != NULL && PyDict_GET_SIZE(kwds)) {
-        PyErr_SetString(PyExc_TypeError, "Gate(mask) takes no keywords");
+    if (kwds != NULL && PyDict_Size(kwds) != 0) {
+        PyErr_SetString(PyExc_TypeError, "SignalGate(mask) takes no keywords");
         return NULL;
     }
     if (!PyArg_ParseTuple(args, "K", &mask))
         return NULL;
-    Gate *self = (Gate *)type->tp_alloc(type, 0);
+    SignalGate *self = (SignalGate *)allocate(type);
     if (self != NULL) {
         sigemptyset(&self->signals);
         for (int signo = 1; signo <= 64; signo++)
@@ -100,33 +116,33 @@ gate_new(PyTypeObject *type, PyObject *args, PyObject *kwds)
 }
 
 static PyObject *
-gate_hold(PyObject *self, PyObject *Py_UNUSED(nothing))
+signal_gate_hold(PyObject *self, PyObject *Py_UNUSED(nothing))
 {
-    pthread_sigmask(SIG_BLOCK, &((Gate *)self)->signals, NULL);
+    pthread_sigmask(SIG_BLOCK, &((SignalGate *)self)->signals, NULL);
     Py_RETURN_NONE;
 }
 
 static PyObject *
-gate_admit(PyObject *self, PyObject *Py_UNUSED(nothing))
+signal_gate_admit(PyObject *self, PyObject *Py_UNUSED(nothing))
 {
-    pthread_sigmask(SIG_UNBLOCK, &((Gate *)self)->signals, NULL);
+    pthread_sigmask(SIG_UNBLOCK, &((SignalGate *)self)->signals, NULL);
     Py_RETURN_NONE;
 }
 
 static PyObject *
-gate_wait(PyObject *self, PyObject *Py_UNUSED(nothing))
+signal_gate_wait(PyObject *self, PyObject *Py_UNUSED(nothing))
 {
     int signo;
     Py_BEGIN_ALLOW_THREADS
-    signo = sigwaitinfo(&((Gate *)self)->signals, NULL);
+    signo = sigwaitinfo(&((SignalGate *)self)->signals, NULL);
     Py_END_ALLOW_THREADS
     return PyLong_FromLong(signo);
 }
 
 static PyObject *
-gate_rest(PyObject *self, PyObject *owner)
+signal_gate_rest(PyObject *self, PyObject *owner)
 {
-    const sigset_t *signals = &((Gate *)self)->signals;
+    const sigset_t *signals = &((SignalGate *)self)->signals;
     int signo = 0;
     pthread_sigmask(SIG_BLOCK, signals, NULL);
     /* The handlers of what came before leave their notes; what comes from here on is held. */
@@ -145,63 +161,55 @@ gate_rest(PyObject *self, PyObject *owner)
     return failed ? NULL : PyLong_FromLong(signo);
 }
 
-static void
-object_dealloc(PyObject *self)
-{
-    PyTypeObject *type = Py_TYPE(self);
-    type->tp_free(self);
-    Py_DECREF(type);
-}
-
-static PyMethodDef alarm_methods[] = {
-    {"arm", alarm_arm, METH_O, "Fire at a deadline in nanoseconds on CLOCK_MONOTONIC."},
+static PyMethodDef posix_timer_methods[] = {
+    {"arm", posix_timer_arm, METH_O, "Fire at a deadline in nanoseconds on CLOCK_MONOTONIC."},
     {NULL, NULL, 0, NULL},
 };
 
-static PyType_Slot alarm_slots[] = {
-    {Py_tp_new, alarm_new},
-    {Py_tp_dealloc, object_dealloc},
-    {Py_tp_methods, alarm_methods},
+static PyType_Slot posix_timer_slots[] = {
+    {Py_tp_new, posix_timer_new},
+    {Py_tp_dealloc, deallocate},
+    {Py_tp_methods, posix_timer_methods},
     {0, NULL},
 };
 
-static PyType_Spec alarm_spec = {
-    "rt_robot_os.linux._timer.Alarm", sizeof(Alarm), 0, Py_TPFLAGS_DEFAULT, alarm_slots,
+static PyType_Spec posix_timer_spec = {
+    "rt_robot_os._core.PosixTimer", sizeof(PosixTimer), 0, Py_TPFLAGS_DEFAULT, posix_timer_slots,
 };
 
-static PyMethodDef gate_methods[] = {
-    {"hold", gate_hold, METH_NOARGS, "Keep the signals pending."},
-    {"admit", gate_admit, METH_NOARGS, "Let the signals through again."},
-    {"wait", gate_wait, METH_NOARGS, "Sleep until one of the held signals is there; take it."},
-    {"rest", gate_rest, METH_O, "Hold them, wait unless something is pending, and admit them."},
+static PyMethodDef signal_gate_methods[] = {
+    {"hold", signal_gate_hold, METH_NOARGS, "Keep the signals pending."},
+    {"admit", signal_gate_admit, METH_NOARGS, "Let the signals through again."},
+    {"wait", signal_gate_wait, METH_NOARGS,
+     "Sleep until one of the held signals is there; take it."},
+    {"rest", signal_gate_rest, METH_O,
+     "Hold them, wait unless something is pending, and admit them."},
     {NULL, NULL, 0, NULL},
 };
 
-static PyType_Slot gate_slots[] = {
-    {Py_tp_new, gate_new},
-    {Py_tp_dealloc, object_dealloc},
-    {Py_tp_methods, gate_methods},
+static PyType_Slot signal_gate_slots[] = {
+    {Py_tp_new, signal_gate_new},
+    {Py_tp_dealloc, deallocate},
+    {Py_tp_methods, signal_gate_methods},
     {0, NULL},
 };
 
-static PyType_Spec gate_spec = {
-    "rt_robot_os.linux._timer.Gate", sizeof(Gate), 0, Py_TPFLAGS_DEFAULT, gate_slots,
+static PyType_Spec signal_gate_spec = {
+    "rt_robot_os._core.SignalGate", sizeof(SignalGate), 0, Py_TPFLAGS_DEFAULT, signal_gate_slots,
 };
 
-static struct PyModuleDef module_definition = {
-    PyModuleDef_HEAD_INIT, "_timer", "The calls of timer.py without ctypes.", -1, NULL,
-    NULL, NULL, NULL, NULL,
-};
-
-PyMODINIT_FUNC
-PyInit__timer(void)
+int
+add_timer_types(PyObject *module)
 {
     pending_name = PyUnicode_InternFromString("pending");
-    PyObject *module = PyModule_Create(&module_definition);
-    PyObject *alarm = PyType_FromSpec(&alarm_spec), *gate = PyType_FromSpec(&gate_spec);
-    if (pending_name == NULL || module == NULL || alarm == NULL || gate == NULL
-            || PyModule_AddObject(module, "Alarm", alarm) < 0
-            || PyModule_AddObject(module, "Gate", gate) < 0)
-        return NULL;
-    return module;
+    if (pending_name == NULL)
+        return -1;
+    PyObject *timer = PyType_FromSpec(&posix_timer_spec);
+    PyObject *gate = PyType_FromSpec(&signal_gate_spec);
+    int failed = timer == NULL || gate == NULL
+            || PyModule_AddObjectRef(module, "PosixTimer", timer) < 0
+            || PyModule_AddObjectRef(module, "SignalGate", gate) < 0;
+    Py_XDECREF(timer);
+    Py_XDECREF(gate);
+    return failed ? -1 : 0;
 }

@@ -26,6 +26,7 @@ import ctypes
 from itertools import repeat
 from operator import itemgetter
 import sys
+from types import BuiltinMethodType
 from typing import Any
 
 # Since Python 3.12 native calls have a limit of their own, so that they work where a Python
@@ -62,10 +63,10 @@ def with_room(handler: Callable[..., Any]) -> Callable[..., Any]:
     """
     Let a handler of signals work at the recursion limit of what it interrupts.
 
-    It finds the limit raised and must set it to what it was before it returns. Before Python 3.12
-    this cannot be done, and the handler itself is given back.
+    It finds the limit raised and must set it to what it was before it returns. A handler that is
+    written in C needs no room. Before Python 3.12 nothing can be done. Both are given back.
     """
-    if not SEPARATE_LIMITS:
+    if not SEPARATE_LIMITS or isinstance(handler, BuiltinMethodType):
         return handler
     raised = map(sys.setrecursionlimit, repeat(_ROOMY))
     found: Any = _WithRoom(itemgetter(1), zip(raised, repeat(handler)))

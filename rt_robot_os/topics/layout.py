@@ -210,6 +210,17 @@ class Layout:
             _COUNT.pack_into(buffer, self._tail_count_offset, length // self.tail_item_size)
 
     @property
+    def length_rule(self) -> tuple[int, int, int, int, int, int]:
+        """
+        The numbers by which :meth:`length` goes.
+
+        :return: ``size``, ``max_size``; offset of the count of the tail, the highest count that
+            is allowed, or -1 without a tail; offset of the first element, bytes of each.
+        """
+        return (self.size, self.max_size, self._tail_count_offset, self._tail_count_maximum,
+                self._tail_start, self.tail_item_size)
+
+    @property
     def bulk(self) -> tuple[int, int, int]:
         """
         Where the tail, or the longest sequence or array of numbers, lies.

@@ -62,13 +62,10 @@ class LogicalPublisher(Publisher):
 
         :param stamp_ns: moment of the data; 0 means the deadline.
         """
-        self._keep(memoryview(self._buffer)[:self.topic.layout.length(self._buffer)]
-                   if self._has_tail else memoryview(self._buffer), stamp_ns)
+        self.send(self.buffer[:self.topic.layout.length(self.buffer)], stamp_ns)
 
-    def _publish(self, data: memoryview, stamp_ns: int) -> None:
-        self._keep(data, stamp_ns)
-
-    def _keep(self, data: memoryview, stamp_ns: int) -> None:
+    def send(self, data: memoryview, stamp_ns: int = 0) -> None:
+        """Let CDR be published at the deadline; safe in the real-time loop."""
         if self._count == len(self._kept):
             self.discarded += 1
             return
@@ -83,7 +80,7 @@ class LogicalPublisher(Publisher):
             self.discarded += count
             return
         for kept in self._kept[:count]:
-            super()._publish(kept.data[:kept.length], kept.stamp_ns)
+            super().send(kept.data[:kept.length], kept.stamp_ns)
 
 
 class LogicalSubscription(Subscription):
@@ -98,32 +95,32 @@ class LogicalSubscription(Subscription):
 
     def __init__(self, topic: Topic, name: str, logical: Logical, initial: bool) -> None:
         super().__init__(topic, name, initial=initial)
-        self._limit = self._next
+        self._limit = self.next_seq
         logical.inputs.append(self._fix)
 
     def take(self) -> bool:
         """Copy the oldest unread sample that is older than the job; as Subscription.take."""
         limit = self._limit
-        if self.topic.head - limit >= self._depth and self._next < limit:
-            self.lost += limit - self._next
-            self._next = limit
-        if self._next >= limit:
-            self._fresh = False
+        if self.topic.head - limit >= self.topic.depth and self.next_seq < limit:
+            self.lost += limit - self.next_seq
+            self.next_seq = limit
+        if self.next_seq >= limit:
+            self.fresh = False
             return False
         return super().take()
 
     def latest(self) -> bool:
         """Copy the newest sample that is older than the job; as Subscription.latest."""
-        behind = self._limit - self._next - 1
+        behind = self._limit - self.next_seq - 1
         if behind > 0:
             self.skipped += behind
-            self._next += behind
+            self.next_seq += behind
         return self.take()
 
     @property
     def unread(self) -> int:
         """How many samples older than the job wait."""
-        return max(0, self._limit - max(self._next, self.topic.head - self._depth))
+        return max(0, self._limit - max(self.next_seq, self.topic.head - self.topic.depth))
 
     def _fix(self) -> None:
         self._limit = self.topic.head

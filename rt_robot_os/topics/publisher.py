@@ -17,21 +17,16 @@
 from __future__ import annotations
 
 from typing import Any
-from typing import Final
 
-from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.errors import TopicError
-from rt_robot_os.kernel.black_box import PUBLISH
 from rt_robot_os.topics.pieces import copy_in_pieces
 from rt_robot_os.topics.pieces import PIECE_BYTES
 from rt_robot_os.topics.pieces import touch
+from rt_robot_os.topics.ring import PublisherCore
 from rt_robot_os.topics.topic import Topic
 
-_ALL: Final = slice(None)  # not made anew each time
 
-
-@mypyc_attr(allow_interpreted_subclasses=True)
-class Publisher:
+class Publisher(PublisherCore):
     """
     Write messages to a topic; made by :meth:`rt_robot_os.topics.Bus.publisher`.
 
@@ -42,49 +37,13 @@ class Publisher:
     :ivar published: number of publications through this publisher.
     """
 
-    __slots__ = ('topic', 'msg', 'published', '_buffer', '_kernel', '_slots', '_mask', '_stamps',
-                 '_has_tail')
+    __slots__ = ('msg',)
+
+    topic: Topic
 
     def __init__(self, topic: Topic) -> None:
-        self.topic = topic
-        self._buffer = topic.layout.new_buffer()
-        self.msg: Any = topic.layout.view(self._buffer)
-        self.published = 0
-        self._kernel = topic.kernel
-        self._slots = topic.slots
-        self._mask = topic.mask
-        self._stamps = topic.stamps
-        self._has_tail = topic.has_tail
-
-    def publish(self, stamp_ns: int = 0) -> None:
-        """
-        Publish the message as it stands; safe in the real-time loop.
-
-        Subscribed tasks above the caller's priority run before this returns.
-
-        :param stamp_ns: moment of the data on the kernel's clock; 0 means now.
-        """
-        if self._has_tail:
-            self._publish(self._buffer[:self.topic.layout.length(self._buffer)], stamp_ns)
-            return
-        kernel, topic = self._kernel, self.topic
-        read_ns: Any = kernel.now_ns
-        now_ns = read_ns()  # of type Any: compiled, it stays the object that goes into the tuple
-        kernel.locked = True
-        head = topic.head
-        index = head & self._mask
-        self._slots[index][_ALL] = self._buffer
-        self._stamps[index] = stamp_ns or now_ns
-        topic.head = head + 1
-        self.published += 1
-        kernel.record((PUBLISH, kernel.current, now_ns, topic.name, head))
-        if topic.wakes:
-            kernel.wake(topic.wakes, now_ns)
-        if topic.triggers:
-            topic.pull(now_ns)
-        kernel.locked = False
-        if kernel.pending:
-            kernel.settle()
+        super().__init__(topic, topic.layout.new_buffer())
+        self.msg: Any = topic.layout.view(self.buffer)
 
     def fill(self, data: memoryview) -> None:
         """
@@ -103,12 +62,12 @@ class Publisher:
             raise TopicError(f'topic {self.topic.name!r}: {length} bytes for a sequence of '
                              f'{"at most " if layout.tail is not None else ""}{room}, {item} for '
                              'each element')
-        target = self._buffer[start:start + length]
+        target = self.buffer[start:start + length]
         if length <= PIECE_BYTES:
             target[:] = octets
         else:
             copy_in_pieces(target, octets)
-        layout.set_tail_bytes(self._buffer, length)
+        layout.set_tail_bytes(self.buffer, length)
 
     def publish_cdr(self, data: bytes | memoryview, stamp_ns: int = 0) -> None:
         """
@@ -119,33 +78,11 @@ class Publisher:
         :raises TopicError: the bytes do not fit the layout of the topic; nothing is published.
         """
         layout = self.topic.layout
-        # Whatever the elements were: an assignment that fails in _publish would leave it locked.
         octets = memoryview(data).cast('B')
         reason = layout.check(octets)
         if reason is not None:
             raise TopicError(f'topic {self.topic.name!r}: {reason}')
-        length = layout.length(octets) if self._has_tail else layout.size
-        self._publish(octets[:length], stamp_ns)
-
-    def _publish(self, data: memoryview, stamp_ns: int) -> None:
-        kernel, topic = self._kernel, self.topic
-        now_ns = kernel.now_ns()
-        length = len(data)
-        kernel.locked = True
-        head = topic.head
-        index = head & self._mask
-        self._slots[index][:length] = data
-        topic.lengths[index] = length
-        self._stamps[index] = stamp_ns or now_ns
-        topic.head = head + 1
-        self.published += 1
-        kernel.record((PUBLISH, kernel.current, now_ns, topic.name, head))
-        kernel.wake(topic.wakes, now_ns)
-        if topic.triggers:
-            topic.pull(now_ns)
-        kernel.locked = False
-        if kernel.pending:
-            kernel.settle()
+        self.send(octets[:layout.length(octets)], stamp_ns)
 
 
 class LargePublisher(Publisher):
@@ -161,7 +98,7 @@ class LargePublisher(Publisher):
 
     def __init__(self, topic: Topic) -> None:
         super().__init__(topic)
-        touch(self._buffer)
+        touch(self.buffer)
         start, room, _ = topic.layout.bulk
         self._before, self._after = start, start + room
 
@@ -171,26 +108,21 @@ class LargePublisher(Publisher):
 
         :param stamp_ns: moment of the data on the kernel's clock; 0 means now.
         """
-        kernel, topic = self._kernel, self.topic
-        full, message = self._buffer, self.msg
+        topic = self.topic
+        kernel = topic.kernel
+        full, message = self.buffer, self.msg
         length = topic.layout.length(full)
         now_ns = kernel.now_ns()
         kernel.locked = True
-        head = topic.head
-        index = head & self._mask
-        self._buffer, self.msg = self._slots[index], topic.messages[index]
-        self._slots[index], topic.messages[index] = full, message
-        topic.lengths[index] = length
-        self._stamps[index] = stamp_ns or now_ns
-        topic.head = head + 1
-        self.published += 1
-        self._buffer[:self._before] = full[:self._before]
-        self._buffer[self._after:] = full[self._after:]
-        kernel.record((PUBLISH, kernel.current, now_ns, topic.name, head))
-        kernel.wake(topic.wakes, now_ns)
-        if topic.triggers:
-            topic.pull(now_ns)
-        kernel.locked = False
+        try:
+            index = topic.head & topic.mask
+            self.buffer, self.msg = topic.slots[index], topic.messages[index]
+            topic.slots[index], topic.messages[index] = full, message
+            self.buffer[:self._before] = full[:self._before]
+            self.buffer[self._after:] = full[self._after:]
+            self.commit(length, stamp_ns, now_ns)
+        finally:
+            kernel.locked = False
         if kernel.pending:
             kernel.settle()
 
@@ -204,13 +136,14 @@ class LargePublisher(Publisher):
         """
         layout = self.topic.layout
         length = min(len(data), layout.max_size)  # padding may follow
-        copied = self._buffer[:length]
+        copied = self.buffer[:length]
         copy_in_pieces(copied, data[:length])
         reason = layout.check(copied)
         if reason is not None:
             raise TopicError(f'topic {self.topic.name!r}: {reason}')
         self.publish(stamp_ns)
 
-    def _publish(self, data: memoryview, stamp_ns: int) -> None:
-        copy_in_pieces(self._buffer, data)
+    def send(self, data: memoryview, stamp_ns: int = 0) -> None:
+        """Copy CDR in pieces and publish it; safe in the real-time loop."""
+        copy_in_pieces(self.buffer, data)
         self.publish(stamp_ns)

@@ -12,27 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-A topic: a ring of fixed slots, each holding one message as CDR.
-
-The algorithm, in steps (``head`` counts publications, so sample ``n`` lies in slot ``n mod depth``
-and the kept ones are ``head - depth`` to ``head - 1``):
-
-1. publish: inside a critical section copy the message into slot ``head mod depth``, note its
-   stamp and length, increment ``head``, make the subscribed tasks ready; leave the section.
-2. take: a reader remembers the number of the sample that it wants next. If that is ``head``,
-   nothing is new. If it is below ``head - depth`` it was lapped: count what is lost and go to the
-   oldest kept one. Copy the slot, then look at ``head`` again: if a publisher that preempted the
-   copy lapped it, go to the beginning.
-3. latest: the same for sample ``head - 1``; what lies in between is counted as skipped.
-
-A reader never writes to the ring: publishing costs the same with one or a hundred of them.
-
-A large sample (longer than ``PIECE_BYTES``) is never copied in one native call, which would hold
-up preemption. Publishing one exchanges the publisher's buffer for that of the slot; the rule of
-step 2 holds as before, since a slot's buffer is written again only after ``head`` went on by
-``depth``.
-"""
+"""A topic: the ring of its samples, and who writes, reads and is released by it."""
 
 from __future__ import annotations
 
@@ -44,13 +24,13 @@ from typing import Any
 from typing import Final
 from typing import TYPE_CHECKING
 
-from rt_robot_os.compiled.subclasses import mypyc_attr
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.topics.default import Default
 from rt_robot_os.topics.pieces import PIECE_BYTES
 from rt_robot_os.topics.pieces import touch
+from rt_robot_os.topics.ring import TopicCore
 from rt_robot_os.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -98,7 +78,7 @@ class TopicStatistics:
     subscribers: tuple[SubscriberStatistics, ...]
 
 
-class Topic:
+class Topic(TopicCore):
     """
     A ring of CDR slots; made by :meth:`rt_robot_os.topics.Bus.declare`.
 
@@ -116,39 +96,23 @@ class Topic:
     :raises TopicError: a value is out of range.
     """
 
-    __slots__ = ('kernel', 'name', 'layout', 'depth', 'mask', 'rate_hz', 'stale_after_ns',
-                 'max_subscribers', 'head', 'slots', 'stamps', 'lengths', 'wakes', 'triggers',
-                 'subscribers', 'uncounted', 'has_tail', 'large', 'messages', 'depth_given',
-                 'limit_given', '_storage', '_wanted')
+    __slots__ = ('depth', 'rate_hz', 'stale_after_ns', 'max_subscribers', 'subscribers',
+                 'uncounted', 'messages', 'depth_given', 'limit_given', '_wanted')
 
-    def __init__(self, kernel: Kernel, name: str, layout: Layout, *, depth: Any = DEPTH,
-                 rate_hz: Any = 0.0, max_subscribers: Any = MAX_SUBSCRIBERS) -> None:
+    triggers: list[Trigger]
+
+    def __init__(self, kernel: Kernel, name: str, layout: Layout, *, depth: int = DEPTH,
+                 rate_hz: float = 0.0, max_subscribers: int = MAX_SUBSCRIBERS) -> None:
         check_numbers(name, depth, rate_hz, max_subscribers)
-        self.kernel = kernel
-        self.name = name
-        self.layout = layout
-        self.depth = int(depth)  # exact: arithmetic with it is hot
+        storage, slots = _storage(layout, depth)
+        super().__init__(kernel, name, layout, slots, storage)
+        self.depth = int(depth)
         self.depth_given = not isinstance(depth, Default)
-        self.mask = self.depth - 1
-        self.rate_hz: float = rate_hz
+        self.rate_hz = rate_hz
         self.stale_after_ns = round(STALE_PERIODS * NS_PER_S / rate_hz) if rate_hz > 0 else 0
         self.max_subscribers = int(max_subscribers)
         self.limit_given = not isinstance(max_subscribers, Default)
-        self.head = 0
-        self.large = layout.max_size > PIECE_BYTES
-        stride = layout.max_size + -layout.max_size % 8
-        self._storage = bytearray(0 if self.large else depth * stride)
-        view = memoryview(self._storage)
-        self.slots = [layout.new_buffer() if self.large else
-                      view[i * stride:i * stride + layout.max_size] for i in range(depth)]
-        self.messages = [layout.view(slot) for slot in self.slots] if self.large else []
-        for slot in self.slots if self.large else ():
-            touch(slot)
-        self.stamps = [0] * depth
-        self.lengths = [layout.size] * depth
-        self.has_tail = layout.max_size != layout.size or self.large
-        self.wakes: list[Task] = []
-        self.triggers: list[Trigger] = []
+        self.messages = [layout.view(slot) for slot in slots] if self.large else []
         self._wanted: dict[Task, int] = {}
         self.subscribers: list[SubscriberStatisticsSource] = []
         self.uncounted: set[SubscriberStatisticsSource] = set()
@@ -190,8 +154,22 @@ class Topic:
         return TopicStatistics(
             name=self.name, type_name=self.layout.type_name, depth=self.depth,
             slot_bytes=self.layout.max_size, published=head,
-            stamp_ns=self.stamps[(head - 1) & self.mask] if head else 0, rate_hz=self.rate_hz,
+            stamp_ns=self.stamp_of(head - 1) if head else 0, rate_hz=self.rate_hz,
             subscribers=tuple(s.statistics() for s in self.subscribers))
+
+
+def _storage(layout: Layout, depth: int) -> tuple[bytearray, list[memoryview]]:
+    """Return the slots of a ring, and where they lie together; large ones are exchanged."""
+    size = layout.max_size
+    if size > PIECE_BYTES:
+        buffers = [layout.new_buffer() for _ in range(depth)]
+        for buffer in buffers:
+            touch(buffer)
+        return bytearray(), buffers
+    stride = size + -size % 8
+    storage = bytearray(depth * stride)
+    view = memoryview(storage)
+    return storage, [view[start:start + size] for start in range(0, depth * stride, stride)]
 
 
 def is_depth(number: int) -> bool:
@@ -221,7 +199,6 @@ def _is_int(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class SubscriberStatisticsSource:
     """What a topic knows of a subscriber."""
 
@@ -232,7 +209,6 @@ class SubscriberStatisticsSource:
         raise NotImplementedError
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class Trigger(ABC):
     """
     Decide with each publication whether a task is released; made by ``bus.trigger``.

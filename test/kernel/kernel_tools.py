@@ -44,7 +44,7 @@ class StallingClock(VirtualClock):
 
     def stall(self, duration_ns: int) -> None:
         self._now_ns += duration_ns
-        self.spend(1)  # the first instruction after the call: the alarm's handler runs
+        self.spend(1)  # the first instruction after the call: the timer's handler runs
         self._now_ns -= 1
 
 

@@ -121,7 +121,7 @@ class Busy:
             self.torn.append((self.publisher.published, self.publisher.topic.head))
         if self.task.aborted >= ENOUGH:
             self.kernel.stop()
-        self.task.rearm()  # a busy machine may have kept it from ending before the second strike
+        self.task.rearm()  # a busy machine may have kept it from ending before the second abort
 
 
 def test_an_abort_leaves_no_publication_and_no_resource_half_done() -> None:
@@ -134,6 +134,6 @@ def test_an_abort_leaves_no_publication_and_no_resource_half_done() -> None:
             continue
         assert failure.error.startswith("TaskAborted: task 'busy'")
         assert failure.trace[0][0] == __file__ and failure.trace[0][2] == 'job'
-        path, _, function = failure.trace[-2]  # the last one is the kernel's own, which raised it
-        if compiled.state().compiled:  # at the user's lines, or when the resource has been left
-            assert path == __file__ or function == '__exit__'
+        if compiled.state().compiled:  # at the user's lines, or on the way in or out of the resource
+            path, _, function = failure.trace[-1]
+            assert path == __file__ or function in ('__enter__', '__exit__')

@@ -110,24 +110,24 @@ def test_an_abort_hits_the_task_that_overspent_and_none_that_lies_below_or_above
     assert high.runs == 90
 
 
-def test_a_job_that_resists_is_struck_again_and_its_task_stopped(
+def test_a_job_that_resists_is_aborted_again_and_its_task_stopped(
         kernel: Kernel, clock: VirtualClock) -> None:
-    struck: list[int] = []
+    raised: list[int] = []
 
     def stubborn() -> None:
         while True:
             try:
                 clock.spend(S)
             except TaskAborted as error:
-                struck.append(error.used_ns)
-                if len(struck) == 2:
+                raised.append(error.used_ns)
+                if len(raised) == 2:
                     raise
 
     task = kernel.add_task('task', stubborn, priority=50, rate_hz=10.0, budget_ns=MS,
                            on_budget=ABORT)
     other = kernel.add_task('other', lambda: None, priority=5, rate_hz=20.0)
     kernel.run(S)
-    assert struck == [MS, 21 * MS]
+    assert raised == [MS, 21 * MS]
     assert (task.runs, task.aborted, task.state) == (1, 1, TaskState.STOPPED)
     assert 'never catch BaseException' in kernel.failures[-1].error
     assert other.runs == 20
@@ -218,7 +218,7 @@ def test_on_the_real_clock_a_job_without_end_is_ended_and_the_others_go_on(
                            on_budget=ABORT)
     lower = kernel.add_task('lower', lambda: kernel.stop('enough') if lower.runs > 4 else None,
                             priority=10, rate_hz=20.0)
-    # As in the core: a strike that fell into the end of older garbage would be lost there.
+    # As in the core: an abort that fell into the end of older garbage would be lost there.
     gc.collect()
     gc.disable()
     try:
@@ -284,7 +284,7 @@ class Reference:
         self.other = bus.subscribe('x', 'woken', task=self.woken)
         self.taken = 0
         self.guarded = [0, 0]
-        self.tracer = AtOpcode(step, lambda: kernel.current is self.task, self.strike)
+        self.tracer = AtOpcode(step, lambda: kernel.current is self.task, self.abort)
 
     def job(self) -> None:
         self.tracer.on = self.task.runs == 1
@@ -298,7 +298,7 @@ class Reference:
         self.own.take()
         self.tracer.on = False
 
-    def strike(self) -> None:
+    def abort(self) -> None:
         self.tracer.on = False
         self.clock.spend(1500 * US)
 

@@ -28,7 +28,7 @@ from kernel_tools import US
 import pytest
 
 from rt_robot_os.kernel import black_box
-from rt_robot_os.kernel import consequences
+from rt_robot_os.kernel import fault_handling
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.kernel import VirtualClock
@@ -98,7 +98,7 @@ def test_an_overload_is_not_made_worse_by_looking_for_suspects(
         looks.append(kernel.now_ns())
         return ('someone',)
 
-    monkeypatch.setattr(consequences, 'ran_instead', look)
+    monkeypatch.setattr(fault_handling, 'blame', look)
     tasks = [kernel.add_task(f'task_{n}', lambda: kernel.clock.spend(50 * US), priority=50,
                              rate_hz=1000.0, deadline_ns=US) for n in range(10)]
     kernel.run(100 * MS)
@@ -118,7 +118,7 @@ def test_a_job_is_one_record_and_nesting_tells_who_preempted_whom(kernel: Kernel
         (low, t, t, t + 6 * MS, black_box.OK)]
 
 
-def test_a_native_call_that_holds_up_an_alarm_is_named(kernel: Kernel) -> None:
+def test_a_native_call_that_holds_up_an_interrupt_is_named(kernel: Kernel) -> None:
     clock = kernel.clock
     assert isinstance(clock, StallingClock)
     low = kernel.add_task('low', lambda: clock.stall(4 * MS), priority=10, rate_hz=10.0)
@@ -186,7 +186,7 @@ def test_observers_are_told_what_is_recorded_in_the_order_in_which_they_came() -
     told: list[tuple[str, int, str]] = []
 
     def note(who: str, record: tuple[Any, ...]) -> None:
-        assert kernel.locked and kernel.black_box.records[-1] is record
+        assert kernel.locked and kernel.black_box.records[-1] == record
         told.append((who, record[0], record[1].name))
 
     kernel.add_observer(partial(note, 'first'))

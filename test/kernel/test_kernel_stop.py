@@ -297,7 +297,7 @@ def test_the_end_that_comes_in_idle_time_ends_it() -> None:
     assert task.runs == 3
 
 
-def test_who_is_told_to_stop_in_idle_time_stops_although_an_alarm_follows() -> None:
+def test_who_is_told_to_stop_in_idle_time_stops_although_an_interrupt_follows() -> None:
     kernel = Kernel(VirtualClock())
 
     def idle(slack_ns: int) -> None:
@@ -429,7 +429,7 @@ def test_a_defect_of_the_kernel_is_told_as_such_and_no_job_is_blamed(where: str)
     kernel.add_task('high', lambda: None, priority=50, rate_hz=1.0,
                     phase_ns=2 * MS if where == 'nested' else 50 * MS)
     with pytest.raises(KernelError, match='please report it with this: LookupError: an entry that '
-                                          'must be there(?s:.*)scheduler.py:') as caught:
+                                          'must be there(?s:.*) in defect') as caught:
         kernel.run(60 * MS)
     assert isinstance(caught.value.__cause__, LookupError)
     assert went_on == [True] and low.runs == 1 and low.failures == 0

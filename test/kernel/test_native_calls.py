@@ -37,7 +37,7 @@ LONGEST = 2_000_000_000
 PERIOD_NS = MS
 
 
-def test_the_delay_of_an_alarm_is_charged_to_the_task_that_ran() -> None:
+def test_the_delay_of_an_interrupt_is_charged_to_the_task_that_ran() -> None:
     clock = StallingClock()
     kernel = Kernel(clock)
 
@@ -81,7 +81,7 @@ def test_a_native_call_is_charged_with_what_it_held_up() -> None:
     high = kernel.add_task('high', lambda: None, priority=90, rate_hz=1e9 / PERIOD_NS)
     low = kernel.add_task('low', job, priority=10, rate_hz=100.0)
     kernel.run()
-    # The handler of the alarm came after the call.
+    # The handler of the interrupt came after the call.
     assert low.blocked_maximum_ns > ENOUGH_NS
     assert high.missed > 0
     assert high.latency.maximum_ns > ENOUGH_NS

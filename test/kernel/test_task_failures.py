@@ -79,7 +79,7 @@ def test_whatever_a_job_raises_is_contained(
     bad = kernel.add_task('bad', lambda: raising(error), priority=50)
     last = kernel.add_task('last', lambda: kernel.stop() if low.runs >= 3 else None, priority=1,
                            rate_hz=1000.0)
-    # As in the core: a strike that fell into the end of older garbage would be lost there.
+    # As in the core: an abort that fell into the end of older garbage would be lost there.
     gc.collect()
     gc.disable()
     try:
@@ -199,12 +199,12 @@ def test_a_task_at_its_recursion_limit_leaves_room_for_those_above(kernel: Kerne
     assert low.runs == 1
     assert len(refused) < 5, 'the test is to interrupt the deepest calls'
     assert not any(task.failures for task in kernel.tasks)
-    # An alarm that found no room at all comes again after 10 ms.
+    # An interrupt that found no room at all comes again after 10 ms.
     assert high.runs >= 1000 - 10 * len(refused)
     assert not any(map(balance, kernel.tasks))
 
 
-def test_a_failure_does_not_stop_the_alarm(kernel: Kernel) -> None:
+def test_a_failure_does_not_stop_the_timer(kernel: Kernel) -> None:
     def low_job() -> None:
         kernel.clock.spend(5500 * US)
         raise ValueError('after it was preempted')

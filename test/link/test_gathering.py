@@ -241,6 +241,16 @@ def test_what_comes_within_the_interval_goes_out_together_at_its_end(
     assert world.received() == [[(0, 0)], [(0, 1), (0, 2), (1, 0)], [(0, 3)]]
 
 
+def test_a_sample_that_comes_when_the_interval_is_nearly_over_goes_out_at_once(
+        carried: Callable[..., Carried]) -> None:
+    world = carried(8 * MS)
+    # A topic whose period is a little shorter than the interval, and a sample that is too early.
+    world.publish('a', [1000, 8900, 16_800, 23_700])
+    world.kernel.run(50 * MS)
+    assert world.served_ns == [1 * MS, 8.9 * MS, 16.8 * MS, 24.8 * MS]
+    assert world.received() == [[(0, 0)], [(0, 1)], [(0, 2)], [(0, 3)]]
+
+
 def test_a_job_that_finds_nothing_holds_nothing_back(carried: Callable[..., Carried]) -> None:
     world = carried(GATHER_NS)
     world.publish('a', [1000, 11_000])
@@ -377,7 +387,7 @@ def test_each_sample_is_out_after_the_interval_at_the_latest_and_jobs_keep_apart
         served_us = [ns // 1000 for ns in world.served_ns]
         for _, time_us in publications:
             assert any(time_us <= at <= time_us + gather_us for at in served_us)
-        assert all(b - a >= gather_us for a, b in zip(served_us, served_us[1:]))
+        assert all(b - a >= gather_us * 7 // 8 for a, b in zip(served_us, served_us[1:]))
         assert sum(map(len, world.received())) == len(publications)
     finally:
         world.close()

@@ -41,8 +41,8 @@ PATIENCE_NS = 20_000 * MS
 @pytest.fixture(autouse=True, params=['ctypes', 'C'])
 def build(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if request.param == 'ctypes':
-        monkeypatch.setattr('rt_robot_os.linux.timer._native', None)
-    elif timer_module._native is None:
+        monkeypatch.setattr(timer_module, 'NATIVE', None)
+    elif timer_module.NATIVE is None:
         pytest.skip('this is the pure build')
 
 

@@ -194,7 +194,7 @@ def test_the_time_out_needs_no_rate_and_counts_from_the_stamp() -> None:
     robot.run(3.0)
     statistics = robot.mux.statistics()
     assert robot.out.topic.head == 2  # the command, and a standstill at 1.1 s
-    assert robot.out.topic.stamps[1] == 1_100_000_000
+    assert robot.out.topic.stamp_of(1) == 1_100_000_000
     assert (statistics['ros_late'], statistics['agent_late']) == (0, 1)
     assert 'too old when they came: commands of agent' in statistics['warning']
 

@@ -113,7 +113,7 @@ def test_two_publishers_and_a_reader_agree_with_a_simple_ring(steps: list[str]) 
                 following += 1
         assert reader.next_seq + max(0, head - 2 - reader.next_seq) >= following
     buffers = {id(slot.obj) for slot in topic.slots}
-    assert len(buffers | {id(p._buffer.obj) for p in publishers.values()}) == 4
+    assert len(buffers | {id(p.buffer.obj) for p in publishers.values()}) == 4
 
 
 def test_a_reader_that_is_lapped_between_two_pieces_begins_anew(

@@ -163,7 +163,7 @@ def test_a_mirror_of_variable_length_and_ready_made_messages_come_out_at_the_dea
         out.msg.data = f'at {kernel.now_ns() // MS}'
         out.publish()
         raw.msg.data = 'raw'
-        out.publish_cdr(bytes(raw._buffer[:raw.topic.layout.length(raw._buffer)]))
+        out.publish_cdr(bytes(raw.buffer[:raw.topic.layout.length(raw.buffer)]))
 
     task: Task = kernel.add_task('control', control, priority=50, rate_hz=100.0, logical=True)
     out, raw = bus.publisher('text', task), bus.publisher('text')

@@ -16,7 +16,7 @@
 """
 Publish at each instruction of take(), latest() and publish(): nothing is torn, doubled or lost.
 
-A task of higher priority, released at the chosen instruction as an alarm would do it, publishes a
+A task of higher priority, released at the chosen instruction as a timer interrupt would do it, publishes a
 burst to its end, on top of whatever the reader or the other publisher was about to do.
 """
 
@@ -45,8 +45,8 @@ pytest.importorskip('geometry_msgs', reason='the ROS 2 message packages are not 
 DEPTH = 4
 TOOL = 4  # of sys.monitoring; coverage, debuggers and profilers have others
 CODES = () if state().compiled else tuple(function.__code__ for function in (
-    Subscription.take, Subscription.latest, Subscription._copy_tail, Publisher.publish,
-    Publisher.publish_cdr, Publisher._publish))
+    Subscription.take, Subscription.latest, Subscription.copy_large, Publisher.publish,
+    Publisher.publish_cdr, Publisher.send, Publisher.commit))
 pytestmark = pytest.mark.interpreted
 
 

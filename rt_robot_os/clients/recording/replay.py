@@ -345,10 +345,9 @@ class Replay:
         if record[0] == PUBLISH and record[1] is not None and record[1].name in self._replayed:
             _, _, at_ns, name, number = record
             topic = self.core.bus.topic(name)
-            index = number & topic.mask
             one = Produced(
-                name, self._schedule.numbers.pop((name, at_ns), None), topic.stamps[index], at_ns,
-                bytes(topic.slots[index][:topic.lengths[index]]))
+                name, self._schedule.numbers.pop((name, at_ns), None), topic.stamp_of(number),
+                at_ns, bytes(topic.slots[number & topic.mask][:topic.length_of(number)]))
             self.comparison.produced(one)
             if self.on_produced is not None:
                 self.on_produced(one)

@@ -45,9 +45,9 @@ class ReplayClock(VirtualClock):
     def pass_until(self, at_ns: int) -> None:
         """Advance to a time; jobs that become due preempt the caller, and take time as well."""
         while self._now_ns < at_ns:
-            first_ns = min(self._alarm_ns, self._spare_ns)
+            first_ns = min(self._timer_ns, self._spare_ns)
             self._now_ns = max(self._now_ns, min(at_ns, first_ns))
-            if self._take_alarms(self._now_ns + AGAIN_NS) and self._on_tick is not None:
+            if self._take_due_timers(self._now_ns + AGAIN_NS) and self._on_tick is not None:
                 self._on_tick()
 
 
@@ -154,13 +154,13 @@ class ReplayPublisher(Publisher):
 
     def publish(self, stamp_ns: int = 0) -> None:
         """Publish the message as it stands when its moment has come."""
-        if not self.topic.has_tail:
-            self._schedule.wait_for(self.topic.name, self._task)
+        self._schedule.wait_for(self.topic.name, self._task)
         super().publish(stamp_ns)
 
-    def _publish(self, data: memoryview, stamp_ns: int) -> None:
+    def send(self, data: memoryview, stamp_ns: int = 0) -> None:
+        """Publish CDR when its moment has come."""
         self._schedule.wait_for(self.topic.name, self._task)
-        super()._publish(data, stamp_ns)
+        super().send(data, stamp_ns)
 
 
 class ReplaySubscription(Subscription):
@@ -180,10 +180,10 @@ class ReplaySubscription(Subscription):
 
     def latest(self) -> bool:
         """Copy the newest sample that is there now."""
-        behind = self.topic.head - self._next - 1
+        behind = self.topic.head - self.next_seq - 1
         if behind > 0:
             self.skipped += behind
-            self._next += behind
+            self.next_seq += behind
         return super().take()
 
 

@@ -68,7 +68,7 @@ WORDS = (
     'all samples is later than the value below.',
     'Latency, late: from when a call was due to its first line. Delay: from an event (a message, '
     'a byte) to the first line of the one that waits for it.',
-    'Compiled, pure Python: the two builds of rt_robot_os, its hot path compiled by mypyc or as '
+    'Compiled, pure Python: the two builds of rt_robot_os, its hot path in C or as '
     'it is written.',
     'Range: the lowest and the highest of the repeats. All other figures are their medians.',
     'Task, module: what is called at its rate. Job: one call of a task. Release: the moment from '

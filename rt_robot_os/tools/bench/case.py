@@ -36,7 +36,7 @@ from rt_robot_os.units import NS_PER_S
 FIFO_PRIORITY = 80
 LAST_CPU = -1
 UNPINNED = -2
-# Which build of the package a child runs: compiled by mypyc, or as it is written.
+# Which build of the package a child runs: with the C core, or all in Python.
 COMPILED, PURE = 'compiled', 'pure'
 BUILDS = (COMPILED, PURE)
 

@@ -88,7 +88,7 @@ def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
         'are taken repeat by repeat, between runs that lay close together, then their median. '
         'Percentiles are samples (nearest rank), never between two; a percentile that too few '
         'samples support is not shown.',
-        'Two builds: the hot path of rt_robot_os runs compiled by mypyc, or in pure Python. The '
+        'Two builds: the hot path of rt_robot_os runs in C, or in pure Python. The '
         'cases micro, delay and spacing measure both, in processes that take turns, and show '
         'their ratio; where nothing is compiled, the row says why. All other cases run what this '
         'machine has: ' + machine.get('build', 'pure Python') + '.',

@@ -68,12 +68,12 @@ class Crowd:
         """Let them run."""
         tasks = self._kernel.tasks
         jobs, missed = sum(t.runs for t in tasks), sum(t.missed for t in tasks)
-        looked_ns = self._kernel.looked_ns
+        looked_ns = self._kernel.polled_ns
         begin_ns = time.thread_time_ns()
         self._kernel.run(duration_ns)
         used_ns = time.thread_time_ns() - begin_ns
         return Stretch(sum(t.runs for t in tasks) - jobs, sum(t.missed for t in tasks) - missed,
-                       used_ns, self._kernel.looked_ns - looked_ns)
+                       used_ns, self._kernel.polled_ns - looked_ns)
 
 
 def tasks_at(spacing_ns: int, most: int, period_ns: int) -> int:

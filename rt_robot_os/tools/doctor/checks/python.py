@@ -82,7 +82,7 @@ def build(system: System) -> Iterator[Finding]:
 
 
 def compiled(system: System) -> Iterator[Finding]:
-    """Look whether the hot path of this package was compiled."""
+    """Look whether the C core of this package was compiled."""
     facts = system.probe('compiled')
     if facts['compiled']:
         yield ok(facts['text'])
@@ -95,7 +95,7 @@ def compiled(system: System) -> Iterator[Finding]:
 
 def _compile(system: System, obstacle: str) -> Remedy:
     """
-    Make the remedy for a hot path that is not compiled.
+    Make the remedy for a C core that is not compiled.
 
     :param obstacle: why this machine cannot, ``what: command``; empty when it can.
     """
@@ -108,7 +108,7 @@ def _compile(system: System, obstacle: str) -> Remedy:
     return Remedy((command, build) if colon else (build,), '; '.join(filter(None, (
         'in the image of this container' if inside and colon else '',
         f'or {other}' if other else '',
-        'in the workspace, half a minute; ./scripts/run does the same'))))
+        'in the workspace; ./scripts/run does the same'))))
 
 
 def observers(system: System) -> Iterator[Finding]:
@@ -170,8 +170,8 @@ CHECKS = (
     Check('python.version', 'Python version', 'the package is tested with these', version),
     Check('python.build', 'Python build',
           'each job takes two to ten times as long in a debug build', build),
-    Check('python.compiled', 'hot path',
-          'a message or a job takes about twice as long in pure Python', compiled),
+    Check('python.compiled', 'C core',
+          'a message or a job takes several times as long in pure Python', compiled),
     Check('python.observers', 'debugging tools',
           'every call and line of the core would be looked at by another function', observers),
     Check('python.switch_interval', 'switch interval',

@@ -30,8 +30,8 @@ RECORDS_MAXIMUM = 64
 SUSPECTS_MAXIMUM = 3
 
 
-def ran_instead(records: Iterable[tuple[Any, ...]], task: Task, release_ns: int, end_ns: int
-                ) -> tuple[str, ...]:
+def blame(records: Iterable[tuple[Any, ...]], task: Task, release_ns: int, end_ns: int
+          ) -> tuple[str, ...]:
     """
     Name the tasks that used the CPU most between the release and the end of a job.
 
@@ -40,7 +40,7 @@ def ran_instead(records: Iterable[tuple[Any, ...]], task: Task, release_ns: int,
     records are looked at, so what lies far back may be missing; it costs below 30 us then.
     Safe in the real-time loop.
 
-    :param records: of the black box, the most recent first (``reversed(black_box.records)``).
+    :param records: of the black box, the most recent first (``black_box.latest(...)``).
     :param task: whose job was late; its own code is left out.
     :return: at most ``SUSPECTS_MAXIMUM`` names, who used most first.
     """
@@ -48,8 +48,7 @@ def ran_instead(records: Iterable[tuple[Any, ...]], task: Task, release_ns: int,
     # What encloses the record at hand, the innermost last: in the order of their ends, the last
     # first, every job comes before those that preempted it.
     enclosing: list[tuple[int, Task]] = []
-    # One native call: what preempts this function adds records.
-    for record in tuple(islice(records, RECORDS_MAXIMUM)):
+    for record in islice(records, RECORDS_MAXIMUM):
         kind = record[0]
         if kind == JOB:
             _, who, _, first_ns, last_ns, _ = record

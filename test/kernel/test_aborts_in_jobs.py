@@ -35,10 +35,11 @@ from kernel_tools import US
 import pytest
 
 from rt_robot_os.kernel import BudgetPolicy
+from rt_robot_os.kernel import core
 from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import MonotonicClock
-from rt_robot_os.kernel import scheduler as scheduler_module
+from rt_robot_os.kernel import scheduler
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.black_box import ABORT as ABORT_RECORD
@@ -106,7 +107,7 @@ def test_a_signal_that_finds_no_room_leaves_the_kernel_at_work(
             return job()
 
     give_up = time.monotonic() + 20.0
-    monkeypatch.setattr(scheduler_module, 'force_recursion_limit', force)
+    monkeypatch.setattr(core, 'force_recursion_limit', force)
     kernel = Kernel(MonotonicClock())
     task = kernel.add_task('deep', job, priority=10, rate_hz=5.0, budget_ns=5 * MS,
                            on_budget=ABORT)
@@ -156,6 +157,7 @@ import gc
 import sys
 
 from rt_robot_os.kernel import BudgetPolicy
+from rt_robot_os.kernel import core
 from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import TaskState
@@ -353,7 +355,7 @@ def test_a_class_that_lies_about_itself_is_still_described(kernel: Kernel) -> No
     assert [name for _, _, name in report.trace] == ['job']
 
 
-# ---- a strike is delivered once ---------------------------------------------------------------
+# ---- an abort is raised once -------------------------------------------------------------------
 
 
 def aborted_while_stolen(step: int) -> int:
@@ -367,8 +369,8 @@ def aborted_while_stolen(step: int) -> int:
     kernel.add_task('high', lambda: None, priority=90, rate_hz=1000.0)
     task = kernel.add_task('task', job, priority=50, rate_hz=10.0, budget_ns=2 * MS,
                            on_budget=ABORT, failure=FailurePolicy.CONTINUE)
-    tracer = AtLine(step, lambda: clock.spend(15 * MS), of_files(scheduler_module.__file__),
-                    when=lambda: task.struck or task.strikes > 0)
+    tracer = AtLine(step, lambda: clock.spend(15 * MS), of_files(core.__file__, scheduler.__file__),
+                    when=lambda: task.abort_pending or task.aborts_raised > 0)
     sys.settrace(tracer)
     try:
         kernel.run(50 * MS)
@@ -380,7 +382,7 @@ def aborted_while_stolen(step: int) -> int:
 
 
 @pytest.mark.interpreted
-def test_time_that_passes_while_a_strike_propagates_makes_no_second_one(untraced: None) -> None:
+def test_time_that_passes_while_an_abort_propagates_makes_no_second_one(untraced: None) -> None:
     step, total = 1, 1
     while step <= total:
         try:
@@ -460,7 +462,7 @@ def test_a_native_call_at_the_end_of_a_job_is_charged_to_it() -> None:
 
     def calculate() -> None:
         clock.spend(200 * US)
-        clock._now_ns += 3 * MS  # nothing follows in which the alarm could be noticed
+        clock._now_ns += 3 * MS  # nothing follows in which the interrupt could be noticed
 
     high = kernel.add_task('high', lambda: None, priority=90, rate_hz=1000.0, phase_ns=MS)
     low = kernel.add_task('low', calculate, priority=10, rate_hz=100.0)

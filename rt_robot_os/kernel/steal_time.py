@@ -14,15 +14,17 @@
 
 
 """
-Time that Linux took from the kernel's thread while it had something to compute.
+Steal time: what Linux took from the kernel's thread while that had something to compute.
 
 A job that was interrupted by another program, or whose process was stopped, took long without
 computing long. Only when something looks long are the clocks read that can tell: the thread's
 computing time, and the time that it waited for a CPU. They are compared with their values at the
-last reading, at most a few milliseconds before; so what is claimed is what Linux took since then,
-and never more than the time in question.
+last reading, at most a few milliseconds before; so what is attributed is what Linux took since
+then, and never more than the time in question.
 
-A job that waits in a system call of its own (a disk) is not robbed: that remains its own.
+The time that a job waits in a system call of its own (a disk) remains its own. It does not count
+for a budget to abort, see :meth:`FaultHandling.did_not_compute`: there the thread's computing time
+decides, also where something above the job lost time as well and was attributed its part first.
 """
 
 from __future__ import annotations
@@ -31,17 +33,12 @@ from typing import Final
 
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.histogram import Histogram
-from rt_robot_os.units import NS_PER_MS
 from rt_robot_os.units import NS_PER_US
 
-# Below that nothing is asked: it is the way from an alarm to its handler.
-LOOKS_LONG_NS: Final = 200 * NS_PER_US
-# Read again so often while the kernel idles, about 1 us each: what came before a job is not its.
-_FRESH_NS: Final = 5 * NS_PER_MS
 _LEAST_NS: Final = 50 * NS_PER_US
 
 
-class Stolen:
+class StealTime:
     """
     The account of it.
 
@@ -61,7 +58,7 @@ class Stolen:
     def start(self, now_ns: int) -> None:
         """Begin anew with the kernel."""
         self.reset()
-        self.look(now_ns)
+        self._read(now_ns)
 
     def reset(self) -> None:
         """Begin to count anew."""
@@ -69,26 +66,25 @@ class Stolen:
         self.events = self.total_ns = 0
 
     def keep_fresh(self, now_ns: int) -> None:
-        """Read the clocks if that is some time ago; about 1 us then."""
-        if now_ns - self._at_ns > _FRESH_NS:
-            self._clock.was_stopped = False
-            self.look(now_ns)
+        """Read the clocks: what came before is nobody's; about 1 us."""
+        self._clock.was_stopped = False
+        self._read(now_ns)
 
-    def look(self, now_ns: int) -> None:
+    def _read(self, now_ns: int) -> None:
         """Read the clocks."""
         self._at_ns = now_ns
         self._computed_ns = self._clock.computed_ns()
         self._waited_ns = self._clock.waited_ns()
 
-    def claim(self, now_ns: int, window_ns: int) -> int:
+    def attribute(self, now_ns: int, window_ns: int) -> int:
         """
-        Return how much of a time that looks long Linux took, and count it; locked.
+        Return how much of a time that looks long Linux took, and count it; called locked.
 
         :param window_ns: the time, up to now.
         """
         clock = self._clock
         at_ns, computed_ns, waited_ns = self._at_ns, self._computed_ns, self._waited_ns
-        self.look(now_ns)  # calls Python, so that a stop that is not noted yet is now
+        self._read(now_ns)  # calls Python, so that a stop that is not noted yet is now
         idle_ns = now_ns - at_ns - (self._computed_ns - computed_ns)  # or waiting, or stopped
         taken_ns = self._waited_ns - waited_ns
         if clock.was_stopped:

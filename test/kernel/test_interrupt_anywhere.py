@@ -14,10 +14,10 @@
 
 
 """
-Let the alarm come at each instruction of the kernel in turn: no release may be lost or late.
+Let the timer interrupt come at each instruction of the kernel in turn: no release may be lost or late.
 
 On the real clock the handler runs between any two bytecodes. Here a trace function plays the
-alarm: at the chosen instruction virtual time jumps to the deadline and the handler is called, on
+timer: at the chosen instruction virtual time jumps to the deadline and the handler is called, on
 top of whatever the kernel was about to do.
 """
 
@@ -34,12 +34,14 @@ from kernel_tools import US
 import pytest
 
 from rt_robot_os.errors import TaskError
-from rt_robot_os.kernel import consequences
+from rt_robot_os.kernel import core
+from rt_robot_os.kernel import fault_handling
 from rt_robot_os.kernel import interrupts
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import kernel as kernel_module
 from rt_robot_os.kernel import releases
 from rt_robot_os.kernel import scheduler as scheduler_module
+from rt_robot_os.kernel import timer_interrupt
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.linux.timer import AGAIN_NS
 
@@ -48,37 +50,37 @@ END_NS = (PERIODS + 1) * MS
 
 
 class RacingClock(VirtualClock):
-    """A clock whose alarm can be made to come now, except while signals are held."""
+    """A clock whose timer can be made to come now, except while signals are held."""
 
-    wake_ns = 20 * US  # so that the kernel also looks at it, and sets alarms for several releases
+    wake_ns = 20 * US  # so that the kernel also polls it, and sets a timer for several releases
 
     def __init__(self) -> None:
         super().__init__(start_ns=MS)
         self.held = False
 
-    def hold(self) -> None:
+    def mask_signals(self) -> None:
         self.held = True
 
-    def admit(self) -> None:
+    def unmask_signals(self) -> None:
         self.held = False
 
     def fire(self) -> None:
-        first_ns = min(self._alarm_ns, self._spare_ns)
-        # Further away is only the repetition of an alarm that is being served, and a job that had
+        first_ns = min(self._timer_ns, self._spare_ns)
+        # Further away is only the repetition of an interrupt that is being served, and a job that had
         # to wait until the end is missed by right.
         if self.held or first_ns >= min(self._now_ns + 900 * US, END_NS) or self._on_tick is None:
             return
         self._now_ns = max(self._now_ns, first_ns)
-        self._take_alarms(self._now_ns + AGAIN_NS)
+        self._take_due_timers(self._now_ns + AGAIN_NS)
         self._on_tick()
 
 
-def run_with_alarm_at(step: int) -> tuple[Kernel, int]:
+def run_with_interrupt_at(step: int) -> tuple[Kernel, int]:
     clock = RacingClock()
     kernel = Kernel(clock)
 
     def low_job() -> None:
-        # Never idle, rarely in the kernel: an alarm that is lost shows at once.
+        # Never idle, rarely in the kernel: an interrupt that is lost shows at once.
         kernel.release(event)
         clock.spend(400 * US)
         kernel.settle()  # with nothing to run, as after an interrupt that was none
@@ -94,8 +96,8 @@ def run_with_alarm_at(step: int) -> tuple[Kernel, int]:
     kernel.add_task('low', low_job, priority=10, rate_hz=100.0)
     event = kernel.add_task('event', lambda: None, priority=20)
     files = tuple(str(module.__file__) for module in (
-        consequences, kernel_module, releases, scheduler_module))
-    # Before and after, an alarm finds a kernel that does not run, at each of some 2000 lines.
+        core, fault_handling, kernel_module, releases, scheduler_module, timer_interrupt))
+    # Before and after, an interrupt finds a kernel that does not run, at each of some 2000 lines.
     tracer = AtLine(step, clock.fire, of_files(*files), when=lambda: kernel.running)
     sys.settrace(tracer)
     try:
@@ -105,32 +107,33 @@ def run_with_alarm_at(step: int) -> tuple[Kernel, int]:
     assert not kernel.failures
     assert (high.runs, high.missed) == (PERIODS, 0)
     assert (mid.runs, mid.missed) == (PERIODS, 0)
-    assert high.latency.maximum_ns < 800 * US  # no more than the alarm made time jump
+    assert high.latency.maximum_ns < 800 * US  # no more than the interrupt made time jump
     assert not any(map(balance, kernel.tasks))
     assert all(task.execution.maximum_ns < 10 * MS for task in kernel.tasks)
     return kernel, tracer.seen
 
 
 @pytest.mark.interpreted
-def test_an_alarm_at_any_instruction_of_the_kernel_is_served(untraced: None) -> None:
+def test_an_interrupt_at_any_instruction_of_the_kernel_is_served(untraced: None) -> None:
     step, total = 1, 1
     while step <= total:
         try:
-            _, total = run_with_alarm_at(step)
+            _, total = run_with_interrupt_at(step)
         except AssertionError as error:
-            raise AssertionError(f'alarm at step {step}') from error
+            raise AssertionError(f'interrupt at step {step}') from error
         step += 1
     assert total > 400
 
 
 def run_with_stop_at(step: int) -> int:
-    """Stop it, as a handler of a signal does, and let alarms come in idle time as well."""
+    """Stop it, as a handler of a signal does, and let interrupts come in idle time as well."""
     clock = RacingClock()
     kernel = Kernel(clock)
     kernel.add_task('high', lambda: clock.spend(10 * US), priority=90, rate_hz=1000.0)
     kernel.add_task('low', lambda: clock.spend(200 * US), priority=10, rate_hz=500.0)
     kernel.on_idle = lambda slack_ns: clock.spend(slack_ns + 50 * US)
-    files = tuple(str(module.__file__) for module in (kernel_module, releases, scheduler_module))
+    files = tuple(str(module.__file__) for module in (
+        core, kernel_module, releases, scheduler_module, timer_interrupt))
     told_ns = []
 
     def stop() -> None:

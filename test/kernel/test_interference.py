@@ -28,9 +28,9 @@ import pytest
 
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import TaskSpec
-from rt_robot_os.kernel.ran_instead import ran_instead
-from rt_robot_os.kernel.ran_instead import RECORDS_MAXIMUM
-from rt_robot_os.kernel.ran_instead import SUSPECTS_MAXIMUM
+from rt_robot_os.kernel.interference import blame
+from rt_robot_os.kernel.interference import RECORDS_MAXIMUM
+from rt_robot_os.kernel.interference import SUSPECTS_MAXIMUM
 
 JOB, PUBLISH, CEILING, BLOCKED = 0, 1, 5, 6
 Record = tuple[Any, ...]
@@ -53,47 +53,47 @@ def tasks() -> dict[str, Task]:
 def test_who_used_most_comes_first_and_the_task_itself_never(tasks: dict[str, Task]) -> None:
     records = [_job(tasks['planner'], 0, 100), _job(tasks['logger'], 100, 400),
                _job(tasks['camera'], 400, 450), _job(tasks['control'], 450, 2000)]
-    assert ran_instead(reversed(records), tasks['control'], 0, 2000) == (
+    assert blame(reversed(records), tasks['control'], 0, 2000) == (
         'logger', 'planner', 'camera')
 
 
 def test_what_preempted_a_job_is_not_charged_to_it(tasks: dict[str, Task]) -> None:
     records = [_job(tasks['camera'], 100, 900), _job(tasks['planner'], 0, 1000)]
-    assert ran_instead(reversed(records), tasks['control'], 0, 1000) == ('camera', 'planner')
+    assert blame(reversed(records), tasks['control'], 0, 1000) == ('camera', 'planner')
 
 
 def test_only_the_part_after_the_release_counts(tasks: dict[str, Task]) -> None:
     records = [_job(tasks['planner'], 0, 1000), _job(tasks['camera'], 1000, 1100)]
-    assert ran_instead(reversed(records), tasks['control'], 950, 1100) == ('camera', 'planner')
-    assert ran_instead(reversed(records), tasks['control'], 1000, 1100) == ('camera',)
+    assert blame(reversed(records), tasks['control'], 950, 1100) == ('camera', 'planner')
+    assert blame(reversed(records), tasks['control'], 1000, 1100) == ('camera',)
 
 
 def test_a_native_call_of_a_job_that_still_runs_counts(tasks: dict[str, Task]) -> None:
     records = [(BLOCKED, tasks['planner'], 900, 800), _job(tasks['camera'], 900, 1000)]
-    assert ran_instead(reversed(records), tasks['control'], 100, 1100) == ('planner', 'camera')
+    assert blame(reversed(records), tasks['control'], 100, 1100) == ('planner', 'camera')
 
 
 def test_a_resource_held_by_a_job_that_still_runs_counts(tasks: dict[str, Task]) -> None:
     records = [_job(tasks['camera'], 200, 500),
                (CEILING, tasks['planner'], 100, 600, 'map')]
-    assert ran_instead(reversed(records), tasks['control'], 100, 700) == ('camera', 'planner')
+    assert blame(reversed(records), tasks['control'], 100, 700) == ('camera', 'planner')
 
 
 def test_a_native_call_of_an_ended_job_counts_once(tasks: dict[str, Task]) -> None:
     records = [(BLOCKED, tasks['planner'], 250, 200), (CEILING, tasks['planner'], 10, 260, 'map'),
                _job(tasks['planner'], 0, 300), _job(tasks['camera'], 300, 650)]
-    assert ran_instead(reversed(records), tasks['control'], 0, 700) == ('camera', 'planner')
+    assert blame(reversed(records), tasks['control'], 0, 700) == ('camera', 'planner')
 
 
 def test_nobody_ran(tasks: dict[str, Task]) -> None:
-    assert ran_instead((), tasks['control'], 0, 10) == ()
+    assert blame((), tasks['control'], 0, 10) == ()
     records = [_job(tasks['planner'], 0, 100), (PUBLISH, None, 120, 'imu', 1)]
-    assert ran_instead(reversed(records), tasks['control'], 100, 200) == ()
+    assert blame(reversed(records), tasks['control'], 100, 200) == ()
 
 
 def test_no_more_records_are_taken_than_promised(tasks: dict[str, Task]) -> None:
     source = iter([_job(tasks['planner'], 1000 - n, 1001 - n) for n in range(1000)])
-    ran_instead(source, tasks['control'], 0, 1001)
+    blame(source, tasks['control'], 0, 1001)
     assert len(list(source)) == 1000 - RECORDS_MAXIMUM
 
 
@@ -141,7 +141,7 @@ def test_the_suspects_are_those_of_a_model(
     release_ns = data.draw(st.integers(0, story.now_ns))
     end_ns = data.draw(st.integers(release_ns, story.now_ns))
     records = deque(story.records, maxlen=8192)
-    got = ran_instead(reversed(records), tasks[late], release_ns, end_ns)
+    got = blame(reversed(records), tasks[late], release_ns, end_ns)
     used = Counter(story.owner[release_ns:end_ns])
     del used[''], used[tasks[late].name]
     if len(records) <= RECORDS_MAXIMUM:

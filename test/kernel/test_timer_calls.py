@@ -14,10 +14,10 @@
 
 
 """
-What the kernel asks of the system for each job, and how late an alarm may come for that.
+What the kernel asks of the system for each job, and how late an interrupt may come for that.
 
-The clock here says that an alarm costs computing time, as a real machine's does, and counts the
-calls: so the kernel looks at it where releases lie closer than that.
+The clock here says that an interrupt costs computing time, as a real machine's does, and counts the
+calls: so the kernel polls it where releases lie closer than that.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from rt_robot_os.kernel import MonotonicClock
 from rt_robot_os.kernel import TraceLog
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.clock import Handler
-from rt_robot_os.kernel.clock import WAKE_MOST_NS
+from rt_robot_os.kernel.monotonic_clock import WAKE_MOST_NS
 
 WAKE_NS = 20 * US
 LATE_NS = 4 * WAKE_NS  # as docs/timing_model.md promises
@@ -60,7 +60,7 @@ class CountingClock(VirtualClock):
         super().__init__()
         self.calls: Counter[str] = Counter()
         self.slept_ns = 0
-        self.on_look: Callable[[], None] | None = None
+        self.on_poll: Callable[[], None] | None = None
 
     def attach(self, on_tick: Handler, on_interrupt: Handler, on_break: Handler) -> None:
         def tick() -> None:
@@ -78,25 +78,25 @@ class CountingClock(VirtualClock):
         self.calls['spare'] += 1
         super().arm_spare(deadline_ns)
 
-    def hold(self) -> None:
+    def mask_signals(self) -> None:
         self.calls['mask'] += 1
 
-    def admit(self) -> None:
+    def unmask_signals(self) -> None:
         self.calls['mask'] += 1
 
-    def wait(self) -> bool:
+    def wait_masked(self) -> bool:
         self.calls['wait'] += 1
         before_ns = self._now_ns
-        heard = super().wait()
+        heard = super().wait_masked()
         self.slept_ns += self._now_ns - before_ns
         return heard
 
-    def look(self, until_ns: int) -> int:
-        if self.on_look is not None:
+    def poll(self, until_ns: int) -> int:
+        if self.on_poll is not None:
             self._now_ns += 100
-            self.on_look()
+            self.on_poll()
             return self._now_ns
-        return super().look(until_ns)
+        return super().poll(until_ns)
 
 
 def spread(number: int, duration_ns: int, execution_ns: int) -> tuple[Kernel, Counter[str], int]:
@@ -112,7 +112,7 @@ def spread(number: int, duration_ns: int, execution_ns: int) -> tuple[Kernel, Co
 
 
 @pytest.mark.parametrize('number', [1, 10, 100])
-def test_a_job_of_its_own_moment_takes_one_alarm_ahead_and_one_wait(number: int) -> None:
+def test_a_job_of_its_own_moment_takes_one_timer_ahead_and_one_wait(number: int) -> None:
     kernel, calls, jobs = spread(number, 200 * MS, 2 * US)
     assert calls['spare'] <= jobs + 2 and calls['wait'] <= jobs + 2
     assert calls['arm'] <= jobs // 40 + 3 and not calls['signal']
@@ -120,7 +120,7 @@ def test_a_job_of_its_own_moment_takes_one_alarm_ahead_and_one_wait(number: int)
     assert all(task.latency.maximum_ns == 0 for task in kernel.tasks)
 
 
-def test_an_event_for_a_higher_task_sets_no_alarm() -> None:
+def test_an_event_for_a_higher_task_sets_no_timer_of_its_own() -> None:
     clock = CountingClock()
     kernel = Kernel(clock)
     reader = kernel.add_task('reader', lambda: clock.spend(5 * US), priority=50)
@@ -143,16 +143,16 @@ def test_a_long_job_that_an_event_released_is_interrupted_in_time() -> None:
     assert high.latency.maximum_ns == 0
 
 
-def test_jobs_closer_than_an_alarm_costs_do_nearly_without() -> None:
+def test_jobs_closer_than_an_interrupt_costs_do_nearly_without() -> None:
     kernel, calls, jobs = spread(1000, 100 * MS, 2 * US)
-    # An alarm that is moved on, again and again, and hardly ever comes.
+    # A timer that is moved on, again and again, and hardly ever comes.
     assert calls.total() < 0.1 * jobs
     assert calls['signal'] + calls['wait'] < 0.02 * jobs
     statistics = kernel.statistics()
-    assert 0 < statistics.looked_ns < 100 * MS and statistics.alarm_ns == WAKE_NS
+    assert 0 < statistics.polled_ns < 100 * MS and statistics.interrupt_ns == WAKE_NS
 
 
-def test_a_kernel_that_looks_at_the_clock_leaves_others_their_share_of_the_cpu() -> None:
+def test_a_kernel_that_polls_the_clock_leaves_others_their_share_of_the_cpu() -> None:
     clock = CountingClock()
     kernel = Kernel(clock)
     for index in range(1000):
@@ -218,12 +218,12 @@ def test_whatever_else_runs_the_highest_is_late_by_the_bound_at_most(
     assert all(0 <= late_ns <= LATE_NS for late_ns in late)
 
 
-# ---- what comes up while it looks ------------------------------------------------------------
+# ---- what comes up while it polls ------------------------------------------------------------
 
 
 @pytest.fixture
-def looking() -> tuple[Kernel, CountingClock]:
-    """Give a kernel that looks at the clock most of the time."""
+def polling() -> tuple[Kernel, CountingClock]:
+    """Give a kernel that polls the clock most of the time."""
     clock = CountingClock()
     kernel = Kernel(clock)
     for index in range(100):
@@ -232,8 +232,8 @@ def looking() -> tuple[Kernel, CountingClock]:
     return kernel, clock
 
 
-def test_a_descriptor_is_heard_while_it_looks(looking: tuple[Kernel, CountingClock]) -> None:
-    kernel, clock = looking
+def test_a_descriptor_is_heard_while_it_polls(polling: tuple[Kernel, CountingClock]) -> None:
+    kernel, clock = polling
     reader, writer = os.pipe()
     heard: list[int] = []
 
@@ -249,7 +249,7 @@ def test_a_descriptor_is_heard_while_it_looks(looking: tuple[Kernel, CountingClo
 
     try:
         kernel.add_interrupt(reader, kernel.add_task('hear', hear, priority=50))
-        clock.on_look = arrive
+        clock.on_poll = arrive
         kernel.run(5 * MS)
     finally:
         os.close(reader)
@@ -258,15 +258,15 @@ def test_a_descriptor_is_heard_while_it_looks(looking: tuple[Kernel, CountingClo
 
 
 @pytest.mark.parametrize('how', ['stop', 'break'])
-def test_it_stops_while_it_looks(looking: tuple[Kernel, CountingClock], how: str) -> None:
-    kernel, clock = looking
+def test_it_stops_while_it_polls(polling: tuple[Kernel, CountingClock], how: str) -> None:
+    kernel, clock = polling
 
     def come() -> None:
         if kernel.now_ns() > 2 * MS and not clock.calls['came']:
             clock.calls['came'] = kernel.now_ns()
             kernel.stop('told') if how == 'stop' else clock.on_break()
 
-    clock.on_look = come
+    clock.on_poll = come
     if how == 'stop':
         assert kernel.run(5 * MS) == 'told'
     else:
@@ -275,19 +275,19 @@ def test_it_stops_while_it_looks(looking: tuple[Kernel, CountingClock], how: str
     assert kernel.now_ns() == clock.calls['came']
 
 
-def test_handlers_of_signals_run_while_it_looks() -> None:
+def test_handlers_of_signals_run_while_it_polls() -> None:
     """On the real clock, and in whichever build runs: compiled code alone would let none in."""
     kernel = Kernel(MonotonicClock())
     ended: list[int] = []
 
-    def look() -> None:
+    def poll() -> None:
         signal.setitimer(signal.ITIMER_REAL, 0.05)
         begin_ns = kernel.now_ns()
         before = kernel.lock()
-        ended.append(kernel._look(begin_ns + 20 * S, begin_ns) - begin_ns)
+        ended.append(kernel._poll(begin_ns + 20 * S, begin_ns) - begin_ns)
         kernel.unlock(before)
 
-    kernel.add_task('look', look, priority=1, rate_hz=1.0)
+    kernel.add_task('poll', poll, priority=1, rate_hz=1.0)
     old = signal.signal(signal.SIGALRM, lambda *_: kernel.stop('told'))
     try:
         assert kernel.run(30 * S) == 'told'
@@ -297,25 +297,25 @@ def test_handlers_of_signals_run_while_it_looks() -> None:
     assert ended and ended[0] < 20 * S
 
 
-def test_an_alarm_ends_the_look() -> None:
+def test_a_timer_interrupt_ends_polling() -> None:
     kernel = Kernel(MonotonicClock())
     seen: list[bool] = []
     # Started by the job that waits: a period would run first where the process began late.
     timer = kernel.timer(kernel.add_task('high', kernel.stop, priority=2))
 
-    def look() -> None:
+    def poll() -> None:
         timer.start(20 * MS)
         before = kernel.lock()
         begin_ns = kernel.now_ns()
-        seen.append(kernel._look(begin_ns + 20 * S, begin_ns) < begin_ns + 20 * S)
+        seen.append(kernel._poll(begin_ns + 20 * S, begin_ns) < begin_ns + 20 * S)
         kernel.unlock(before)
 
-    kernel.add_task('look', look, priority=1, rate_hz=1.0)
+    kernel.add_task('poll', poll, priority=1, rate_hz=1.0)
     assert kernel.run(30 * S) == 'stop'
     assert seen == [True]
 
 
-def test_the_real_clock_measures_what_an_alarm_costs() -> None:
+def test_the_real_clock_measures_what_an_interrupt_costs() -> None:
     clock = MonotonicClock()
     kernel = Kernel(clock)
     kernel.add_task('task', lambda: spin_until(kernel, lambda: True), priority=1, rate_hz=100.0)

@@ -12,13 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where compiled code lets an alarm through; not compiled itself, for that is what it takes."""
 
+"""Scenarios in which the builds once differed, made small: name, and what was wrong."""
 
-def preemption_point() -> None:
-    """
-    Let an alarm that has come be served, as between any two lines of interpreted code.
+from __future__ import annotations
 
-    The handlers of signals run when CPython begins to interpret a function, and never inside of
-    compiled code. To be called by compiled code that loops for longer than some 50 us; takes 0.05.
-    """
+from differential_scenario import Scenario
+from differential_scenario import TaskData
+
+REGRESSIONS: dict[str, Scenario] = {
+    'nothing at all': Scenario(tasks=(TaskData(),)),
+}

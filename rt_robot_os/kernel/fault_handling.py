@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What follows when a task overran, overspent, was late or failed: nothing of an ordinary job."""
+"""What is done when a task overran, overspent, was late or failed: nothing of an ordinary job."""
 
 from __future__ import annotations
 
@@ -26,34 +26,36 @@ from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import MISS
 from rt_robot_os.kernel.black_box import OVERRUN
+from rt_robot_os.kernel.core import BLOCKED_NS
+from rt_robot_os.kernel.core import Core
+from rt_robot_os.kernel.core import LATE_NS
 from rt_robot_os.kernel.failure import FailureReport
-from rt_robot_os.kernel.ran_instead import ran_instead
-from rt_robot_os.kernel.releases import Releases
+from rt_robot_os.kernel.interference import blame
+from rt_robot_os.kernel.interference import RECORDS_MAXIMUM
 from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.spec import FailurePolicy
 from rt_robot_os.kernel.spec import OverrunPolicy
 from rt_robot_os.kernel.spec import TaskState
-from rt_robot_os.kernel.stolen import LOOKS_LONG_NS
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.kernel.timers import insert
-from rt_robot_os.kernel.timers import Timer
 from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_US
 
-BLOCKED_NS: Final = 50 * NS_PER_US
 _SUSPECTS_EVERY_NS: Final = 10 * NS_PER_MS
+# A job that waits in system calls instead of computing is aborted after this many times its
+# budget at last.
+WAITING_LIMITS: Final = 20
 
 
-class Consequences:
+class FaultHandling:
     """
-    The rare half of the scheduler. All methods are called locked.
+    The policies for overruns, budgets, deadlines and failures. All methods are called locked.
 
+    :param kernel: whose tasks they are.
     :param resources: those of the kernel, by name.
     """
 
     __slots__ = ('_kernel', '_resources', '_suspects_ns', '_ended')
 
-    def __init__(self, kernel: Releases, resources: Mapping[str, Resource]) -> None:
+    def __init__(self, kernel: Core, resources: Mapping[str, Resource]) -> None:
         self._kernel = kernel
         self._resources = resources
         self._suspects_ns = 0
@@ -62,29 +64,25 @@ class Consequences:
 
     # ---- overruns ----------------------------------------------------------------------------
 
-    def reckon(self, task: Task, timer: Timer, now_ns: int) -> Timer | None:
+    def account_missed_releases(self, task: Task, due_ns: int, now_ns: int) -> int:
         """
         Account for the points of a task's grid that passed while its job waited or ran.
 
-        :param timer: the first of them.
-        :return: the timer for the next, or None: the grid begins anew when that job has ended.
+        :param due_ns: the first of them.
+        :return: when it is due next; 0 when the grid begins anew when that job has ended.
         """
         kernel = self._kernel
-        due_ns, index = timer[:2]
         period_ns = task.period_ns
-        unserved = (min(now_ns, kernel._end_ns - 1) - due_ns) // period_ns + 1
+        unserved = (min(now_ns, kernel.end_ns - 1) - due_ns) // period_ns + 1
         if unserved <= 0:
-            return timer
+            return due_ns
         task.releases += unserved
-        after: Timer = (due_ns + unserved * period_ns, index, task, period_ns)
-        if task.state is not TaskState.ACTIVE:
+        next_ns = due_ns + unserved * period_ns
+        if task.held:
             task.missed += unserved
-            return after
+            return next_ns
         task.overruns += unserved
         kernel.record((OVERRUN, task, due_ns, unserved))
-        if task.skips:  # nothing else is asked for: an overload must not cost more than it has to
-            task.missed += unserved
-            return after
         if task.spec.overrun_limit:
             self._fill_bucket(task, unserved, now_ns)
         policy = task.spec.overrun
@@ -97,26 +95,23 @@ class Consequences:
             task.missed += unserved - 1
             task.rephasing = True
             task.follow_up = True
-            return None
+            return 0
         else:
             task.missed += unserved
             if policy is OverrunPolicy.STOP:
-                self.demand(task, FailurePolicy.STOP, f'{unserved} releases found the job '
-                            'before unfinished (overrun: stop)', now_ns)
-        return after
+                self.request_policy(task, FailurePolicy.STOP, f'{unserved} releases found the job '
+                                    'before unfinished (overrun: stop)', now_ns)
+        return next_ns
 
     def account(self, task: Task, now_ns: int) -> None:
         """Bring what a task counts up to date, before it is read or begun anew."""
         kernel = self._kernel
-        level = task.priority
-        now_ns = min(now_ns, kernel._end_ns - 1)
-        if kernel._timers[level][0][0] <= now_ns:
-            kernel._take_in(level, now_ns)
-            if level > kernel._level:
-                kernel.pending = True
-        timer = task.timer
-        if timer is not None and timer[0] <= now_ns:
-            task.timer = self.reckon(task, timer, now_ns)
+        now_ns = min(now_ns, kernel.end_ns - 1)
+        if kernel.release_due(task.priority, now_ns) and task.priority > kernel.level:
+            kernel.pending = True
+        if task.next_ns and task.next_ns <= now_ns:
+            next_ns = self.account_missed_releases(task, task.next_ns, now_ns)
+            task.next_ns, task.next_period_ns = next_ns, task.period_ns
 
     def _fill_bucket(self, task: Task, overruns: int, now_ns: int) -> None:
         spec = task.spec
@@ -124,9 +119,9 @@ class Consequences:
         task.bucket = max(0, task.bucket - leaked) + overruns
         task.bucket_runs = task.runs
         if task.bucket > spec.overrun_limit:
-            self.demand(task, spec.failure, f'{task.bucket} overruns, of which one is forgotten '
-                        f'with {spec.overrun_leak} jobs without (overrun_limit: '
-                        f'{spec.overrun_limit})', now_ns)
+            reason = (f'{task.bucket} overruns, of which one is forgotten with '
+                      f'{spec.overrun_leak} jobs without (overrun_limit: {spec.overrun_limit})')
+            self.request_policy(task, spec.failure, reason, now_ns)
             task.bucket = 0
 
     # ---- limits ------------------------------------------------------------------------------
@@ -137,15 +132,21 @@ class Consequences:
 
         :return: its computing time, without what Linux took.
         """
-        if execution_ns > LOOKS_LONG_NS:
-            taken_ns = self._claim(task, self._kernel.now_ns(), execution_ns)
-            if taken_ns:
-                self._ended = (task, task.start_ns, taken_ns)
-                task.execution_total_ns -= taken_ns
-                execution_ns -= taken_ns
+        kernel = self._kernel
+        now_ns = kernel.now_ns()
+        if task.aborts:
+            gap_ns = execution_ns - task.waited_ns - (
+                kernel.clock.computed_ns() - task.computed_ns)
+            taken_ns = self.did_not_compute(task, now_ns, gap_ns) if gap_ns > LATE_NS else 0
+        else:
+            taken_ns = self.stolen_from(task, now_ns, execution_ns)
+        if taken_ns:
+            self._ended = (task, task.start_ns, taken_ns)
+            task.execution_total_ns -= taken_ns
+            execution_ns -= taken_ns
         longest_ns = task.execution_maximum_ns = max(task.execution_maximum_ns, execution_ns)
         task.execution_limit_ns = min(longest_ns, task.budget_ns)
-        task.budget_exceeded += execution_ns > task.budget_ns
+        task.budget_exceeded += execution_ns - task.waited_ns > task.budget_ns
         return execution_ns
 
     def long_response(self, task: Task, release_ns: int, end_ns: int) -> None:
@@ -163,8 +164,8 @@ class Consequences:
         task.deadline_missed += 1
         if end_ns - self._suspects_ns >= _SUSPECTS_EVERY_NS:  # or an overload would feed itself
             self._suspects_ns = end_ns
-            task.suspects = ran_instead(
-                reversed(kernel.black_box.records), task, release_ns, end_ns)
+            task.suspects = blame(
+                kernel.black_box.latest(RECORDS_MAXIMUM), task, release_ns, end_ns)
         task.miss = (task.runs, release_ns, late_ns)
         kernel.record((MISS, task, end_ns, late_ns))
 
@@ -172,47 +173,66 @@ class Consequences:
 
     def held_up(self, task: Task, level: int, at_ns: int, late_ns: int) -> int:
         """
-        Charge an alarm that came late to the job that ran; what it released is ready by now.
+        Charge an interrupt that came late to the job that ran; what it released is ready by now.
 
         :param at_ns: when the job could be interrupted again, or when it had ended.
         :return: how much of the job's time Linux took, as far as that was not known.
         """
         kernel = self._kernel
         taken_ns = 0
-        if late_ns > LOOKS_LONG_NS:
-            own_ns = at_ns - task.start_ns - kernel._stolen_ns
-            taken_ns = self._claim(task, at_ns, own_ns)
+        if late_ns > LATE_NS:
+            own_ns = at_ns - task.start_ns - kernel.stolen_ns
+            taken_ns = self.stolen_from(task, at_ns, own_ns)
             known = self._ended
             late_ns = min(late_ns, own_ns) - taken_ns
             if known[0] is task and known[1] == task.start_ns:  # found when the job ended
                 late_ns -= known[2]
         if late_ns > task.blocked_maximum_ns:
             task.blocked_maximum_ns = late_ns
-        if late_ns > BLOCKED_NS and kernel._ready >> level + 1:
+        if late_ns > BLOCKED_NS and kernel.ready_above(level):
             kernel.record((BLOCKED, task, at_ns, late_ns))
         return taken_ns
 
-    def taken(self, task: Task, now_ns: int, used_ns: int) -> int:
+    def stolen_from(self, task: Task, now_ns: int, window_ns: int) -> int:
         """
-        Look at a job that seems to have used up its budget.
+        Return how much of the computing time of a job that looks long Linux took.
 
-        :param used_ns: its computing time, as far as what Linux took is known.
-        :return: how much of that Linux took all the same.
+        :param window_ns: the time, up to now, as far as what Linux took is known.
         """
-        return self._claim(task, now_ns, used_ns) if used_ns > LOOKS_LONG_NS else 0
-
-    def _claim(self, task: Task, now_ns: int, window_ns: int) -> int:
+        if window_ns <= LATE_NS:
+            return 0
         kernel = self._kernel
-        taken_ns = kernel.stolen.claim(now_ns, window_ns)
+        taken_ns = kernel.steal_time.attribute(now_ns, window_ns)
         if taken_ns > NS_PER_MS:
             kernel.black_box.mark(now_ns, f'Linux took the CPU from {task.name} for '
                                           f'{taken_ns / NS_PER_MS:.1f} ms')
         return taken_ns
 
+    def did_not_compute(self, task: Task, now_ns: int, gap_ns: int) -> int:
+        """
+        Find out where the time of a job with a budget to abort went, in which it did not compute.
+
+        What Linux took is taken off its time. What is left is its own waiting, which does not count
+        for its budget, up to a limit. From the first TaskAborted on it does.
+
+        :param gap_ns: how long it did not compute, as far as that was not known.
+        :return: how much of that Linux took.
+        """
+        taken_ns = self.stolen_from(task, now_ns, gap_ns)
+        gap_ns -= taken_ns
+        if gap_ns > LATE_NS and not (task.resists or task.over):
+            waited_ns = min(gap_ns, WAITING_LIMITS * task.budget_ns - task.waited_ns)
+            task.waited_ns += waited_ns
+            if waited_ns > NS_PER_MS:
+                self._kernel.black_box.mark(
+                    now_ns, f'{task.name} waited for {waited_ns / NS_PER_MS:.1f} ms, in a system '
+                            'call or for the host')
+        return taken_ns
+
     # ---- failures ----------------------------------------------------------------------------
 
-    def follow(self, task: Task, failure: FailureReport | None, outcome: int,
-               now_ns: int) -> None:
+    def after_job(self, task: Task, failure: FailureReport | None, outcome: int,
+                  now_ns: int) -> None:
         """
         Do what is due when a job has ended.
 
@@ -225,37 +245,37 @@ class Consequences:
         inside, task.inside = task.inside, 0
         task.follow_up = bool(task.successors)
         if failure is not None:
-            kernel._note_failure(failure)
+            kernel.note_failure(failure)
             policy = policy or task.spec.failure
         if inside:
             for resource in self._resources.values():
                 resource.abandon(task)
-            kernel._note_failure(FailureReport(
+            kernel.note_failure(FailureReport(
                 task.name, now_ns, 'a job ended inside a resource; use it with `with`', ()))
-        if task.strikes:
+        if task.aborts_raised:
             task.aborted += outcome != FAILED
-            policy = self._after_strikes(task, policy, now_ns)
-        task.struck = False  # one that came too late
-        if task.state is not TaskState.ACTIVE:  # its safe state was run
-            kernel._withdraw(task)
+            policy = self._after_aborts(task, policy, now_ns)
+        task.abort_pending = False  # one that came too late
+        if task.held:  # its safe state was run
+            self.withdraw(task)
             task.pending = True
         elif policy is not None and policy is not FailurePolicy.CONTINUE:
             self._apply(task, policy, now_ns)
         if task.rephasing:
             self._rephase(task, now_ns)
         elif task.backlog and not task.pending:
-            kernel._take_in(task.priority, now_ns)  # what came before
-            kernel._queue(task, task.backlog.popleft(), task.period_ns)
+            kernel.release_due(task.priority, now_ns)  # what came before
+            kernel.enqueue(task, task.backlog.popleft(), task.period_ns)
             task.follow_up = True
         kernel.wake(task.successors, now_ns)
-        kernel._listen_again(task)
+        kernel.rearm_sources(task)
 
-    def _after_strikes(self, task: Task, policy: FailurePolicy | None, now_ns: int
+    def _after_aborts(self, task: Task, policy: FailurePolicy | None, now_ns: int
                        ) -> FailurePolicy | None:
-        delivered, task.strikes = task.strikes, 0
+        delivered, task.aborts_raised = task.aborts_raised, 0
         if delivered == 1:
             return policy or task.spec.failure
-        self._kernel._note_failure(FailureReport(
+        self._kernel.note_failure(FailureReport(
             task.name, now_ns, f'went on after TaskAborted, {delivered} times; stopped: '
             'let it end in `finally` and never catch BaseException', ()))
         return FailurePolicy.STOP
@@ -266,21 +286,22 @@ class Consequences:
         if task.pending:  # held, or released by an event as well
             task.missed += 1
         else:
-            kernel._take_in(task.priority, now_ns)
-            kernel._queue(task, now_ns, task.period_ns)
-        self._put_back(task, (now_ns + task.period_ns, task.index, task, task.period_ns))
+            kernel.release_due(task.priority, now_ns)
+            kernel.enqueue(task, now_ns, task.period_ns)
+        task.next_ns = 0
+        kernel.add_timer(task, now_ns + task.period_ns, task.period_ns)
 
-    def _put_back(self, task: Task, timer: Timer) -> None:
-        kernel = self._kernel
-        task.timer = None
-        insert(kernel._timers[task.priority], timer)
-        kernel._expect(task.priority)
+    def withdraw(self, task: Task) -> None:
+        """Drop what would release a task, and count it as missed."""
+        task.missed += len(task.backlog)
+        task.backlog.clear()
+        self._kernel.withdraw(task)
 
-    def demand(self, task: Task, policy: FailurePolicy, reason: str, now_ns: int) -> None:
+    def request_policy(self, task: Task, policy: FailurePolicy, reason: str, now_ns: int) -> None:
         """Apply a policy for another reason than an exception, when its job has ended."""
-        self._kernel._note_failure(FailureReport(task.name, now_ns, reason, ()))
+        self._kernel.note_failure(FailureReport(task.name, now_ns, reason, ()))
         task.wanted = policy
-        if task.busy or (task.pending and task.state is TaskState.ACTIVE):
+        if task.busy or (task.pending and not task.held):
             task.follow_up = True
         else:
             task.wanted = None
@@ -289,7 +310,7 @@ class Consequences:
     def _apply(self, task: Task, policy: FailurePolicy, now_ns: int) -> None:
         """Hold a task that has no job on the stack."""
         kernel = self._kernel
-        kernel._withdraw(task)
+        self.withdraw(task)
         if policy is FailurePolicy.SAFE_STATE:
             if task.on_safe_state is not None:
                 self._run_next(task, task.on_safe_state, now_ns)
@@ -300,9 +321,9 @@ class Consequences:
             if now_ns - task.resume_ns > spec.restart_maximum_ns:
                 task.restart_ns = spec.restart_ns
             task.resume_ns = now_ns + task.restart_ns
-            kernel._schedule(task.resume_ns,
-                             functools.partial(self._end_backoff, task, task.resume_ns),
-                             task.priority)
+            kernel.schedule(task.resume_ns,
+                            functools.partial(self._end_backoff, task, task.resume_ns),
+                            task.priority)
             task.restart_ns = min(2 * task.restart_ns, spec.restart_maximum_ns)
         else:
             task.state = TaskState.STOPPED
@@ -315,16 +336,13 @@ class Consequences:
     def resume(self, task: Task, now_ns: int) -> None:
         """Let a held task make jobs again."""
         kernel = self._kernel
-        if task.state is TaskState.ACTIVE:
+        if not task.held:
             return
-        timer = task.timer
-        if timer is not None and not task.busy:
-            timer = self.reckon(task, timer, now_ns)
-            if timer is not None:
-                self._put_back(task, timer)
-        kernel._withdraw(task)
+        if task.next_ns and not task.busy:
+            kernel.return_timer(task, now_ns)
+        self.withdraw(task)
         task.state = TaskState.ACTIVE
-        kernel._listen_again(task)
+        kernel.rearm_sources(task)
         if task.on_restart is not None:
             self._run_next(task, task.on_restart, now_ns)
 

@@ -1,0 +1,175 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What of a task each of its jobs touches, and how a job is counted.
+
+Here is what it means; where the extension in C is there, its type of the same name is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+from typing import Final
+from typing import Protocol
+from typing import TYPE_CHECKING
+
+from rt_robot_os.compiled import NATIVE
+from rt_robot_os.kernel.histogram import bucket
+from rt_robot_os.kernel.histogram import BUCKETS
+
+LATENCY: Final = 0
+EXECUTION: Final = 1
+JITTER: Final = 2
+_KINDS: Final = 3
+
+
+class Judge(Protocol):
+    """Who is asked when a time is longer than any so far: the kernel's FaultHandling."""
+
+    def long_execution(self, task: Any, execution_ns: int) -> int:
+        """Return the computing time without what Linux took of it."""
+
+    def long_response(self, task: Any, release_ns: int, end_ns: int) -> None:
+        """Note that a job ended later after its release than any so far, or too late."""
+
+
+class TaskCore:
+    """
+    The part of a task that its kernel reads and writes with each job.
+
+    What was declared:
+
+    :ivar name: unique in its kernel.
+    :ivar index: its number in its kernel; of equals that are due together the lower runs first.
+    :ivar priority: higher runs first.
+    :ivar period_ns: 0 when only events release it.
+    :ivar budget_ns: computing time that a job may use.
+    :ivar function: what the next job calls.
+    :ivar aborts: a job that exceeds the budget is aborted.
+    :ivar skips: an overrun is counted, and nothing else.
+
+    Its releases and its job:
+
+    :ivar pending: it waits for its turn, or is held.
+    :ivar held: its releases make no jobs.
+    :ivar next_ns: its next release, while its timer is not among those of its level because a job
+        of it waits or runs, or it is held; else 0.
+    :ivar next_period_ns: the period that leads to that release.
+    :ivar release_ns: when the last job was released.
+    :ivar interval_ns: the period that led to that.
+    :ivar busy: a job of it is on the stack.
+    :ivar start_ns: when its last job began; -1 before the first.
+    :ivar inside: number of resources that this job is inside of.
+    :ivar follow_up: FaultHandling is asked when this job has ended.
+
+    What became of its budget:
+
+    :ivar limit_ns: computing time at which the job that runs is aborted; 0 means never.
+    :ivar computed_ns: computing time of the thread when the job began, and of what preempted it
+        since; counts while there is a limit.
+    :ivar waited_ns: how long a job with a budget to abort did not compute although Linux took
+        nothing, as far as that is known: it waited in a system call.
+    :ivar abort_pending: TaskAborted is to be raised in it.
+    :ivar resists: it had its time for ``finally`` clauses: TaskAborted is raised until it ends.
+    :ivar over: its function has ended by an exception, which is being described and dropped.
+
+    What is counted, see :class:`~rt_robot_os.kernel.TaskStatistics`; and two limits:
+
+    :ivar execution_limit_ns: longer jobs are looked into: the longest so far, or the budget.
+    :ivar response_limit_ns: the same for the time from release to end, with the deadline.
+    """
+
+    __slots__ = (
+        'name', 'index', 'priority', 'period_ns', 'budget_ns', 'function', 'aborts', 'skips',
+        # Its releases and its job
+        'pending', 'held', 'next_ns', 'next_period_ns', 'release_ns', 'interval_ns', 'busy',
+        'start_ns', 'inside', 'follow_up',
+        # Its budget
+        'limit_ns', 'computed_ns', 'waited_ns', 'abort_pending', 'resists', 'over',
+        # What is counted
+        'releases', 'runs', 'missed', 'coalesced', 'overruns', 'execution_total_ns',
+        'execution_limit_ns', 'execution_maximum_ns', 'latency_maximum_ns', 'response_limit_ns',
+        'gap_maximum_ns', 'jitter_maximum_ns', 'blocked_maximum_ns', '_counts')
+
+    def __init__(self) -> None:
+        self.name = ''
+        self.index = self.priority = self.period_ns = self.budget_ns = 0
+        self.function: Callable[[], object] = _nothing
+        self.aborts = self.skips = False
+        self.pending = self.held = self.busy = self.follow_up = False
+        self.next_ns = self.next_period_ns = self.release_ns = self.interval_ns = 0
+        self.start_ns = -1
+        self.inside = self.limit_ns = self.computed_ns = self.waited_ns = 0
+        self.abort_pending = self.resists = self.over = False
+        self.clear_counts()
+
+    def clear_counts(self) -> None:
+        """Begin to count anew."""
+        self.releases = self.runs = self.missed = self.coalesced = self.overruns = 0
+        self.execution_total_ns = self.execution_limit_ns = self.execution_maximum_ns = 0
+        self.latency_maximum_ns = self.response_limit_ns = 0
+        self.gap_maximum_ns = self.jitter_maximum_ns = self.blocked_maximum_ns = 0
+        self._counts = [[0] * BUCKETS for _ in range(_KINDS)]
+
+    def counts(self, kind: int) -> list[int]:
+        """
+        Copy a histogram of this task: how many durations fell into each bucket.
+
+        :param kind: LATENCY, EXECUTION or JITTER.
+        """
+        return self._counts[kind].copy()
+
+    def count(self, release_ns: int, previous_ns: int, end_ns: int, stolen_ns: int, judge: Judge
+              ) -> None:
+        """
+        Count the job that has ended: how long it took, waited, and how regularly it began.
+
+        :param release_ns: of this job; ``release_ns`` may be that of the next already.
+        :param previous_ns: when the job before it began; -1 without one.
+        :param stolen_ns: how much of its time others computed.
+        """
+        start_ns = self.start_ns
+        latencies, executions, jitters = self._counts
+        self.runs += 1
+        execution_ns = end_ns - start_ns - stolen_ns
+        self.execution_total_ns += execution_ns
+        if execution_ns > self.execution_limit_ns:
+            execution_ns = judge.long_execution(self, execution_ns)
+        executions[bucket(execution_ns)] += 1
+        latency_ns = start_ns - release_ns
+        latencies[bucket(latency_ns)] += 1
+        if latency_ns > self.latency_maximum_ns:
+            self.latency_maximum_ns = latency_ns
+        if end_ns - release_ns > self.response_limit_ns:
+            judge.long_response(self, release_ns, end_ns)
+        if previous_ns < 0:
+            return
+        gap_ns = start_ns - previous_ns
+        if gap_ns > self.gap_maximum_ns:
+            self.gap_maximum_ns = gap_ns
+        if self.period_ns:
+            jitter_ns = abs(gap_ns - self.interval_ns)
+            jitters[bucket(jitter_ns)] += 1
+            if jitter_ns > self.jitter_maximum_ns:
+                self.jitter_maximum_ns = jitter_ns
+
+
+def _nothing() -> None:
+    """Do nothing, as a task that was given no function yet."""
+
+
+if not TYPE_CHECKING and NATIVE is not None:
+    TaskCore = NATIVE.TaskCore  # noqa: F811

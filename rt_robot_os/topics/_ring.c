@@ -1,0 +1,681 @@
+/*
+ * Copyright 2026 The rt_robot_os authors
+ *
+ * Licensed under the Apache License, Version 2.0 (the "License");
+ * you may not use this file except in compliance with the License.
+ * You may obtain a copy of the License at
+ *
+ *     http://www.apache.org/licenses/LICENSE-2.0
+ *
+ * Unless required by applicable law or agreed to in writing, software
+ * distributed under the License is distributed on an "AS IS" BASIS,
+ * WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ * See the License for the specific language governing permissions and
+ * limitations under the License.
+ */
+
+
+/*
+ * The ring of a topic and its two ends: topics/ring.py in C, where it is said what each part means.
+ *
+ * Order of memory. Writers and readers are tasks of one kernel, so of one thread, and one is
+ * preempted by another only where Python runs: never between two statements here. So head is a plain
+ * number, and take need not look whether it was lapped while it copied. Were the ring read by
+ * another CPU, a writer would have to store head with release order after the message, its stamp
+ * and its length; a reader would load head with acquire order, copy, and then load head again
+ * behind an acquire fence: what was overwritten meanwhile is dropped. x86-64 does that with plain
+ * moves, arm64 does not.
+ */
+
+#include "../kernel/_core.h"
+
+#include <string.h>
+
+typedef struct {
+    PyObject_HEAD
+    Core *kernel; /* NULL until __init__ has succeeded */
+    PyObject *name, *layout, *slots, *wakes, *triggers;
+    Py_buffer storage;
+    ns_t *stamps;
+    Py_ssize_t *lengths;
+    ns_t head, mask;
+    Py_ssize_t slot_bytes, stride;
+    Py_ssize_t size, count_offset, count_maximum, tail_start, item_bytes; /* Layout.length_rule */
+    char has_tail, large;
+} Topic;
+
+typedef struct {
+    PyObject_HEAD
+    Topic *topic;
+    Py_buffer buffer;
+} End;
+
+typedef struct {
+    End end;
+    ns_t published;
+} Publisher;
+
+typedef struct {
+    End end;
+    ns_t stamp_ns, seq, next_seq, lost, skipped, reads;
+    Py_ssize_t length;
+    char fresh;
+} Subscription;
+
+static PyTypeObject *topic_type, *publisher_type, *subscription_type;
+
+/* ---- the ring ------------------------------------------------------------------------------ */
+
+static int
+topic_clear(PyObject *self)
+{
+    Topic *topic = (Topic *)self;
+    Py_CLEAR(topic->kernel); /* first: nobody uses the rest from then on */
+    Py_CLEAR(topic->name);
+    Py_CLEAR(topic->layout);
+    Py_CLEAR(topic->slots);
+    Py_CLEAR(topic->wakes);
+    Py_CLEAR(topic->triggers);
+    PyBuffer_Release(&topic->storage);
+    PyMem_Free(topic->stamps);
+    PyMem_Free(topic->lengths);
+    topic->stamps = NULL;
+    topic->lengths = NULL;
+    return 0;
+}
+
+static int
+topic_traverse(PyObject *self, visitproc visit, void *arg)
+{
+    Topic *topic = (Topic *)self;
+    Py_VISIT(Py_TYPE(self));
+    Py_VISIT(topic->kernel);
+    Py_VISIT(topic->name);
+    Py_VISIT(topic->layout);
+    Py_VISIT(topic->slots);
+    Py_VISIT(topic->wakes);
+    Py_VISIT(topic->triggers);
+    Py_VISIT(topic->storage.obj);
+    return 0;
+}
+
+static void
+topic_dealloc(PyObject *self)
+{
+    PyObject_GC_UnTrack(self);
+    topic_clear(self);
+    free_object(self);
+}
+
+/* Reads the sizes of messages from the layout. */
+static int
+read_layout(Topic *topic)
+{
+    PyObject *rule = PyObject_GetAttrString(topic->layout, "length_rule");
+    int read = rule != NULL
+        && PyArg_ParseTuple(rule, "nnnnnn;Layout.length_rule", &topic->size, &topic->slot_bytes,
+                            &topic->count_offset, &topic->count_maximum, &topic->tail_start,
+                            &topic->item_bytes);
+    Py_XDECREF(rule);
+    return read ? 0 : -1;
+}
+
+static int
+make_ring(Topic *topic, PyObject *storage)
+{
+    Py_ssize_t depth = PyList_Size(topic->slots);
+    if (depth < 1 || depth & (depth - 1)) {
+        PyErr_Format(PyExc_ValueError, "topic %R: %zd slots, but the depth must be a power of two",
+                     topic->name, depth);
+        return -1;
+    }
+    if (PyObject_GetBuffer(storage, &topic->storage, PyBUF_WRITABLE) < 0)
+        return -1;
+    topic->stride = (topic->slot_bytes + 7) & ~(Py_ssize_t)7;
+    topic->large = topic->storage.len == 0;
+    topic->has_tail = topic->large || topic->slot_bytes != topic->size;
+    if (!topic->large && topic->storage.len / depth < topic->stride) {
+        PyErr_Format(PyExc_ValueError, "topic %R: a storage of %zd bytes for %zd slots of %zd",
+                     topic->name, topic->storage.len, depth, topic->stride);
+        return -1;
+    }
+    topic->mask = depth - 1;
+    topic->stamps = PyMem_Calloc((size_t)depth, sizeof *topic->stamps);
+    topic->lengths = PyMem_Calloc((size_t)depth, sizeof *topic->lengths);
+    topic->wakes = PyList_New(0);
+    topic->triggers = PyList_New(0);
+    if (topic->stamps == NULL || topic->lengths == NULL) {
+        PyErr_NoMemory();
+        return -1;
+    }
+    for (Py_ssize_t i = 0; i < depth; i++)
+        topic->lengths[i] = topic->size;
+    return topic->wakes == NULL || topic->triggers == NULL ? -1 : 0;
+}
+
+static int
+topic_init(PyObject *self, PyObject *args, PyObject *keywords)
+{
+    static char *names[] = {"kernel", "name", "layout", "slots", "storage", NULL};
+    Topic *topic = (Topic *)self;
+    PyObject *kernel, *name, *layout, *slots, *storage;
+    if (!PyArg_ParseTupleAndKeywords(args, keywords, "O!UOO!O:TopicCore", names, core_type,
+                                     &kernel, &name, &layout, &PyList_Type, &slots, &storage))
+        return -1;
+    if (topic->kernel != NULL) {
+        PyErr_Format(PyExc_TypeError, "topic %R is made already", topic->name);
+        return -1;
+    }
+    topic_clear(self); /* what a call before this that failed has left */
+    Py_INCREF(name);
+    Py_INCREF(layout);
+    Py_INCREF(slots);
+    topic->name = name;
+    topic->layout = layout;
+    topic->slots = slots;
+    if (read_layout(topic) < 0 || make_ring(topic, storage) < 0)
+        return -1;
+    Py_INCREF(kernel);
+    topic->kernel = (Core *)kernel;
+    return 0;
+}
+
+static Py_ssize_t
+kept(PyObject *self, PyObject *number)
+{
+    ns_t sample = PyLong_AsLongLong(number);
+    if (sample == -1 && PyErr_Occurred())
+        return -1;
+    if (((Topic *)self)->kernel == NULL) {
+        PyErr_SetString(PyExc_AttributeError, "this topic has no slots: __init__ did not run");
+        return -1;
+    }
+    return (Py_ssize_t)(sample & ((Topic *)self)->mask);
+}
+
+static PyObject *
+topic_stamp_of(PyObject *self, PyObject *number)
+{
+    Py_ssize_t index = kept(self, number);
+    return index < 0 ? NULL : PyLong_FromLongLong(((Topic *)self)->stamps[index]);
+}
+
+static PyObject *
+topic_length_of(PyObject *self, PyObject *number)
+{
+    Py_ssize_t index = kept(self, number);
+    return index < 0 ? NULL : PyLong_FromSsize_t(((Topic *)self)->lengths[index]);
+}
+
+/* ---- what both ends have ------------------------------------------------------------------- */
+
+static int
+end_clear(PyObject *self)
+{
+    End *end = (End *)self;
+    Py_CLEAR(end->topic);
+    PyBuffer_Release(&end->buffer);
+    return 0;
+}
+
+static int
+end_traverse(PyObject *self, visitproc visit, void *arg)
+{
+    Py_VISIT(Py_TYPE(self));
+    Py_VISIT(((End *)self)->topic);
+    Py_VISIT(((End *)self)->buffer.obj);
+    return 0;
+}
+
+static void
+end_dealloc(PyObject *self)
+{
+    PyObject_GC_UnTrack(self);
+    end_clear(self);
+    free_object(self);
+}
+
+static PyObject *
+end_buffer(PyObject *self, void *Py_UNUSED(closure))
+{
+    PyObject *buffer = ((End *)self)->buffer.obj;
+    if (buffer == NULL) {
+        PyErr_SetString(PyExc_AttributeError, "buffer");
+        return NULL;
+    }
+    Py_INCREF(buffer);
+    return buffer;
+}
+
+static int
+end_set_buffer(PyObject *self, PyObject *value, void *Py_UNUSED(closure))
+{
+    Py_buffer view, before;
+    if (value == NULL) {
+        PyErr_SetString(PyExc_AttributeError, "buffer cannot be deleted");
+        return -1;
+    }
+    if (PyObject_GetBuffer(value, &view, PyBUF_SIMPLE) < 0)
+        return -1;
+    before = ((End *)self)->buffer;
+    ((End *)self)->buffer = view;
+    PyBuffer_Release(&before);
+    return 0;
+}
+
+static int
+end_connect(PyObject *self, PyObject *topic, PyObject *buffer)
+{
+    End *end = (End *)self;
+    if (end->topic != NULL || ((Topic *)topic)->kernel == NULL) {
+        PyErr_SetString(PyExc_TypeError, end->topic != NULL ? "it is connected to a topic already"
+                        : "its topic has no slots: __init__ of that did not run");
+        return -1;
+    }
+    if (end_set_buffer(self, buffer, NULL) < 0)
+        return -1;
+    Py_INCREF(topic);
+    end->topic = (Topic *)topic;
+    return 0;
+}
+
+/* The topic of an end; NULL with an exception when it has none, or had one. */
+static Topic *
+topic_of(PyObject *self)
+{
+    Topic *topic = ((End *)self)->topic;
+    if (topic == NULL || topic->kernel == NULL) {
+        PyErr_SetString(PyExc_AttributeError, "it is connected to no topic: __init__ did not run");
+        return NULL;
+    }
+    return topic;
+}
+
+/* ---- the writing end ----------------------------------------------------------------------- */
+
+static int
+publisher_init(PyObject *self, PyObject *args, PyObject *keywords)
+{
+    static char *names[] = {"topic", "buffer", NULL};
+    PyObject *topic, *buffer;
+    if (!PyArg_ParseTupleAndKeywords(args, keywords, "O!O:PublisherCore", names, topic_type,
+                                     &topic, &buffer))
+        return -1;
+    return end_connect(self, topic, buffer);
+}
+
+/* Copies a message into the slot after the newest sample. */
+static int
+write_slot(Topic *topic, const Py_buffer *data, Py_ssize_t length)
+{
+    if (length > data->len || (topic->has_tail ? length > topic->slot_bytes
+                               : length != topic->slot_bytes)) {
+        PyErr_Format(PyExc_ValueError, "topic %R: %zd of %zd bytes for a slot of %s%zd",
+                     topic->name, length, data->len, topic->has_tail ? "at most " : "",
+                     topic->slot_bytes);
+        return -1;
+    }
+    Py_ssize_t index = (Py_ssize_t)(topic->head & topic->mask);
+    if (!topic->large) {
+        memmove((char *)topic->storage.buf + index * topic->stride, data->buf, (size_t)length);
+        return 0;
+    }
+    PyObject *slot = PyList_GetItem(topic->slots, index);
+    Py_buffer target;
+    if (slot == NULL || PyObject_GetBuffer(slot, &target, PyBUF_WRITABLE) < 0)
+        return -1;
+    memmove(target.buf, data->buf, (size_t)(length < target.len ? length : target.len));
+    PyBuffer_Release(&target);
+    return 0;
+}
+
+/* Makes what was written to that slot the newest sample, and tells who waits for it; locked. */
+static int
+commit(Publisher *self, Topic *topic, Py_ssize_t length, ns_t stamp_ns, ns_t at_ns)
+{
+    Core *core = topic->kernel;
+    Record record = {.kind = PUBLISH, .who = (PyObject *)core->current, .what = topic->name,
+                     .a = at_ns, .b = topic->head};
+    Py_ssize_t index = (Py_ssize_t)(topic->head & topic->mask);
+    topic->stamps[index] = stamp_ns ? stamp_ns : at_ns;
+    topic->lengths[index] = length;
+    topic->head++;
+    self->published++;
+    if (add_record(core, &record) < 0
+            || (PyList_Size(topic->wakes) && wake(core, topic->wakes, at_ns) < 0))
+        return -1;
+    if (PyList_Size(topic->triggers) == 0)
+        return 0;
+    PyObject *done = PyObject_CallMethod((PyObject *)topic, "pull", "L", at_ns);
+    Py_XDECREF(done);
+    return done == NULL ? -1 : 0;
+}
+
+static PyObject *
+put(Publisher *self, Topic *topic, const Py_buffer *data, Py_ssize_t length, ns_t stamp_ns)
+{
+    Core *core = topic->kernel;
+    ns_t at_ns = now_ns(core);
+    if (at_ns == FAILED_NS)
+        return NULL;
+    core->locked = 1;
+    int status = write_slot(topic, data, length);
+    if (status == 0)
+        status = commit(self, topic, length, stamp_ns, at_ns);
+    core->locked = 0;
+    if (status < 0 || (core->pending && settle(core, 0) < 0))
+        return NULL;
+    Py_RETURN_NONE;
+}
+
+/* The length of the message in the buffer of a publisher, by the count of its tail; or -1. */
+static Py_ssize_t
+message_length(Topic *topic, const Py_buffer *data)
+{
+    uint32_t count;
+    if (!topic->has_tail || topic->count_maximum < 0)
+        return topic->size;
+    if (topic->count_offset + (Py_ssize_t)sizeof count <= data->len) {
+        memcpy(&count, (const char *)data->buf + topic->count_offset, sizeof count);
+        if (count <= topic->count_maximum)
+            return count ? topic->tail_start + (Py_ssize_t)count * topic->item_bytes : topic->size;
+    }
+    PyObject *length = PyObject_CallMethod(topic->layout, "length", "O", data->obj); /* raises */
+    Py_ssize_t bytes = length == NULL ? -1 : PyLong_AsSsize_t(length);
+    Py_XDECREF(length);
+    return bytes;
+}
+
+/* Reads the argument stamp_ns, the first of those that are left. */
+static int
+read_stamp(Topic *topic, PyObject *const *args, Py_ssize_t count, PyObject *names, ns_t *stamp_ns)
+{
+    Py_ssize_t named = names == NULL ? 0 : PyTuple_Size(names);
+    *stamp_ns = 0;
+    if (count + named > 1 || (named && PyUnicode_CompareWithASCIIString(
+            PyTuple_GetItem(names, 0), "stamp_ns") != 0)) {
+        PyErr_Format(PyExc_TypeError, "topic %R: publishing takes one more argument at most, "
+                     "stamp_ns", topic->name);
+        return -1;
+    }
+    if (count + named == 0)
+        return 0;
+    *stamp_ns = PyLong_AsLongLong(args[0]);
+    return *stamp_ns == -1 && PyErr_Occurred() ? -1 : 0;
+}
+
+static PyObject *
+publisher_publish(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *names)
+{
+    Topic *topic = topic_of(self);
+    ns_t stamp_ns;
+    if (topic == NULL || read_stamp(topic, args, count, names, &stamp_ns) < 0)
+        return NULL;
+    Py_buffer *data = &((Publisher *)self)->end.buffer;
+    Py_ssize_t length = message_length(topic, data);
+    return length < 0 ? NULL : put((Publisher *)self, topic, data, length, stamp_ns);
+}
+
+static PyObject *
+publisher_send(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *names)
+{
+    Topic *topic = topic_of(self);
+    Py_buffer data;
+    ns_t stamp_ns;
+    if (topic == NULL)
+        return NULL;
+    if (count < 1) {
+        PyErr_Format(PyExc_TypeError, "topic %R: no data given to publish", topic->name);
+        return NULL;
+    }
+    if (read_stamp(topic, args + 1, count - 1, names, &stamp_ns) < 0
+            || PyObject_GetBuffer(args[0], &data, PyBUF_SIMPLE) < 0)
+        return NULL;
+    PyObject *result = put((Publisher *)self, topic, &data, data.len, stamp_ns);
+    PyBuffer_Release(&data);
+    return result;
+}
+
+static PyObject *
+publisher_commit(PyObject *self, PyObject *args)
+{
+    Topic *topic = topic_of(self);
+    Py_ssize_t length;
+    ns_t stamp_ns, at_ns;
+    if (topic == NULL || !PyArg_ParseTuple(args, "nLL:commit", &length, &stamp_ns, &at_ns))
+        return NULL;
+    if (length < 0 || length > topic->slot_bytes) {
+        PyErr_Format(PyExc_ValueError, "topic %R: %zd bytes in a slot of %zd", topic->name,
+                     length, topic->slot_bytes);
+        return NULL;
+    }
+    if (commit((Publisher *)self, topic, length, stamp_ns, at_ns) < 0)
+        return NULL;
+    Py_RETURN_NONE;
+}
+
+/* ---- the reading end ----------------------------------------------------------------------- */
+
+static int
+subscription_init(PyObject *self, PyObject *args, PyObject *keywords)
+{
+    static char *names[] = {"topic", "buffer", "next_seq", NULL};
+    Subscription *reader = (Subscription *)self;
+    PyObject *topic, *buffer;
+    if (!PyArg_ParseTupleAndKeywords(args, keywords, "O!OL:SubscriptionCore", names, topic_type,
+                                     &topic, &buffer, &reader->next_seq)
+            || end_connect(self, topic, buffer) < 0)
+        return -1;
+    reader->seq = -1;
+    reader->length = reader->end.topic->size;
+    return 0;
+}
+
+/* Copies a sample out of its slot. */
+static int
+read_slot(Subscription *self, Topic *topic, Py_ssize_t index)
+{
+    if (topic->large) { /* in pieces: others may run, and publish, in between */
+        PyObject *done = PyObject_CallMethod((PyObject *)self, "copy_large", "n", index);
+        Py_XDECREF(done);
+        return done == NULL ? -1 : 0;
+    }
+    Py_ssize_t length = topic->has_tail ? topic->lengths[index] : topic->slot_bytes;
+    Py_buffer *target = &self->end.buffer;
+    if (target->readonly) {
+        PyErr_Format(PyExc_TypeError, "topic %R: the buffer of a subscription must be writable",
+                     topic->name);
+        return -1;
+    }
+    if (topic->has_tail ? length > target->len : length != target->len) {
+        PyErr_Format(PyExc_ValueError, "topic %R: a sample of %zd bytes for a buffer of %zd",
+                     topic->name, length, target->len);
+        return -1;
+    }
+    memmove(target->buf, (const char *)topic->storage.buf + index * topic->stride,
+            (size_t)length);
+    self->length = length;
+    return 0;
+}
+
+static PyObject *
+take(Subscription *self, Topic *topic)
+{
+    ns_t depth = topic->mask + 1, wanted = self->next_seq, stamp_ns;
+    do {
+        if (wanted >= topic->head) {
+            self->fresh = 0;
+            Py_RETURN_FALSE;
+        }
+        if (topic->head - wanted > depth) {
+            self->lost += topic->head - depth - wanted;
+            self->next_seq = wanted = topic->head - depth;
+        }
+        Py_ssize_t index = (Py_ssize_t)(wanted & topic->mask);
+        if (read_slot(self, topic, index) < 0)
+            return NULL;
+        stamp_ns = topic->stamps[index];
+    } while (topic->head - wanted > depth); /* lapped while copying a large one */
+    self->stamp_ns = stamp_ns;
+    self->seq = wanted;
+    self->next_seq = wanted + 1;
+    self->reads++;
+    self->fresh = 1;
+    Py_RETURN_TRUE;
+}
+
+static PyObject *
+subscription_take(PyObject *self, PyObject *Py_UNUSED(nothing))
+{
+    Topic *topic = topic_of(self);
+    return topic == NULL ? NULL : take((Subscription *)self, topic);
+}
+
+static PyObject *
+subscription_latest(PyObject *self, PyObject *Py_UNUSED(nothing))
+{
+    Topic *topic = topic_of(self);
+    if (topic == NULL)
+        return NULL;
+    Subscription *reader = (Subscription *)self;
+    ns_t behind = topic->head - reader->next_seq - 1;
+    if (behind > 0) {
+        reader->skipped += behind;
+        reader->next_seq += behind;
+    }
+    return take(reader, topic);
+}
+
+static PyObject *
+subscription_pass_over(PyObject *self, PyObject *args, PyObject *keywords)
+{
+    static char *names[] = {"newest", NULL};
+    Topic *topic = topic_of(self);
+    int newest = 0;
+    if (topic == NULL
+            || !PyArg_ParseTupleAndKeywords(args, keywords, "|p:pass_over", names, &newest))
+        return NULL;
+    Subscription *reader = (Subscription *)self;
+    ns_t behind = topic->head - reader->next_seq, depth = topic->mask + 1;
+    if (behind <= 0)
+        Py_RETURN_FALSE;
+    if (newest)
+        reader->skipped += behind - 1;
+    else if (behind > depth)
+        reader->lost += behind - depth;
+    reader->next_seq += newest ? behind : behind > depth ? behind - depth + 1 : 1;
+    Py_RETURN_TRUE;
+}
+
+static PyObject *
+subscription_unread(PyObject *self, void *Py_UNUSED(closure))
+{
+    Topic *topic = topic_of(self);
+    if (topic == NULL)
+        return NULL;
+    ns_t behind = topic->head - ((Subscription *)self)->next_seq, depth = topic->mask + 1;
+    return PyLong_FromLongLong(behind < depth ? behind : depth);
+}
+
+/* ---- the types ----------------------------------------------------------------------------- */
+
+#define READ(type, name, kind) {#name, kind, offsetof(type, name), READONLY, NULL}
+#define FIELD(name, kind) {#name, kind, offsetof(Subscription, name), 0, NULL}
+#define CALL(function) ((PyCFunction)(void (*)(void))(function))
+#define WITH_NAMES (METH_FASTCALL | METH_KEYWORDS)
+
+static PyMethodDef topic_methods[] = {
+    {"stamp_of", topic_stamp_of, METH_O, "Return the moment of the data of a kept sample."},
+    {"length_of", topic_length_of, METH_O, "Return the length of a kept sample, in bytes."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyMemberDef topic_members[] = {
+    READ(Topic, kernel, T_OBJECT_EX), READ(Topic, name, T_OBJECT_EX),
+    READ(Topic, layout, T_OBJECT_EX), READ(Topic, slots, T_OBJECT_EX),
+    READ(Topic, wakes, T_OBJECT_EX), READ(Topic, triggers, T_OBJECT_EX),
+    READ(Topic, head, T_LONGLONG), READ(Topic, mask, T_LONGLONG),
+    READ(Topic, slot_bytes, T_PYSSIZET), READ(Topic, has_tail, T_BOOL), READ(Topic, large, T_BOOL),
+    {NULL, 0, 0, 0, NULL},
+};
+
+static PyMethodDef publisher_methods[] = {
+    {"publish", CALL(publisher_publish), WITH_NAMES, "Publish the message as it stands."},
+    {"send", CALL(publisher_send), WITH_NAMES, "Publish CDR that fits the layout."},
+    {"commit", publisher_commit, METH_VARARGS, "Make what was written to a slot a sample."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyMemberDef publisher_members[] = {
+    READ(End, topic, T_OBJECT_EX), READ(Publisher, published, T_LONGLONG),
+    {NULL, 0, 0, 0, NULL},
+};
+
+static PyMethodDef subscription_methods[] = {
+    {"take", subscription_take, METH_NOARGS, "Copy the oldest unread sample."},
+    {"latest", subscription_latest, METH_NOARGS, "Copy the newest sample."},
+    {"pass_over", CALL(subscription_pass_over), METH_VARARGS | METH_KEYWORDS,
+     "Pass over a sample without copying it."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyMemberDef subscription_members[] = {
+    READ(End, topic, T_OBJECT_EX), FIELD(stamp_ns, T_LONGLONG), FIELD(seq, T_LONGLONG),
+    FIELD(next_seq, T_LONGLONG), FIELD(lost, T_LONGLONG), FIELD(skipped, T_LONGLONG),
+    FIELD(reads, T_LONGLONG), FIELD(length, T_PYSSIZET), FIELD(fresh, T_BOOL),
+    {NULL, 0, 0, 0, NULL},
+};
+
+static PyGetSetDef publisher_attributes[] = {
+    {"buffer", end_buffer, end_set_buffer, "The message that is published next.", NULL},
+    {NULL, NULL, NULL, NULL, NULL},
+};
+
+static PyGetSetDef subscription_attributes[] = {
+    {"buffer", end_buffer, end_set_buffer, "Where samples are copied to.", NULL},
+    {"unread", subscription_unread, NULL, "How many samples wait that are not lost.", NULL},
+    {NULL, NULL, NULL, NULL, NULL},
+};
+
+static PyType_Slot topic_slots[] = {
+    {Py_tp_doc, "The part of a topic that is read and written with each message."},
+    {Py_tp_init, topic_init}, {Py_tp_traverse, topic_traverse}, {Py_tp_clear, topic_clear},
+    {Py_tp_dealloc, topic_dealloc}, {Py_tp_methods, topic_methods},
+    {Py_tp_members, topic_members}, {0, NULL},
+};
+
+static PyType_Slot publisher_slots[] = {
+    {Py_tp_doc, "The part of a publisher that runs with each message."},
+    {Py_tp_init, publisher_init}, {Py_tp_traverse, end_traverse}, {Py_tp_clear, end_clear},
+    {Py_tp_dealloc, end_dealloc}, {Py_tp_methods, publisher_methods},
+    {Py_tp_members, publisher_members}, {Py_tp_getset, publisher_attributes}, {0, NULL},
+};
+
+static PyType_Slot subscription_slots[] = {
+    {Py_tp_doc, "The part of a subscription that runs with each message."},
+    {Py_tp_init, subscription_init}, {Py_tp_traverse, end_traverse}, {Py_tp_clear, end_clear},
+    {Py_tp_dealloc, end_dealloc}, {Py_tp_methods, subscription_methods},
+    {Py_tp_members, subscription_members}, {Py_tp_getset, subscription_attributes}, {0, NULL},
+};
+
+#define FLAGS (Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE | Py_TPFLAGS_HAVE_GC)
+static PyType_Spec specs[] = {
+    {"rt_robot_os._core.TopicCore", sizeof(Topic), 0, FLAGS, topic_slots},
+    {"rt_robot_os._core.PublisherCore", sizeof(Publisher), 0, FLAGS, publisher_slots},
+    {"rt_robot_os._core.SubscriptionCore", sizeof(Subscription), 0, FLAGS, subscription_slots},
+};
+
+int
+add_ring_types(PyObject *module)
+{
+    PyTypeObject **types[] = {&topic_type, &publisher_type, &subscription_type};
+    for (int i = 0; i < 3; i++) {
+        PyObject *type = PyType_FromSpec(&specs[i]);
+        if (type == NULL)
+            return -1;
+        *types[i] = (PyTypeObject *)type;
+        if (PyModule_AddObjectRef(module, strrchr(specs[i].name, '.') + 1, type) < 0)
+            return -1;
+    }
+    return 0;
+}
