@@ -16,11 +16,12 @@
 """
 Measure small costs of a kernel, one after the other as they are asked for on standard input.
 
-A child of ``compare_trees.py``; ``PYTHONPATH`` says whose kernel. It reads a line ``CASE SECONDS``,
-measures that and answers with a line of JSON: what it found, by name. Only the public interface of
-the package is used, so that it runs on old trees as well; ``floor`` needs none of it::
+A child of ``compare_trees.py``; ``PYTHONPATH`` says whose kernel. It reads lines such as
+``single 1`` (a case and seconds), measures that and answers with a line of JSON: what it found, by
+name. Only the public interface of the package is used, so that it runs on old trees as well;
+``floor`` needs none of it::
 
-    printf 'single 1\ntogether 1\n' | PYTHONPATH=. scripts/kernel_costs.py kernel
+    echo together 1 | PYTHONPATH=. scripts/kernel_costs.py kernel
 """
 
 from __future__ import annotations
