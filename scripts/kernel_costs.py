@@ -30,6 +30,7 @@ from collections.abc import Callable
 from collections.abc import Mapping
 import ctypes
 import gc
+from importlib import import_module
 import json
 import os
 import statistics
@@ -281,8 +282,8 @@ def _whose(tree: str) -> str:
     """
     import rt_robot_os
     from rt_robot_os.compiled import state
-    import rt_robot_os.kernel
-    import rt_robot_os.topics
+    for name in ('kernel', 'topics'):  # here it fails, if at all
+        import_module(f'rt_robot_os.{name}')
     where = os.path.dirname(os.path.dirname(os.path.abspath(str(rt_robot_os.__file__))))
     if os.path.realpath(where) != os.path.realpath(tree):
         raise ImportError(f'the package of {where} was found instead of that of {tree}')
