@@ -75,7 +75,7 @@ _BUILD_COLUMNS = (
     Column('p99', 'p99', 'us', 'delay'), Column('maximum', 'max', 'us', 'delay'),
     common.RATIO_COLUMN)
 _BUILD_NOTES = (
-    'Messages of 64 B every 2 ms. Bare loop: publish and take in Python, without kernel or task,',
+    'Messages of 64 B every 2 ms. Bare loop: publish, take and note in Python, without a kernel,',
     'after 2 ms of sleep: what the caches cost, which are cold then; or after 2 ms of waiting',
     'awake. Fifth in a row: four other messages just before it have warmed the caches. Aims are',
     'ratios: how cold the caches of an idle CPU are is decided by the machine, and differs by the',
