@@ -24,8 +24,9 @@ Each of the two is a folder with a copy of this repository, such as a ``git work
 In each round every tree and build has a fresh process (``kernel_costs.py``), set up for real time
 alike. They take turns at each case, once in this order and once in the reverse one, so that what
 disturbs the machine meets all of them; a round's figure is the mean of both. Shown are the medians
-of the rounds with the lowest and the highest; ratios are taken round by round. Build the compiled parts before: ``python setup.py build_ext
---inplace`` in each tree. Nothing else should run meanwhile.
+of the rounds with the lowest and the highest; ratios are taken round by round. Build the compiled
+parts before: ``python setup.py build_ext --inplace`` in each tree. Nothing else should run
+meanwhile.
 """
 
 from __future__ import annotations
@@ -198,11 +199,11 @@ def spread(values: Sequence[float | None]) -> str:
 def table(values: Values, names: Sequence[str]) -> Iterator[str]:
     """Write what was measured."""
     width = max(len(title) for title, _, _ in CASES.values()) + 5
-    yield ' ' * width + ''.join(f'{name:>26}' for name in names)
+    yield ' ' * width + ''.join(f'{name:>28}' for name in names)
     for case, found in values.items():
         title, unit, _ = CASES[case]
         yield f'{title + ", " + unit:<{width}}' + ''.join(
-            f'{spread(found[name]):>26}' for name in names)
+            f'{spread(found[name]):>28}' for name in names)
 
 
 def _short(case: str) -> str:

@@ -14,13 +14,14 @@
 # limitations under the License.
 
 """
-Measure small costs of a kernel, one after the other as they are asked for on the standard input.
+Measure small costs of a kernel, one after the other as they are asked for on standard input.
 
-A child of ``compare_trees.py``; ``PYTHONPATH`` says whose kernel. It reads a line ``CASE SECONDS``,
-measures that and answers with a line of JSON: what it found, by name. Only the public interface of the package is used, so
-that it runs on old trees as well; ``floor`` needs none of it::
+A child of ``compare_trees.py``; ``PYTHONPATH`` says whose kernel. It reads lines such as
+``single 1`` (a case and seconds), measures that and answers with a line of JSON: what it found, by
+name. Only the public interface of the package is used, so that it runs on old trees as well;
+``floor`` needs none of it::
 
-    printf 'single 1\ntogether 1\n' | PYTHONPATH=. scripts/kernel_costs.py kernel
+    echo together 1 | PYTHONPATH=. scripts/kernel_costs.py kernel
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from collections.abc import Callable
 from collections.abc import Mapping
 import ctypes
 import gc
+from importlib import import_module
 import json
 import os
 import statistics
@@ -280,6 +282,8 @@ def _whose(tree: str) -> str:
     """
     import rt_robot_os
     from rt_robot_os.compiled import state
+    for name in ('kernel', 'topics'):  # here it fails, if at all
+        import_module(f'rt_robot_os.{name}')
     where = os.path.dirname(os.path.dirname(os.path.abspath(str(rt_robot_os.__file__))))
     if os.path.realpath(where) != os.path.realpath(tree):
         raise ImportError(f'the package of {where} was found instead of that of {tree}')

@@ -41,11 +41,11 @@ PEERS = (
     'clock_nanosleep: a bare loop on absolute deadlines in one thread under SCHED_FIFO, called '
     'from Python by one ctypes call: nothing in Python can be earlier. cyclictest: the same in C.',
     'Floors, against which aims are judged: that loop (how late, and the CPU time of a wake-up; '
-    'ctypes takes less than 1 us of it); a plain loop that calls functions one after the other when '
-    'it woke up, leaves out what it is too late for and stays on the grid, as the kernel does (how '
-    'often, and the CPU time of a call); a bare signal handler of Python that interrupts Python (how '
-    'late; an exception from it for aborts); calls of an empty function. Same CPU, same priority, '
-    'in turns with what they are compared with.',
+    'ctypes takes less than 1 us of it); a plain loop that calls functions one after the other '
+    'when it woke up, leaves out what it is too late for and stays on the grid, as the kernel '
+    'does (how often, and the CPU time of a call); a bare signal handler of Python that '
+    'interrupts Python (how late; an exception from it for aborts); calls of an empty function. '
+    'Same CPU, same priority, in turns with what they are compared with.',
 )
 
 BY_HAND = """\

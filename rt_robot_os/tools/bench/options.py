@@ -218,8 +218,8 @@ def _check_together(parser: _Parser, given: argparse.Namespace) -> None:
     """Refuse what would have no effect, rather than leave it out in silence."""
     if given.page is not None:
         useless = ['--' + name.replace('_', '-') for name in (
-            'quick', 'full', 'docs', 'seconds', 'repeats', 'hours', 'json', 'out', 'data', 'expected',
-            'imu_mounting') if getattr(given, name)]
+            'quick', 'full', 'docs', 'seconds', 'repeats', 'hours', 'json', 'out', 'data',
+            'expected', 'imu_mounting') if getattr(given, name)]
         if useless or given.case:
             parser.error(f'--page {given.page}: measures nothing, and cannot go with '
                          f'{", ".join((*useless, *given.case))}')

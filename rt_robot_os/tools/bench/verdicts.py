@@ -43,8 +43,8 @@ def verdicts(results: Sequence[CaseResult]) -> Iterator[Block]:
     yield Heading('Aims and verdicts', 2)
     yield Paragraph(
         'An aim is a limit that rt_robot_os set itself before it was measured. What a machine, or '
-        'the host of a virtual one, decides is judged as a ratio to a floor of the same run: a bare '
-        'loop, a plain loop of calls, a bare signal handler. The verdict goes '
+        'the host of a virtual one, decides is judged as a ratio to a floor of the same run: a '
+        'bare loop, a plain loop of calls, a bare signal handler. The verdict goes '
         'by the median of the repeats; where the range reaches over the limit, another run may '
         'say otherwise. Not measured: something that it needs is not there, or there are too few '
         'samples for it, of which a longer run has more. "a / b" is a ratio of two figures of '

@@ -101,8 +101,8 @@ def test_what_it_is_too_late_for_is_left_out_and_counted_and_the_grid_is_kept(cl
 
 def test_modules_of_a_plain_loop_run_as_often_as_asked() -> None:
     measured = floors.modules(_harness(modules=[(1000, 1), (500, 2)], every=1, receive=True))
-    assert measured.samples['counts'][1] <= 10
-    assert 0 < measured.samples['counts'][0] <= 20
+    assert 1 <= measured.samples['counts'][1] <= 10
+    assert 1 <= measured.samples['counts'][0] <= 20
 
 
 def test_a_thousand_functions_cost_their_calls(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -110,12 +110,14 @@ def test_a_thousand_functions_cost_their_calls(monkeypatch: pytest.MonkeyPatch) 
     assert (floors.jobs(_harness(tasks=100, rate_hz=200)).samples['cpu_ns'] > 0).all()
     figures = floors.many(_harness(tasks=10, rate_hz=200)).figures
     for key in ('together', 'spread'):
-        assert 0 < figures[f'reached_hz {key}'] <= 200.0
+        # A busy machine may miss all of them.
+        missed, reached_hz = figures[f'missed {key}'], figures[f'reached_hz {key}']
+        assert reached_hz == 200.0 * (40 - missed) / 40
         assert figures[f'job_us {key}'] > 0
 
 
-def test_what_is_spread_waits_for_its_moment_and_is_skipped_when_a_period_late(clock: Clock
-                                                                              ) -> None:
+def test_what_is_spread_waits_for_its_moment_and_is_skipped_when_a_period_late(
+        clock: Clock) -> None:
     ticks = iter([*range(0, 40 * US, US), *range(100 * US, 500 * US, US)])
     clock.monotonic_ns = lambda: next(ticks)  # type: ignore[method-assign]
     calls: list[int] = []

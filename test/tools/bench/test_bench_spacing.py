@@ -89,8 +89,9 @@ def _evaluate(missed: tuple[int, int, int], reached_hz: float = 200.0,
             str(ns): np.array([(1000 + ns // 10) * factor] * 4)
             for ns in run.arguments.get('spacings_ns', ())}, {
             f'{name} {key}': value for key in ('together', 'spread') for name, value in (
-                ('reached_hz', plain_hz if run.key == 'plain' else reached_hz), ('missed', missed[repeat]), ('job_us', 4.5),
-                ('looked_us', 0.5), ('cpu_percent', 80.0))})
+                ('reached_hz', plain_hz if run.key == 'plain' else reached_hz),
+                ('missed', missed[repeat]), ('job_us', 4.5), ('looked_us', 0.5),
+                ('cpu_percent', 80.0))})
 
     for key, run in outcomes.runs.items():
         for repeat in range(OPTIONS.repeats):

@@ -75,7 +75,7 @@ _BUILD_COLUMNS = (
     Column('p99', 'p99', 'us', 'delay'), Column('maximum', 'max', 'us', 'delay'),
     common.RATIO_COLUMN)
 _BUILD_NOTES = (
-    'Messages of 64 B every 2 ms. Bare loop: publish and take in Python, without kernel or task,',
+    'Messages of 64 B every 2 ms. Bare loop: publish, take and note in Python, without a kernel,',
     'after 2 ms of sleep: what the caches cost, which are cold then; or after 2 ms of waiting',
     'awake. Fifth in a row: four other messages just before it have warmed the caches. Aims are',
     'ratios: how cold the caches of an idle CPU are is decided by the machine, and differs by the',
@@ -83,8 +83,8 @@ _BUILD_NOTES = (
 _BUILD_ROWS = ((DELAY, 'from task to task'), (SLEEPING, 'bare loop that sleeps'),
                (WARM, 'from task to task, fifth in a row'),
                (WAITING, 'bare loop that never sleeps'))
-# Of a larger message: of one of 64 B. The delay itself is compared with a bare loop: what the caches
-# cost after 2 ms, the machine decides.
+# Of a larger message: of one of 64 B. The delay itself is compared with a bare loop: what the
+# caches cost after 2 ms, the machine decides.
 _SIZE_RATIO = 1.5
 _BUILD_RATIO, _BARE_RATIO = 0.5, 1.5
 _P50 = {sample: common.part_of(sample, 0.5) for sample, _ in _BUILD_ROWS}

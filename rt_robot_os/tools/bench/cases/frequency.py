@@ -75,19 +75,22 @@ _LATE_PERIOD_NS = NS_PER_S // _LATE_HZ
 _STALL_NS = 7 * _LATE_PERIOD_NS // 2
 _LATE_SEEN = 15
 _EARLY_NS, _AT_ONCE_NS = NS_PER_MS, 4 * NS_PER_MS
+# What else one may choose for a task that is late by itself.
+_POLICIES = ('catch_up', 'rephase')
 _STALLS = (('own', OWN_CALL, 'its own job computes'), ('away', AWAY_CALL, 'its CPU is away'))
 _LATE_COLUMNS = tuple(
     Column(f'{what} {which}', title, unit, group) for which, _, group in _STALLS
     for what, title, unit in (('at_once', 'at once', 'calls'), ('left_out', 'left out', 'calls'),
                               ('shift', 'moved by', 'ms')))
 _LATE_NOTES = (
-    'A frequency is also a matter of what becomes of releases that come late, and systems differ in',
-    'it. One module of 100 Hz computes once for 3.5 periods; later its process is stopped for as',
-    'long while nothing runs, as the host of a virtual machine does. At once: calls right after',
-    'that, within 4 ms. Left out: of the 15 releases from the last call on, those without a call.',
-    'Moved by: how far the calls after it are off the grid of those before. "0 3 0": all three are',
-    'skipped, and the next call is on the grid. "1 2 0": one late call for all of them. "3 0 0":',
-    'all are caught up, in a burst. A grid that moves loses what it was late, each time.')
+    'A frequency is also a matter of what becomes of releases that come late, and systems differ',
+    'in it. One module of 100 Hz computes once for 3.5 periods; later its process is stopped for',
+    'as long while nothing runs, as the host of a virtual machine does. At once: calls right',
+    'after that, within 4 ms. Left out: of the 15 releases from the last call on, those without',
+    'a call. Moved by: how far the calls after it are off the grid of those before. "0 3 0": all',
+    'three are skipped, and the next call is on the grid. "1 2 0": one late call for all of',
+    'them. "3 0 0": all are caught up, in a burst. A grid that moves loses what it was late,',
+    'each time.')
 
 
 def _plan(options: Options) -> Sequence[Run]:
@@ -116,7 +119,11 @@ def _plan(options: Options) -> Sequence[Run]:
     )
     if options.quick and not options.docs:
         return runs
-    return (*runs, *(_late(one) for one in runs if one.key != 'kernel'))
+    late = [_late(one) for one in runs if one.key != 'kernel']
+    ours = replace(late[0], label=f'{common.KERNEL_LABEL}, overrun: skip')
+    others = [replace(ours, key=f'late {policy}', label=f'  overrun: {policy}',
+                      arguments={**ours.arguments, 'overrun': policy}) for policy in _POLICIES]
+    return (*runs, ours, *others, *late[1:])
 
 
 def _late(run: Run) -> Run:

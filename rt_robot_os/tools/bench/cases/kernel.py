@@ -56,15 +56,15 @@ _LATE_COLUMNS = (
     Column('p999', 'p99.9', 'us', 'delay'), Column('maximum', 'max', 'us', 'delay'),
     Column('collections', 'count', '', 'collected'))
 _LATE_NOTES = (
-    'Abort: a task that computes for ever, budget 1 ms; from the end of the budget to TaskAborted',
-    'in the task. Bare handler: the same with setitimer and a function of Python that raises; the',
-    'kernel asks first whose budget it was, what of it the host or an interrupt took, and what the',
-    'task wants. Interrupt: from just before the write to a pipe, 1 kHz, by a process on another',
-    'CPU that wakes an idle kernel, or by a less important task that is thereby preempted, to the',
-    'first line of the task. clock_nanosleep: a bare loop, 1 kHz. Garbage: a 250 Hz task over one',
-    'that makes 100,000 objects in cycles a second, beside 100,000 live dictionaries; Python',
-    'collects when it likes, the core in idle time that is long enough (it needs a gap of 2 ms:',
-    'beside a 1 kHz task nothing would be collected).')
+    'Abort: a task that computes for ever, budget 1 ms; from the end of the budget to',
+    'TaskAborted in the task. Bare handler: the same with setitimer and a function of Python',
+    'that raises; the kernel asks first whose budget it was, what of it the host or an interrupt',
+    'took, and what the task wants. Interrupt: from just before the write to a pipe, 1 kHz, by a',
+    'process on another CPU that wakes an idle kernel, or by a less important task that is',
+    'thereby preempted, to the first line of the task. clock_nanosleep: a bare loop, 1 kHz.',
+    'Garbage: a 250 Hz task over one that makes 100,000 objects in cycles a second, beside',
+    '100,000 live dictionaries; Python collects when it likes, the core in idle time that is',
+    'long enough (it needs a gap of 2 ms: beside a 1 kHz task nothing would be collected).')
 
 
 def _plan(options: Options) -> Sequence[Run]:
@@ -84,8 +84,9 @@ def _plan(options: Options) -> Sequence[Run]:
         run('own', 'interrupt: a lower task writes', f'{_WORKERS}:interrupt', own=True),
         run('abort', 'abort at the end of a budget', f'{_WORKERS}:abort',
             period_ns=_ABORT_PERIOD_NS, budget_ns=_ABORT_BUDGET_NS),
-        run('strike', '  exception of a bare handler', 'rt_robot_os.tools.bench.workers.floors:strike',
-            period_ns=_ABORT_PERIOD_NS, budget_ns=_ABORT_BUDGET_NS),
+        run('strike', '  exception of a bare handler',
+            'rt_robot_os.tools.bench.workers.floors:strike', period_ns=_ABORT_PERIOD_NS,
+            budget_ns=_ABORT_BUDGET_NS),
         run('python', "250 Hz, Python's garbage collector", f'{_WORKERS}:garbage',
             period_ns=_GARBAGE_PERIOD_NS, slack=False),
         run('slack', '250 Hz, garbage collected in slack', f'{_WORKERS}:garbage',

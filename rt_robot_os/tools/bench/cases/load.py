@@ -62,12 +62,13 @@ _COLUMNS = (
     Column('cpu', 'process', '%', 'CPU'))
 _NOTES = (
     'Each module of 200 Hz adds and takes the messages of one topic that is published at 200 Hz,',
-    'with a read pointer of its own (in rclpy one subscription serves all; threads and HORUS only',
-    'add). All have the same priority and are released together. Every 2nd (20th) is stamped.',
-    'MultiThreadedExecutor: all CPUs, no SCHED_FIFO; with them its threads starve each other.',
-    'Frequency: of each module every 3 s, or over the whole run where that is shorter. Plain loop:',
-    'it wakes up 200 times a second, publishes, and calls all modules one after the other. It loses',
-    'what the host of a virtual machine takes, as the kernel does: the aims are ratios to it.')
+    'with a read pointer of its own (in rclpy one subscription serves all; threads and HORUS',
+    'only add). All have the same priority and are released together. Every 2nd (20th) is',
+    'stamped. MultiThreadedExecutor: all CPUs, no SCHED_FIFO; with them its threads starve each',
+    'other. Frequency: of each module every 3 s, or over the whole run where that is shorter.',
+    'Plain loop: it wakes up 200 times a second, publishes, and calls all modules one after the',
+    'other. It loses what the host of a virtual machine takes, as the kernel does: the aims are',
+    'ratios to it.')
 _COST_COLUMNS = (
     Column('p50', 'p50', 'us', 'CPU time a job'),
     Column('p50', 'range', 'us', 'CPU time a job', spread=True))

@@ -70,15 +70,16 @@ _FLOORS = (('call', 'call of an empty Python function'),
            ('system call', 'system call, os.getppid()'))
 _COLUMNS = (*common.cost_columns('cost'), common.RATIO_COLUMN)
 _NOTES = (
-    'Operations: percentiles of the means of blocks of 500 calls, the empty loop taken off.',
-    'Each in the compiled build and in pure Python, by processes that take turns; of pure: the',
-    'ratio of the two. A task that takes it runs before publish returns: the delay without cold',
+    'Operations: percentiles of the means of blocks of 500 calls, the empty loop taken off. Each',
+    'in the compiled build and in pure Python, by processes that take turns; of pure: the ratio',
+    'of the two. A task that takes it runs before publish returns: the delay without cold',
     'caches. Jobs: CPU time of the whole process divided by the jobs, stretches of 0.2 s; 100',
-    'tasks of 200 Hz that do nothing, released together (the case spacing has others), and one that',
-    'is alone. The floors are those of Python and Linux without this package: a bare wake-up is a',
-    'loop of clock_nanosleep, called by ctypes, which takes less than 1 us more than one in C; a',
-    'call in a row is one of 100 that such a loop makes when it woke up. Machines differ by the',
-    'factor of three, and so did verdicts: aims of the compiled build are ratios to these floors.')
+    'tasks of 200 Hz that do nothing, released together (the case spacing has others), and one',
+    'that is alone. The floors are those of Python and Linux without this package: a bare',
+    'wake-up is a loop of clock_nanosleep, called by ctypes, which takes less than 1 us more',
+    'than one in C; a call in a row is one of 100 that such a loop makes when it woke up.',
+    'Machines differ by the factor of three, and so did verdicts: aims of the compiled build are',
+    'ratios to these floors.')
 
 
 def _jobs(options: Options) -> Sequence[tuple[str, str, int, int]]:

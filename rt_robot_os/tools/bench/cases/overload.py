@@ -41,7 +41,7 @@ _JUDGED, _JUDGED_NS = 1000, NS_PER_S
 _QUICK_S = 0.2
 _FULL_S = 0.5
 _SHOWN = (80, 200, 1000)
-# Of what the most important one of Python's threads gets, which lose the same to Linux and the host.
+# Of what the most important of Python's threads gets: they lose the same to Linux and the host.
 _LEAST_RATIO = 0.98
 _COLUMNS = (
     *(Column(f'{which}{load}', name, '%', f'{load} % load') for load in _SHOWN
@@ -51,8 +51,9 @@ _NOTES = (
     'Twenty callbacks that compute for 100 us each, at the same rate, which rises until together',
     'they ask for ten times what one CPU has. First and last: the callback of the highest and of',
     'the lowest priority (of rclpy: made first and last), in percent of the calls asked for.',
-    'Linux takes 5 % of the CPU from real-time processes that compute all the time: the aim is what',
-    'twenty threads reach, which are alone on the same CPU with falling priorities of SCHED_FIFO.')
+    'Linux takes 5 % of the CPU from real-time processes that compute all the time: the aim is',
+    'what twenty threads reach, which are alone on the same CPU with falling priorities of',
+    'SCHED_FIFO.')
 
 
 def _plan(options: Options) -> Sequence[Run]:

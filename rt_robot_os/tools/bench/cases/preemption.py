@@ -82,16 +82,16 @@ _LEVEL_COLUMNS = (*_LATENCY, Column('calls_part', 'of due', '%', 'calls'),
                   Column('charged', 'native', 'us', 'charged'))
 _NOTES = (
     '1 kHz task; a less important one computes 20 ms of plain Python every 100 ms. Latency: from',
-    'the release on the 1 ms grid to the first line of the task; a call that is 20 ms late has',
-    '20 ms. Of due: calls there were, of those there should have been. One CPU, SCHED_FIFO, but',
+    'the release on the 1 ms grid to the first line of the task; a call that is 20 ms late has 20',
+    'ms. Of due: calls there were, of those there should have been. One CPU, SCHED_FIFO, but',
     'where a row says otherwise (HORUS computes in its thread pool, on any CPU). clock_nanosleep:',
     'one thread that does nothing else; what computes beside it is a process without SCHED_FIFO',
     "on the same CPU: as much as the others' task (20 %), or always. 'Into the computation': the",
-    'releases that fell into it. Signal handler: setitimer, and a function of Python that it calls in',
-    'the midst of the same computation; no interpreter can do it sooner, however it is asked. With a',
-    'switch interval of 0.1 ms threads hand over 50 times sooner: that row is to be a tenth as good.',
-    'The kernel: in the build that this machine has, and once more in',
-    'pure Python. Range: lowest and highest of the repeats; the other figures are their medians.',
+    'releases that fell into it. Signal handler: setitimer, and a function of Python that it',
+    'calls in the midst of the same computation; no interpreter can do it sooner, however it is',
+    'asked. With a switch interval of 0.1 ms threads hand over 50 times sooner: that row is to be',
+    'a tenth as good. The kernel: in the build that this machine has, and once more in pure',
+    'Python. Range: lowest and highest of the repeats; the other figures are their medians.',
 )
 _LEVEL_NOTES = (
     'Three levels: the 1 kHz task over a 200 Hz task that computes 1 ms over the one of 20 ms.',

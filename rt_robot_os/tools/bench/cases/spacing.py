@@ -73,10 +73,10 @@ _COLUMNS = (
     Column('sleeps', 'sleeps', '', 'of a job'))
 _NOTES = (
     'Tasks of 200 Hz that do nothing: 100 of them, or as many as find a moment of their own in',
-    'the period of 5 ms (50 at 100 us, 10 at 500 us). CPU time of the thread divided by the jobs,',
-    'stretches of 0.1 s, all spacings in turns. Awake: the part of it in which the kernel looked',
-    'at the clock, because the next release came sooner than an alarm pays. Of a job: times that the',
-    'process slept. clock_nanosleep: bare wake-ups, so far apart.')
+    'the period of 5 ms (50 at 100 us, 10 at 500 us). CPU time of the thread divided by the',
+    'jobs, stretches of 0.1 s, all spacings in turns. Awake: the part of it in which the kernel',
+    'looked at the clock, because the next release came sooner than an alarm pays. Of a job:',
+    'times that the process slept. clock_nanosleep: bare wake-ups, so far apart.')
 _MANY_COLUMNS = (
     Column('reached', 'reached', 'Hz', 'rate'),
     Column('reached', 'range', 'Hz', 'rate', spread=True),
@@ -84,13 +84,13 @@ _MANY_COLUMNS = (
     Column('job', 'job', 'us', 'CPU time'), Column('looked', 'awake', 'us', 'CPU time'),
     Column('cpu', 'process', '%', 'CPU'))
 _MANY_NOTES = (
-    '1000 tasks of 200 Hz that do nothing, released together, or each at a moment of its own',
-    '(5 us from the next). Reached: the rate, by the share of the releases that a job served.',
-    'Each repeat is a try; ten tries of ten seconds: `bench spacing --seconds 10 --repeats 10`.',
-    'Linux takes 5 % of the CPU from real-time processes that compute all the time. Plain loop: it',
+    '1000 tasks of 200 Hz that do nothing, released together, or each at a moment of its own (5',
+    'us from the next). Reached: the rate, by the share of the releases that a job served. Each',
+    'repeat is a try; ten tries of ten seconds: `bench spacing --seconds 10 --repeats 10`. Linux',
+    'takes 5 % of the CPU from real-time processes that compute all the time. Plain loop: it',
     'calls 1000 functions when it woke up, or waits awake from one moment to the next; aims are',
-    'ratios to it. That a try misses nothing is shown, but is no aim: a host that takes the CPU for',
-    '5 ms in ten seconds decides it.')
+    'ratios to it. That a try misses nothing is shown, but is no aim: a host that takes the CPU',
+    'for 5 ms in ten seconds decides it.')
 
 
 def _spacings(options: Options) -> Sequence[int]:

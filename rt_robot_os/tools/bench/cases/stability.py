@@ -67,9 +67,9 @@ _NOTES = (
     'delay from publishing to it. A row of figures a minute (a tenth of the time where that is',
     'shorter). Worst row: the frequency furthest from what was asked for. Growth: resident size,',
     'last row less the first (the black box fills in the first seconds). The paper: 24 h. An',
-    'interrupted run goes on after its last row; the time between is not in the figures. Plain loop:',
-    'for 20 s at the most. While the host of a virtual machine has the CPU, every program misses',
-    'what is due; Linux counts that time, and the aim is about the releases beside it.')
+    'interrupted run goes on after its last row; the time between is not in the figures. Plain',
+    'loop: for 20 s at the most. While the host of a virtual machine has the CPU, every program',
+    'misses what is due; Linux counts that time, and the aim is about the releases beside it.')
 
 
 def _measure_s(options: Options) -> float:

@@ -48,13 +48,13 @@ _COLUMNS = (
     Column('p999', 'p99.9', 'us', 'late'), Column('maximum', 'max', 'us', 'late'),
     Column('cpu', 'process', '%', 'CPU'))
 _NOTES = (
-    'Period 1 ms, one CPU, SCHED_FIFO 80, nothing else to do. Late: from the point on the grid to',
-    'the first line after waking. The kernel: sigwaitinfo, release, statistics, dispatch. spin:',
-    'it wakes 100 us early and waits awake for the release, so that it is to be half as late as the',
-    'loop that sleeps; its p99 only no later: when the host has the CPU, being awake does not help,',
-    'and the plain loop that spins is late as well. cpu_dma_latency 0: /dev/cpu_dma_latency held',
-    'at 0: the CPU does not idle deeply (often without effect in a virtual machine). cyclictest',
-    '(rt-tests) is C; its CPU time is not taken.')
+    'Period 1 ms, one CPU, SCHED_FIFO 80, nothing else to do. Late: from the point on the grid',
+    'to the first line after waking. The kernel: sigwaitinfo, release, statistics, dispatch.',
+    'spin: it wakes 100 us early and waits awake for the release, so that it is to be half as',
+    'late as the loop that sleeps; its p99 only no later: when the host has the CPU, being awake',
+    'does not help, and the plain loop that spins is late as well. cpu_dma_latency 0:',
+    '/dev/cpu_dma_latency held at 0: the CPU does not idle deeply (often without effect in a',
+    'virtual machine). cyclictest (rt-tests) is C; its CPU time is not taken.')
 
 
 def _plan(options: Options) -> Sequence[Run]:

@@ -133,24 +133,30 @@ def cold_and_warm(harness: Harness) -> Measured:
 
 
 def _alone(a: Mapping[str, int], sleeping: bool) -> Samples:
-    """Publish and take in a bare loop, without a kernel, that sleeps or waits in between."""
+    """
+    Publish and take in a bare loop, without a kernel, that sleeps or waits in between.
+
+    It takes the same notes as the tasks do: they are in what is measured.
+    """
     bus = Bus(Kernel())
     bus.declare('message', MESSAGE, {'data': SMALL_BYTES - OVERHEAD_BYTES})
-    publish, take = bus.publisher('message').publish, bus.subscribe('message', 'reader').take
+    publisher, subscription = bus.publisher('message'), bus.subscribe('message', 'reader')
     sleeper, now_ns = Sleeper(), time.monotonic_ns
-    delays = np.zeros((a['warmup_ns'] + a['measure_ns']) // a['period_ns'], np.int64)
+    count = (a['warmup_ns'] + a['measure_ns']) // a['period_ns'] + 1  # the last does not count
+    sent, receiver = Stamps(count), Receiver(count)
     wake_ns = now_ns()
-    for i in range(len(delays)):
+    for _ in range(count):
         wake_ns += a['period_ns']
         if sleeping:
             sleeper.sleep_until_ns(wake_ns)
         while now_ns() < wake_ns:
             pass
-        begin_ns = now_ns()
-        publish()
-        take()
-        delays[i] = now_ns() - begin_ns
-    return delays[a['warmup_ns'] // a['period_ns']:]
+        NUMBER.pack_into(publisher.msg.data, 0, sent.count)
+        sent.stamp()
+        publisher.publish()
+        if subscription.take():
+            receiver.note(subscription.msg.data)
+    return to_the_last(sent, [receiver], a['warmup_ns'] // a['period_ns'])
 
 
 class Variant:

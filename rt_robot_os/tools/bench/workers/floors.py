@@ -292,7 +292,8 @@ def rows(harness: Harness) -> Measured:
         plain_loop([group], from_ns, from_ns + a['row_ns'])
         starts: Samples = stamps.taken()
         found['time_s'].append((number + 1) * a['row_ns'] / NS_PER_S)
-        found['acquire_hz'].append((len(starts) - 1) * NS_PER_S / (starts[-1] - starts[0]))
+        found['acquire_hz'].append(0.0 if len(starts) < 2 else (
+            (len(starts) - 1) * NS_PER_S / (starts[-1] - starts[0])))
         found['missed'].append(group.missed)
     return Measured({name: np.array(some) for name, some in found.items()})
 

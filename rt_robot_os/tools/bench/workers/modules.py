@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
+from contextlib import suppress
 import os
 import signal
 import time
@@ -27,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.helper import Helper
@@ -40,6 +42,7 @@ TOPIC_BYTES = 64
 # The calls in which a module that is to be late computes, and has its process stopped.
 OWN_CALL, AWAY_CALL = 10, 30
 _STOPPER = 'rt_robot_os.tools.bench.workers.modules:stopper'
+_STOPPER_PRIORITY = 90
 _AFTER_S = 1e-3
 _FREE_PRIORITY = 99
 
@@ -99,6 +102,8 @@ class Late(Module):
 def stopper(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     """Wait for a signal; a moment later, when its job is over, stop the process that sent it."""
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGUSR1])
+    with suppress(OSError):  # on a busy machine it would let go of it too late
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_STOPPER_PRIORITY))
     ready()
     signal.sigwait([signal.SIGUSR1])
     end_ns = time.monotonic_ns() + arguments['stall_ns']
@@ -141,7 +146,11 @@ def collect(modules: Sequence[Module], begin_ns: int, a: Mapping[str, Any], cpu_
 
 
 def kernel(harness: Harness) -> Measured:
-    """Run the modules as tasks; with ``receive`` each takes the messages of a topic."""
+    """
+    Run the modules as tasks; with ``receive`` each takes the messages of a topic.
+
+    ``overrun``: what happens to a release that finds the last job unfinished; skipped by default.
+    """
     a = harness.arguments
     modules = make_modules(a)
     tested = Kernel()
@@ -149,7 +158,8 @@ def kernel(harness: Harness) -> Measured:
     if a['receive']:
         jobs = _receiving(tested, jobs, a)
     for i, ((rate, priority), job) in enumerate(zip(a['modules'], jobs)):
-        tested.add_task(f'module{i}', job, priority=priority, rate_hz=rate)
+        tested.add_task(f'module{i}', job, priority=priority, rate_hz=rate,
+                        overrun=OverrunPolicy(a.get('overrun', OverrunPolicy.SKIP.value)))
     total_ns = a['warmup_ns'] + a['measure_ns']
     harness.prepare(freeze=True)
     begin_ns, cpu_ns = time.monotonic_ns(), time.process_time_ns()
