@@ -253,7 +253,7 @@ install_requirements() {
     fi
   done
   [ "${#missing[@]}" -gt 0 ] || return 0
-  say "installing what is needed (${missing[*]}); the first time takes a minute or two"
+  say "installing what is needed (${missing[*]}); the first time takes a minute"
   list=$VENV/.$PACKAGE-requirements.txt
   touch "$list" || fail "cannot write to $VENV"
   requirements >"$list" || exit 2
@@ -334,13 +334,13 @@ enter() {
 
 # ---- the type of /tf ---------------------------------------------------------------------------
 
-# ROS from wheels has no tf2_msgs. It is generated once, while the kernel is compiled on another CPU;
+# ROS from wheels has no tf2_msgs. It is generated once, while the package is built on another CPU;
 # without a compiler, or when that fails, everything but /tf works.
 start_tf2_msgs() {
   TYPES=
   [ "$MODE" = wheels ] && [ ! -e "$VENV/.$PACKAGE-tf2_msgs" ] && [ -w "$VENV" ] && can_compile &&
     [ -n "$(type -P c++ g++ clang++)" ] || return 0
-  say 'generating the type of /tf (half a minute, once)'
+  say 'generating the type of /tf (some seconds, once)'
   "$ROOT/scripts/tf2_msgs" "$VENV" &
   TYPES=$!
   trap 'kill "$TYPES" 2>/dev/null; exit 130' INT

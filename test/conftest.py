@@ -39,13 +39,10 @@ import background  # noqa: E402, I100
 
 # So many tests take longer than all linters.
 MANY = 2000
-# What is made of the compiled modules, and how it looks from outside.
+# What the C core holds and what is made of it, and how it looks from outside.
 BOTH_BUILDS = tuple(ROOT / 'test' / name for name in (
-    'core', 'e2e', 'golden', 'kernel', 'link', 'linux', 'modules/test_attitude_filters.py',
-    'modules/test_attitude_module.py', 'modules/test_attitude_recordings.py',
-    'motion/test_motion.py', 'settings/test_settings_against_kernel.py', 'topics'))
-# But not of these, which use nothing that is compiled.
-INTERPRETED = ('monitor', 'slam', 'uplink')
+    'core', 'e2e', 'golden/test_golden_names.py', 'golden/test_golden_recordings.py', 'kernel',
+    'link', 'linux/test_timer.py', 'settings/test_settings_against_kernel.py', 'topics'))
 
 # Read when rclpy makes its first context, so it is set before any test module is imported.
 # Processes of one run (pytest-xdist) have neighbouring domains, so that no two have the same.
@@ -75,13 +72,12 @@ try:
 except ImportError:
     pass
 else:
-    # No deadline: no test may fail because the machine was busy. The compiled build is made of
-    # sources that have passed as they are: fewer show what compiling changes. CI takes the same
-    # ones each time; who develops takes others, and more.
+    # No deadline: no test may fail because the machine was busy. CI takes the same examples each
+    # time; who develops takes others, and more.
     in_ci = 'CI' in os.environ
     hypothesis_settings.register_profile(
         'package', deadline=None, print_blob=True, derandomize=in_ci, database=None,
-        max_examples=20 if state().compiled else 30 if in_ci else 50,
+        max_examples=30 if in_ci else 50,
         suppress_health_check=[HealthCheck.too_slow])
     hypothesis_settings.load_profile('package')
 
@@ -109,10 +105,7 @@ def pytest_report_header() -> str:
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what is tested on both builds, and let what reads the whole package begin."""
-    interpreted = {ROOT / 'test' / name for name in INTERPRETED}
     for item in items:
-        if not interpreted.isdisjoint(item.path.parents):
-            item.add_marker('interpreted')
         if not {item.path, *item.path.parents}.isdisjoint(BOTH_BUILDS):
             item.add_marker('both_builds')
         if state().compiled and item.get_closest_marker('interpreted'):
