@@ -34,17 +34,21 @@ import argparse
 from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
+from contextlib import contextmanager
 from contextlib import ExitStack
 from dataclasses import dataclass
+import fcntl
 import json
 import os
 from pathlib import Path
 import statistics
 import subprocess
 import sys
+import tempfile
 from typing import Any
 
 CHILD = Path(__file__).parent / 'kernel_costs.py'
+LOCK = Path(tempfile.gettempdir()) / 'rt_robot_os_bench.lock'  # that of `bench`
 SWITCH = 'RT_ROBOT_OS_COMPILE'
 BUILDS = {'pure': '0', 'compiled': '1'}
 FLOOR = 'floor'
@@ -144,6 +148,17 @@ def available(wanted: Sequence[Subject]) -> list[Subject]:
     return found
 
 
+@contextmanager
+def alone() -> Iterator[None]:
+    """Wait until no `bench` measures: two at the same priority on one CPU starve each other."""
+    fd = os.open(LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(fd)
+
+
 def measure(known: Sequence[Subject], cases: Sequence[str], seconds: float, rounds: int
             ) -> Values:
     """Let all take turns at each case, forth and back, round by round."""
@@ -154,8 +169,10 @@ def measure(known: Sequence[Subject], cases: Sequence[str], seconds: float, roun
             children = [(subject.name, stack.enter_context(Child(subject))) for subject in known]
             for case in cases:
                 share_s = seconds * CASES[case][2]
-                forth = {name: child.measure(case, share_s) for name, child in children}
-                back = {name: child.measure(case, share_s) for name, child in reversed(children)}
+                with alone():
+                    forth = {name: child.measure(case, share_s) for name, child in children}
+                    back = {name: child.measure(case, share_s)
+                            for name, child in reversed(children)}
                 for part in (case, *BESIDE.get(case, ())):
                     for name, one in forth.items():
                         values[part][name].append(
@@ -188,6 +205,10 @@ def table(values: Values, names: Sequence[str]) -> Iterator[str]:
             f'{spread(found[name]):>26}' for name in names)
 
 
+def _short(case: str) -> str:
+    return CASES[case][0].partition(';')[0].strip()
+
+
 def comparisons(values: Values, names: Sequence[str]) -> Iterator[str]:
     """Write the ratios of the trees and builds, and what is over the floor."""
     pairs = [pair for pair in (('new compiled', 'old compiled'), ('new pure', 'old pure'),
@@ -197,11 +218,11 @@ def comparisons(values: Values, names: Sequence[str]) -> Iterator[str]:
     for one, two in pairs:
         for case, found in values.items():
             if some := ratios(found[one], found[two]):
-                yield f'  {one} / {two}: {CASES[case][0].strip()}: {spread(some)}'
+                yield f'  {one} / {two}: {_short(case)}: {spread(some)}'
     for name in (name for name in names if name != FLOOR):
         for case, found in values.items():
             if some := ratios(found[name], found[FLOOR]):
-                yield f'  {name} / floor: {CASES[case][0].strip()}: {spread(some)}'
+                yield f'  {name} / floor: {_short(case)}: {spread(some)}'
         if {'delay', 'bare_delay'} <= {*values} and (some := ratios(
                 values['delay'][name], values['bare_delay'][name])):
             yield f'  {name}: delay / bare loop with the same sleep: {spread(some)}'

@@ -111,8 +111,8 @@ def live_parts(kernel: Kernel, reason: str, facts: Mapping[str, str | int] | Non
     Divide the black box of a running kernel into parts; not above its lowest priorities.
 
     The black box is copied by one native call, about 5 us a thousand records; the rest can be
-    preempted. A whole :class:`BlackBoxDump` is not made: 8192 tuples are one native call of 500 us,
-    so they are made, and dropped, one by one.
+    preempted. A whole :class:`BlackBoxDump` is not made: 8192 tuples are one native call of
+    500 us, so they are made, and dropped, one by one.
     """
     records = kernel.black_box.copy()
     head = dump(BlackBox(1), kernel.tasks, reason, kernel.now_ns(), kernel.start_ns)

@@ -19,10 +19,8 @@ from rt_robot_os.kernel.black_box import BlackBox
 from rt_robot_os.kernel.black_box import BlackBoxDump
 from rt_robot_os.kernel.black_box import TaskFacts
 from rt_robot_os.kernel.clock import Clock
-from rt_robot_os.kernel.cooperative_clock import CooperativeClock
-from rt_robot_os.kernel.monotonic_clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
-from rt_robot_os.kernel.virtual_clock import VirtualClock
+from rt_robot_os.kernel.cooperative_clock import CooperativeClock
 from rt_robot_os.kernel.coroutine import any_of
 from rt_robot_os.kernel.coroutine import Event
 from rt_robot_os.kernel.coroutine import Ticks
@@ -37,6 +35,7 @@ from rt_robot_os.kernel.histogram import Histogram
 from rt_robot_os.kernel.histogram import summarise
 from rt_robot_os.kernel.histogram import Summary
 from rt_robot_os.kernel.kernel import Kernel
+from rt_robot_os.kernel.monotonic_clock import MonotonicClock
 from rt_robot_os.kernel.one_shot import OneShot
 from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.spec import BudgetPolicy
@@ -52,6 +51,7 @@ from rt_robot_os.kernel.statistics import TaskStatistics
 from rt_robot_os.kernel.task import Task
 from rt_robot_os.kernel.trace import TraceEvent
 from rt_robot_os.kernel.trace import TraceLog
+from rt_robot_os.kernel.virtual_clock import VirtualClock
 
 __all__ = [
     'any_of', 'BlackBox', 'BlackBoxDump', 'bucket', 'bucket_limits', 'BUCKETS', 'BudgetPolicy',

@@ -163,4 +163,4 @@ def dump(box: BlackBox, tasks: Sequence[Task], reason: str, at_ns: int, start_ns
 
 
 if not TYPE_CHECKING and NATIVE is not None:
-    BlackBox = NATIVE.BlackBox
+    BlackBox = NATIVE.BlackBox  # noqa: F811

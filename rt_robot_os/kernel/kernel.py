@@ -37,13 +37,12 @@ from rt_robot_os.kernel.black_box import dump
 from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import Handler
-from rt_robot_os.kernel.monotonic_clock import MonotonicClock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.clock import signal_name
+from rt_robot_os.kernel.core import narrow_recursion
 from rt_robot_os.kernel.coroutine import AsyncBody
 from rt_robot_os.kernel.coroutine import AsyncFunction
 from rt_robot_os.kernel.coroutine import Ticks
-from rt_robot_os.kernel.core import narrow_recursion
 from rt_robot_os.kernel.coroutine import Until
 from rt_robot_os.kernel.declare import check_async
 from rt_robot_os.kernel.declare import check_chains
@@ -52,6 +51,7 @@ from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import TaskAborted
 from rt_robot_os.kernel.logical import Logical
 from rt_robot_os.kernel.logical_tasks import LogicalTasks
+from rt_robot_os.kernel.monotonic_clock import MonotonicClock
 from rt_robot_os.kernel.one_shot import OneShot
 from rt_robot_os.kernel.releases import IDLE_LEVEL
 from rt_robot_os.kernel.releases import LEVEL_END
@@ -317,6 +317,7 @@ class Kernel(Scheduler):
             now_ns = task.start_ns = self.now_ns()
             self.current, self.level, self.stolen_ns = task, PRIORITY_MAXIMUM, 0
             task.limit_ns, task.over = _CLOSE_NS, True
+            task.computed_ns, task.waited_ns = self.clock.computed_ns(), 0
             self._interrupt_by(now_ns + _CLOSE_NS)
             try:
                 try:

@@ -255,7 +255,11 @@ class Releases(ABC):
         timers = self._timers[level]
         found = False
         while timers[0][0] <= now_ns and not self.stopping:
-            self._serve(timers.pop(0), now_ns)
+            due_ns, _, task_or_action, period_ns = timers.pop(0)
+            if period_ns:
+                self._release(task_or_action, due_ns, period_ns)
+            else:
+                task_or_action(now_ns)
             found = True
         return found
 
@@ -266,13 +270,6 @@ class Releases(ABC):
                 if due_ns <= now_ns and period_ns:
                     self._release(task, due_ns, period_ns)
 
-    def _serve(self, timer: Timer, now_ns: int) -> None:
-        due_ns, _, task_or_action, period_ns = timer
-        if period_ns:
-            self._release(task_or_action, due_ns, period_ns)
-        else:
-            task_or_action(now_ns)
-
     def _release(self, task: Any, due_ns: int, period_ns: int) -> None:
         """Release a periodic task, or leave that to the end of the job that waits or runs."""
         if task.pending or task.busy:
@@ -280,14 +277,22 @@ class Releases(ABC):
             return
         task.releases += 1
         task.next_ns, task.next_period_ns = due_ns + task.period_ns, task.period_ns
-        self.enqueue(task, due_ns, period_ns)
+        task.pending = True
+        task.release_ns = due_ns
+        task.interval_ns = period_ns
+        self._queues[task.priority].append(task)
+        self._ready |= 1 << task.priority
 
     def _pull_timer(self, task: Any, now_ns: int) -> None:
         """Take the timer of the task that runs from its level, if it has fallen due."""
         timers = self._timers[task.priority]
         now_ns = min(now_ns, self.end_ns - 1)
         while not task.next_ns and timers[0][0] <= now_ns:
-            self._serve(timers.pop(0), now_ns)
+            due_ns, _, task_or_action, period_ns = timers.pop(0)
+            if period_ns:
+                self._release(task_or_action, due_ns, period_ns)
+            else:
+                task_or_action(now_ns)
 
     def return_timer(self, task: Any, now_ns: int) -> None:
         """Put the timer of a task back whose job has ended, after what passed meanwhile."""
@@ -306,7 +311,9 @@ class Releases(ABC):
                 due_ns = self.account_missed_releases(task, due_ns, now_ns)
             period_ns = task.period_ns
         if due_ns:
-            self.add_timer(task, due_ns, period_ns)
+            insert(self._timers[task.priority], (due_ns, task.index, task, period_ns))
+            if not self._ready >> task.priority & 1:  # it is while its job ends
+                self._index_timer(task.priority)
 
     # ---- events ------------------------------------------------------------------------------
 

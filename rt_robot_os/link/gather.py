@@ -19,9 +19,9 @@ This is interrupt coalescing as network cards do it. A sample on a topic that is
 then goes out at once; of many or fast topics the samples of an interval go together. A topic whose
 client allows a delay waits for company from its first sample on.
 
-A sample that comes when the interval is nearly over is not held back: a timer for the rest would
-wake the core once more. A topic whose period is the interval always comes then, for the interval
-begins when the link's task has sent the sample before.
+A first sample that comes when the interval is nearly over is not held back: a timer for the rest
+would wake the core once more. A topic whose period is the interval always comes then, for the
+interval begins when the link's task has sent the sample before.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rt_robot_os.topics import Subscription
 from rt_robot_os.topics import Trigger
 from rt_robot_os.topics.topic import Topic
 
-# The last part of an interval that holds nothing back.
+# What comes in the last eighth of an interval is not held back.
 _LAST_PART = 8
 
 

@@ -25,6 +25,8 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.tools.bench.processes import lock_path
+
 ROOT = Path(__file__).resolve().parents[3]
 
 
@@ -42,8 +44,11 @@ def _values(case: str, **by_name: list[float | None]) -> dict[str, Any]:
     return {case: {name.replace('_', ' '): found for name, found in by_name.items()}}
 
 
-def test_two_trees_and_bare_loops_take_turns(trees: Any, tmp_path: Path,
-                                             capfd: pytest.CaptureFixture[str]) -> None:
+def test_two_trees_and_bare_loops_take_turns(
+        trees: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capfd: pytest.CaptureFixture[str]) -> None:
+    assert trees.LOCK == lock_path()
+    monkeypatch.setattr(trees, 'LOCK', tmp_path / 'lock')
     path = tmp_path / 'costs.json'
     assert trees.main([str(ROOT), str(ROOT), '--rounds', '2', '--seconds', '0.001', '--builds',
                        'pure', '--cases', 'take,to_task,call', '--json', str(path)]) == 0

@@ -45,9 +45,9 @@ _FLOORS_OF = 'rt_robot_os.tools.bench.workers.floors'
 _PS_PER_US, _NS_PER_US = 1e6, 1e3
 # The compiled build over pure Python, and over what the machine takes for the least of the kind:
 # calls of an empty function, a bare wake-up, functions called in a row.
-_TAKE_RATIO, _TO_TASK_RATIO = 0.3, 0.25
-_TAKE_CALLS, _TO_TASK_CALLS = 8.0, 28.0
-_ALONE_RATIO, _TOGETHER_RATIO = 1.5, 4.0
+_TAKE_RATIO, _TO_TASK_RATIO = 0.2, 0.15
+_TAKE_CALLS, _TO_TASK_CALLS = 6.0, 28.0
+_ALONE_RATIO, _TOGETHER_RATIO = 1.5, 2.2
 
 _BOTH, _TO_TASK = 'publish+take 64', 'publish to task 64'
 _OPERATIONS = (

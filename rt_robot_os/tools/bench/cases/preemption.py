@@ -56,7 +56,7 @@ BUSY_NS = 20 * NS_PER_MS
 BUSY_PERIOD_NS = 100 * NS_PER_MS
 _WARMUP_NS = NS_PER_S // 2
 _START_S = 1.0
-_FLOOR_RATIO = 1.3
+_FLOOR_RATIO = 1.5
 # An interpreter looks for signals between two bytecodes, and in native code it does not: the floor
 # of a task that interrupts another one is a bare signal handler, not another process.
 _PEER_RATIO, _ANY_PEER_RATIO = 100.0, 10.0

@@ -50,7 +50,7 @@ _MANY = (('together', 'released together'), ('spread', 'spread over the period')
 _PERIOD_NS = NS_PER_S // RATE_HZ
 # Over the whole period, and far from everybody else.
 _SPREAD_US, _ALONE_US = 50, 500
-_TOGETHER_RATIO = 0.35
+_TOGETHER_RATIO = 0.25
 # Of a bare wake-up: releases that lie close share one. How much that saves is decided by what a
 # wake-up takes on the machine, 5 us or 40 us.
 _WAKE_RATIO = 1.0
