@@ -269,7 +269,7 @@ class Core(TimerInterrupt):
         if limited:  # before others run, whose time is theirs
             stolen_ns += self._stolen_from(current, entry_ns, stolen_ns, computed_ns)
         done_ns = entry_ns
-        if self.ready_above(level):
+        if self._ready.bit_length() - 1 > level:
             done_ns = self._dispatch(level, now_ns, entry_ns)
         if self._near_ns and self._firsts[0][0] - done_ns <= self._near_ns:
             done_ns = self._stay(level, done_ns)
@@ -329,7 +329,7 @@ class Core(TimerInterrupt):
             self.pending = False
             now_ns = self.now_ns()
             self.collect_due(now_ns)
-            if self.ready_above(level):
+            if self._ready.bit_length() - 1 > level:
                 end_ns = self._dispatch(level, now_ns, end_ns)
         return end_ns
 
@@ -358,16 +358,17 @@ class Core(TimerInterrupt):
         :param end_ns: when the last job ended, or whatever the kernel did not do itself.
         :return: the same, on return.
         """
+        timers, queues, firsts = self._timers, self._queues, self._firsts
         while not self.stopping:
             level = self._ready.bit_length() - 1
             if level <= floor:
                 break
-            if self._timers[level][0][0] <= now_ns:
+            if timers[level][0][0] <= now_ns:
                 self.release_due(level, now_ns)
                 if self.interrupted:
                     self.poll_sources(now_ns)
                 continue
-            queue = self._queues[level]
+            queue = queues[level]
             if not queue:
                 self._rest_level(level)
                 continue
@@ -379,7 +380,7 @@ class Core(TimerInterrupt):
             end_ns = now_ns = self.now_ns()
             self._end_job(task, release_ns, previous_ns, end_ns, outcome, failure)
             # The second condition finds an interrupt whose handler had no room on the stack.
-            if self.pending or self._firsts[0][0] <= end_ns:
+            if self.pending or firsts[0][0] <= end_ns:
                 now_ns = self._collect_after(task, level)
         self.current, self.level = None, floor
         return end_ns

@@ -299,10 +299,9 @@ class Releases(ABC):
         """Put the timer of a task back whose job has ended, after what passed meanwhile."""
         due_ns, period_ns = task.next_ns, task.next_period_ns
         task.next_ns = 0
-        until_ns = min(now_ns, self.end_ns - 1)
-        if due_ns <= until_ns:
+        if due_ns <= now_ns and due_ns < self.end_ns:
             if task.skips and not task.held:  # an overload must not cost more than it has to
-                unserved = (until_ns - due_ns) // task.period_ns + 1
+                unserved = (min(now_ns, self.end_ns - 1) - due_ns) // task.period_ns + 1
                 task.releases += unserved
                 task.overruns += unserved
                 task.missed += unserved
