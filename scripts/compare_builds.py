@@ -48,18 +48,19 @@ from hypothesis import settings  # noqa: E402
 TELL_EVERY_S = 10.0
 
 
-def compare(builds: Builds, cases: int, number: int) -> tuple[int, Scenario | None, str]:
+def compare(builds: Builds, cases: int, number: int, small: bool = True) -> tuple[int, Scenario | None, str]:
     """
     Compare the builds.
 
     :param number: the seed.
+    :param small: make a scenario in which they differ as small as possible.
     :return: how many scenarios there were, the smallest that differs, and where it does.
     """
     failing: list[tuple[Scenario, str]] = []
     count, told_s = 0, time.monotonic()
 
     @settings(max_examples=cases, database=None, deadline=None, report_multiple_bugs=False,
-              suppress_health_check=list(HealthCheck), phases=[Phase.generate, Phase.shrink])
+              suppress_health_check=list(HealthCheck), phases=[Phase.generate, Phase.shrink] if small else [Phase.generate])
     @seed(number)
     @given(scenarios())
     def run(scenario: Scenario) -> None:
@@ -86,12 +87,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or '').split('\n\n')[0])
     parser.add_argument('--cases', type=int, default=10_000)
     parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--stop-at-first', action='store_true',
+                        help='do not make the scenario smaller in which they differ')
     parser.add_argument('--pure', action='store_true',
                         help='compare the pure build with itself: what these scenarios cost')
     options = parser.parse_args()
     begin_s = time.monotonic()
     with Builds(one=False, two=not options.pure) as builds:
-        count, scenario, found = compare(builds, options.cases, options.seed)
+        count, scenario, found = compare(builds, options.cases, options.seed,
+                                         small=not options.stop_at_first)
     if builds.endless:
         print(f'{len(builds.endless)} did not end on either build, such as\n'
               f'{text_of(builds.endless[0])}')

@@ -21,13 +21,14 @@ ready task above the interrupted one on top of it, to the end, and returns. Ther
 one stack: the depth of nesting is at most the number of priorities.
 
 The whole synchronisation is one flag. While ``locked`` is set an interrupt only notes itself in
-``pending``; whoever clears the flag reads that note afterwards and calls :meth:`Core.settle`. Nested
-code always finishes before the code below it goes on, so nothing else can come in between. Whoever
-serves a note clears it first and reads the clock then: an interrupt that came before is due by that
-time, and one that comes later leaves a new note. The other way round one would be lost in between.
+``pending``; whoever clears the flag reads that note afterwards and calls :meth:`Core.settle`.
+Nested code always finishes before the code below it goes on, so nothing else can come in between.
+Whoever serves a note clears it first and reads the clock then: what an earlier interrupt was for
+is due by that time, and a later interrupt leaves a new note. In the other order, one that comes
+between the two steps would be lost.
 
-This is the specification, and what runs where nothing was compiled. The extension in C has the same
-class: what is changed here is changed in ``_core.c`` as well (docs/testing_the_core.md).
+This is the specification, and what runs where nothing was compiled. The extension in C has the
+same class: what is changed here is changed in ``_core.c`` as well.
 """
 
 from __future__ import annotations
@@ -64,10 +65,12 @@ from rt_robot_os.units import NS_PER_US
 RECURSION_ROOM: Final = 200
 # An interrupt that came so much later is charged to the job that held it up.
 BLOCKED_NS: Final = 50 * NS_PER_US
+# The limit of a job that is aborted as often as it can be.
+ABORT_ALWAYS_NS: Final = 1
 # A wake-up that came so much later asks what Linux did meanwhile.
 LATE_NS: Final = 200 * NS_PER_US
-# While idle the clocks are read so often that tell what Linux took: what came before a job is not
-# its; about 1 us each.
+# While idle the clocks that say what Linux took are read this often (1 us each), so that a job is
+# not credited with what Linux took before it.
 FRESH_NS: Final = 5 * NS_PER_MS
 
 TraceHook = Callable[[int, str, str], None]
@@ -81,6 +84,9 @@ class Faults(Judge, Protocol):
     def held_up(self, task: Any, level: int, at_ns: int, late_ns: int) -> int:
         """Charge an interrupt that came late to the job that ran; return what Linux took of it."""
 
+    def did_not_compute(self, task: Any, now_ns: int, gap_ns: int) -> int:
+        """Find out where the time of a job went; return what Linux took of it."""
+
     def after_job(self, task: Any, failure: FailureReport | None, outcome: int,
                   now_ns: int) -> None:
         """Do what is due when a job has ended that was not ordinary."""
@@ -90,7 +96,7 @@ class StealAccount(Protocol):
     """Who knows what Linux took: the kernel's StealTime."""
 
     def keep_fresh(self, now_ns: int) -> None:
-        """Read the clocks that tell it."""
+        """Read the clocks from which it is computed."""
 
     def attribute(self, now_ns: int, window_ns: int) -> int:
         """Return how much of a time up to now Linux took."""
@@ -132,13 +138,12 @@ class Core(TimerInterrupt):
     # ---- what the rest of the kernel provides --------------------------------------------------
 
     @abstractmethod
-    def check_budget(self, task: Any, used_ns: int, entry_ns: int) -> tuple[int, int]:
+    def check_budget(self, task: Any, used_ns: int) -> int:
         """
         Have the interrupted task aborted if it has used what it may, or the kernel stops.
 
-        :param used_ns: its computing time at the interrupt, as far as is known.
-        :param entry_ns: when the interrupt came.
-        :return: when to check again; how much of its time Linux took, as far as was not known.
+        :param used_ns: its computing time at the interrupt.
+        :return: when to check again.
         """
 
     @abstractmethod
@@ -171,7 +176,7 @@ class Core(TimerInterrupt):
 
     @abstractmethod
     def rearm_sources(self, task: Any) -> None:
-        """Listen again to the sources that were not heard while a job of their task waited."""
+        """Listen again to the sources that were ignored while a job of their task waited."""
 
     # ---- interrupts --------------------------------------------------------------------------
 
@@ -202,11 +207,7 @@ class Core(TimerInterrupt):
         current, level = self.current, self.level
         if signum and not SEPARATE_LIMITS and current is not None:
             self.check_depth(current, limit)
-        self._serve_interrupts(current, level)
-        abort: TaskAborted | None = None
-        steps: Iterable[object] = ()
-        if current is not None and current.abort_pending and not current.inside:
-            abort, steps = self.make_abort(current)
+        abort, steps = self._serve_interrupts(current, level)
         self.recursion_limit = limit
         # Written out: no call may follow where the stack is as deep as it may be.
         try:
@@ -217,20 +218,23 @@ class Core(TimerInterrupt):
             except RecursionError:  # of a handler that found no room any more: the limit is set
                 pass
         self.locked = False
-        if abort is not None:
-            try:
-                for _ in steps:  # raises it as well
-                    pass
-            except RecursionError:  # no room: the interrupt comes again
+        try:
+            for _ in steps:  # raises the abort as well
                 pass
-            raise abort
-        if self.pending:
-            try:
+            if abort is None and self.pending:
                 self.settle()
-            except RecursionError:  # no room: the interrupt comes again
-                pass
+        except RecursionError:  # no room: the interrupt comes again
+            pass
+        if abort is not None:
+            raise abort
 
-    def _serve_interrupts(self, current: Any, level: int) -> None:
+    def _serve_interrupts(self, current: Any, level: int
+                          ) -> tuple[TaskAborted | None, Iterable[object]]:
+        """
+        Serve the interrupt of a task, or of none, and those that came meanwhile; locked.
+
+        :return: what is to be raised in the task, and what raises it as well when it is iterated.
+        """
         while True:
             try:
                 self._serve_interrupt(current, level)
@@ -242,13 +246,19 @@ class Core(TimerInterrupt):
                     break
             if not self.pending:
                 break
+        if current is not None and current.abort_pending and not current.inside:
+            return self.make_abort(current)
+        return None, ()
 
     def _serve_interrupt(self, current: Any, level: int) -> None:
-        """Serve one interrupt of a task, or of none; locked."""
+        """Serve one of them."""
         stolen_ns = self.stolen_ns
         self.pending = False
         entry_ns = now_ns = self.now_ns()
-        late_ns = 0
+        late_ns = computed_ns = 0
+        limited = current is not None and current.limit_ns > ABORT_ALWAYS_NS
+        if limited:
+            computed_ns = self.clock.computed_ns()
         if current is not None and not self.stopping:
             late_ns = entry_ns - max(self._armed_ns, current.start_ns)
         if self.spin_ns:
@@ -256,6 +266,8 @@ class Core(TimerInterrupt):
         self.collect_due(now_ns)
         if late_ns and (late_ns > current.blocked_maximum_ns or late_ns > BLOCKED_NS):
             stolen_ns += self.faults.held_up(current, level, entry_ns, late_ns)
+        if limited:  # before others run, whose time is theirs
+            stolen_ns += self._stolen_from(current, entry_ns, stolen_ns, computed_ns)
         done_ns = entry_ns
         if self.ready_above(level):
             done_ns = self._dispatch(level, now_ns, entry_ns)
@@ -265,20 +277,35 @@ class Core(TimerInterrupt):
             self._defer(level, now_ns)
         due_ns = self._firsts[0][0]
         if current is not None and (current.limit_ns or self.stopping):
-            used_ns = entry_ns - current.start_ns - stolen_ns
+            used_ns = entry_ns - current.start_ns - stolen_ns - current.waited_ns
             if used_ns < current.limit_ns and not self.stopping:
-                check_ns = self.now_ns() + current.limit_ns - used_ns
+                left_ns = current.limit_ns - used_ns
+                if current.waited_ns:  # while it waits that does not become less
+                    left_ns = max(left_ns, LATE_NS)
+                check_ns = self.now_ns() + left_ns
             else:
-                check_ns, taken_ns = self.check_budget(current, used_ns, entry_ns)
-                stolen_ns += taken_ns
+                check_ns = self.check_budget(current, used_ns)
             self._arm_ahead(level, check_ns)
         elif not self._spare_ns or not (
                 due_ns <= self._armed_due_ns <= due_ns + self._slack_ns):
             self._arm_ahead(level, NEVER_NS)
         self.current, self.level = current, level
+        if limited:
+            current.computed_ns += self.clock.computed_ns() - computed_ns
         end_ns = self.now_ns()
         self.overhead_ns += end_ns - done_ns
         self.stolen_ns = stolen_ns + end_ns - entry_ns
+
+    def _stolen_from(self, task: Any, entry_ns: int, stolen_ns: int, computed_ns: int) -> int:
+        """
+        Return what Linux took from a job with a limit, if it did not compute all the time.
+
+        :param stolen_ns: as far as that is known.
+        :param computed_ns: the computing time of the thread.
+        """
+        gap_ns = (entry_ns - task.start_ns - stolen_ns - task.waited_ns
+                  - (computed_ns - task.computed_ns))
+        return self.faults.did_not_compute(task, entry_ns, gap_ns) if gap_ns > LATE_NS else 0
 
     def _stay(self, level: int, end_ns: int) -> int:
         """

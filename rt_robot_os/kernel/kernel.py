@@ -317,6 +317,7 @@ class Kernel(Scheduler):
             now_ns = task.start_ns = self.now_ns()
             self.current, self.level, self.stolen_ns = task, PRIORITY_MAXIMUM, 0
             task.limit_ns, task.over = _CLOSE_NS, True
+            task.computed_ns, task.waited_ns = self.clock.computed_ns(), 0
             self._interrupt_by(now_ns + _CLOSE_NS)
             try:
                 try:
@@ -330,7 +331,11 @@ class Kernel(Scheduler):
             task.limit_ns, task.over = 0, False
 
     def idle(self, slack_ns: int) -> bool:
-        """Call ``on_idle``; return whether it is the end: an interrupt may have cleared the note."""
+        """
+        Call ``on_idle``, preemptible.
+
+        :return: whether the kernel is to stop; an interrupt meanwhile may have cleared the note.
+        """
         self.locked = False
         if self.pending:
             self.settle()

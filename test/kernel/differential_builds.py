@@ -37,7 +37,8 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-PATIENCE_S = 10.0
+PATIENCE_S = 20.0
+PATIENCE_AT_START_S = 120.0
 BEFORE = 12  # what came before the first difference, told with it
 _LENGTH = struct.Struct('=Q')
 
@@ -60,6 +61,7 @@ class BuildProcess:
                              'PYTHONPATH': os.pathsep.join([str(root), str(HERE)])}
         self._process: subprocess.Popen[bytes] | None = None
         self._errors: Any = None
+        self._answered = False
 
     def start(self) -> subprocess.Popen[bytes]:
         self._errors = tempfile.TemporaryFile()
@@ -83,13 +85,15 @@ class BuildProcess:
     def receive(self) -> dict[str, Any]:
         process = self._process
         assert process is not None and process.stdout is not None
-        if not select.select([process.stdout], [], [], PATIENCE_S)[0]:
+        patience_s = PATIENCE_S if self._answered else PATIENCE_AT_START_S
+        if not select.select([process.stdout], [], [], patience_s)[0]:
             self.close()
             return {FAILED: ENDLESS}
         head = process.stdout.read(_LENGTH.size)
         if len(head) == _LENGTH.size:
             data = process.stdout.read(_LENGTH.unpack(head)[0])
             found: dict[str, Any] = pickle.loads(data)
+            self._answered = True
             return found
         code = process.wait()
         self._errors.seek(0)
@@ -100,6 +104,7 @@ class BuildProcess:
 
     def close(self) -> None:
         process, self._process = self._process, None
+        self._answered = False
         if process is not None:
             process.kill()
             process.wait()
@@ -132,11 +137,16 @@ class Builds:
         self._one.close()
         self._two.close()
 
-    def difference(self, scenario: Any) -> str:
-        """Say where the two differ in a scenario; empty when they do not."""
+    def _see(self, scenario: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         self._one.send(scenario)
         self._two.send(scenario)
-        seen = self._one.receive(), self._two.receive()
+        return self._one.receive(), self._two.receive()
+
+    def difference(self, scenario: Any) -> str:
+        """Say where the two differ in a scenario; empty when they do not."""
+        seen = self._see(scenario)
+        if any(found.get(FAILED) == ENDLESS for found in seen):  # or was the machine busy?
+            seen = self._see(scenario)
         if all(found.get(FAILED) == ENDLESS for found in seen):
             self.endless.append(scenario)
         return difference(*seen, (self._one.name, self._two.name))

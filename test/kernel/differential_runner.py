@@ -85,6 +85,7 @@ class Runner(Operations):
         if data.idle is not None:
             self.kernel.on_idle = self.idle
         self.traced = 0
+        self.run_kernel = self.kernel.run
         for fails_at in data.observers:
             self.kernel.add_observer(self.observer(fails_at))
         self.resources = [self.kernel.resource(f'r{n}') for n in range(scenario.resources)]
@@ -235,7 +236,7 @@ class Runner(Operations):
 
     def run_once(self, duration_ns: int | None) -> Any:
         try:
-            return self.kernel.run(duration_ns)
+            return self.run_kernel(duration_ns)
         except BaseException as error:
             return (type(error).__name__, str(error).partition('\n')[0])
 
