@@ -19,12 +19,11 @@
  * The ring of a topic and its two ends: topics/ring.py in C, where it is said what each part means.
  *
  * Order of memory. Writers and readers are tasks of one kernel, so of one thread, and one is
- * preempted by another only where Python runs: never between two statements here. So head is a plain
- * number, and take need not look whether it was lapped while it copied. Were the ring read by
- * another CPU, a writer would have to store head with release order after the message, its stamp
- * and its length; a reader would load head with acquire order, copy, and then load head again
- * behind an acquire fence: what was overwritten meanwhile is dropped. x86-64 does that with plain
- * moves, arm64 does not.
+ * preempted by another only where Python runs: never between two statements here. So head is a
+ * plain number, and a copy by C cannot be lapped. Were the ring read by another CPU, a writer would
+ * have to store head with release order after the message, its stamp and its length; a reader would
+ * load head with acquire order, copy, and load head again behind an acquire fence: what was
+ * overwritten meanwhile is dropped. x86-64 does that with plain moves, arm64 does not.
  */
 
 #include "../kernel/_core.h"
