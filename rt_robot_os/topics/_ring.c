@@ -19,12 +19,11 @@
  * The ring of a topic and its two ends: topics/ring.py in C, where it is said what each part means.
  *
  * Order of memory. Writers and readers are tasks of one kernel, so of one thread, and one is
- * preempted by another only where Python runs: never between two statements here. So head is a plain
- * number, and take need not look whether it was lapped while it copied. Were the ring read by
- * another CPU, a writer would have to store head with release order after the message, its stamp
- * and its length; a reader would load head with acquire order, copy, and then load head again
- * behind an acquire fence: what was overwritten meanwhile is dropped. x86-64 does that with plain
- * moves, arm64 does not.
+ * preempted by another only where Python runs: never between two statements here. So head is a
+ * plain number, and a copy by C cannot be lapped. Were the ring read by another CPU, a writer would
+ * have to store head with release order after the message, its stamp and its length; a reader would
+ * load head with acquire order, copy, and load head again behind an acquire fence: what was
+ * overwritten meanwhile is dropped. x86-64 does that with plain moves, arm64 does not.
  */
 
 #include "../kernel/_core.h"
@@ -115,6 +114,12 @@ read_layout(Topic *topic)
                             &topic->count_offset, &topic->count_maximum, &topic->tail_start,
                             &topic->item_bytes);
     Py_XDECREF(rule);
+    if (read && (topic->size < 0 || topic->slot_bytes < topic->size
+                 || topic->slot_bytes > INT32_MAX)) {
+        PyErr_Format(PyExc_ValueError, "topic %R: messages of %zd to %zd bytes", topic->name,
+                     topic->size, topic->slot_bytes);
+        return -1;
+    }
     return read ? 0 : -1;
 }
 
@@ -129,7 +134,7 @@ make_ring(Topic *topic, PyObject *storage)
     }
     if (PyObject_GetBuffer(storage, &topic->storage, PyBUF_WRITABLE) < 0)
         return -1;
-    topic->stride = (topic->slot_bytes + 7) & ~(Py_ssize_t)7;
+    topic->stride = topic->slot_bytes + (-topic->slot_bytes & 7);
     topic->large = topic->storage.len == 0;
     topic->has_tail = topic->large || topic->slot_bytes != topic->size;
     if (!topic->large && topic->storage.len / depth < topic->stride) {
@@ -297,7 +302,7 @@ publisher_init(PyObject *self, PyObject *args, PyObject *Py_UNUSED(keywords))
 static int
 write_slot(Topic *topic, const Py_buffer *data, Py_ssize_t length)
 {
-    if (topic->has_tail ? length > data->len || length > topic->slot_bytes
+    if (topic->has_tail ? length < 0 || length > data->len || length > topic->slot_bytes
             : data->len != topic->slot_bytes) {
         PyErr_Format(PyExc_ValueError, "topic %R: %zd of %zd bytes for a slot of %s%zd",
                      topic->name, length, data->len, topic->has_tail ? "at most " : "",
@@ -357,22 +362,26 @@ put(Publisher *self, Topic *topic, const Py_buffer *data, Py_ssize_t length, ns_
     Py_RETURN_NONE;
 }
 
-/* The length of the message in the buffer of a publisher, by the count of its tail; or -1. */
-static Py_ssize_t
-message_length(Topic *topic, const Py_buffer *data)
+/* Finds the length of the message in the buffer of a publisher, by the count of its tail. */
+static int
+find_length(Topic *topic, const Py_buffer *data, Py_ssize_t *length)
 {
     uint32_t count;
+    *length = topic->size;
     if (!topic->has_tail || topic->count_maximum < 0)
-        return topic->size;
+        return 0;
     if (topic->count_offset + (Py_ssize_t)sizeof count <= data->len) {
         memcpy(&count, (const char *)data->buf + topic->count_offset, sizeof count);
-        if (count <= topic->count_maximum)
-            return count ? topic->tail_start + (Py_ssize_t)count * topic->item_bytes : topic->size;
+        if (count <= topic->count_maximum) {
+            if (count)
+                *length = topic->tail_start + (Py_ssize_t)count * topic->item_bytes;
+            return 0;
+        }
     }
-    PyObject *length = PyObject_CallMethod(topic->layout, "length", "O", data->obj); /* raises */
-    Py_ssize_t bytes = length == NULL ? -1 : PyLong_AsSsize_t(length);
-    Py_XDECREF(length);
-    return bytes;
+    PyObject *told = PyObject_CallMethod(topic->layout, "length", "O", data->obj); /* raises */
+    *length = told == NULL ? -1 : PyLong_AsSsize_t(told);
+    Py_XDECREF(told);
+    return PyErr_Occurred() ? -1 : 0;
 }
 
 /* publish(stamp_ns=0), without the tuple that other ways to call it make */
@@ -393,8 +402,10 @@ publisher_publish(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObj
     }
     if (count + named && (stamp_ns = PyLong_AsLongLong(args[0])) == -1 && PyErr_Occurred())
         return NULL;
-    Py_ssize_t length = message_length(topic, data);
-    return length < 0 ? NULL : put((Publisher *)self, topic, data, length, stamp_ns);
+    Py_ssize_t length;
+    if (find_length(topic, data, &length) < 0)
+        return NULL;
+    return put((Publisher *)self, topic, data, length, stamp_ns);
 }
 
 static PyObject *

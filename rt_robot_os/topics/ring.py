@@ -42,7 +42,6 @@ from typing import TYPE_CHECKING
 
 from rt_robot_os.compiled import NATIVE
 from rt_robot_os.kernel.black_box import PUBLISH
-from rt_robot_os.topics.pieces import PIECE_BYTES
 
 if TYPE_CHECKING:
     from rt_robot_os.kernel import Kernel
@@ -61,7 +60,7 @@ class TopicCore:
     :ivar mask: the depth less 1.
     :ivar slot_bytes: length of the longest message, or of each if all are as long.
     :ivar has_tail: samples differ in length, or are large.
-    :ivar large: samples are longer than ``PIECE_BYTES``.
+    :ivar large: samples are longer than ``PIECE_BYTES``; each slot has a buffer of its own.
     :ivar wakes: tasks that each publication releases.
     :ivar triggers: what is asked with each publication whether to release its task.
     """
@@ -80,7 +79,7 @@ class TopicCore:
         self.slot_bytes = layout.max_size
         self._stamps = [0] * len(slots)
         self._lengths = [layout.size] * len(slots)
-        self.large = layout.max_size > PIECE_BYTES
+        self.large = not storage
         self.has_tail = layout.max_size != layout.size or self.large
         self.wakes: list[Task] = []
         self.triggers: list[Any] = []

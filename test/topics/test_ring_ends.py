@@ -180,6 +180,13 @@ def test_only_what_belongs_together_is_put_together(bus: Bus, topic: Topic) -> N
     for slots in [], [1, 2, 3], [1, 2, 3, 4]:  # none, no power of two, more than there is room for
         with pytest.raises(ValueError):
             made(bus.kernel, 'x', topic.layout, slots, bytearray(24))
+    class Odd:
+        length_rule = (8, 4, 0, -1, 0, 0)
+
+    for rule in (8, 4, 0, -1, 0, 0), (-8, 4, 0, -1, 0, 0):  # the shortest is longer, below 0
+        Odd.length_rule = rule
+        with pytest.raises(ValueError):
+            made(bus.kernel, 'x', Odd(), [memoryview(bytearray(8))], bytearray(8))
     with pytest.raises(AttributeError):
         Publisher.__base__(Topic.__new__(Topic), bytearray(9))  # type: ignore[call-arg]
     with pytest.raises(AttributeError):

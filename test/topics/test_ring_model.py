@@ -247,6 +247,8 @@ class Rings(RuleBasedStateMachine):
             assert s.status is self.status(reader)
             if reader.seq >= 0:
                 assert s.msg.data == self.value(reader.seq)
+                cdr = self.topic.layout.from_dict({'data': self.value(reader.seq)})
+                assert bytes(s.buffer[:s.length]) == cdr
                 assert s.stamp_ns == self.stamps[reader.seq]
                 assert s.age_ns == self.kernel.now_ns() - s.stamp_ns
             else:
