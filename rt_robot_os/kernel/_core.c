@@ -34,11 +34,12 @@
 #define RECURSION_ROOM 200
 #define BLOCKED_NS 50000LL
 #define LATE_NS 200000LL
+#define ABORT_ALWAYS_NS 1
 #define FRESH_NS 5000000LL
 
 PyTypeObject *core_type;
 static PyObject *task_aborted; /* kernel.failure.TaskAborted; that module imports this one */
-static PyObject *system_clock; /* time.monotonic_ns */
+static PyObject *system_clock, *thread_clock; /* time.monotonic_ns, time.thread_time_ns */
 static PyObject *arm_name, *arm_spare_name, *swap_name, *poll_name, *wait_name;
 static PyObject *keep_fresh_name, *start_text, *end_text, *fail_text;
 
@@ -102,6 +103,18 @@ now_ns(Core *core)
         return FAILED_NS;
     }
     return time_from(PyObject_CallNoArgs(core->now_ns));
+}
+
+/* The computing time of the thread. */
+static ns_t
+computed_ns(Core *core)
+{
+    if (core->reads_thread_clock) {
+        struct timespec time;
+        clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+        return time.tv_sec * NS_PER_S + time.tv_nsec;
+    }
+    return time_from(PyObject_CallMethod(core->clock, "computed_ns", NULL));
 }
 
 static int
@@ -265,6 +278,12 @@ static void
 set_ready(Core *core, int level)
 {
     core->ready[level >> 6] |= 1ULL << (level & 63);
+}
+
+static int
+is_ready(Core *core, int level)
+{
+    return core->ready[level >> 6] >> (level & 63) & 1;
 }
 
 static First
@@ -489,7 +508,14 @@ return_timer(Core *core, Task *task, ns_t at_ns)
         }
         period_ns = task->period_ns;
     }
-    return due_ns ? add_timer(core, task, due_ns, period_ns) : 0;
+    if (!due_ns)
+        return 0;
+    Timer timer = {due_ns, task->index, period_ns, (PyObject *)task};
+    if (insert_timer(&core->timers[task->priority], timer) < 0)
+        return -1;
+    if (!is_ready(core, task->priority))
+        index_timer(core, task->priority);
+    return 0;
 }
 
 static int
@@ -659,6 +685,10 @@ arm_for(Core *core, Task *task, int level, ns_t due_ns)
         if (time_ns == FAILED_NS)
             return -1;
         task->limit_ns = task->budget_ns;
+        task->computed_ns = computed_ns(core);
+        task->waited_ns = 0;
+        if (task->computed_ns == FAILED_NS)
+            return -1;
         interrupt_ns = smaller(interrupt_ns, time_ns + task->budget_ns);
     }
     if (arm(core, interrupt_ns) < 0)
@@ -956,7 +986,7 @@ stay(Core *core, int level, ns_t *end_ns)
 
 /* Sets the timer for what comes after an interrupt; looks after the budget of the job. */
 static int
-arm_after(Core *core, Task *current, int level, ns_t entry_ns, ns_t *stolen_ns)
+arm_after(Core *core, Task *current, int level, ns_t entry_ns, ns_t stolen_ns)
 {
     ns_t due_ns = first_due(core, 0).due_ns;
     if (current == NULL || (!current->limit_ns && !core->stopping)) {
@@ -965,31 +995,40 @@ arm_after(Core *core, Task *current, int level, ns_t entry_ns, ns_t *stolen_ns)
             return 0;
         return arm_ahead(core, level, NEVER_NS);
     }
-    ns_t used_ns = entry_ns - current->start_ns - *stolen_ns, check_ns, taken_ns = 0;
+    ns_t used_ns = entry_ns - current->start_ns - stolen_ns - current->waited_ns, check_ns;
     if (used_ns < current->limit_ns && !core->stopping) {
-        ns_t time_ns = now_ns(core);
-        if (time_ns == FAILED_NS)
-            return -1;
-        check_ns = time_ns + current->limit_ns - used_ns;
-    } else {
-        PyObject *found = PyObject_CallMethod((PyObject *)core, "check_budget", "OLL", current,
-                                              used_ns, entry_ns);
-        int parsed = found != NULL && PyArg_ParseTuple(found, "LL", &check_ns, &taken_ns);
-        Py_XDECREF(found);
-        if (!parsed)
-            return -1;
-    }
-    *stolen_ns += taken_ns;
-    return arm_ahead(core, level, check_ns);
+        ns_t left_ns = current->limit_ns - used_ns;
+        check_ns = now_ns(core);
+        if (check_ns != FAILED_NS)
+            check_ns += current->waited_ns ? larger(left_ns, LATE_NS) : left_ns;
+    } else
+        check_ns = time_from(PyObject_CallMethod((PyObject *)core, "check_budget", "OL", current,
+                                                 used_ns));
+    return check_ns == FAILED_NS ? -1 : arm_ahead(core, level, check_ns);
+}
+
+/* Gives what Linux took from a job with a limit, if it did not compute all the time. */
+static ns_t
+stolen_from(Core *core, Task *task, ns_t entry_ns, ns_t stolen_ns, ns_t thread_ns)
+{
+    ns_t gap_ns = entry_ns - task->start_ns - stolen_ns - task->waited_ns
+        - (thread_ns - task->computed_ns);
+    if (gap_ns <= LATE_NS)
+        return 0;
+    return time_from(PyObject_CallMethod(core->faults, "did_not_compute", "OLL", task, entry_ns,
+                                         gap_ns));
 }
 
 static int
 serve_interrupt(Core *core, Task *current, int level)
 {
-    ns_t stolen_ns = core->stolen_ns, entry_ns, time_ns, late_ns = 0, taken_ns;
+    ns_t stolen_ns = core->stolen_ns, entry_ns, time_ns, late_ns = 0, taken_ns, thread_ns = 0;
+    int limited = current != NULL && current->limit_ns > ABORT_ALWAYS_NS;
     core->pending = 0;
     entry_ns = time_ns = now_ns(core);
-    if (entry_ns == FAILED_NS)
+    if (limited)
+        thread_ns = computed_ns(core);
+    if (entry_ns == FAILED_NS || thread_ns == FAILED_NS)
         return -1;
     if (current != NULL && !core->stopping)
         late_ns = entry_ns - larger(core->armed_ns, current->start_ns);
@@ -1003,6 +1042,12 @@ serve_interrupt(Core *core, Task *current, int level)
             return -1;
         stolen_ns += taken_ns;
     }
+    if (limited) {
+        taken_ns = stolen_from(core, current, entry_ns, stolen_ns, thread_ns);
+        if (taken_ns == FAILED_NS)
+            return -1;
+        stolen_ns += taken_ns;
+    }
     ns_t done_ns = entry_ns;
     if (top_level(core) > level && dispatch(core, level, time_ns, &done_ns) < 0)
         return -1;
@@ -1011,8 +1056,14 @@ serve_interrupt(Core *core, Task *current, int level)
         return -1;
     if (first_due(core, 0).level <= level)
         defer(core, level, time_ns);
-    if (arm_after(core, current, level, entry_ns, &stolen_ns) < 0)
+    if (arm_after(core, current, level, entry_ns, stolen_ns) < 0)
         return -1;
+    if (limited) {
+        ns_t after_ns = computed_ns(core);
+        if (after_ns == FAILED_NS)
+            return -1;
+        current->computed_ns += after_ns - thread_ns;
+    }
     ns_t end_ns = now_ns(core);
     if (end_ns == FAILED_NS)
         return -1;
@@ -1624,6 +1675,10 @@ core_init(PyObject *self, PyObject *args, PyObject *keywords)
     core->now_ns = PyObject_GetAttrString(clock, "now_ns");
     core->record = PyObject_GetAttrString(box, "add");
     core->reads_system_clock = core->now_ns == system_clock;
+    PyObject *computed = PyObject_GetAttrString(clock, "computed_ns");
+    core->reads_thread_clock = computed == thread_clock;
+    if (done(computed) < 0)
+        return -1;
     core->end_ns = NEVER_NS;
     core->spin_ns = spin_ns;
     PyObject *begun = core->now_ns == NULL || core->record == NULL
@@ -1663,7 +1718,8 @@ add_core_types(PyObject *module)
         if ((*names[i].place = PyUnicode_InternFromString(names[i].text)) == NULL)
             return -1;
     system_clock = attribute_of("time", "monotonic_ns");
-    if (system_clock == NULL || add_task_types(module) < 0)
+    thread_clock = attribute_of("time", "thread_time_ns");
+    if (system_clock == NULL || thread_clock == NULL || add_task_types(module) < 0)
         return -1;
     core_type = (PyTypeObject *)PyType_FromSpec(&core_spec);
     if (core_type == NULL)

@@ -57,7 +57,7 @@ typedef struct Task {
     struct Task *behind; /* who waits after it at its level */
     char aborts, skips, pending, held, busy, follow_up, abort_pending, resists, over;
     int priority, index, inside;
-    ns_t period_ns, budget_ns, limit_ns;
+    ns_t period_ns, budget_ns, limit_ns, computed_ns, waited_ns;
     ns_t next_ns, next_period_ns, release_ns, interval_ns, start_ns;
     ns_t releases, runs, missed, coalesced, overruns;
     ns_t execution_total_ns, execution_limit_ns, execution_maximum_ns;
@@ -103,7 +103,7 @@ typedef struct {
     BlackBox *black_box;
     Task *current;
     char locked, pending, interrupted, running, stopping, observed;
-    char reads_system_clock, sets_timers;
+    char reads_system_clock, reads_thread_clock, sets_timers;
     int level, recursion_limit, firsts_count;
     uint64_t ready[2];
     ns_t stolen_ns, end_ns, spin_ns, polled_ns, overhead_ns, wakeups, fresh_ns, one_shots;

@@ -204,6 +204,7 @@ static PyMemberDef task_members[] = {
     FIELD(follow_up, T_BOOL), FIELD(abort_pending, T_BOOL), FIELD(resists, T_BOOL),
     FIELD(over, T_BOOL), FIELD(index, T_INT), FIELD(inside, T_INT),
     FIELD(period_ns, T_LONGLONG), FIELD(budget_ns, T_LONGLONG), FIELD(limit_ns, T_LONGLONG),
+    FIELD(computed_ns, T_LONGLONG), FIELD(waited_ns, T_LONGLONG),
     FIELD(next_ns, T_LONGLONG), FIELD(next_period_ns, T_LONGLONG),
     FIELD(release_ns, T_LONGLONG), FIELD(interval_ns, T_LONGLONG), FIELD(start_ns, T_LONGLONG),
     FIELD(releases, T_LONGLONG), FIELD(runs, T_LONGLONG), FIELD(missed, T_LONGLONG),

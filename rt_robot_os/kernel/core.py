@@ -64,6 +64,8 @@ from rt_robot_os.units import NS_PER_US
 RECURSION_ROOM: Final = 200
 # An interrupt that came so much later is charged to the job that held it up.
 BLOCKED_NS: Final = 50 * NS_PER_US
+# The limit of a job that is aborted as often as it can be.
+ABORT_ALWAYS_NS: Final = 1
 # A wake-up that came so much later asks what Linux did meanwhile.
 LATE_NS: Final = 200 * NS_PER_US
 # While idle the clocks are read so often that tell what Linux took: what came before a job is not
@@ -80,6 +82,9 @@ class Faults(Judge, Protocol):
 
     def held_up(self, task: Any, level: int, at_ns: int, late_ns: int) -> int:
         """Charge an interrupt that came late to the job that ran; return what Linux took of it."""
+
+    def did_not_compute(self, task: Any, now_ns: int, gap_ns: int) -> int:
+        """Find out where the time of a job went; return what Linux took of it."""
 
     def after_job(self, task: Any, failure: FailureReport | None, outcome: int,
                   now_ns: int) -> None:
@@ -132,13 +137,12 @@ class Core(TimerInterrupt):
     # ---- what the rest of the kernel provides --------------------------------------------------
 
     @abstractmethod
-    def check_budget(self, task: Any, used_ns: int, entry_ns: int) -> tuple[int, int]:
+    def check_budget(self, task: Any, used_ns: int) -> int:
         """
         Have the interrupted task aborted if it has used what it may, or the kernel stops.
 
-        :param used_ns: its computing time at the interrupt, as far as is known.
-        :param entry_ns: when the interrupt came.
-        :return: when to check again; how much of its time Linux took, as far as was not known.
+        :param used_ns: its computing time at the interrupt.
+        :return: when to check again.
         """
 
     @abstractmethod
@@ -248,7 +252,10 @@ class Core(TimerInterrupt):
         stolen_ns = self.stolen_ns
         self.pending = False
         entry_ns = now_ns = self.now_ns()
-        late_ns = 0
+        late_ns = computed_ns = 0
+        limited = current is not None and current.limit_ns > ABORT_ALWAYS_NS
+        if limited:
+            computed_ns = self.clock.computed_ns()
         if current is not None and not self.stopping:
             late_ns = entry_ns - max(self._armed_ns, current.start_ns)
         if self.spin_ns:
@@ -256,6 +263,8 @@ class Core(TimerInterrupt):
         self.collect_due(now_ns)
         if late_ns and (late_ns > current.blocked_maximum_ns or late_ns > BLOCKED_NS):
             stolen_ns += self.faults.held_up(current, level, entry_ns, late_ns)
+        if limited:  # before others run, whose time is theirs
+            stolen_ns += self._stolen_from(current, entry_ns, stolen_ns, computed_ns)
         done_ns = entry_ns
         if self.ready_above(level):
             done_ns = self._dispatch(level, now_ns, entry_ns)
@@ -265,20 +274,35 @@ class Core(TimerInterrupt):
             self._defer(level, now_ns)
         due_ns = self._firsts[0][0]
         if current is not None and (current.limit_ns or self.stopping):
-            used_ns = entry_ns - current.start_ns - stolen_ns
+            used_ns = entry_ns - current.start_ns - stolen_ns - current.waited_ns
             if used_ns < current.limit_ns and not self.stopping:
-                check_ns = self.now_ns() + current.limit_ns - used_ns
+                left_ns = current.limit_ns - used_ns
+                if current.waited_ns:  # while it waits that does not become less
+                    left_ns = max(left_ns, LATE_NS)
+                check_ns = self.now_ns() + left_ns
             else:
-                check_ns, taken_ns = self.check_budget(current, used_ns, entry_ns)
-                stolen_ns += taken_ns
+                check_ns = self.check_budget(current, used_ns)
             self._arm_ahead(level, check_ns)
         elif not self._spare_ns or not (
                 due_ns <= self._armed_due_ns <= due_ns + self._slack_ns):
             self._arm_ahead(level, NEVER_NS)
         self.current, self.level = current, level
+        if limited:
+            current.computed_ns += self.clock.computed_ns() - computed_ns
         end_ns = self.now_ns()
         self.overhead_ns += end_ns - done_ns
         self.stolen_ns = stolen_ns + end_ns - entry_ns
+
+    def _stolen_from(self, task: Any, entry_ns: int, stolen_ns: int, computed_ns: int) -> int:
+        """
+        Return what Linux took from a job with a limit, if it did not compute all the time.
+
+        :param stolen_ns: as far as that is known.
+        :param computed_ns: the computing time of the thread.
+        """
+        gap_ns = (entry_ns - task.start_ns - stolen_ns - task.waited_ns
+                  - (computed_ns - task.computed_ns))
+        return self.faults.did_not_compute(task, entry_ns, gap_ns) if gap_ns > LATE_NS else 0
 
     def _stay(self, level: int, end_ns: int) -> int:
         """

@@ -40,6 +40,9 @@ from rt_robot_os.kernel.task import Task
 from rt_robot_os.units import NS_PER_MS
 
 _SUSPECTS_EVERY_NS: Final = 10 * NS_PER_MS
+# A job that waits in system calls instead of computing is aborted after this many times its
+# budget at last.
+WAITING_LIMITS: Final = 20
 
 
 class FaultHandling:
@@ -129,14 +132,21 @@ class FaultHandling:
 
         :return: its computing time, without what Linux took.
         """
-        taken_ns = self.stolen_from(task, self._kernel.now_ns(), execution_ns)
+        kernel = self._kernel
+        now_ns = kernel.now_ns()
+        if task.aborts:
+            gap_ns = execution_ns - task.waited_ns - (
+                kernel.clock.computed_ns() - task.computed_ns)
+            taken_ns = self.did_not_compute(task, now_ns, gap_ns) if gap_ns > LATE_NS else 0
+        else:
+            taken_ns = self.stolen_from(task, now_ns, execution_ns)
         if taken_ns:
             self._ended = (task, task.start_ns, taken_ns)
             task.execution_total_ns -= taken_ns
             execution_ns -= taken_ns
         longest_ns = task.execution_maximum_ns = max(task.execution_maximum_ns, execution_ns)
         task.execution_limit_ns = min(longest_ns, task.budget_ns)
-        task.budget_exceeded += execution_ns > task.budget_ns
+        task.budget_exceeded += execution_ns - task.waited_ns > task.budget_ns
         return execution_ns
 
     def long_response(self, task: Task, release_ns: int, end_ns: int) -> None:
@@ -196,6 +206,27 @@ class FaultHandling:
         if taken_ns > NS_PER_MS:
             kernel.black_box.mark(now_ns, f'Linux took the CPU from {task.name} for '
                                           f'{taken_ns / NS_PER_MS:.1f} ms')
+        return taken_ns
+
+    def did_not_compute(self, task: Task, now_ns: int, gap_ns: int) -> int:
+        """
+        Find out where the time of a job with a budget to abort went, in which it did not compute.
+
+        What Linux took is taken off its time. What is left is its own waiting, which does not count
+        for its budget, up to a limit. From the first TaskAborted on it does.
+
+        :param gap_ns: how long it did not compute, as far as that was not known.
+        :return: how much of that Linux took.
+        """
+        taken_ns = self.stolen_from(task, now_ns, gap_ns)
+        gap_ns -= taken_ns
+        if gap_ns > LATE_NS and not (task.resists or task.over):
+            waited_ns = min(gap_ns, WAITING_LIMITS * task.budget_ns - task.waited_ns)
+            task.waited_ns += waited_ns
+            if waited_ns > NS_PER_MS:
+                self._kernel.black_box.mark(
+                    now_ns, f'{task.name} waited for {waited_ns / NS_PER_MS:.1f} ms, in a system '
+                            'call or for the host')
         return taken_ns
 
     # ---- failures ----------------------------------------------------------------------------

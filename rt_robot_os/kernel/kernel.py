@@ -317,6 +317,7 @@ class Kernel(Scheduler):
             now_ns = task.start_ns = self.now_ns()
             self.current, self.level, self.stolen_ns = task, PRIORITY_MAXIMUM, 0
             task.limit_ns, task.over = _CLOSE_NS, True
+            task.computed_ns, task.waited_ns = self.clock.computed_ns(), 0
             self._interrupt_by(now_ns + _CLOSE_NS)
             try:
                 try:

@@ -37,13 +37,16 @@ from rt_robot_os.kernel.black_box import Record
 from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import NEVER_NS
+from rt_robot_os.kernel.core import ABORT_ALWAYS_NS
 from rt_robot_os.kernel.core import Core
+from rt_robot_os.kernel.core import LATE_NS
 from rt_robot_os.kernel.core import RECURSION_ROOM
 from rt_robot_os.kernel.failure import describe
 from rt_robot_os.kernel.failure import drop_context
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.failure import TaskAborted
 from rt_robot_os.kernel.fault_handling import FaultHandling
+from rt_robot_os.kernel.fault_handling import WAITING_LIMITS
 from rt_robot_os.kernel.interrupts import InterruptSources
 from rt_robot_os.kernel.interrupts import Source
 from rt_robot_os.kernel.releases import IDLE_LEVEL
@@ -58,9 +61,6 @@ from rt_robot_os.units import NS_PER_US
 # the job has ended. The interrupt comes as well, where the stack had no room for that.
 GRACE_NS: Final = 20 * NS_PER_MS
 ABORT_AGAIN_NS: Final = 50 * NS_PER_US
-ABORT_ALWAYS_NS: Final = 1
-# A job that may have lost its time to Linux is aborted after this many times its budget at last.
-STOLEN_LIMITS: Final = 20
 # Computing time for describing an exception and for dropping it: both may run its author's code.
 CONTAIN_NS: Final = 10 * NS_PER_MS
 # Before Python 3.12 a job that comes so close to its limit is ended: where it is deeper still
@@ -166,30 +166,29 @@ class Scheduler(Core):
 
     # ---- ending jobs -------------------------------------------------------------------------
 
-    def check_budget(self, task: Task, used_ns: int, entry_ns: int) -> tuple[int, int]:
+    def check_budget(self, task: Task, used_ns: int) -> int:
         """
         Have the interrupted task aborted if it has used what it may, or the kernel stops.
 
-        :param used_ns: its computing time at the interrupt, as far as is known.
-        :param entry_ns: when the interrupt came.
-        :return: when to check again; how much of its time Linux took, as far as was not known.
+        :param used_ns: its computing time at the interrupt.
+        :return: when to check again.
         """
-        taken_ns = 0
-        if (used_ns >= task.limit_ns > 0 and not task.resists
-                and entry_ns - task.start_ns < STOLEN_LIMITS * task.limit_ns):
-            taken_ns = self.faults.stolen_from(task, entry_ns, used_ns)
-            used_ns -= taken_ns
         now_ns = self.now_ns()
-        check_ns = now_ns + task.limit_ns - used_ns if task.limit_ns else NEVER_NS
+        check_ns = NEVER_NS
+        if task.limit_ns:
+            left_ns = task.limit_ns - used_ns
+            if left_ns > 0 and task.waited_ns:  # while it waits that does not become less
+                left_ns = max(left_ns, LATE_NS)
+            check_ns = now_ns + left_ns
         if self.stopping and not (task.aborts_raised or task.over) and self._stop_ns < check_ns:
             check_ns = self._stop_ns
         if now_ns < check_ns:
-            return check_ns, taken_ns
+            return check_ns
         if not task.abort_pending:
             self._request_abort(task)
             if not (task.over or task.limit_ns == ABORT_ALWAYS_NS):  # two records say it
                 self.record((ABORT, task, now_ns, used_ns))
-        return NEVER_NS, taken_ns  # when it is raised, the timer is set anew
+        return NEVER_NS  # when it is raised, the timer is set anew
 
     def _request_abort(self, task: Task) -> None:
         """Let TaskAborted be raised in the task on the top of the stack as soon as it may be."""
@@ -203,7 +202,7 @@ class Scheduler(Core):
         :return: and what raises it as well, with another interrupt on its way, when it is iterated.
         """
         now_ns = self.now_ns()
-        used_ns = now_ns - task.start_ns - self.stolen_ns
+        used_ns = now_ns - task.start_ns - self.stolen_ns - task.waited_ns
         task.abort_pending = False
         if not task.over:
             task.aborts_raised += 1
@@ -222,6 +221,8 @@ class Scheduler(Core):
                    f'after the kernel was told to stop ({self._stop_reason})')
             if task.name not in self.ended:
                 self.ended.append(task.name)
+        elif task.waited_ns >= WAITING_LIMITS * task.budget_ns:
+            why = f'waited for {task.waited_ns // NS_PER_MS} ms, {WAITING_LIMITS} times its budget'
         elif not task.aborts or used_ns < task.budget_ns:
             why = f'was ended near the recursion limit, after {used_ns // NS_PER_US} us'
         abort = TaskAborted(task.name, used_ns, task.spec.budget_ns, why)
@@ -237,7 +238,9 @@ class Scheduler(Core):
         now_ns = self.now_ns()
         task.over = True
         task.abort_pending = task.resists = False  # too late
-        task.limit_ns = now_ns - task.start_ns - self.stolen_ns + CONTAIN_NS
+        used_ns = now_ns - task.start_ns - self.stolen_ns - task.waited_ns
+        task.limit_ns = used_ns + CONTAIN_NS
+        task.computed_ns = self.clock.computed_ns() - used_ns
         self._interrupt_by(now_ns + CONTAIN_NS)
         self.locked = False
         if self.pending:

@@ -22,7 +22,9 @@ computing time, and the time that it waited for a CPU. They are compared with th
 last reading, at most a few milliseconds before; so what is attributed is what Linux took since
 then, and never more than the time in question.
 
-The time that a job waits in a system call of its own (a disk) remains its own.
+The time that a job waits in a system call of its own (a disk) remains its own. It does not count
+for a budget to abort, see :meth:`FaultHandling.did_not_compute`: there the thread's computing time
+decides, also where something above the job lost time as well and was attributed its part first.
 """
 
 from __future__ import annotations

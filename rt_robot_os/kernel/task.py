@@ -148,7 +148,7 @@ class Task(TaskCore):
         self.next_ns = self.next_period_ns = 0
         self.inside = 0
         self.follow_up = bool(self.successors)
-        self.limit_ns = 0
+        self.limit_ns = self.computed_ns = self.waited_ns = 0
         self.aborts_raised = 0
         self.abort_pending = self.over = self.resists = False
         self.backlog.clear()

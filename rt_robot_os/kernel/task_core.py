@@ -78,6 +78,10 @@ class TaskCore:
     What became of its budget:
 
     :ivar limit_ns: computing time at which the job that runs is aborted; 0 means never.
+    :ivar computed_ns: computing time of the thread when the job began, and of what preempted it
+        since; counts while there is a limit.
+    :ivar waited_ns: how long a job with a budget to abort did not compute although Linux took
+        nothing, as far as that is known: it waited in a system call.
     :ivar abort_pending: TaskAborted is to be raised in it.
     :ivar resists: it had its time for ``finally`` clauses: TaskAborted is raised until it ends.
     :ivar over: its function has ended by an exception, which is being described and dropped.
@@ -94,7 +98,7 @@ class TaskCore:
         'pending', 'held', 'next_ns', 'next_period_ns', 'release_ns', 'interval_ns', 'busy',
         'start_ns', 'inside', 'follow_up',
         # Its budget
-        'limit_ns', 'abort_pending', 'resists', 'over',
+        'limit_ns', 'computed_ns', 'waited_ns', 'abort_pending', 'resists', 'over',
         # What is counted
         'releases', 'runs', 'missed', 'coalesced', 'overruns', 'execution_total_ns',
         'execution_limit_ns', 'execution_maximum_ns', 'latency_maximum_ns', 'response_limit_ns',
@@ -108,7 +112,7 @@ class TaskCore:
         self.pending = self.held = self.busy = self.follow_up = False
         self.next_ns = self.next_period_ns = self.release_ns = self.interval_ns = 0
         self.start_ns = -1
-        self.inside = self.limit_ns = 0
+        self.inside = self.limit_ns = self.computed_ns = self.waited_ns = 0
         self.abort_pending = self.resists = self.over = False
         self.clear_counts()
 

@@ -118,6 +118,8 @@ class TimerInterrupt(Releases):
             interrupt_ns = self._early_ns(level)
         if task.aborts:
             task.limit_ns = task.budget_ns
+            task.computed_ns = self.clock.computed_ns()
+            task.waited_ns = 0
             interrupt_ns = min(interrupt_ns, self.now_ns() + task.budget_ns)
         self._arm(interrupt_ns)
         # Spinning depends on who runs, budgets end: these are computed each time.

@@ -25,12 +25,15 @@ import time
 
 from kernel_tools import MS
 from kernel_tools import ROOT
+from kernel_tools import run_program
 from kernel_tools import S
 from kernel_tools import US
 import pytest
 
 from rt_robot_os.kernel import BudgetPolicy
+from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import BLOCKED
@@ -72,6 +75,12 @@ class SharedClock(VirtualClock):
         self.others_ns += duration_ns
         self.hear()
 
+    def sleep(self, duration_ns: int) -> None:
+        """Wait in a system call that alarms interrupt and that goes on then, as for a pipe."""
+        for _ in range(duration_ns // (10 * US)):
+            self.others_ns += 10 * US
+            self.spend(10 * US)
+
     def call(self, duration_ns: int) -> None:
         """Compute in a native call."""
         self._now_ns += duration_ns
@@ -110,7 +119,7 @@ def test_a_job_without_end_is_aborted_also_where_linux_takes_nearly_all_time(
         kernel: Kernel, clock: SharedClock) -> None:
     def job() -> None:
         while True:
-            clock.spend(10)
+            clock.spend(10 * US)
             clock.take(MS)
 
     task = kernel.add_task('task', job, priority=50, rate_hz=1.0, budget_ns=5 * MS,
@@ -118,7 +127,121 @@ def test_a_job_without_end_is_aborted_also_where_linux_takes_nearly_all_time(
     kernel.run(S)
     assert (task.runs, task.aborted) == (1, 1)
     at_ns, = (r[2] for r in kernel.black_box.records if r[0] == ABORT)
-    assert 99 * MS < at_ns - task.start_ns < 105 * MS
+    assert 500 * MS < at_ns - task.start_ns < 510 * MS  # its budget of computing time is 5 ms
+
+
+@pytest.mark.parametrize('lost_ns', [2 * MS, 4 * MS, 8 * MS, 200 * MS])
+def test_what_a_job_lost_is_known_also_when_one_above_it_loses_time_next(
+        kernel: Kernel, clock: SharedClock, lost_ns: int) -> None:
+    def low() -> None:
+        clock.spend(500 * US)
+        clock.take(lost_ns)
+        clock.spend(3 * MS)
+
+    def high() -> None:  # comes in time just after that
+        clock.spend(50 * US)
+        clock.take(MS)
+
+    kernel.add_task('high', high, priority=90, rate_hz=1.0, phase_ns=lost_ns + 600 * US)
+    task = kernel.add_task('low', low, priority=50, rate_hz=1.0, budget_ns=5 * MS,
+                           on_budget=BudgetPolicy.ABORT)
+    kernel.run(S)
+    assert (task.runs, task.aborted, task.budget_exceeded) == (1, 0, 0)
+    assert task.execution.maximum_ns == 3500 * US
+
+
+def test_neither_small_losses_nor_what_preempts_a_job_add_up_to_an_abort(
+        kernel: Kernel, clock: SharedClock) -> None:
+    def low() -> None:
+        for _ in range(400):
+            clock.spend(10 * US)
+            clock.take(900 * US)
+
+    def high() -> None:
+        clock.spend(10 * US)
+        clock.take(300 * US)
+
+    kernel.add_task('high', high, priority=90, rate_hz=500.0)
+    task = kernel.add_task('low', low, priority=50, rate_hz=1.0, budget_ns=5 * MS,
+                           on_budget=BudgetPolicy.ABORT)
+    kernel.run(S)
+    assert (task.runs, task.aborted) == (1, 0)
+    assert task.execution.maximum_ns < 5 * MS
+
+
+def test_time_for_finally_is_computing_time_as_well(kernel: Kernel, clock: SharedClock) -> None:
+    def job() -> None:
+        try:
+            clock.spend(10 * MS)
+        finally:
+            for _ in range(400):
+                clock.spend(10 * US)
+                clock.take(190 * US)
+
+    def high() -> None:
+        clock.spend(10 * US)
+        clock.take(300 * US)
+
+    kernel.add_task('high', high, priority=90, rate_hz=500.0)
+    task = kernel.add_task('task', job, priority=50, rate_hz=1.0, budget_ns=5 * MS,
+                           on_budget=BudgetPolicy.ABORT, failure=FailurePolicy.CONTINUE)
+    kernel.run(S)
+    assert (task.runs, task.aborted, task.state) == (1, 1, TaskState.ACTIVE)
+
+
+def test_waiting_in_a_system_call_is_not_computing(kernel: Kernel, clock: SharedClock) -> None:
+    def low() -> None:
+        clock.spend(3 * MS)
+        clock.sleep(40 * MS)
+        clock.spend(MS)
+
+    high = kernel.add_task('high', lambda: clock.spend(100 * US), priority=90, rate_hz=200.0)
+    task = kernel.add_task('low', low, priority=50, rate_hz=10.0, budget_ns=5 * MS,
+                           on_budget=BudgetPolicy.ABORT)
+    kernel.run(S)
+    assert (task.runs, task.aborted, task.budget_exceeded, high.missed) == (10, 0, 0, 0)
+    assert task.execution.maximum_ns == 44 * MS  # nothing below it ran meanwhile
+    assert kernel.statistics().stolen.count == 0
+    marks = [str(r[3]) for r in kernel.black_box.records if r[0] == MARK]
+    assert marks
+    assert all(mark.startswith('low waited for ') for mark in marks)
+
+
+def test_a_job_that_computes_on_after_waiting_is_aborted_in_time(
+        kernel: Kernel, clock: SharedClock) -> None:
+    ends: list[int] = []
+
+    def low() -> None:
+        try:
+            clock.sleep(40 * MS)
+            clock.spend(S)
+        finally:
+            ends.append(clock.now_ns())
+
+    task = kernel.add_task('low', low, priority=50, rate_hz=1.0, budget_ns=5 * MS,
+                           on_budget=BudgetPolicy.ABORT)
+    kernel.run(S)
+    assert task.aborted == 1
+    assert 45 * MS <= ends[0] <= 46 * MS
+
+
+def test_a_job_that_hangs_in_a_system_call_is_aborted_after_twenty_budgets(
+        kernel: Kernel, clock: SharedClock) -> None:
+    ends: list[int] = []
+
+    def low() -> None:
+        try:
+            clock.sleep(10 * S)
+        finally:
+            ends.append(clock.now_ns())
+
+    task = kernel.add_task('low', low, priority=50, rate_hz=1.0, budget_ns=5 * MS,
+                           on_budget=BudgetPolicy.ABORT)
+    kernel.run(S)
+    assert (task.runs, task.aborted) == (1, 1)
+    assert 100 * MS <= ends[0] <= 106 * MS
+    assert [f.error for f in kernel.failures] == [
+        "TaskAborted: task 'low' waited for 100 ms, 20 times its budget"]
 
 
 @pytest.mark.parametrize('stopped', [False, True])
@@ -266,3 +389,31 @@ def test_a_process_that_is_stopped_blames_none_of_its_tasks() -> None:
     assert stolen_ns > 300 * MS
     assert blocked_ns < 200 * MS
     assert execution_ns < 200 * MS
+
+
+WAITING = """
+import os
+import select
+from rt_robot_os.kernel import BudgetPolicy
+from rt_robot_os.kernel import Kernel
+
+def wait():
+    select.select([reading], [], [], 0.06)  # nobody writes
+
+def compute():
+    while True:
+        pass
+
+reading, writing = os.pipe()
+kernel = Kernel()
+limits = dict(rate_hz=5.0, budget_ns=20_000_000, on_budget=BudgetPolicy.ABORT)
+waits = kernel.add_task('waits', wait, priority=50, **limits)
+computes = kernel.add_task('computes', compute, priority=40, **limits)
+kernel.run(1_000_000_000)
+print(waits.runs > 0, waits.aborted, computes.runs > 0, computes.aborted == computes.runs)
+"""
+
+
+def test_on_the_real_clock_waiting_does_not_use_up_a_budget_and_computing_does() -> None:
+    result = run_program(WAITING)
+    assert (result.returncode, result.stdout) == (0, 'True 0 True True\n'), result.stderr
