@@ -15,7 +15,7 @@
 
 
 """
-Analyse the C core without running it: ``gcc -fanalyzer``, cppcheck and clang-tidy, as far as there.
+Analyse the C core without running it: ``gcc -fanalyzer``, cppcheck, clang-tidy.
 
     .venv/bin/python scripts/analyse_core.py
 
@@ -66,7 +66,9 @@ def main() -> int:
             status = status or 2
             continue
         for source in SOURCES:
-            after = (['--', *COMMON, f'-isystem{include_folder()}'] if name == 'clang-tidy' else [])
+            after = []
+            if name == 'clang-tidy':
+                after = ['--', *COMMON, f'-isystem{include_folder()}']
             done = subprocess.run([*command, source, *after], cwd=ROOT, text=True,
                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
             if done.returncode:

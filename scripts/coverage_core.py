@@ -19,7 +19,8 @@ Say which lines of the C core the tests of the kernel and of the topics do not r
 
     .venv/bin/python scripts/coverage_core.py [--cases 200] [PYTEST ARGUMENT ...]
 
-A copy of the package is compiled with ``--coverage``; the tests run there, and random scenarios.
+A copy of the package is compiled with ``--coverage``; the tests run there, random
+scenarios, and scenarios in which allocations fail.
 """
 
 from __future__ import annotations
@@ -75,11 +76,11 @@ def main() -> int:
         folder = Path(name)
         copy_tree(folder)
         build(folder, ('-O0', '--coverage', *STABLE))
-        # Processes that are killed write nothing; those that end themselves do.
         covered = environment(folder)
         for command in (
                 ['-m', 'pytest', '-q', '-p', 'no:cacheprovider', *(pytest_arguments or TESTS)],
-                ['scripts/compare_builds.py', '--cases', str(options.cases)]):
+                ['scripts/compare_builds.py', '--cases', str(options.cases)],
+                ['scripts/failing_allocations.py', '--step', '7']):
             subprocess.run([sys.executable, *command], cwd=folder, env=covered)
         percent = report(folder)
     print(f'{percent:.1f} % of the lines of the C core are reached (wanted: {WANTED_PERCENT:g})')

@@ -21,8 +21,8 @@ Let each allocation of a run fail once: no crash, and an exception or the right 
 
 A scenario runs once to count its allocations, then once for each of them with that one failing
 (``_testcapi.set_nomemory``). A run may end with an error, or with failures of tasks in its report;
-one without any must have done what the first did. A SystemError of a built-in function or method says
-that it returned NULL without an exception, or a result with one: that is a defect, as is a crash.
+one without any must have done what the first did. A SystemError of a built-in function or method
+says that it returned NULL without an exception, or a result with one: that is a defect, as is a crash.
 (The interpreter itself does so in functions of Python, where no memory is left for a traceback.)
 """
 
