@@ -48,7 +48,8 @@ from hypothesis import settings  # noqa: E402
 TELL_EVERY_S = 10.0
 
 
-def compare(builds: Builds, cases: int, number: int, small: bool = True) -> tuple[int, Scenario | None, str]:
+def compare(builds: Builds, cases: int, number: int, small: bool = True
+            ) -> tuple[int, Scenario | None, str]:
     """
     Compare the builds.
 
@@ -60,7 +61,8 @@ def compare(builds: Builds, cases: int, number: int, small: bool = True) -> tupl
     count, told_s = 0, time.monotonic()
 
     @settings(max_examples=cases, database=None, deadline=None, report_multiple_bugs=False,
-              suppress_health_check=list(HealthCheck), phases=[Phase.generate, Phase.shrink] if small else [Phase.generate])
+              suppress_health_check=list(HealthCheck),
+              phases=[Phase.generate, Phase.shrink] if small else [Phase.generate])
     @seed(number)
     @given(scenarios())
     def run(scenario: Scenario) -> None:

@@ -15,7 +15,7 @@
 
 
 """
-Run the C core with the sanitizers of the compiler, which end a process that does what is undefined.
+Run the C core with the sanitizers of the compiler, which end what does something undefined.
 
     .venv/bin/python scripts/sanitize_core.py [--seconds 30] [--cases 300] [--tests]
 

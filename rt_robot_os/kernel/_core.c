@@ -90,6 +90,13 @@ call_with_time(PyObject *object, PyObject *method, ns_t time)
     return result;
 }
 
+static ns_t
+no_clock(void)
+{
+    PyErr_SetString(PyExc_AttributeError, "the kernel has no clock: __init__ did not run");
+    return FAILED_NS;
+}
+
 ns_t
 now_ns(Core *core)
 {
@@ -98,10 +105,8 @@ now_ns(Core *core)
         clock_gettime(CLOCK_MONOTONIC, &time);
         return time.tv_sec * NS_PER_S + time.tv_nsec;
     }
-    if (core->now_ns == NULL) {
-        PyErr_SetString(PyExc_AttributeError, "the kernel has no clock: __init__ did not run");
-        return FAILED_NS;
-    }
+    if (core->now_ns == NULL)
+        return no_clock();
     return time_from(PyObject_CallNoArgs(core->now_ns));
 }
 
@@ -1490,6 +1495,10 @@ static PyObject *
 core_begin_timers(PyObject *self, PyObject *Py_UNUSED(nothing))
 {
     Core *core = (Core *)self;
+    if (core->clock == NULL) {
+        no_clock();
+        return NULL;
+    }
     core->armed_ns = core->armed_due_ns = core->spare_ns = core->slack_ns = core->set_ns = 0;
     core->sets_timers = 0;
     PyObject *wake_ns = PyObject_GetAttrString(core->clock, "wake_ns");

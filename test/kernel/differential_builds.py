@@ -87,6 +87,7 @@ class BuildProcess:
         assert process is not None and process.stdout is not None
         patience_s = PATIENCE_S if self._answered else PATIENCE_AT_START_S
         if not select.select([process.stdout], [], [], patience_s)[0]:
+            process.kill()
             self.close()
             return {FAILED: ENDLESS}
         head = process.stdout.read(_LENGTH.size)
@@ -106,8 +107,11 @@ class BuildProcess:
         process, self._process = self._process, None
         self._answered = False
         if process is not None:
-            process.kill()
-            process.wait()
+            try:
+                process.communicate(timeout=PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
             for stream in (process.stdin, process.stdout, self._errors):
                 if stream is not None:
                     try:

@@ -35,7 +35,7 @@ class ScenarioClock(VirtualClock):
     The clock of a scenario.
 
     :param spins: the kernel spins until a release, so that time must pass when the clock is read.
-    :param note: told each time that an alarm is set, or the kernel waits.
+    :param note: told each time that a timer is set, or the kernel waits.
     :ivar reads: how often it was read since something else happened.
     """
 
@@ -116,7 +116,7 @@ class ScenarioClock(VirtualClock):
         super().spend(duration_ns)
 
     def _go_on(self) -> None:
-        """Do the first thing after a native call: the alarm's handler runs before, if it is due."""
+        """Do the first thing after a native call: the timer's handler runs before, if due."""
         self.spend(1)
 
     def stall(self, duration_ns: int) -> None:

@@ -133,8 +133,8 @@ class ClockData:
     """
     How the virtual clock behaves.
 
-    :ivar wake_ns: what it says that an alarm costs.
-    :ivar arm_ns: time that passes while one is set.
+    :ivar wake_ns: what it says that a timer interrupt costs.
+    :ivar arm_ns: time that passes while a timer is set.
     :ivar late_ns: how late the thread goes on after waiting.
     :ivar signal: handlers are called as those of a signal.
     """

@@ -241,7 +241,8 @@ IDLING = ('release', 'set_event', 'stop', 'start_timer', 'raise', 'account', 'st
 @st.composite
 def scenarios(draw: st.DrawFn) -> Scenario:
     """Make a scenario."""
-    kinds = draw(KINDS)
+    focus = draw(FOCUS)
+    kinds = [*focus, *(kind for kind in draw(KINDS) if kind not in focus)]
     if draw(RARELY) >= 4:
         kinds = kinds + draw(ENDING_KINDS)
     programs = Programs(draw, kinds)
@@ -252,13 +253,22 @@ def scenarios(draw: st.DrawFn) -> Scenario:
     return Scenario(
         tasks=(make_task(draw, programs),
                *(make_task(draw, programs) for _ in range(draw(LENGTHS[5])))),
-        runs=draw(RUNS), resources=draw(NUMBERS[3]), timers=draw(SEVERAL),
-        events=draw(NUMBERS[3]), topics=draw(TOPICS), readers=draw(READERS),
-        triggers=draw(TRIGGERS), pipes=draw(PIPES), kernel=kernel, clock=draw(CLOCKS))
+        runs=draw(RUNS), resources=draw(NUMBERS[3]) or int('within' in focus),
+        timers=draw(SEVERAL) or (0,) * ('start_timer' in focus),
+        events=draw(NUMBERS[3]) or int('set_event' in focus),
+        topics=draw(TOPICS) or (TopicData(),) * ('publish' in focus),
+        readers=draw(READERS) or (ReaderData(),) * ('publish' in focus),
+        triggers=draw(TRIGGERS), pipes=draw(PIPES) or (PipeData(),) * ('write' in focus),
+        kernel=kernel, clock=draw(CLOCKS))
 
 
 MILD = [kind for kind in (*SIMPLE, *COMPOUND, *ASYNC) if kind not in ENDING]
 KINDS = st.lists(st.sampled_from(MILD), max_size=8, unique=True)
+# What does little without each other, and without something that it is done with.
+FOCUS = st.sampled_from([
+    (), ('publish', 'take'), ('publish', 'publish_cdr', 'latest', 'take', 'pass_over'),
+    ('within', 'release'), ('start_timer', 'cancel_timer'), ('set_event', 'clear_event', 'wait'),
+    ('hold', 'rearm', 'raise'), ('write', 'drain'), ('steal', 'stall', 'stop_process'), ()])
 ENDING_KINDS = st.lists(st.sampled_from(sorted(ENDING)), max_size=2, unique=True)
 RUNS = st.sampled_from([
     (10 * MS,), (3 * MS,), (25 * MS,), (7_777_777,), (0,), (10 * MS, 3 * MS), (3 * MS, 7_777_777)])
