@@ -35,7 +35,7 @@
 #define BLOCKED_NS 50000LL
 #define LATE_NS 200000LL
 #define ABORT_ALWAYS_NS 1
-#define FRESH_NS 5000000LL
+#define FRESH_NS 20000000LL
 
 PyTypeObject *core_type;
 static PyObject *task_aborted; /* kernel.failure.TaskAborted; that module imports this one */
@@ -1169,6 +1169,26 @@ settle(Core *core, int signalled)
 
 /* ---- waiting ----------------------------------------------------------------------------- */
 
+/* Waits as MonotonicClock.wait does, or calls the clock. Gives whether it may have been something
+   else than the timer; -1 with an exception. */
+static int
+wait_for_signal(Core *core)
+{
+    PyObject *came;
+    if (core->sets_timers) {
+        int signo;
+        if (rest(&core->signals, (PyObject *)core, &signo) < 0)
+            return -1;
+        if (signo == 0 || signo == core->tick_signal)
+            return 0;
+        came = PyObject_CallMethod(core->clock, "serve_signal", "i", signo);
+    } else
+        came = PyObject_CallMethodObjArgs(core->clock, wait_name, (PyObject *)core, NULL);
+    int other = came == NULL ? -1 : PyObject_IsTrue(came);
+    Py_XDECREF(came);
+    return other;
+}
+
 /* Waits until a time, unless something comes up. */
 static int
 idle(Core *core, ns_t time_ns, ns_t interrupt_ns)
@@ -1184,9 +1204,7 @@ idle(Core *core, ns_t time_ns, ns_t interrupt_ns)
         if (done(call_with_time(core->steal_time, keep_fresh_name, time_ns)) < 0)
             return -1;
     }
-    PyObject *came = PyObject_CallMethodObjArgs(core->clock, wait_name, (PyObject *)core, NULL);
-    int other = came == NULL ? -1 : PyObject_IsTrue(came);
-    Py_XDECREF(came);
+    int other = wait_for_signal(core);
     if (other < 0)
         return -1;
     if (other)
@@ -1512,8 +1530,14 @@ core_begin_timers(PyObject *self, PyObject *Py_UNUSED(nothing))
     int status = 0;
     if (timers != Py_None) {
         ns_t first, second;
-        status = PyArg_ParseTuple(timers, "LLL", &first, &second, &core->again_ns) ? 0 : -1;
+        unsigned long long mask;
+        status = PyArg_ParseTuple(timers, "LLLKi", &first, &second, &core->again_ns, &mask,
+                                  &core->tick_signal) ? 0 : -1;
         if (status == 0) {
+            sigemptyset(&core->signals);
+            for (int signo = 1; signo <= 64; signo++)
+                if (mask >> (signo - 1) & 1)
+                    sigaddset(&core->signals, signo);
             core->posix_timers[0] = (timer_t)(intptr_t)first;
             core->posix_timers[1] = (timer_t)(intptr_t)second;
             core->sets_timers = 1;

@@ -33,6 +33,7 @@
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
 
+#include <signal.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
@@ -109,6 +110,8 @@ typedef struct {
     ns_t stolen_ns, end_ns, spin_ns, polled_ns, overhead_ns, wakeups, fresh_ns, one_shots;
     ns_t armed_ns, armed_due_ns, spare_ns, near_ns, slack_ns, set_ns, again_ns;
     timer_t posix_timers[2];
+    sigset_t signals; /* what ends a wait */
+    int tick_signal;
     First firsts[LEVELS];
     ns_t indexed_ns[LEVELS];
     Queue queues[LEVELS];
@@ -133,6 +136,7 @@ int add_record(Core *core, const Record *record);
 int add_core_types(PyObject *module);
 
 /* topics/_ring.c and linux/_timer.c */
+int rest(const sigset_t *signals, PyObject *owner, int *signo);
 int add_ring_types(PyObject *module);
 int add_timer_types(PyObject *module);
 

@@ -33,6 +33,7 @@ import time
 from typing import Any
 from typing import ClassVar
 from typing import Final
+from typing import NamedTuple
 import warnings
 
 from rt_robot_os.linux.timer import Noting
@@ -54,6 +55,23 @@ def signal_name(signo: int) -> str:
         return f'signal {signo}'
 
 
+class PosixTimers(NamedTuple):
+    """
+    The timers of a clock, and the signals that end its waits, as Linux calls them.
+
+    :ivar first: what ``timer_settime`` calls the timer; ``second`` is the other one.
+    :ivar again_ns: after how long they repeat.
+    :ivar mask: the signals that end a wait: bit n-1 stands for signal n.
+    :ivar tick_signal: that of the timers.
+    """
+
+    first: int
+    second: int
+    again_ns: int
+    mask: int
+    tick_signal: int
+
+
 class Clock(ABC):
     """
     What a kernel needs of a clock.
@@ -63,8 +81,7 @@ class Clock(ABC):
     :ivar was_stopped: the process was stopped (SIGSTOP) and went on; whoever looks clears it.
     :ivar wake_ns: computing time that it costs to set the timer and to be woken by it, measured by
         :meth:`attach`; 0 where that costs nothing.
-    :ivar posix_timers: None, or of each of the two timers what ``timer_settime`` calls it, in the
-        order of their roles, and after how long they repeat: what sets them in C.
+    :ivar posix_timers: None, or what sets the timers and waits for them in C.
     :cvar has_signals: file descriptors interrupt what runs.
     :cvar preemptive: the timer interrupts what runs.
     """
@@ -73,7 +90,7 @@ class Clock(ABC):
     computed_ns: Callable[[], int]
     was_stopped: bool = False
     wake_ns: int = 0
-    posix_timers: tuple[int, int, int] | None = None
+    posix_timers: PosixTimers | None = None
     has_signals: ClassVar[bool] = False
     preemptive: ClassVar[bool] = True
 

@@ -71,7 +71,7 @@ ABORT_ALWAYS_NS: Final = 1
 LATE_NS: Final = 200 * NS_PER_US
 # While idle the clocks that say what Linux took are read this often (1 us each), so that a job is
 # not credited with what Linux took before it.
-FRESH_NS: Final = 5 * NS_PER_MS
+FRESH_NS: Final = 20 * NS_PER_MS
 
 TraceHook = Callable[[int, str, str], None]
 

@@ -28,6 +28,7 @@ from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import Handler
 from rt_robot_os.kernel.clock import INTERRUPT_SIGNAL
+from rt_robot_os.kernel.clock import PosixTimers
 from rt_robot_os.kernel.clock import suspended_ns
 from rt_robot_os.kernel.clock import TICK_SIGNAL
 from rt_robot_os.linux.process import WaitingTime
@@ -121,7 +122,8 @@ class MonotonicClock(Clock):
         self._arm, self._arm_spare = self._timers[0].arm, self._timers[1].arm
         self._mask, self._unmask = gate.hold, gate.admit
         self._wait_masked, self._wait = gate.wait, gate.rest
-        self.posix_timers = (self._timers[0].number, self._timers[1].number, AGAIN_NS)
+        self.posix_timers = PosixTimers(self._timers[0].number, self._timers[1].number, AGAIN_NS,
+                                        gate.mask, TICK_SIGNAL)
         self.wake_ns = self._measure_wake_ns()
 
     def _measure_wake_ns(self) -> int:
@@ -216,14 +218,14 @@ class MonotonicClock(Clock):
 
     def wait(self, owner: Noting) -> bool:
         signo = self._wait(owner)
-        return signo not in (0, TICK_SIGNAL) and self._take(signo)
+        return signo not in (0, TICK_SIGNAL) and self.serve_signal(signo)
 
     def wait_masked(self) -> bool:
         signo = self._wait_masked()
-        return signo != TICK_SIGNAL and self._take(signo)
+        return signo != TICK_SIGNAL and self.serve_signal(signo)
 
-    def _take(self, signo: int) -> bool:
-        """Do what another signal is for."""
+    def serve_signal(self, signo: int) -> bool:
+        """Call the handler of another signal that ended a wait; return True."""
         if signo in self._wakes:
             handler = signal.getsignal(signo)
             if callable(handler):

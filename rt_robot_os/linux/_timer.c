@@ -139,11 +139,14 @@ signal_gate_wait(PyObject *self, PyObject *Py_UNUSED(nothing))
     return PyLong_FromLong(signo);
 }
 
-static PyObject *
-signal_gate_rest(PyObject *self, PyObject *owner)
+/*
+ * Masks signals, waits for one of them unless `owner.pending` is true, and unmasks them. Sets the
+ * number of the signal; 0 when something was pending, -1 when another signal was handled instead.
+ */
+int
+rest(const sigset_t *signals, PyObject *owner, int *signo)
 {
-    const sigset_t *signals = &((SignalGate *)self)->signals;
-    int signo = 0;
+    *signo = 0;
     pthread_sigmask(SIG_BLOCK, signals, NULL);
     /* The handlers of what came before leave their notes; what comes from here on is held. */
     int failed = PyErr_CheckSignals();
@@ -152,13 +155,20 @@ signal_gate_rest(PyObject *self, PyObject *owner)
         failed = pending == NULL;
         if (pending == Py_False) {
             Py_BEGIN_ALLOW_THREADS
-            signo = sigwaitinfo(signals, NULL);
+            *signo = sigwaitinfo(signals, NULL);
             Py_END_ALLOW_THREADS
         }
         Py_XDECREF(pending);
     }
     pthread_sigmask(SIG_UNBLOCK, signals, NULL);
-    return failed ? NULL : PyLong_FromLong(signo);
+    return failed ? -1 : 0;
+}
+
+static PyObject *
+signal_gate_rest(PyObject *self, PyObject *owner)
+{
+    int signo;
+    return rest(&((SignalGate *)self)->signals, owner, &signo) < 0 ? NULL : PyLong_FromLong(signo);
 }
 
 static PyMethodDef posix_timer_methods[] = {

@@ -136,6 +136,11 @@ class SignalGate:
             self.hold, self.admit = gate.hold, gate.admit  # type: ignore[method-assign]
             self.wait, self.rest = gate.wait, gate.rest  # type: ignore[method-assign]
 
+    @property
+    def mask(self) -> int:
+        """Return the set: bit n-1 stands for signal n."""
+        return int(self._set[0])
+
     def hold(self) -> None:
         """Keep the signals pending; safe in the real-time loop."""
         _libc.pthread_sigmask(*self._hold)
