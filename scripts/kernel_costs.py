@@ -280,8 +280,6 @@ def _whose(tree: str) -> str:
     """
     import rt_robot_os
     from rt_robot_os.compiled import state
-    import rt_robot_os.kernel
-    import rt_robot_os.topics
     where = os.path.dirname(os.path.dirname(os.path.abspath(str(rt_robot_os.__file__))))
     if os.path.realpath(where) != os.path.realpath(tree):
         raise ImportError(f'the package of {where} was found instead of that of {tree}')

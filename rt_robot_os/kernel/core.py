@@ -21,13 +21,14 @@ ready task above the interrupted one on top of it, to the end, and returns. Ther
 one stack: the depth of nesting is at most the number of priorities.
 
 The whole synchronisation is one flag. While ``locked`` is set an interrupt only notes itself in
-``pending``; whoever clears the flag reads that note afterwards and calls :meth:`Core.settle`. Nested
-code always finishes before the code below it goes on, so nothing else can come in between. Whoever
-serves a note clears it first and reads the clock then: an interrupt that came before is due by that
-time, and one that comes later leaves a new note. The other way round one would be lost in between.
+``pending``; whoever clears the flag reads that note afterwards and calls :meth:`Core.settle`.
+Nested code always finishes before the code below it goes on, so nothing else can come in between.
+Whoever serves a note clears it first and reads the clock then: what an earlier interrupt was for
+is due by that time, and a later interrupt leaves a new note. In the other order, one that comes
+between the two steps would be lost.
 
-This is the specification, and what runs where nothing was compiled. The extension in C has the same
-class: what is changed here is changed in ``_core.c`` as well (docs/testing_the_core.md).
+This is the specification, and what runs where nothing was compiled. The extension in C has the
+same class: what is changed here is changed in ``_core.c`` as well.
 """
 
 from __future__ import annotations
@@ -68,8 +69,8 @@ BLOCKED_NS: Final = 50 * NS_PER_US
 ABORT_ALWAYS_NS: Final = 1
 # A wake-up that came so much later asks what Linux did meanwhile.
 LATE_NS: Final = 200 * NS_PER_US
-# While idle the clocks are read so often that tell what Linux took: what came before a job is not
-# its; about 1 us each.
+# While idle the clocks that say what Linux took are read this often (1 us each), so that a job is
+# not credited with what Linux took before it.
 FRESH_NS: Final = 5 * NS_PER_MS
 
 TraceHook = Callable[[int, str, str], None]
@@ -95,7 +96,7 @@ class StealAccount(Protocol):
     """Who knows what Linux took: the kernel's StealTime."""
 
     def keep_fresh(self, now_ns: int) -> None:
-        """Read the clocks that tell it."""
+        """Read the clocks from which it is computed."""
 
     def attribute(self, now_ns: int, window_ns: int) -> int:
         """Return how much of a time up to now Linux took."""
@@ -175,7 +176,7 @@ class Core(TimerInterrupt):
 
     @abstractmethod
     def rearm_sources(self, task: Any) -> None:
-        """Listen again to the sources that were not heard while a job of their task waited."""
+        """Listen again to the sources that were ignored while a job of their task waited."""
 
     # ---- interrupts --------------------------------------------------------------------------
 
@@ -206,11 +207,7 @@ class Core(TimerInterrupt):
         current, level = self.current, self.level
         if signum and not SEPARATE_LIMITS and current is not None:
             self.check_depth(current, limit)
-        self._serve_interrupts(current, level)
-        abort: TaskAborted | None = None
-        steps: Iterable[object] = ()
-        if current is not None and current.abort_pending and not current.inside:
-            abort, steps = self.make_abort(current)
+        abort, steps = self._serve_interrupts(current, level)
         self.recursion_limit = limit
         # Written out: no call may follow where the stack is as deep as it may be.
         try:
@@ -221,20 +218,23 @@ class Core(TimerInterrupt):
             except RecursionError:  # of a handler that found no room any more: the limit is set
                 pass
         self.locked = False
-        if abort is not None:
-            try:
-                for _ in steps:  # raises it as well
-                    pass
-            except RecursionError:  # no room: the interrupt comes again
+        try:
+            for _ in steps:  # raises the abort as well
                 pass
-            raise abort
-        if self.pending:
-            try:
+            if abort is None and self.pending:
                 self.settle()
-            except RecursionError:  # no room: the interrupt comes again
-                pass
+        except RecursionError:  # no room: the interrupt comes again
+            pass
+        if abort is not None:
+            raise abort
 
-    def _serve_interrupts(self, current: Any, level: int) -> None:
+    def _serve_interrupts(self, current: Any, level: int
+                          ) -> tuple[TaskAborted | None, Iterable[object]]:
+        """
+        Serve the interrupt of a task, or of none, and those that came meanwhile; locked.
+
+        :return: what is to be raised in the task, and what raises it as well when it is iterated.
+        """
         while True:
             try:
                 self._serve_interrupt(current, level)
@@ -246,9 +246,12 @@ class Core(TimerInterrupt):
                     break
             if not self.pending:
                 break
+        if current is not None and current.abort_pending and not current.inside:
+            return self.make_abort(current)
+        return None, ()
 
     def _serve_interrupt(self, current: Any, level: int) -> None:
-        """Serve one interrupt of a task, or of none; locked."""
+        """Serve one of them."""
         stolen_ns = self.stolen_ns
         self.pending = False
         entry_ns = now_ns = self.now_ns()

@@ -36,7 +36,7 @@ class TaskAborted(BaseException):
 
     Raised inside it, at its next preemption point. It is no :class:`Exception`, so that ``except
     Exception`` lets it through, as it does with KeyboardInterrupt. A job may clean up in
-    ``finally``; one that goes on computing is struck again, and its task is stopped.
+    ``finally``; one that goes on computing is aborted again, and its task is stopped.
 
     :param why: when it is not the budget.
     :ivar used_ns: computing time of the job until then, what preempted it taken off.

@@ -270,8 +270,9 @@ class FaultHandling:
         kernel.wake(task.successors, now_ns)
         kernel.rearm_sources(task)
 
-    def _after_aborts(self, task: Task, policy: FailurePolicy | None, now_ns: int
-                       ) -> FailurePolicy | None:
+    def _after_aborts(self, task: Task, policy: FailurePolicy | None,
+                      now_ns: int) -> FailurePolicy | None:
+        """Return the policy for a task that was aborted: one abort is ordinary, more are not."""
         delivered, task.aborts_raised = task.aborts_raised, 0
         if delivered == 1:
             return policy or task.spec.failure

@@ -31,7 +31,7 @@ from rt_robot_os.linux.interrupt import unmask_signal
 
 
 class Source:
-    """A descriptor, its task, and how often it was heard."""
+    """A descriptor, its task, and how often it was readable."""
 
     __slots__ = ('fd', 'name', 'task', 'separation_ns', 'open_ns', 'flags', 'arrivals', 'deferred',
                  'waits')
@@ -59,12 +59,12 @@ class InterruptSources:
     Once the kernel runs all methods are called locked, except :meth:`statistics`.
 
     They send signals only between :meth:`arm` and :meth:`disarm`: without a handler the signal
-    would end the process. Under a clock without signals each wait looks at them.
+    would end the process. Under a clock without signals they are polled after each wait.
 
-    A source that is heard again before its separation has passed is not listened to until then:
-    it sends no signals meanwhile, so that a flood costs no more than one handler a separation.
-    Nor is one that is heard while a job of its task waits, until that has ended: the job will read
-    all, so that a flood costs nothing as long as the task does not have its turn.
+    A source that is readable again before its separation has passed is masked until then: it
+    sends no signals meanwhile, so that a flood costs no more than one handler a separation. So is
+    one that becomes readable while a job of its task waits, until that has ended: the job will
+    read all, so that a flood costs nothing as long as the task does not have its turn.
     """
 
     __slots__ = ('_signals', '_armed', '_sources', '_masked', '_early', '_poll')
@@ -147,7 +147,7 @@ class InterruptSources:
         source.waits = True
         self._poll.unregister(source.fd)
         if source.flags is not None:
-            with suppress(OSError):  # closed without telling: nothing left to do
+            with suppress(OSError):  # closed by its owner: nothing left to do
                 mask_signal(source.fd)
         self._masked.append(source)
 
@@ -160,7 +160,7 @@ class InterruptSources:
 
     def reopen(self, source: Source) -> bool:
         """
-        Listen again to a source that was deferred; look at :meth:`ready` afterwards.
+        Listen again to a source that was deferred; ask :meth:`ready` afterwards.
 
         :return: False when it was forgotten meanwhile.
         """
@@ -169,7 +169,7 @@ class InterruptSources:
         self._masked.remove(source)
         self._poll.register(source.fd, select.POLLIN)
         if source.flags is not None:
-            with suppress(OSError):  # closed without telling: poll says so to its reader
+            with suppress(OSError):  # closed by its owner: poll says so to its reader
                 unmask_signal(source.fd)
         return True
 
@@ -188,5 +188,5 @@ class InterruptSources:
     def _unwatch(self, source: Source) -> None:
         flags, source.flags = source.flags, None
         if flags is not None:
-            with suppress(OSError):  # closed without telling: nothing left to undo
+            with suppress(OSError):  # closed by its owner: nothing left to undo
                 no_signal_when_readable(source.fd, flags)

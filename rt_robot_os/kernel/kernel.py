@@ -331,7 +331,11 @@ class Kernel(Scheduler):
             task.limit_ns, task.over = 0, False
 
     def idle(self, slack_ns: int) -> bool:
-        """Call ``on_idle``; return whether it is the end: an interrupt may have cleared the note."""
+        """
+        Call ``on_idle``, preemptible.
+
+        :return: whether the kernel is to stop; an interrupt meanwhile may have cleared the note.
+        """
         self.locked = False
         if self.pending:
             self.settle()

@@ -15,14 +15,14 @@
 """
 The lower third of the kernel's core: its data, and what releases tasks.
 
-Each priority has its own timers. What has fallen due at a level is released when the dispatcher
-comes to that level (:meth:`Releases.release_due`), in the order of time, and not before: as long
-as something higher runs, a due timer costs nothing, however many there are. All that is done before
-is to note that a level may have something to run (``_ready``), once until it has been served.
+Each priority is a level with timers of its own. What has fallen due at a level is released when
+the dispatcher comes to that level (:meth:`Releases.release_due`), in the order of time, and not
+before: as long as something higher runs, due timers cost nothing, however many there are. What
+happens earlier is one bit: the level may have something to run (``_ready``).
 
-A periodic task whose job waits or is late has no timer there; its next release is in
-``task.next_ns``. When the job has ended, the points of the grid that passed meanwhile are accounted
-for in one step, and the timer goes back (:meth:`Releases.return_timer`).
+A periodic task whose job waits or runs has no timer there; ``task.next_ns`` is its next release.
+When the job has ended, the releases that passed meanwhile are accounted for in one step, and the
+timer goes back (:meth:`Releases.return_timer`).
 
 So the work of releasing is in proportion to the jobs that run, not to the releases that fall due.
 The alternative, an interrupt for each release, ends in a livelock as soon as the interrupts alone
@@ -79,10 +79,11 @@ class Releases(ABC):
     :ivar interrupted: a descriptor may be readable: poll the sources.
     :ivar current: the task whose job runs; None between jobs.
     :ivar level: of what runs, its task's priority or the ceiling of a resource that it is in.
-    :ivar stolen_ns: how much of the time since that began others computed.
+    :ivar stolen_ns: how much of the time since its job began was not its own: that of jobs above
+        it, of the kernel, of Linux.
     :ivar stopping: ``run`` is to end; nothing is released or started any more.
     :ivar end_ns: what is due then or later does not run.
-    :ivar record: adds to the black box, and informs the observers.
+    :ivar record: adds to the black box, and informs the observers; ``observed`` if there are any.
 
     Of what is not for others:
 
@@ -328,7 +329,8 @@ class Releases(ABC):
         for task in tasks:
             level = task.priority
             if not task.pending:
-                self.release_due(level, min(now_ns, self.end_ns - 1))  # it came before
+                if self._timers[level][0][0] <= now_ns:  # it came before
+                    self.release_due(level, min(now_ns, self.end_ns - 1))
                 if level > self.level:
                     self.pending = True
             self.arrive(task, now_ns)

@@ -80,8 +80,8 @@ class Scheduler(Core):
     :ivar ended: the tasks whose jobs were, since the kernel was started.
     """
 
-    __slots__ = ('failures', 'failures_total', 'stop_grace_ns', 'ended', '_stop_reason', '_stop_ns',
-                 '_leaving', '_resources', '_sources', '_observers')
+    __slots__ = ('failures', 'failures_total', 'stop_grace_ns', 'ended', '_stop_reason',
+                 '_stop_ns', '_leaving', '_resources', '_sources', '_observers')
 
     faults: FaultHandling
     steal_time: StealTime
@@ -199,7 +199,8 @@ class Scheduler(Core):
         """
         Return what is to be raised in the task on the top of the stack, at once.
 
-        :return: and what raises it as well, with another interrupt on its way, when it is iterated.
+        :return: and an iterable: to iterate it raises the same, with another interrupt on its way,
+            for jobs that swallow every exception; empty for others.
         """
         now_ns = self.now_ns()
         used_ns = now_ns - task.start_ns - self.stolen_ns - task.waited_ns
@@ -285,7 +286,7 @@ class Scheduler(Core):
             self._listen_at(source)
 
     def rearm_sources(self, task: Task) -> None:
-        """Listen again to the sources that were not heard while a job of their task waited."""
+        """Listen again to the sources that were ignored while a job of their task waited."""
         for source in self._sources.waiting_for(task):
             self._listen_at(source)
 

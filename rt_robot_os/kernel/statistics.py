@@ -136,7 +136,8 @@ class KernelStatistics:
         dispatching, setting timers. What Linux and Python need to deliver a signal is not in it.
     :ivar polled_ns: how long it polled the clock, since it was made, where an interrupt would have
         cost more.
-    :ivar interrupt_ns: what a timer interrupt costs here, as measured at the start; 0 where it costs nothing.
+    :ivar interrupt_ns: what a timer interrupt costs here, as measured at the start; 0 where it
+        costs nothing.
     """
 
     elapsed_ns: int

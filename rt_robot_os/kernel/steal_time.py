@@ -17,7 +17,7 @@
 Steal time: what Linux took from the kernel's thread while that had something to compute.
 
 A job that was interrupted by another program, or whose process was stopped, took long without
-computing long. Only when something looks long are the clocks read that can tell: the thread's
+computing long. Only when something looks long are the clocks read that show it: the thread's
 computing time, and the time that it waited for a CPU. They are compared with their values at the
 last reading, at most a few milliseconds before; so what is attributed is what Linux took since
 then, and never more than the time in question.

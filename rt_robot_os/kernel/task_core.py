@@ -27,7 +27,6 @@ from typing import Protocol
 from typing import TYPE_CHECKING
 
 from rt_robot_os.compiled import NATIVE
-from rt_robot_os.kernel.histogram import bucket
 from rt_robot_os.kernel.histogram import BUCKETS
 
 LATENCY: Final = 0
@@ -142,29 +141,30 @@ class TaskCore:
         :param stolen_ns: how much of its time others computed.
         """
         start_ns = self.start_ns
-        latencies, executions, jitters = self._counts
         self.runs += 1
+        latency_ns = start_ns - release_ns
         execution_ns = end_ns - start_ns - stolen_ns
         self.execution_total_ns += execution_ns
         if execution_ns > self.execution_limit_ns:
             execution_ns = judge.long_execution(self, execution_ns)
-        executions[bucket(execution_ns)] += 1
-        latency_ns = start_ns - release_ns
-        latencies[bucket(latency_ns)] += 1
         if latency_ns > self.latency_maximum_ns:
             self.latency_maximum_ns = latency_ns
         if end_ns - release_ns > self.response_limit_ns:
             judge.long_response(self, release_ns, end_ns)
-        if previous_ns < 0:
-            return
-        gap_ns = start_ns - previous_ns
-        if gap_ns > self.gap_maximum_ns:
-            self.gap_maximum_ns = gap_ns
-        if self.period_ns:
-            jitter_ns = abs(gap_ns - self.interval_ns)
-            jitters[bucket(jitter_ns)] += 1
-            if jitter_ns > self.jitter_maximum_ns:
-                self.jitter_maximum_ns = jitter_ns
+        durations: tuple[int, ...] = (latency_ns, execution_ns)
+        if previous_ns >= 0:
+            gap_ns = start_ns - previous_ns
+            if gap_ns > self.gap_maximum_ns:
+                self.gap_maximum_ns = gap_ns
+            if self.period_ns:
+                jitter_ns = abs(gap_ns - self.interval_ns)
+                if jitter_ns > self.jitter_maximum_ns:
+                    self.jitter_maximum_ns = jitter_ns
+                durations = (latency_ns, execution_ns, jitter_ns)
+        for counts, duration_ns in zip(self._counts, durations):
+            # As histogram.bucket: three calls would cost as much again as all of this.
+            shift = duration_ns.bit_length() - 4
+            counts[duration_ns if shift <= 0 else (shift << 3) + (duration_ns >> shift)] += 1
 
 
 def _nothing() -> None:

@@ -21,8 +21,8 @@ microseconds that the next job would wait for. So there are two: the second is s
 after the next when a job has ended, and before one begins there is nothing left to do but to swap
 them.
 
-Where releases lie closer than an interrupt costs, the kernel polls the clock instead, and where one
-has to be set again and again it may come late (docs/timing_model.md, "Timer interrupts").
+Where releases lie closer than an interrupt costs, the kernel polls the clock instead, and a timer
+that has to be set again and again may interrupt late (docs/timing_model.md, "Timer interrupts").
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class TimerInterrupt(Releases):
     - ``_armed_due_ns``: the release that it is for, if nothing else matters; else 0;
     - ``_spare_ns``: when the other timer interrupts;
     - ``_near_ns``: sooner than that an interrupt costs more than polling the clock;
-    - ``_slack_ns``: how late the interrupt may be, if only others run;
+    - ``_slack_ns``: how late the interrupt may come; grows where it has to be set often;
     - ``_set_ns``: when it was set last for what may preempt a job.
     """
 
@@ -154,7 +154,7 @@ class TimerInterrupt(Releases):
             self.clock.arm_spare(spare_ns)
 
     def _second_ns(self, level: int, due_ns: int) -> int:
-        """Return what is due after the first: at its level, or at the next levels above another."""
+        """Return what is due after the first release: at its level, or at others above a level."""
         _, second, third = self._firsts[:3]
         timers = self._timers[self._firsts[0][1]]
         period_ns = timers[0][3]

@@ -15,8 +15,8 @@
 """
 What falls due at a level: a sorted list, the first that falls due at its beginning.
 
-A heap would be compared with itself to its bottom each time that its first is removed. Here a timer
-that has its next turn is, as a rule, the last of its level.
+Not a heap: that compares its way to the bottom each time that its first is removed. Here a timer
+that is inserted anew comes last at its level, as a rule, and there is little to move.
 """
 
 from __future__ import annotations

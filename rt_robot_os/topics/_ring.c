@@ -77,10 +77,6 @@ topic_clear(PyObject *self)
     Py_CLEAR(topic->wakes);
     Py_CLEAR(topic->triggers);
     PyBuffer_Release(&topic->storage);
-    PyMem_Free(topic->stamps);
-    PyMem_Free(topic->lengths);
-    topic->stamps = NULL;
-    topic->lengths = NULL;
     return 0;
 }
 
@@ -104,6 +100,8 @@ topic_dealloc(PyObject *self)
 {
     PyObject_GC_UnTrack(self);
     topic_clear(self);
+    PyMem_Free(((Topic *)self)->stamps);
+    PyMem_Free(((Topic *)self)->lengths);
     free_object(self);
 }
 
@@ -154,19 +152,17 @@ make_ring(Topic *topic, PyObject *storage)
 }
 
 static int
-topic_init(PyObject *self, PyObject *args, PyObject *keywords)
+topic_init(PyObject *self, PyObject *args, PyObject *Py_UNUSED(keywords))
 {
-    static char *names[] = {"kernel", "name", "layout", "slots", "storage", NULL};
     Topic *topic = (Topic *)self;
     PyObject *kernel, *name, *layout, *slots, *storage;
-    if (!PyArg_ParseTupleAndKeywords(args, keywords, "O!UOO!O:TopicCore", names, core_type,
-                                     &kernel, &name, &layout, &PyList_Type, &slots, &storage))
+    if (!PyArg_ParseTuple(args, "O!UOO!O:TopicCore", core_type, &kernel, &name, &layout,
+                          &PyList_Type, &slots, &storage))
         return -1;
-    if (topic->kernel != NULL) {
-        PyErr_Format(PyExc_TypeError, "topic %R is made already", topic->name);
+    if (topic->name != NULL) {
+        PyErr_Format(PyExc_TypeError, "topic %R was made before", topic->name);
         return -1;
     }
-    topic_clear(self); /* what a call before this that failed has left */
     Py_INCREF(name);
     Py_INCREF(layout);
     Py_INCREF(slots);
@@ -180,31 +176,32 @@ topic_init(PyObject *self, PyObject *args, PyObject *keywords)
     return 0;
 }
 
-static Py_ssize_t
-kept(PyObject *self, PyObject *number)
+static int
+is_made(Topic *topic)
 {
-    ns_t sample = PyLong_AsLongLong(number);
-    if (sample == -1 && PyErr_Occurred())
-        return -1;
-    if (((Topic *)self)->kernel == NULL) {
-        PyErr_SetString(PyExc_AttributeError, "this topic has no slots: __init__ did not run");
-        return -1;
-    }
-    return (Py_ssize_t)(sample & ((Topic *)self)->mask);
+    if (topic != NULL && topic->kernel != NULL)
+        return 1;
+    PyErr_SetString(PyExc_AttributeError, "this topic, or this end of one, has not been made: "
+                    "its __init__ has not run");
+    return 0;
 }
 
 static PyObject *
 topic_stamp_of(PyObject *self, PyObject *number)
 {
-    Py_ssize_t index = kept(self, number);
-    return index < 0 ? NULL : PyLong_FromLongLong(((Topic *)self)->stamps[index]);
+    Topic *topic = (Topic *)self;
+    ns_t sample = PyLong_AsLongLong(number);
+    return PyErr_Occurred() || !is_made(topic) ? NULL
+        : PyLong_FromLongLong(topic->stamps[sample & topic->mask]);
 }
 
 static PyObject *
 topic_length_of(PyObject *self, PyObject *number)
 {
-    Py_ssize_t index = kept(self, number);
-    return index < 0 ? NULL : PyLong_FromSsize_t(((Topic *)self)->lengths[index]);
+    Topic *topic = (Topic *)self;
+    ns_t sample = PyLong_AsLongLong(number);
+    return PyErr_Occurred() || !is_made(topic) ? NULL
+        : PyLong_FromSsize_t(topic->lengths[sample & topic->mask]);
 }
 
 /* ---- what both ends have ------------------------------------------------------------------- */
@@ -239,10 +236,7 @@ static PyObject *
 end_buffer(PyObject *self, void *Py_UNUSED(closure))
 {
     PyObject *buffer = ((End *)self)->buffer.obj;
-    if (buffer == NULL) {
-        PyErr_SetString(PyExc_AttributeError, "buffer");
-        return NULL;
-    }
+    buffer = buffer == NULL ? Py_None : buffer;
     Py_INCREF(buffer);
     return buffer;
 }
@@ -267,9 +261,10 @@ static int
 end_connect(PyObject *self, PyObject *topic, PyObject *buffer)
 {
     End *end = (End *)self;
-    if (end->topic != NULL || ((Topic *)topic)->kernel == NULL) {
-        PyErr_SetString(PyExc_TypeError, end->topic != NULL ? "it is connected to a topic already"
-                        : "its topic has no slots: __init__ of that did not run");
+    if (!is_made((Topic *)topic))
+        return -1;
+    if (end->topic != NULL) {
+        PyErr_Format(PyExc_TypeError, "this end of topic %R was made before", end->topic->name);
         return -1;
     }
     if (end_set_buffer(self, buffer, NULL) < 0)
@@ -284,22 +279,16 @@ static Topic *
 topic_of(PyObject *self)
 {
     Topic *topic = ((End *)self)->topic;
-    if (topic == NULL || topic->kernel == NULL) {
-        PyErr_SetString(PyExc_AttributeError, "it is connected to no topic: __init__ did not run");
-        return NULL;
-    }
-    return topic;
+    return is_made(topic) ? topic : NULL;
 }
 
 /* ---- the writing end ----------------------------------------------------------------------- */
 
 static int
-publisher_init(PyObject *self, PyObject *args, PyObject *keywords)
+publisher_init(PyObject *self, PyObject *args, PyObject *Py_UNUSED(keywords))
 {
-    static char *names[] = {"topic", "buffer", NULL};
     PyObject *topic, *buffer;
-    if (!PyArg_ParseTupleAndKeywords(args, keywords, "O!O:PublisherCore", names, topic_type,
-                                     &topic, &buffer))
+    if (!PyArg_ParseTuple(args, "O!O:PublisherCore", topic_type, &topic, &buffer))
         return -1;
     return end_connect(self, topic, buffer);
 }
@@ -308,8 +297,8 @@ publisher_init(PyObject *self, PyObject *args, PyObject *keywords)
 static int
 write_slot(Topic *topic, const Py_buffer *data, Py_ssize_t length)
 {
-    if (length > data->len || (topic->has_tail ? length > topic->slot_bytes
-                               : length != topic->slot_bytes)) {
+    if (topic->has_tail ? length > data->len || length > topic->slot_bytes
+            : data->len != topic->slot_bytes) {
         PyErr_Format(PyExc_ValueError, "topic %R: %zd of %zd bytes for a slot of %s%zd",
                      topic->name, length, data->len, topic->has_tail ? "at most " : "",
                      topic->slot_bytes);
@@ -386,50 +375,35 @@ message_length(Topic *topic, const Py_buffer *data)
     return bytes;
 }
 
-/* Reads the argument stamp_ns, the first of those that are left. */
-static int
-read_stamp(Topic *topic, PyObject *const *args, Py_ssize_t count, PyObject *names, ns_t *stamp_ns)
-{
-    Py_ssize_t named = names == NULL ? 0 : PyTuple_Size(names);
-    *stamp_ns = 0;
-    if (count + named > 1 || (named && PyUnicode_CompareWithASCIIString(
-            PyTuple_GetItem(names, 0), "stamp_ns") != 0)) {
-        PyErr_Format(PyExc_TypeError, "topic %R: publishing takes one more argument at most, "
-                     "stamp_ns", topic->name);
-        return -1;
-    }
-    if (count + named == 0)
-        return 0;
-    *stamp_ns = PyLong_AsLongLong(args[0]);
-    return *stamp_ns == -1 && PyErr_Occurred() ? -1 : 0;
-}
-
+/* publish(stamp_ns=0), without the tuple that other ways to call it make */
 static PyObject *
 publisher_publish(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *names)
 {
     Topic *topic = topic_of(self);
-    ns_t stamp_ns;
-    if (topic == NULL || read_stamp(topic, args, count, names, &stamp_ns) < 0)
-        return NULL;
     Py_buffer *data = &((Publisher *)self)->end.buffer;
+    Py_ssize_t named = names == NULL ? 0 : PyTuple_Size(names);
+    ns_t stamp_ns = 0;
+    if (topic == NULL)
+        return NULL;
+    if (count + named > 1 || (named && PyUnicode_CompareWithASCIIString(
+            PyTuple_GetItem(names, 0), "stamp_ns") != 0)) {
+        PyErr_Format(PyExc_TypeError, "topic %R: publish takes stamp_ns and nothing else",
+                     topic->name);
+        return NULL;
+    }
+    if (count + named && (stamp_ns = PyLong_AsLongLong(args[0])) == -1 && PyErr_Occurred())
+        return NULL;
     Py_ssize_t length = message_length(topic, data);
     return length < 0 ? NULL : put((Publisher *)self, topic, data, length, stamp_ns);
 }
 
 static PyObject *
-publisher_send(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *names)
+publisher_send(PyObject *self, PyObject *args)
 {
     Topic *topic = topic_of(self);
     Py_buffer data;
-    ns_t stamp_ns;
-    if (topic == NULL)
-        return NULL;
-    if (count < 1) {
-        PyErr_Format(PyExc_TypeError, "topic %R: no data given to publish", topic->name);
-        return NULL;
-    }
-    if (read_stamp(topic, args + 1, count - 1, names, &stamp_ns) < 0
-            || PyObject_GetBuffer(args[0], &data, PyBUF_SIMPLE) < 0)
+    ns_t stamp_ns = 0;
+    if (topic == NULL || !PyArg_ParseTuple(args, "y*|L:send", &data, &stamp_ns))
         return NULL;
     PyObject *result = put((Publisher *)self, topic, &data, data.len, stamp_ns);
     PyBuffer_Release(&data);
@@ -457,13 +431,12 @@ publisher_commit(PyObject *self, PyObject *args)
 /* ---- the reading end ----------------------------------------------------------------------- */
 
 static int
-subscription_init(PyObject *self, PyObject *args, PyObject *keywords)
+subscription_init(PyObject *self, PyObject *args, PyObject *Py_UNUSED(keywords))
 {
-    static char *names[] = {"topic", "buffer", "next_seq", NULL};
     Subscription *reader = (Subscription *)self;
     PyObject *topic, *buffer;
-    if (!PyArg_ParseTupleAndKeywords(args, keywords, "O!OL:SubscriptionCore", names, topic_type,
-                                     &topic, &buffer, &reader->next_seq)
+    if (!PyArg_ParseTuple(args, "O!OL:SubscriptionCore", topic_type, &topic, &buffer,
+                          &reader->next_seq)
             || end_connect(self, topic, buffer) < 0)
         return -1;
     reader->seq = -1;
@@ -582,7 +555,6 @@ subscription_unread(PyObject *self, void *Py_UNUSED(closure))
 #define READ(type, name, kind) {#name, kind, offsetof(type, name), READONLY, NULL}
 #define FIELD(name, kind) {#name, kind, offsetof(Subscription, name), 0, NULL}
 #define CALL(function) ((PyCFunction)(void (*)(void))(function))
-#define WITH_NAMES (METH_FASTCALL | METH_KEYWORDS)
 
 static PyMethodDef topic_methods[] = {
     {"stamp_of", topic_stamp_of, METH_O, "Return the moment of the data of a kept sample."},
@@ -600,8 +572,9 @@ static PyMemberDef topic_members[] = {
 };
 
 static PyMethodDef publisher_methods[] = {
-    {"publish", CALL(publisher_publish), WITH_NAMES, "Publish the message as it stands."},
-    {"send", CALL(publisher_send), WITH_NAMES, "Publish CDR that fits the layout."},
+    {"publish", CALL(publisher_publish), METH_FASTCALL | METH_KEYWORDS,
+     "Publish the message as it stands."},
+    {"send", publisher_send, METH_VARARGS, "Publish CDR that fits the layout."},
     {"commit", publisher_commit, METH_VARARGS, "Make what was written to a slot a sample."},
     {NULL, NULL, 0, NULL},
 };

@@ -212,7 +212,7 @@ class Layout:
     @property
     def length_rule(self) -> tuple[int, int, int, int, int, int]:
         """
-        The numbers by which :meth:`length` goes.
+        Return the numbers by which :meth:`length` goes.
 
         :return: ``size``, ``max_size``; offset of the count of the tail, the highest count that
             is allowed, or -1 without a tail; offset of the first element, bytes of each.

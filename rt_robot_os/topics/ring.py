@@ -36,6 +36,7 @@ pieces, between which a task may be preempted.
 
 from __future__ import annotations
 
+from operator import index
 from typing import Any
 from typing import TYPE_CHECKING
 
@@ -165,9 +166,9 @@ class PublisherCore:
         topic = self.topic
         kernel = topic.kernel
         head = topic.head
-        index = head & topic.mask
-        topic._stamps[index] = stamp_ns or now_ns
-        topic._lengths[index] = length
+        slot = head & topic.mask
+        topic._stamps[slot] = index(stamp_ns) if stamp_ns else now_ns
+        topic._lengths[slot] = length
         topic.head = head + 1
         self.published += 1
         kernel.record((PUBLISH, kernel.current, now_ns, topic.name, head))
@@ -224,15 +225,15 @@ class SubscriptionCore:
             if head - wanted > depth:
                 self.lost += head - depth - wanted
                 self.next_seq = wanted = head - depth
-            index = wanted & topic.mask
+            slot = wanted & topic.mask
             if not topic.has_tail:
-                self.buffer[:] = topic.slots[index]
+                self.buffer[:] = topic.slots[slot]
             elif topic.large:
-                self.copy_large(index)
+                self.copy_large(slot)
             else:
-                self.length = length = topic._lengths[index]
-                self.buffer[:length] = topic.slots[index][:length]
-            stamp_ns = topic._stamps[index]
+                self.length = length = topic._lengths[slot]
+                self.buffer[:length] = topic.slots[slot][:length]
+            stamp_ns = topic._stamps[slot]
             if topic.head - wanted <= depth:  # not lapped while copying
                 break
         self.stamp_ns = stamp_ns
@@ -246,15 +247,17 @@ class SubscriptionCore:
         """
         Copy the newest sample into :attr:`msg`; safe in the real-time loop.
 
+        Who overrides :meth:`take` overrides this as well: it does not call the method.
+
         :return: whether it is newer than the one read before.
         """
         behind = self.topic.head - self.next_seq - 1
         if behind > 0:
             self.skipped += behind
             self.next_seq += behind
-        return self.take()
+        return SubscriptionCore.take(self)
 
-    def copy_large(self, index: int) -> None:
+    def copy_large(self, slot: int) -> None:
         """Copy the sample in a slot of a large topic, in pieces."""
         raise NotImplementedError
 

@@ -80,10 +80,10 @@ class Subscription(SubscriptionCore):
         """
         return _NextSample(self)
 
-    def copy_large(self, index: int) -> None:
+    def copy_large(self, slot: int) -> None:
         """Copy the sample in a slot of a large topic, in pieces."""
-        self.length = length = self.topic.length_of(index)
-        copy_in_pieces(self.buffer, self.topic.slots[index][:length])
+        self.length = length = self.topic.length_of(slot)
+        copy_in_pieces(self.buffer, self.topic.slots[slot][:length])
 
     @property
     def age_ns(self) -> int:

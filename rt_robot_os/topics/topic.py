@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import math
 from typing import Any
 from typing import Final
+from typing import Protocol
 from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import TopicError
@@ -199,14 +200,11 @@ def _is_int(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-class SubscriberStatisticsSource:
+class SubscriberStatisticsSource(Protocol):
     """What a topic knows of a subscriber."""
-
-    __slots__ = ()
 
     def statistics(self) -> SubscriberStatistics:
         """Take the statistics."""
-        raise NotImplementedError
 
 
 class Trigger(ABC):

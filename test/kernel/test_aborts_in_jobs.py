@@ -369,7 +369,8 @@ def aborted_while_stolen(step: int) -> int:
     kernel.add_task('high', lambda: None, priority=90, rate_hz=1000.0)
     task = kernel.add_task('task', job, priority=50, rate_hz=10.0, budget_ns=2 * MS,
                            on_budget=ABORT, failure=FailurePolicy.CONTINUE)
-    tracer = AtLine(step, lambda: clock.spend(15 * MS), of_files(core.__file__, scheduler.__file__),
+    tracer = AtLine(step, lambda: clock.spend(15 * MS),
+                    of_files(core.__file__, scheduler.__file__),
                     when=lambda: task.abort_pending or task.aborts_raised > 0)
     sys.settrace(tracer)
     try:

@@ -14,7 +14,7 @@
 
 
 """
-Let the timer interrupt come at each instruction of the kernel in turn: no release may be lost or late.
+Let the timer interrupt come at each instruction of the kernel: no release is lost or late.
 
 On the real clock the handler runs between any two bytecodes. Here a trace function plays the
 timer: at the chosen instruction virtual time jumps to the deadline and the handler is called, on
@@ -66,8 +66,8 @@ class RacingClock(VirtualClock):
 
     def fire(self) -> None:
         first_ns = min(self._timer_ns, self._spare_ns)
-        # Further away is only the repetition of an interrupt that is being served, and a job that had
-        # to wait until the end is missed by right.
+        # Further away is only the repetition of an interrupt that is being served, and a job that
+        # had to wait until the end is missed by right.
         if self.held or first_ns >= min(self._now_ns + 900 * US, END_NS) or self._on_tick is None:
             return
         self._now_ns = max(self._now_ns, first_ns)

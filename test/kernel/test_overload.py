@@ -48,7 +48,7 @@ TICK_NS = 25 * US
 WAKE_NS = 15 * US
 ARM_NS = US
 READ_NS = 500
-# Two interrupts with all that they do, at most what one job brings: its own, and one that is in vain.
+# Two interrupts with all that they do, at most what one job brings: its own, and one in vain.
 JOB_NS = 2 * (TICK_NS + 4 * ARM_NS + 12 * READ_NS)
 
 

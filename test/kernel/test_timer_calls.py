@@ -16,8 +16,8 @@
 """
 What the kernel asks of the system for each job, and how late an interrupt may come for that.
 
-The clock here says that an interrupt costs computing time, as a real machine's does, and counts the
-calls: so the kernel polls it where releases lie closer than that.
+The clock here says that an interrupt costs computing time, as a real machine's does, and counts
+the calls: so the kernel polls it where releases lie closer than that.
 """
 
 from __future__ import annotations

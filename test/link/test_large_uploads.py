@@ -20,7 +20,6 @@ from collections.abc import Iterator
 import os
 from pathlib import Path
 import tempfile
-from typing import Any
 
 from core_in_process import MS
 from core_in_process import S
@@ -50,6 +49,7 @@ from rt_robot_os.link.rooms import ROOM_SLOTS
 from rt_robot_os.link.rooms import Uploads
 from rt_robot_os.link.rooms import UploadTurns
 from rt_robot_os.topics import LargePublisher
+from rt_robot_os.topics import Layout
 
 pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
 
@@ -208,31 +208,24 @@ def test_the_memory_of_a_client_is_bounded(world: World, monkeypatch: pytest.Mon
     assert not client.ended
 
 
-def test_a_copy_that_changes_under_the_core_is_judged_as_it_is(world: World) -> None:
+def test_a_copy_that_changes_under_the_core_is_judged_as_it_is(
+        world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     publisher = world.core.bus.publisher('map')
     assert isinstance(publisher, LargePublisher)
     shared = bytearray(grid(100_000, 1))
-    check = publisher.topic.layout.check
+    check = Layout.check
 
-    class Layout:
-        """The other side writes when the core looks."""
+    def changed(layout: Layout, data: memoryview) -> str | None:
+        """Let the other side write when the core looks."""
+        shared[0:4] = b'\xff' * 4
+        shared[88:92] = b'\xff' * 4
+        return check(layout, data)
 
-        max_size = publisher.topic.layout.max_size
-
-        def check(self, data: memoryview) -> str | None:
-            shared[0:4] = b'\xff' * 4
-            shared[88:92] = b'\xff' * 4
-            return check(data)
-
-        def __getattr__(self, name: str) -> Any:
-            return getattr(layout, name)
-
-    layout = publisher.topic.layout
-    publisher.topic.layout = Layout()  # type: ignore[assignment]
-    publisher.publish_shared(memoryview(shared))
-    with pytest.raises(TopicError, match='of no known encoding'):
+    with monkeypatch.context() as patched:
+        patched.setattr(Layout, 'check', changed)
         publisher.publish_shared(memoryview(shared))
-    publisher.topic.layout = layout
+        with pytest.raises(TopicError, match='of no known encoding'):
+            publisher.publish_shared(memoryview(shared))
     world.run()
     assert world.seen == [(100_000, 1)]
 

@@ -32,11 +32,14 @@ import pytest
 
 from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
+from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import ReadStatus
 from rt_robot_os.topics import Subscription
+from rt_robot_os.topics import Topic
+from rt_robot_os.topics import Trigger
 
 pytest.importorskip('std_msgs', reason='the ROS 2 message packages are not installed')
 
@@ -61,6 +64,19 @@ class Reader:
     seen: list[int] = field(default_factory=list)
 
 
+class Told(Trigger):
+    """Note which samples a trigger was asked about; each while nobody can come in between."""
+
+    def __init__(self, task: Task) -> None:
+        super().__init__(task)
+        self.numbers: list[int] = []
+
+    def published(self, topic: Topic) -> bool:
+        assert topic.kernel.locked
+        self.numbers.append(topic.head - 1)
+        return False
+
+
 class Rings(RuleBasedStateMachine):
     """One topic: everything ever published is in a list, each reader has a place in it."""
 
@@ -73,6 +89,17 @@ class Rings(RuleBasedStateMachine):
     def value(self, number: int) -> object:
         return float(number)
 
+    @rule()
+    def add_trigger(self) -> None:
+        if len(self.told) < 3:
+            self.told.append((told := Told(self.task), len(self.stamps)))
+            self.topic.triggers.append(told)
+
+    @rule()
+    def remove_trigger(self) -> None:
+        if self.told:
+            self.topic.triggers.remove(self.told.pop(0)[0])
+
     @initialize(depth=st.sampled_from([1, 2, 4, 8]), rate_hz=st.sampled_from([0.0, 100.0]))
     def declare(self, depth: int, rate_hz: float) -> None:
         self.kernel = Kernel(VirtualClock(start_ns=1_000_000_000))
@@ -83,6 +110,8 @@ class Rings(RuleBasedStateMachine):
         self.depth = depth
         self.stamps: list[int] = []
         self.present: list[Reader] = []
+        self.task = self.kernel.add_task('released', lambda: None, priority=5)
+        self.told: list[tuple[Told, int]] = []
         self.of_publisher: dict[int, int] = {}
 
     # ---- what happens ------------------------------------------------------------------------
@@ -156,6 +185,37 @@ class Rings(RuleBasedStateMachine):
             reader.place += passed_over
             self.read(reader, reader.subscription.latest())
 
+    @rule(reader=readers)
+    def rewind(self, reader: Reader | None) -> None:
+        if reader is not None:
+            oldest = max(0, len(self.stamps) - self.depth)
+            reader.began += oldest - reader.place  # it reads some twice, or leaves some out
+            reader.place = oldest
+            reader.subscription.rewind()
+
+    @rule(reader=readers)
+    def put_back(self, reader: Reader | None) -> None:
+        if reader is not None and reader.reads and reader.seq == reader.place - 1:
+            reader.place -= 1
+            reader.reads -= 1
+            reader.subscription.put_back()
+
+    @rule(reader=readers, newest=st.booleans(), named=st.booleans())
+    def pass_over(self, reader: Reader | None, newest: bool, named: bool) -> None:
+        if reader is None:
+            return
+        behind = len(self.stamps) - reader.place
+        over = reader.subscription.pass_over
+        assert (over(newest=newest) if named else over(newest)) == (behind > 0)
+        if behind <= 0:
+            return
+        if newest:
+            reader.skipped += behind - 1
+        else:
+            reader.lost += max(0, behind - self.depth)
+        reader.place += behind if newest else max(1, behind - self.depth + 1)
+        reader.began += 1  # the one that is passed over is counted nowhere
+
     def read(self, reader: Reader, there_was_one: bool) -> None:
         head = len(self.stamps)
         oldest = max(0, head - self.depth)
@@ -208,6 +268,10 @@ class Rings(RuleBasedStateMachine):
         assert told.published == len(self.stamps) == sum(self.of_publisher.values())
         assert told.stamp_ns == (self.stamps[-1] if self.stamps else 0)
         assert len(told.subscribers) == len(self.present)
+        for trigger, since in self.told:
+            assert trigger.numbers == list(range(since, len(self.stamps)))
+        for number in range(max(0, len(self.stamps) - self.depth), len(self.stamps)):
+            assert self.topic.stamp_of(number) == self.stamps[number]
         assert not self.kernel.locked
 
 
@@ -215,13 +279,24 @@ class RingsWithTail(Rings):
     """Messages of different lengths."""
 
     message = 'std_msgs/msg/String'
-    tail = TAIL
+    tail: int | None = TAIL
 
     def value(self, number: int) -> object:
         return f'{number}:' + 'x' * (number * 7 % 30)
 
 
+class LargeRings(RingsWithTail):
+    """Messages that are copied in pieces, or whose buffers are exchanged."""
+
+    tail = 100_000
+
+    def value(self, number: int) -> object:
+        return f'{number}:' + 'x' * (number * 7919 % 90_000)
+
+
 Rings.TestCase.settings = RingsWithTail.TestCase.settings = settings(
     max_examples=40, stateful_step_count=50)
+LargeRings.TestCase.settings = settings(max_examples=10, stateful_step_count=30)
 TestRings = Rings.TestCase
 TestRingsWithTail = RingsWithTail.TestCase
+TestLargeRings = LargeRings.TestCase

@@ -16,8 +16,8 @@
 """
 Publish at each instruction of take(), latest() and publish(): nothing is torn, doubled or lost.
 
-A task of higher priority, released at the chosen instruction as a timer interrupt would do it, publishes a
-burst to its end, on top of whatever the reader or the other publisher was about to do.
+A task of higher priority, released at the chosen instruction as a timer interrupt would do it,
+publishes a burst to its end, on top of whatever the reader or the other publisher was about to do.
 """
 
 from __future__ import annotations

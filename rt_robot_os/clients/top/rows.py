@@ -41,7 +41,7 @@ class TaskRow(Row):
     Rates, CPU and percentiles are those of the interval, None when there is nothing to take them
     from; maxima and counters are those since the start or the last reset.
 
-    :ivar blocked_us: longest native call of this task that held up an alarm.
+    :ivar blocked_us: longest native call of this task that held up an interrupt.
     :ivar last_late_us: how late its latest job was that missed the deadline.
     :ivar ran_instead: which tasks ran instead then.
     """
@@ -144,7 +144,7 @@ class KernelRow(Row):
     The core as a whole.
 
     :ivar cpu_percent: of one CPU, by the tasks; the kernel's own work is not in it.
-    :ivar kernel_percent: of one CPU, by the kernel: releasing, dispatching, setting alarms.
+    :ivar kernel_percent: of one CPU, by the kernel: releasing, dispatching, setting timers.
     :ivar process_cpu_percent: of one CPU, by the process, as Linux counts it.
     :ivar realtime: the real-time steps: step, ok, reason.
     :ivar stolen: times that Linux took the CPU from a job.

@@ -38,7 +38,7 @@ from rt_robot_os.units import NS_PER_S
 from rt_robot_os.units import NS_PER_US
 
 BEFORE_FAULT_NS = 50 * NS_PER_MS
-# Less is the way from an alarm to its handler, not somebody's fault; the kernel's own limit.
+# Less is the way from an interrupt to its handler, not somebody's fault; the kernel's own limit.
 BLOCKED_NS = 50 * NS_PER_US
 _FAULTS = (Outcome.FAILED, Outcome.ABORTED)
 

@@ -40,7 +40,7 @@ class MeasuredTask:
 
     :ivar releases: whatever released it.
     :ivar execution_ns: the longest computing time of a job, what preempted it taken off.
-    :ivar native_ns: the longest time that its code held up an alarm.
+    :ivar native_ns: the longest time that its code held up an interrupt.
     :ivar latency_ns: the longest time from a release to the start of the job.
     :ivar response_ns: the longest time from a release to the end of the job.
     """
