@@ -57,6 +57,7 @@ class Mutant:
 
 CORE, TASK, RING = 'kernel/_core.c', 'kernel/_task.c', 'topics/_ring.c'
 MUTANTS = (
+    # What must be found, by the comparison or by the tests.
     Mutant('wrong bucket', TASK, 'int shift = 60 -', 'int shift = 61 -'),
     Mutant('forgotten coalesced count', CORE, '        task->coalesced++;', '        ;'),
     Mutant('a level of its own preempts', CORE, '    if (level <= core->level)\n        set_ready',
@@ -82,9 +83,8 @@ MUTANTS = (
            'task->start_ns', '.a = task->start_ns,\n                     .b = release_ns'),
     Mutant('budget armed late', CORE, 'smaller(interrupt_ns, time_ns + task->budget_ns)',
            'smaller(interrupt_ns, time_ns + task->budget_ns + 1)'),
-    Mutant('early release lost', CORE, '    return due_ns ? add_timer(core, task, due_ns, '
-           'period_ns) : 0;', '    return due_ns > at_ns ? add_timer(core, task, due_ns + '
-           '(due_ns == at_ns + 1), period_ns) : 0;'),
+    Mutant('missed releases not counted', CORE, '            task->missed += unserved;',
+           '            ;'),
     Mutant('jitter of the wrong period', TASK, 'gap_ns - task->interval_ns',
            'gap_ns - task->period_ns'),
     Mutant('stamp of the sample before', RING, 'topic->stamps[index] = stamp_ns ? stamp_ns : '
