@@ -60,7 +60,7 @@ def read(subscription: Subscription) -> int:
     return int(float(subscription.msg.data))
 
 
-# ---- buffers -------------------------------------------------------------------------------------
+# ---- buffers ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('wrong', [
