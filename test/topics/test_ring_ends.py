@@ -60,7 +60,7 @@ def read(subscription: Subscription) -> int:
     return int(float(subscription.msg.data))
 
 
-# ---- buffers ------------------------------------------------------------------------------------
+# ---- buffers -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('wrong', [
@@ -134,7 +134,7 @@ def test_a_slot_may_be_published_itself(bus: Bus, topic: Topic) -> None:
     assert reader.latest() and read(reader) == 3
 
 
-# ---- wrong types ---------------------------------------------------------------------------------
+# ---- wrong types -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('stamp', ['5', 1.5, [1]])
@@ -202,7 +202,7 @@ def test_what_the_c_core_goes_by_is_read_only(topic: Topic, name: str) -> None:
         setattr(topic, name, 1 << 40)
 
 
-# ---- what others do meanwhile --------------------------------------------------------------------
+# ---- what others do meanwhile ------------------------------------------------------------------
 
 
 class Broken(Trigger):
@@ -251,7 +251,7 @@ def test_each_publication_is_recorded(bus: Bus, topic: Topic) -> None:
     assert [record[1:] for record in seen] == [(None, S, 't', 1)]
 
 
-# ---- subclasses, and what is left of them --------------------------------------------------------
+# ---- subclasses, and what is left of them ------------------------------------------------------
 
 
 def test_publishers_and_subscriptions_may_be_subclassed(topic: Topic) -> None:
