@@ -180,6 +180,7 @@ def test_only_what_belongs_together_is_put_together(bus: Bus, topic: Topic) -> N
     for slots in [], [1, 2, 3], [1, 2, 3, 4]:  # none, no power of two, more than there is room for
         with pytest.raises(ValueError):
             made(bus.kernel, 'x', topic.layout, slots, bytearray(24))
+
     class Odd:
         length_rule = (8, 4, 0, -1, 0, 0)
 
