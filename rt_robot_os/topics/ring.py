@@ -286,6 +286,6 @@ class SubscriptionCore:
 
 
 if not TYPE_CHECKING and NATIVE is not None:
-    TopicCore = NATIVE.TopicCore
-    PublisherCore = NATIVE.PublisherCore
-    SubscriptionCore = NATIVE.SubscriptionCore
+    TopicCore = NATIVE.TopicCore  # noqa: F811
+    PublisherCore = NATIVE.PublisherCore  # noqa: F811
+    SubscriptionCore = NATIVE.SubscriptionCore  # noqa: F811

@@ -49,6 +49,10 @@ class Subscription(SubscriptionCore):
 
     :ivar task: released by each publication; None when the reader looks by itself.
     :ivar msg: a view with the field names of the ROS message; zeros before the first sample.
+    :ivar stamp_ns: moment of the data in :attr:`msg` on the kernel's clock; 0 before the first.
+    :ivar seq: its number in the topic, from 0; -1 before the first.
+    :ivar lost: samples overwritten before :meth:`take` reached them.
+    :ivar skipped: samples that :meth:`latest` passed over.
     """
 
     __slots__ = ('name', 'task', 'msg')

@@ -60,7 +60,7 @@ def read(subscription: Subscription) -> int:
     return int(float(subscription.msg.data))
 
 
-# ---- buffers -------------------------------------------------------------------------------------
+# ---- buffers -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('wrong', [
@@ -134,7 +134,7 @@ def test_a_slot_may_be_published_itself(bus: Bus, topic: Topic) -> None:
     assert reader.latest() and read(reader) == 3
 
 
-# ---- wrong types ---------------------------------------------------------------------------------
+# ---- wrong types -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('stamp', ['5', 1.5, [1]])
@@ -180,6 +180,7 @@ def test_only_what_belongs_together_is_put_together(bus: Bus, topic: Topic) -> N
     for slots in [], [1, 2, 3], [1, 2, 3, 4]:  # none, no power of two, more than there is room for
         with pytest.raises(ValueError):
             made(bus.kernel, 'x', topic.layout, slots, bytearray(24))
+
     class Odd:
         length_rule = (8, 4, 0, -1, 0, 0)
 
@@ -202,7 +203,7 @@ def test_what_the_c_core_goes_by_is_read_only(topic: Topic, name: str) -> None:
         setattr(topic, name, 1 << 40)
 
 
-# ---- what others do meanwhile --------------------------------------------------------------------
+# ---- what others do meanwhile ------------------------------------------------------------------
 
 
 class Broken(Trigger):
@@ -251,7 +252,7 @@ def test_each_publication_is_recorded(bus: Bus, topic: Topic) -> None:
     assert [record[1:] for record in seen] == [(None, S, 't', 1)]
 
 
-# ---- subclasses, and what is left of them --------------------------------------------------------
+# ---- subclasses, and what is left of them ------------------------------------------------------
 
 
 def test_publishers_and_subscriptions_may_be_subclassed(topic: Topic) -> None:
