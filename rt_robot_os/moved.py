@@ -23,15 +23,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.abc import Loader
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import spec_from_loader
 import sys
 from types import ModuleType
 from typing import Any
+from typing import cast
 from typing import Final
+from typing import TYPE_CHECKING
 import warnings
+
+if TYPE_CHECKING:  # it takes a dozen modules of the standard library with it
+    from importlib.abc import Loader
 
 _PACKAGE: Final = __name__.partition('.')[0]
 
@@ -125,7 +128,7 @@ class _Old(ModuleType):
         raise AttributeError(f'module {self.__name__!r} has no attribute {name!r}')
 
 
-class _OldModules(MetaPathFinder, Loader):
+class _OldModules:
     """Find the old modules; asked first, for their empty folders may still lie there."""
 
     def find_spec(self, fullname: str, path: Sequence[str] | None,
@@ -135,7 +138,7 @@ class _OldModules(MetaPathFinder, Loader):
         if package != _PACKAGE or old not in MOVED:
             return None
         has_more = any(name.startswith(old + '.') for name in MOVED)
-        return spec_from_loader(fullname, self, is_package=has_more)
+        return spec_from_loader(fullname, cast('Loader', self), is_package=has_more)
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         """Make an old module."""

@@ -27,7 +27,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 import functools
 from importlib import import_module
-from importlib.metadata import entry_points
 import sys
 from typing import Final
 from typing import Generic
@@ -48,6 +47,8 @@ def installed(path: tuple[str, ...]) -> Mapping[str, Mapping[str, str]]:
     :param path: folders that Python imports from; others are looked through anew.
     :return: our entry-point groups -> name -> ``module:Class``.
     """
+    # Late: most processes only ask for names of this package.
+    from importlib.metadata import entry_points
     found = entry_points()
     # A value may name extras behind the class: `module:Class [extra]`.
     return {group: {point.name: point.value.partition('[')[0].strip()
@@ -104,6 +105,10 @@ class PluginRegistry(Generic[T]):
         self._base = base
         self._noun = noun
         self._own = own
+
+    def __contains__(self, name: str) -> bool:
+        """Return whether there is one of that name, be it broken."""
+        return name in self._own or name in self._others()
 
     def names(self) -> tuple[str, ...]:
         """Return all names, sorted; those of broken plug-ins too."""

@@ -23,10 +23,10 @@ simulated twins, whose folders lie here too, needs none of it.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
 from typing import Final
 from typing import TYPE_CHECKING
+
+from rt_robot_os.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from rt_robot_os.devices.actuator import Actuator
@@ -102,14 +102,4 @@ __all__ = [
     'serial_settings',
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """
-    Import one of them.
-
-    :raises AttributeError: there is none of that name.
-    """
-    if name not in _PLACES:
-        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    found = globals()[name] = getattr(import_module(f'.{_PLACES[name]}', __name__), name)
-    return found
+lazy_names(__name__, _PLACES)

@@ -124,6 +124,10 @@ class DeviceRegistry(PluginRegistry[T]):
         self._old_group = old_group
         self._optional = optional
 
+    def __contains__(self, name: str) -> bool:
+        """Return whether a device of that name has this part; a broken one may have it."""
+        return super().__contains__(name) and (not self._optional or self._has(name))
+
     def names(self) -> tuple[str, ...]:
         """Return the names of all devices with this part, sorted; broken ones too."""
         found = super().names()

@@ -19,9 +19,26 @@ The core never waits for a client. A sample for which a client has no room is lo
 alone, and counted (docs/architecture.md).
 """
 
-from rt_robot_os.link.client import LinkClient
-from rt_robot_os.link.client import TopicInfo
-from rt_robot_os.link.paths import socket_path
-from rt_robot_os.link.server import LinkServer
+from __future__ import annotations
 
+from typing import Final
+from typing import TYPE_CHECKING
+
+from rt_robot_os.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from rt_robot_os.link.client import LinkClient
+    from rt_robot_os.link.client import TopicInfo
+    from rt_robot_os.link.paths import socket_path
+    from rt_robot_os.link.server import LinkServer
+
+# Where each of them is, from this package.
+_PLACES: Final = {
+    'LinkClient': 'client',
+    'LinkServer': 'server',
+    'TopicInfo': 'client',
+    'socket_path': 'paths',
+}
 __all__ = ['LinkClient', 'LinkServer', 'socket_path', 'TopicInfo']
+
+lazy_names(__name__, _PLACES)

@@ -33,6 +33,7 @@ import struct
 import time
 from typing import Any
 from typing import Final
+from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import LinkError
 from rt_robot_os.link.client_rooms import ClientRoom
@@ -54,7 +55,9 @@ from rt_robot_os.link.readers import Readers
 from rt_robot_os.link.readers import readers_of
 from rt_robot_os.link.robots import others_than
 from rt_robot_os.safe_text import safe_line
-from rt_robot_os.topics import Bus
+
+if TYPE_CHECKING:
+    from rt_robot_os.topics import Bus
 
 #: Ends what is said of a core that does not answer, to who does not wait for it.
 ASKS: Final = '; is the robot running?'

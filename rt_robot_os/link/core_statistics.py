@@ -23,16 +23,17 @@ from dataclasses import field
 from types import MappingProxyType
 from typing import Any
 from typing import Final
+from typing import TYPE_CHECKING
 
 from rt_robot_os.errors import LinkError
-from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import Kind
-from rt_robot_os.link.task_records import decode_counts
-from rt_robot_os.link.task_records import decode_task
-from rt_robot_os.link.task_records import TaskCounts
+
+if TYPE_CHECKING:
+    from rt_robot_os.kernel import TaskStatistics
+    from rt_robot_os.link.task_records import TaskCounts
 
 #: Why devices are simulated that nobody asked to simulate (``simulation_asked`` is False).
 SHIPPED_IN_USE: Final = 'the shipped robot.yaml is in use'
@@ -64,6 +65,9 @@ def collect(packets: Iterable[tuple[Header, bytes]]) -> CoreStatistics:
 
     :raises LinkError: one of them is no packet of the link, or says why there are no statistics.
     """
+    # Late: most clients of a core ask for no statistics.
+    from rt_robot_os.link.task_records import decode_counts
+    from rt_robot_os.link.task_records import decode_task
     tasks: list[TaskStatistics] = []
     counts: dict[str, TaskCounts] = {}
     parts: dict[str, list[dict[str, Any]]] = {

@@ -36,7 +36,6 @@ from typing import Final
 
 from rt_robot_os.schema import made
 from rt_robot_os.schema import setting
-from rt_robot_os.settings.beside import read_values
 
 PLAIN_PORT: Final = 8080
 TLS_PORT: Final = 8443
@@ -103,6 +102,8 @@ def load(paths: Sequence[Path], overrides: Mapping[str, Any], options: Mapping[s
     :param is_needed: False for files of the robot, which may say nothing of the monitor.
     :raises ConfigError: with one line for each problem.
     """
+    # Late: `--help` needs none of it.
+    from rt_robot_os.settings.beside import read_values
     values = read_values(MonitorSettings, paths, {**overrides, **options}, node, namespace,
                          is_needed=is_needed)
     folder = Path(values['folder']).expanduser() if values['folder'] else home / 'monitor'

@@ -21,15 +21,17 @@ from collections.abc import Sequence
 from pathlib import Path
 import shlex
 from typing import Final
+from typing import TYPE_CHECKING
 
 from rt_robot_os import programs
 from rt_robot_os.errors import ConfigError
-from rt_robot_os.link.core_statistics import SHIPPED_IN_USE
 from rt_robot_os.programs import BAD_USE
-from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.problems import nearest
 from rt_robot_os.settings.ros_args import ROS_FLAGS
 from rt_robot_os.settings.ros_args import split
+
+if TYPE_CHECKING:
+    from rt_robot_os.settings.model import RobotSettings
 
 ROS_ARGS_HELP: Final = """
 FILE is a parameter file, as --params-file names it; later files win.
@@ -120,6 +122,7 @@ def tell(program: str, error: Exception) -> None:
 
 def told_simulated(settings: RobotSettings) -> str:
     """Return which devices are simulated, and how to have real ones when nobody asked for that."""
+    from rt_robot_os.link.core_statistics import SHIPPED_IN_USE
     text = f'simulated: {", ".join(settings.simulated)}'
     if settings.simulation_asked:
         return text

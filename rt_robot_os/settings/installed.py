@@ -35,6 +35,7 @@ from rt_robot_os.settings.catalogue import Kind
 from rt_robot_os.settings.problems import did_you_mean
 
 if TYPE_CHECKING:
+    from rt_robot_os.plugins import PluginRegistry
     from rt_robot_os.topics.ports import PortOwner
 
 
@@ -44,26 +45,26 @@ class _Registry:
     A registry behind the interface of :class:`rt_robot_os.settings.catalogue.Lookup`.
 
     :ivar noun: what it holds.
-    :ivar listed: gives the registered names.
+    :ivar registry: imports the registry.
     :ivar described: makes a kind of a name.
     :ivar open_ended: names with a colon are imported without being registered.
     :ivar found: what was found before: looking through all installed packages takes long.
     """
 
     noun: str
-    listed: Callable[[], Sequence[str]]
+    registry: Callable[[], PluginRegistry[Any]]
     described: Callable[[str], Kind]
     open_ended: bool = False
     found: dict[str, Kind] = field(default_factory=dict)
 
     def names(self) -> Sequence[str]:
-        return self.listed()
+        return self.registry().names()
 
     def find(self, name: str) -> Kind:
         if name in self.found:
             return self.found[name]
-        if name not in self.listed() and not (self.open_ended and ':' in name):
-            raise ConfigError([f'no such {self.noun}, {did_you_mean(name, self.listed())}'])
+        if name not in self.registry() and not (self.open_ended and ':' in name):
+            raise ConfigError([f'no such {self.noun}, {did_you_mean(name, self.names())}'])
         try:
             kind = self.found[name] = self.described(name)
             return kind
@@ -73,9 +74,9 @@ class _Registry:
             raise ConfigError([f'this {self.noun} cannot be imported: {error!r}']) from error
 
 
-def _driver_names() -> Sequence[str]:
+def _drivers() -> PluginRegistry[Any]:
     from rt_robot_os.devices.registry import DRIVERS
-    return DRIVERS.names()
+    return DRIVERS
 
 
 def _driver(name: str) -> Kind:
@@ -85,14 +86,14 @@ def _driver(name: str) -> Kind:
                        answers=cls.ANSWERS, has_safe_state=cls.has_safe_state())
 
 
-def _module_names() -> Sequence[str]:
-    from rt_robot_os.modules import registry
-    return registry.names()
+def _modules() -> PluginRegistry[Any]:
+    from rt_robot_os.modules.registry import MODULES
+    return MODULES
 
 
 def _module(name: str) -> Kind:
-    from rt_robot_os.modules import registry
-    cls = registry.module_class(name)
+    from rt_robot_os.modules.registry import module_class
+    cls = module_class(name)
     return _with_ports(cls, has_safe_state=cls.has_safe_state(), is_coroutine=cls.is_coroutine(),
                        rate_hz=cls.RATE_HZ)
 
@@ -105,9 +106,9 @@ def _with_ports(cls: type[PortOwner], **facts: Any) -> Kind:
     return Kind(cls.fields(), topics, **facts)
 
 
-def _simulator_names() -> Sequence[str]:
+def _simulators() -> PluginRegistry[Any]:
     from rt_robot_os.sim.base import SIMULATORS
-    return SIMULATORS.names()
+    return SIMULATORS
 
 
 def _simulator(name: str) -> Kind:
@@ -132,7 +133,7 @@ def _layout(message: str, fixed: Mapping[str, Any], tail: int | None) -> Hashabl
 def installed() -> Catalogue:
     """Return the catalogue of this installation; imports a driver or module when it is named."""
     return Catalogue(
-        drivers=_Registry('driver', _driver_names, _driver),
-        modules=_Registry('module', _module_names, _module, open_ended=True),
-        simulators=_Registry('simulator', _simulator_names, _simulator),
+        drivers=_Registry('driver', _drivers, _driver),
+        modules=_Registry('module', _modules, _module, open_ended=True),
+        simulators=_Registry('simulator', _simulators, _simulator),
         layout=_layout)

@@ -20,8 +20,6 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from rt_robot_os.topics.bus import TOPIC_NAME
-
 TOKEN_RULE: Final = "letters, digits and '_', not beginning with a digit"
 
 # What rmw allows a whole topic name: 255 less the prefix that DDS gets.
@@ -45,6 +43,8 @@ def topic_problem(name: str, example: str = 'imu/data') -> str | None:
 
     :return: None for tokens separated by single slashes, else the remedy.
     """
+    # Late: for the command line alone the names of nodes do, and topics need NumPy.
+    from rt_robot_os.topics.bus import TOPIC_NAME
     if len(name) > LONGEST_TOPIC:
         return f'must be at most {LONGEST_TOPIC} characters'
     if TOPIC_NAME.fullmatch(name):

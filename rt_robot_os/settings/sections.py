@@ -33,9 +33,6 @@ from rt_robot_os.schema import Field
 from rt_robot_os.schema import REQUIRED
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.files import path_near
-from rt_robot_os.settings.model import LISTS
-from rt_robot_os.settings.model import RobotSettings
-from rt_robot_os.settings.model import SECTIONS
 from rt_robot_os.settings.names import is_token
 from rt_robot_os.settings.names import TOKEN_RULE
 from rt_robot_os.settings.problems import description_of
@@ -56,16 +53,24 @@ ROS_OWN: Final = frozenset({'use_sim_time', 'start_type_description_service', 'q
 _MORE: Final = {'devices': {'port', 'baud', 'sim'}, 'topics': {'fixed'}}
 
 
+def _lists() -> Mapping[str, type]:
+    # Late, as below: a program beside the robot has other settings, and these need NumPy.
+    from rt_robot_os.settings.model import LISTS
+    return LISTS
+
+
 @functools.cache
 def _top() -> frozenset[str]:
     """Return the keys at the top, which name no section of a list."""
+    from rt_robot_os.settings.model import RobotSettings
+    from rt_robot_os.settings.model import SECTIONS
     return frozenset({each.name for each in declared(RobotSettings)} | set(SECTIONS))
 
 
 @functools.cache
 def _telling() -> Mapping[str, set[str]]:
     """Return the keys that only the sections of one list have, by list."""
-    keys = {name: [each.name for each in declared(kind)] for name, kind in LISTS.items()}
+    keys = {name: [each.name for each in declared(kind)] for name, kind in _lists().items()}
     often = Counter(itertools.chain(*keys.values()))
     return {name: {key for key in found if often[key] == 1} | _MORE.get(name, set())
             for name, found in keys.items()}
@@ -153,7 +158,7 @@ class Sections:
     """
 
     listed: dict[str, dict[str, Branch]] = field(
-        default_factory=lambda: {name: {} for name in LISTS})
+        default_factory=lambda: {name: {} for name in _lists()})
     loose: set[str] = field(default_factory=set)
 
 
@@ -167,7 +172,7 @@ def find_sections(tree: Branch, catalogue: Catalogue, problems: Problems) -> Sec
     known = Names(key for key, node in tree.children.items()
                   if isinstance(node, Branch) and key not in _top())
     owners: dict[str, str] = {}
-    broken = {name for name in LISTS
+    broken = {name for name in _lists()
               if not _read_list(name, tree, owners, sections, known, problems)}
     keys = Names([*sorted(_top()), *owners])
     for key, node in tree.children.items():
@@ -254,4 +259,4 @@ def _probable_lists(section: Branch, catalogue: Catalogue) -> tuple[str, ...]:
     for name, keys in _telling().items():
         if keys & set(section.children):
             return (name,)
-    return ('devices', 'modules') if kind else tuple(LISTS)
+    return ('devices', 'modules') if kind else tuple(_lists())

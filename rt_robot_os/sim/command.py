@@ -26,7 +26,6 @@ from typing import Any
 from typing import Final
 from typing import TYPE_CHECKING
 
-from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.errors import StartError
@@ -36,7 +35,6 @@ from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.programs import OK
-from rt_robot_os.settings.world import load_world
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.base import SIMULATORS
@@ -51,9 +49,9 @@ from rt_robot_os.sim.paths import release
 from rt_robot_os.sim.player import at_line_speed
 from rt_robot_os.sim.player import by_nmea_time
 from rt_robot_os.sim.player import load_log
+from rt_robot_os.sim.player import Piece
 from rt_robot_os.sim.player import Player
 from rt_robot_os.sim.pty_port import PtyPort
-from rt_robot_os.sim.scan_log import by_scan_time
 from rt_robot_os.sim.server import SimServer
 from rt_robot_os.sim.tcp_port import TcpPlug
 from rt_robot_os.sim.world.happenings import HAPPENINGS
@@ -61,7 +59,13 @@ from rt_robot_os.sim.world.happenings import HAPPENINGS
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World
 
-_PACES: Final = {'line': at_line_speed, 'times': by_nmea_time, 'scans': by_scan_time}
+def _by_scan_time(lines: Sequence[bytes]) -> tuple[Piece, ...]:
+    # Late: it needs NumPy.
+    from rt_robot_os.sim.scan_log import by_scan_time
+    return by_scan_time(lines)
+
+
+_PACES: Final = {'line': at_line_speed, 'times': by_nmea_time, 'scans': _by_scan_time}
 _BAUD: Final = 9600
 _SCAN_BAUD: Final = 500000
 
@@ -106,6 +110,7 @@ def simulator(argv: Sequence[str]) -> int:
 
 def _world(path: Path) -> World:
     # Late: it needs NumPy, and most twins do not.
+    from rt_robot_os.settings.world import load_world
     from rt_robot_os.sim.world.world import World
     return World(load_world(path))
 
@@ -308,6 +313,8 @@ def _say(answer: str) -> None:
 
 def _tell(arguments: argparse.Namespace) -> int:
     """Give the simulated devices of a running robot an order."""
+    # Late: `--help` needs none of it.
+    from rt_robot_os.core.simulators import device_folder
     try:
         _say(order(Path(arguments.dir) if arguments.dir else device_folder(
             socket_path(arguments.robot)), arguments.tell))

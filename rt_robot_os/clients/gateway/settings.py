@@ -38,7 +38,6 @@ from urllib.parse import urlsplit
 from rt_robot_os.schema import made
 from rt_robot_os.schema import setting
 from rt_robot_os.schema import STAR
-from rt_robot_os.settings.beside import read_values
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.sections import Section
 
@@ -131,6 +130,8 @@ def load(paths: Sequence[Path], overrides: Mapping[str, Any], node: str = 'gatew
     :param overrides: by dotted name; they win over the files.
     :raises ConfigError: with one line for each problem.
     """
+    # Late: `--help` needs none of it.
+    from rt_robot_os.settings.beside import read_values
     settings: GatewaySettings = made(GatewaySettings, read_values(
         GatewaySettings, paths, overrides, node, namespace, _check))
     return settings

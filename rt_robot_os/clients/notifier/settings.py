@@ -42,7 +42,6 @@ from rt_robot_os.clients.notifier.local import File
 from rt_robot_os.clients.notifier.mail import Mail
 from rt_robot_os.clients.notifier.webhook import Webhook
 from rt_robot_os.schema import Field
-from rt_robot_os.settings.beside import read_parameters
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.sections import read_section
 from rt_robot_os.settings.sections import ROS_OWN
@@ -107,6 +106,8 @@ def load(paths: Sequence[Path], overrides: Mapping[str, Any], environ: Mapping[s
     :param overrides: by dotted name; they win over the files.
     :raises ConfigError: with one line for each problem.
     """
+    # Late: `--help` needs none of it.
+    from rt_robot_os.settings.beside import read_parameters
     tree, problems = read_parameters(paths, overrides, node, namespace)
     top = read_section(tree, '', TOP, problems, set(tree.children) | ROS_OWN).values
     names = top.get('channels', ())

@@ -30,14 +30,12 @@ from rt_robot_os.errors import RecordingError
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.programs import BAD_USE
 from rt_robot_os.programs import tell
-from rt_robot_os.settings import from_json
-from rt_robot_os.settings import load
-from rt_robot_os.settings import RobotSettings
 from rt_robot_os.units import NS_PER_S
 
 if TYPE_CHECKING:
     from rt_robot_os.clients.recording.reading import Recording
     from rt_robot_os.clients.recording.replay import Replay
+    from rt_robot_os.settings import RobotSettings
 
 IDENTICAL, DIFFERS = 0, 1
 # Names of settings that are newer than a recording, in its message.
@@ -72,6 +70,8 @@ def _settings(arguments: argparse.Namespace, recording: Recording
     """Return the settings, and which of them are newer than the recording."""
     from rt_robot_os.clients.recording.newer_settings import completed
     from rt_robot_os.clients.recording.trust import check_trusted
+    from rt_robot_os.settings import from_json
+    from rt_robot_os.settings import load
     if arguments.params_file:
         return load(arguments.params_file, node=arguments.node), []
     if recording.settings is None:

@@ -24,12 +24,6 @@ import shutil
 import tempfile
 from typing import Final
 
-from rt_robot_os.devices.registry import DRIVERS
-from rt_robot_os.modules import registry as modules
-from rt_robot_os.schema import declared
-from rt_robot_os.settings.model import RobotSettings
-from rt_robot_os.settings.model import SECTIONS
-
 LONGEST_PACKAGE, LONGEST_NAME = 25, 20
 
 _TEMPLATES: Final = Path(__file__).with_name('templates')
@@ -46,9 +40,6 @@ _DRIVER: Final = {
 _MODULE: Final = {
     'module.py.in': ('@package@/@module@.py', 'the module: inputs, outputs, settings, one step'),
     'test_module.py.in': ('test/test_@module@.py', 'what it should do')}
-# Sections of the configuration that is written.
-_TAKEN: Final = frozenset(
-    {each.name for each in declared(RobotSettings)} | {*SECTIONS, 'imu', 'imu_data'})
 
 
 def name_problem(noun: str, name: str, longest: int) -> str:
@@ -62,8 +53,19 @@ def name_problem(noun: str, name: str, longest: int) -> str:
     return ''
 
 
+def _taken() -> set[str]:
+    """Return the sections of the configuration that is written."""
+    from rt_robot_os.schema import declared
+    from rt_robot_os.settings.model import RobotSettings
+    from rt_robot_os.settings.model import SECTIONS
+    return {*(each.name for each in declared(RobotSettings)), *SECTIONS, 'imu', 'imu_data'}
+
+
 def problems_of(package: str, driver: str, module: str) -> list[str]:
     """Return what is wrong with the names that were given."""
+    # Late: `--help` needs none of it.
+    from rt_robot_os.devices.registry import DRIVERS
+    from rt_robot_os.modules import registry as modules
     found = [name_problem('package', package, LONGEST_PACKAGE)]
     if not found[0] and importlib.util.find_spec(package) is not None:
         found.append(f'package {package!r}: Python has a module of that name already: choose '
@@ -75,7 +77,7 @@ def problems_of(package: str, driver: str, module: str) -> list[str]:
         found.append(name_problem(noun, name, LONGEST_NAME))
         if name in known:
             found.append(f'{noun} {name!r}: there is one of that name: choose another')
-        elif name in _TAKEN:
+        elif name in _taken():
             found.append(f'{noun} {name!r}: is a key of its own in a configuration: choose '
                          'another')
     if driver and driver == module:

@@ -24,10 +24,8 @@ import socket
 import time
 from typing import Any
 from typing import Final
+from typing import TYPE_CHECKING
 
-from rt_robot_os.devices.serial.port import open_port
-from rt_robot_os.devices.serial.port import Port
-from rt_robot_os.devices.serial.port import prepare_port
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.errors import StartError
@@ -41,6 +39,9 @@ from rt_robot_os.wsn.packets.decode import AUTO
 from rt_robot_os.wsn.packets.forwarder import PORTS
 from rt_robot_os.wsn.packets.forwarding import Forwarder
 from rt_robot_os.wsn.packets.framing import TINYOS_1
+
+if TYPE_CHECKING:
+    from rt_robot_os.devices.serial.port import Port
 
 _RETRY_S: Final = 1.0
 _TURN_S: Final = 0.5
@@ -103,6 +104,9 @@ class Server:
 
         :raises DeviceError: it cannot be opened.
         """
+        # Late: `--help` needs none of it.
+        from rt_robot_os.devices.serial.port import open_port
+        from rt_robot_os.devices.serial.port import prepare_port
         prepare_port(self._where)
         self._port = open_port(self._where, self._baud)
 

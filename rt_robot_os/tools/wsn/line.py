@@ -30,8 +30,6 @@ import socket
 import time
 from typing import Final
 
-from rt_robot_os.devices.serial.port import open_port
-from rt_robot_os.devices.serial.port import prepare_port
 from rt_robot_os.errors import ConfigError
 from rt_robot_os.errors import DeviceError
 from rt_robot_os.tools.wsn.heard import FORWARDER
@@ -119,6 +117,9 @@ class SerialSinkLine(SinkLine):
         :param stack: whose protocol is written; ``auto`` writes TinyOS 1.x's until a frame came.
         :raises DeviceError: it cannot be opened.
         """
+        # Late: `--help` needs none of it.
+        from rt_robot_os.devices.serial.port import open_port
+        from rt_robot_os.devices.serial.port import prepare_port
         prepare_port(where)
         self._port = open_port(where, baud or BAUD.get(stack, BAUD[TINYOS_1.name]))
         self._link = Link(TINYOS_2 if stack == TINYOS_2.name else TINYOS_1, tries)
