@@ -27,8 +27,10 @@ from collections.abc import Iterable
 from collections.abc import Iterator
 from collections.abc import Sequence
 from contextlib import contextmanager
+from contextlib import nullcontext
 from contextlib import suppress
 from dataclasses import dataclass
+import gc
 from importlib import import_module
 import os
 import signal
@@ -114,14 +116,12 @@ def run_program(name: str, load: Callable[[], Run], argv: Sequence[str] | None =
     """
     end_quietly()
     try:
-        run = load()
-        if not listens:
-            raise_again()
-        if argv is None:
-            with own_process():
-                code = run(sys.argv[1:])
-        else:
-            code = run(argv)
+        with own_process() if argv is None else nullcontext():
+            with importing():
+                run = load()
+            if not listens:
+                raise_again()
+            code = run(sys.argv[1:] if argv is None else argv)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
@@ -199,6 +199,27 @@ def raise_again() -> None:
     """Have Ctrl-C raise KeyboardInterrupt, as Python does."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@contextmanager
+def importing() -> Iterator[None]:
+    """
+    Import much at once, a tenth faster in a process of one program (:func:`own_process`).
+
+    Hardly anything that is made by an import ever becomes garbage: the collector does not look
+    through it meanwhile, nor later.
+    """
+    if not _one_program:
+        yield
+        return
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        if collects:
+            gc.enable()
 
 
 @contextmanager

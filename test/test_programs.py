@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Iterator
 from collections.abc import Sequence
+import gc
 import os
 from pathlib import Path
 import re
@@ -46,6 +47,12 @@ from {} import main
 sys.exit(main())
 """
 
+# What takes a tenth of a second or more to import, or much memory.
+HEAVY = ('fastapi', 'matplotlib', 'mcap', 'numpy', 'PIL', 'pydantic', 'rclpy', 'rich', 'scipy',
+         'sqlalchemy', 'rt_robot_os.topics')
+# Their commands are declared beside what computes, or their help lists what has to be imported.
+HEAVY_HELP = {'bench', 'health', 'plan', 'rehearse'}
+
 
 def start(code: str, *arguments: str, **options: object) -> subprocess.Popen[str]:
     """Start a Python that finds this package."""
@@ -71,6 +78,48 @@ def test_ctrl_c_while_it_loads_ends_it_in_silence(program: str) -> None:
     process = start(INTERRUPTED.format(PROGRAMS[program]))
     _, said = process.communicate(timeout=60)
     assert (process.returncode, said) == (-signal.SIGINT, '')
+
+
+@pytest.mark.parametrize('program', sorted(PROGRAMS.keys() - HEAVY_HELP))
+def test_help_imports_nothing_heavy(program: str) -> None:
+    process = start(f"""
+import sys
+from {PROGRAMS[program]} import main
+try:
+    main(['--help'])
+except SystemExit as end:
+    assert not end.code, end
+print(*(name for name in {HEAVY} if name in sys.modules), file=sys.stderr)
+""", stdout=subprocess.DEVNULL)
+    assert process.communicate(timeout=60)[1].split() == []
+
+
+def test_what_a_program_imports_is_no_work_for_the_collector_of_garbage() -> None:
+    process = start("""
+import gc, sys
+from rt_robot_os.programs import run_program
+def load():
+    global seen
+    seen = gc.isenabled()
+    return run
+def run(argv):
+    print(seen, gc.isenabled(), gc.get_freeze_count() > 1000, file=sys.stderr)
+    return 0
+run_program('test', load)
+""")
+    assert process.communicate(timeout=60)[1].split() == ['False', 'True', 'True']
+
+
+def test_a_program_that_is_called_leaves_the_collector_of_garbage_alone() -> None:
+    before = gc.isenabled(), gc.get_freeze_count()
+    seen = []
+
+    def load() -> Callable[[Sequence[str]], int]:
+        seen.append(gc.isenabled())
+        return lambda argv: 0
+
+    assert run_program('test', load, []) == 0
+    assert seen == [before[0]] and before == (gc.isenabled(), gc.get_freeze_count())
 
 
 def raising(error: BaseException) -> Callable[[], Callable[[Sequence[str]], int]]:

@@ -100,6 +100,7 @@ class Core:
     :param cpu: the one to be pinned to; None for that of the settings.
     :param make_bus: a replay has one of its own.
     :param life_fd: the page for the sign of life that a node has made; -1 for none.
+    :ivar on_open: called when clients can connect, right before the kernel runs.
     :raises RtRobotError: the parts do not fit together; nothing is open then.
     """
 
@@ -111,6 +112,7 @@ class Core:
                  parts: Sequence[type[CorePart]] = (), cpu: int | None = None,
                  make_bus: Callable[[Kernel], Bus] = Bus, life_fd: int = -1) -> None:
         self.settings = settings
+        self.on_open: Callable[[], object] = lambda: None
         core = settings.core
         self.kernel = _kernel(core, clock)
         self.bus = make_bus(self.kernel)
@@ -244,6 +246,7 @@ class Core:
             self.prepare_modules()
             self.link.open()
             collector.prime()
+            self.on_open()
             return self._run_kernel(duration_ns)
         finally:
             self.close()

@@ -31,6 +31,7 @@ import subprocess
 import sys
 import time
 
+from rt_robot_os.linux.process import hand_over
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.linux.supervised_child import ended_how
@@ -115,10 +116,23 @@ class Keeper:
 
 def main(arguments: Sequence[str]) -> int:
     """Run until SIGTERM or the end of the parent; the argument is the folder of the devices."""
+    def load() -> subprocess.Popen[bytes]:
+        return start_child(
+            'rt_robot_os.core.simulator_process', os.getpid(), *arguments, stdin=subprocess.PIPE,
+            stdout=2)  # not the standard output of this one: that is for the core
+
+    def start() -> subprocess.Popen[bytes]:
+        process = loaded.pop() if loaded else load()
+        hand_over(process, settings)
+        return process
+
+    loaded = []
+    with suppress(OSError):  # it is tried again, and told, when there are settings
+        loaded.append(load())  # it imports much, and this one may have to wait
     settings = sys.stdin.buffer.read()
-    keeper = Keeper(lambda: start_child(
-        'rt_robot_os.core.simulator_process', os.getpid(), *arguments, given=settings,
-        stdout=2))  # not the standard output of this one: that is for the core
+    if not settings:  # the core has ended, or needs none
+        return start().wait() if loaded else 0
+    keeper = Keeper(start)
     signal.signal(signal.SIGALRM, lambda *_: keeper.kill())
     with ended_by_signals(lambda _: keeper.stop()):
         return keeper.run()

@@ -95,10 +95,13 @@ def tell(text: str) -> None:
 
 def main(arguments: Sequence[str]) -> int:
     """Run until SIGTERM or the end of the parent; the argument is the folder of the devices."""
+    text = sys.stdin.read()
+    if not text:
+        return 0  # nothing is to be simulated after all
     folder = Path(arguments[0])
     folder.mkdir(mode=0o700, exist_ok=True)
     try:
-        given = json.load(sys.stdin)
+        given = json.loads(text)
         server = build(given['devices'], folder, given['world'], given['mountings'])
         with ended_by_signals(lambda _: server.stop()):
             server.run()

@@ -29,6 +29,7 @@ from typing import Any
 from rt_robot_os.core.keeper import RESTARTED
 from rt_robot_os.core.part import Host
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.linux.process import hand_over
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.linux.process import START_PATIENCE_S
 from rt_robot_os.linux.supervised_child import SupervisedChild
@@ -51,18 +52,34 @@ class Simulators:
 
     def __init__(self) -> None:
         self.restarts = 0
+        self._loaded: subprocess.Popen[bytes] | None = None
         self._keeper: SupervisedChild | None = None
         self._folder = Path()
+        self._ports: tuple[Path, ...] = ()
         self._news = b''
+
+    @staticmethod
+    def wanted(settings: RobotSettings) -> bool:
+        """Return whether a robot has simulated devices."""
+        return any(device.port == SIM_PORT for device in settings.devices)
+
+    def load(self, folder: Path) -> None:
+        """
+        Start the interpreters of the processes, which open nothing before :meth:`start`.
+
+        :param folder: as for :meth:`start`.
+        :raises OSError: they cannot be started.
+        """
+        self._loaded = _loaded_keeper(folder)
 
     def start(self, settings: RobotSettings, folder: Path) -> dict[str, str]:
         """
-        Start what the settings ask for and wait until the ports are there.
+        Start what the settings ask for; :meth:`wait` until the ports are there.
 
         :param folder: where the ports get their stable paths; the caller holds the robot's name,
             so what lies there was left behind.
         :return: the path of the port of each simulated device, by device.
-        :raises DeviceError: the simulator ended or hangs.
+        :raises OSError: it cannot be started.
         """
         devices = {d.name: {'type': d.type, 'device': dict(d.settings), 'sim': dict(d.sim or {})}
                    for d in settings.devices if d.port == SIM_PORT}
@@ -71,20 +88,29 @@ class Simulators:
                  'mountings': {frame: asdict(each) for frame, each in settings.mountings.items()}}
         clear(folder)
         if not devices:
+            self._end_loaded()
             return {}
         self._folder = folder
         given_json = json.dumps(given, default=_plain).encode()
         self._keeper = SupervisedChild('what keeps the simulated devices running', lambda: (
-            _started_keeper(folder, given_json)))
-        process = self._keeper.start()
-        ports = {name: folder / name for name in devices}
+            self._started_keeper(folder, given_json)))
+        self._keeper.start()
+        self._ports = tuple(folder / name for name in devices)
+        return {path.name: str(path) for path in self._ports}
+
+    def wait(self) -> None:
+        """
+        Wait until the ports of all simulated devices are there.
+
+        :raises DeviceError: the simulator ended or hangs.
+        """
+        process = self._keeper.process if self._keeper is not None else None
         deadline = time.monotonic() + START_PATIENCE_S
-        while not all(path.exists() for path in ports.values()):
+        while process is not None and not all(path.exists() for path in self._ports):
             if process.poll() is not None or time.monotonic() > deadline:
                 self.stop()
                 raise DeviceError('the simulated devices did not start; see the message above')
             time.sleep(0.01)
-        return {name: str(path) for name, path in ports.items()}
 
     def attach(self, host: Host) -> None:
         """Have a core look after them, and count them."""
@@ -118,8 +144,20 @@ class Simulators:
             output.close()
         return told
 
+    def _started_keeper(self, folder: Path, given: bytes) -> subprocess.Popen[bytes]:
+        process, self._loaded = self._loaded or _loaded_keeper(folder), None
+        hand_over(process, given)
+        return process
+
+    def _end_loaded(self) -> None:
+        """End what was loaded and is not needed: it ends by itself when it is given nothing."""
+        if self._loaded is not None:
+            hand_over(self._loaded, b'')
+            self._loaded = None
+
     def stop(self) -> None:
         """End the simulator; may be called twice."""
+        self._end_loaded()
         keeper, self._keeper = self._keeper, None
         if keeper is None:
             return
@@ -129,9 +167,9 @@ class Simulators:
         clear(self._folder)  # it may have been killed
 
 
-def _started_keeper(folder: Path, given: bytes) -> subprocess.Popen[bytes]:
-    process = start_child('rt_robot_os.core.keeper', os.getpid(), folder, stdout=subprocess.PIPE,
-                          given=given)
+def _loaded_keeper(folder: Path) -> subprocess.Popen[bytes]:
+    process = start_child('rt_robot_os.core.keeper', os.getpid(), folder, stdin=subprocess.PIPE,
+                          stdout=subprocess.PIPE)
     if process.stdout is not None:
         os.set_blocking(process.stdout.fileno(), False)
     return process

@@ -33,8 +33,6 @@ import socket
 import sys
 from typing import Any
 
-from rt_robot_os.dumps.folder import keep
-from rt_robot_os.dumps.folder import KEPT
 from rt_robot_os.errors import BlackBoxError
 
 DATAGRAM_BYTES_MAXIMUM = 1 << 17
@@ -55,6 +53,9 @@ def write(received: list[bytes], folder: Path, robot: str) -> dict[str, Any]:
 
     :return: what to tell the core: a ``text``, and whether it is an ``error``.
     """
+    # Late: most robots write none, and each start would wait for it.
+    from rt_robot_os.dumps.folder import keep
+    from rt_robot_os.dumps.folder import KEPT
     reason = marshal.loads(received[0])[1]['reason']
     try:
         path, size, deleted = keep(_parts(received), folder, robot, reason)

@@ -61,10 +61,16 @@ def start_child(
         [sys.executable, '-m', module, *map(str, arguments)],
         stdin=stdin if given is None else subprocess.PIPE, stdout=stdout, stderr=stderr, env=env,
         pass_fds=pass_fds, start_new_session=own_session)
-    if given is not None and process.stdin is not None:
+    if given is not None:
+        hand_over(process, given)
+    return process
+
+
+def hand_over(process: subprocess.Popen[bytes], given: bytes) -> None:
+    """Write all that a child reads from its standard input; does nothing when it has ended."""
+    if process.stdin is not None:
         with suppress(BrokenPipeError), process.stdin as pipe:
             pipe.write(given)
-    return process
 
 
 def run_child(main: Callable[[Sequence[str]], int], signo: int = signal.SIGTERM) -> int:

@@ -56,6 +56,7 @@ def folder(tmp_path: Path) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix='rt') as short:  # a socket's path must be
         place = device_folder(Path(short) / 'robot.sock')
         simulators.start(load([tmp_path / 'robot.yaml']), place)
+        simulators.wait()
         yield place
         simulators.stop()
         assert not place.exists()

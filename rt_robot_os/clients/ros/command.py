@@ -17,21 +17,28 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from collections.abc import Sequence
+from contextlib import contextmanager
+from contextlib import ExitStack
+from contextlib import suppress
+from pathlib import Path
 import sys
 
+from rt_robot_os.clients.ros.core_process import CoreProcess
 from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.paths import robot_name
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import hold_core
 from rt_robot_os.link.robots import hold_robot
 from rt_robot_os.programs import BAD_USE
+from rt_robot_os.programs import importing
 from rt_robot_os.settings.command_line import add_simulate
 from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.settings.command_line import ROS_ARGS_HELP
 from rt_robot_os.settings.command_line import tell
 from rt_robot_os.settings.command_line import told_simulated
-from rt_robot_os.settings.load import load_from_arguments
+from rt_robot_os.settings.ros_args import parse_ros_args
 
 _EPILOG = """
 Without a parameter file the shipped robot runs, and its sensors are simulated.
@@ -54,24 +61,46 @@ def run(argv: Sequence[str]) -> int:
     :return: the exit code, 2 for a bad configuration.
     """
     arguments = _arguments(argv)
+    with ExitStack() as stack:
+        try:
+            ros = parse_ros_args(argv)
+            robot = robot_name(ros.node_name, ros.namespace)
+            path = socket_path(robot)
+            core = stack.enter_context(_loaded_core(path))
+            with importing():  # of drivers, modules and messages
+                from rt_robot_os.settings.load import load_from_arguments
+                settings, _ = load_from_arguments(argv, arguments.simulate, arguments.files)
+                from rt_robot_os.settings.json_text import to_json
+            stack.callback(hold_robot(robot).release)
+            if settings.core.spawn:
+                hold_core(path).release()  # the core itself will hold it
+        except RtRobotError as error:
+            tell('robot', error)
+            return BAD_USE
+        if settings.core.spawn and settings.autostart:
+            core.prepare(to_json(settings))
+        if settings.simulated:
+            print(f'robot: {told_simulated(settings)}', file=sys.stderr, flush=True)
+        # Everything of ROS 2 comes after the check: a typing mistake is told before it.
+        with importing():
+            from rt_robot_os.clients.ros.spin import spin
+        return spin(settings, core)
+
+
+@contextmanager
+def _loaded_core(path: Path) -> Iterator[CoreProcess]:
+    """
+    Have the core's interpreter load while this one checks the settings and loads ROS.
+
+    It waits for its settings, and opens nothing before ROS has accepted the node.
+    """
+    core = CoreProcess('', path)
+    with suppress(OSError):  # it is tried again, and told, when it is to run
+        core.load()
     try:
-        settings, ros = load_from_arguments(argv, arguments.simulate, arguments.files)
-        robot = robot_name(ros.node_name, ros.namespace)
-        path = socket_path(robot)
-        lock = hold_robot(robot)
-        if settings.core.spawn:
-            hold_core(path).release()  # the core itself will hold it
-    except RtRobotError as error:
-        tell('robot', error)
-        return BAD_USE
-    if settings.simulated:
-        print(f'robot: {told_simulated(settings)}', file=sys.stderr, flush=True)
-    try:
-        # Everything of ROS 2 comes after the check: it takes a second, a typing mistake does not.
-        from rt_robot_os.clients.ros.spin import spin
-        return spin(settings)
+        yield core
     finally:
-        lock.release()
+        core.stop()
 
 
 def _arguments(argv: Sequence[str]) -> argparse.Namespace:

@@ -81,17 +81,22 @@ class RobotNode(LifecycleNode):
     :param name: of the node, before remapping.
     :param console: what counts the lines that nobody reads; None counts none.
     :param stopping: whether the program is to end: nothing is waited for any more.
+    :param core: that is loaded already, for the first time that this node is configured.
     :ivar held_up: somebody who does not read the console holds up a thread at the end.
     """
 
     def __init__(self, settings: RobotSettings, name: str = 'robot',
                  console: Console | None = None,
-                 stopping: Callable[[], bool] = lambda: False) -> None:
+                 stopping: Callable[[], bool] = lambda: False,
+                 core: CoreProcess | None = None) -> None:
         super().__init__(name)
         self._loaded = settings
         self._robot_parameters = RobotParameters(settings)
         self._loaded_values = self._robot_parameters.live_values()
         self._stopping = stopping
+        self._core = core
+        if core is not None and not (settings.core.spawn and settings.autostart):
+            core.stop()  # nobody knows whether and when it is needed
         self._adopting = False
         self._digest: int | None = None
         self.robot = robot_name(self.get_name(), self.get_namespace())
@@ -128,8 +133,7 @@ class RobotNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start the core and wait for it."""
-        process = CoreProcess(self._for_core(self.settings), self.path) if (
-            self.settings.core.spawn) else None
+        process = self._core_process() if self.settings.core.spawn else None
         self._mirrors = Mirrors(self, self.settings.mirrors, self._mapper, self._warn,
                                 self._text_services.answer_topics, self._gaps)
         frames = published_frames(self.settings)
@@ -227,6 +231,11 @@ class RobotNode(LifecycleNode):
         self._text_services.disconnect()
         if self._mirrors is not None:
             self._mirrors.disconnect()
+
+    def _core_process(self) -> CoreProcess:
+        process, self._core = self._core or CoreProcess('', self.path), None
+        process.set_settings(self._for_core(self.settings))
+        return process
 
     def _stop_core(self) -> None:
         self._text_services.active = False

@@ -25,7 +25,8 @@ from typing import Final
 
 from rt_robot_os.programs import Program
 
-main: Final = Program('robot', 'rt_robot_os.clients.ros.command:run', listens=True)
+main: Final = Program('robot', 'rt_robot_os.clients.ros.command:run', listens=True,
+                      one_thread=True)
 
 
 if __name__ == '__main__':

@@ -31,6 +31,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from rt_robot_os.clients.ros.announcements import frequent_announcements
 from rt_robot_os.clients.ros.console import Console
+from rt_robot_os.clients.ros.core_process import CoreProcess
 from rt_robot_os.clients.ros.node import RobotNode
 from rt_robot_os.dumps.folder import default_folder
 from rt_robot_os.dumps.folder import expanded
@@ -96,9 +97,10 @@ class _NotStarted(Exception):
     """ROS 2 refuses the node."""
 
 
-def _make_node(settings: RobotSettings, stop: _StopOnSignal, console: Console) -> RobotNode:
+def _make_node(settings: RobotSettings, core: CoreProcess | None, stop: _StopOnSignal,
+               console: Console) -> RobotNode:
     try:
-        return RobotNode(settings, console=console, stopping=lambda: bool(stop.signo))
+        return RobotNode(settings, console=console, stopping=lambda: bool(stop.signo), core=core)
     except RtRobotError:
         raise
     except Exception as error:
@@ -113,22 +115,24 @@ def _refused(error: Exception) -> int:
     return BAD_USE
 
 
-def spin(settings: RobotSettings) -> int:
+def spin(settings: RobotSettings, core: CoreProcess | None = None) -> int:
     """
     Run the robot: configure, activate, spin, and leave nothing behind.
 
+    :param core: that is loaded already; None starts one when it is needed.
     :return: the exit code.
     """
     stop = _StopOnSignal()
     console = Console()
     console.open()
     try:
-        return _spin(settings, stop, console)
+        return _spin(settings, core, stop, console)
     finally:
         console.close()
 
 
-def _spin(settings: RobotSettings, stop: _StopOnSignal, console: Console) -> int:
+def _spin(settings: RobotSettings, core: CoreProcess | None, stop: _StopOnSignal,
+          console: Console) -> int:
     try:
         rclpy.init(args=[*sys.argv, *logging_arguments()],
                    signal_handler_options=SignalHandlerOptions.NO)
@@ -139,7 +143,7 @@ def _spin(settings: RobotSettings, stop: _StopOnSignal, console: Console) -> int
     code = FAILED
     try:
         with frequent_announcements():
-            node = _make_node(settings, stop, console)
+            node = _make_node(settings, core, stop, console)
         code = _run(node, executor, stop)
     except KeyboardInterrupt:
         code = OK

@@ -223,7 +223,8 @@ class Supervisor:
                         self._ready.set()
                 elif self._is_lost(started_s, limit_s, error):
                     return None
-                self._stopping.wait(_CONNECT_TRY_S)
+                if self.process is None or not self.process.wait_until_ready(_CONNECT_TRY_S):
+                    self._stopping.wait(_CONNECT_TRY_S)
         return None
 
     def _is_lost(self, started_s: float, limit_s: float, error: LinkError) -> bool:

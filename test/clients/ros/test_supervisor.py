@@ -79,6 +79,9 @@ class FakeProcess:
             raise OSError(24, 'Too many open files')
         self.running = True
 
+    def wait_until_ready(self, timeout_s: float) -> bool:
+        return False
+
     def alive(self) -> bool:
         if self.fail and self.starts > 2:
             raise PermissionError(1, 'Operation not permitted')
