@@ -16,10 +16,10 @@
 """
 Measure how long a robot takes from its start to its first message in ROS 2.
 
-    PYTHONPATH=. python3 scripts/measure_start.py                              # the shipped robot
+    PYTHONPATH=. python3 scripts/measure_start.py      # the shipped robot
     PYTHONPATH=. python3 scripts/measure_start.py config/service_robot.yaml
-    PYTHONPATH=. python3 scripts/measure_start.py --tree ../before --tree .    # two trees, in turns
-    PYTHONPATH=. python3 scripts/measure_start.py --help-of-all                # `--help` of all programs
+    PYTHONPATH=. python3 scripts/measure_start.py --tree ../before --tree .  # two trees, in turns
+    PYTHONPATH=. python3 scripts/measure_start.py --help-of-all      # `--help` of all programs
 
 A subscriber runs before the robot starts, so its own start does not count. The devices are
 simulated. The variants (trees and builds) take turns; one start of each before the first counts
@@ -165,8 +165,8 @@ def robot_of(tree: Path, build: str, arguments: list[str], before: list[str]
             if '_ROS_WHEELS_BOOTSTRAP_COMPLETE' in os.environ:
                 environment.pop(variable, None)
         process = subprocess.Popen(
-            [*before, sys.executable, '-m', 'rt_robot_os.clients.ros.program', *arguments], cwd=tree,
-            env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+            [*before, sys.executable, '-m', 'rt_robot_os.clients.ros.program', *arguments],
+            cwd=tree, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         assert process.stdout is not None
         output = Output(process.stdout)
         try:
