@@ -16,10 +16,10 @@
 """
 Measure how long a robot takes from its start to its first message in ROS 2.
 
-    PYTHONPATH=. python3 scripts/measure_start.py                              # the shipped robot
+    PYTHONPATH=. python3 scripts/measure_start.py      # the shipped robot
     PYTHONPATH=. python3 scripts/measure_start.py config/service_robot.yaml
-    PYTHONPATH=. python3 scripts/measure_start.py --tree ../before --tree .    # two trees, in turns
-    PYTHONPATH=. python3 scripts/measure_start.py --help-of-all                # `--help` of all programs
+    PYTHONPATH=. python3 scripts/measure_start.py --tree ../before --tree .  # two trees, in turns
+    PYTHONPATH=. python3 scripts/measure_start.py --help-of-all      # `--help` of all programs
 
 A subscriber runs before the robot starts, so its own start does not count. The devices are
 simulated. The variants (trees and builds) take turns; one start of each before the first counts
@@ -28,7 +28,7 @@ for nothing. The result is the median of each column, and the least and the grea
 checked     the settings are read and checked (the line that says what is simulated)
 process     the core's process is started (to 10 ms)
 active      the first device delivers: its first sample is in the core
-connected   the node is connected to the core
+connected   the node says that it is connected to the core
 message     the first message of a mirrored topic is with the subscriber
 all         that of the last of these topics which get a message within --patience seconds
 CPU         seconds of all processes of the robot up to ``message``, and of node and core alone
@@ -165,8 +165,8 @@ def robot_of(tree: Path, build: str, arguments: list[str], before: list[str]
             if '_ROS_WHEELS_BOOTSTRAP_COMPLETE' in os.environ:
                 environment.pop(variable, None)
         process = subprocess.Popen(
-            [*before, sys.executable, '-m', 'rt_robot_os.clients.ros.program', *arguments], cwd=tree,
-            env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+            [*before, sys.executable, '-m', 'rt_robot_os.clients.ros.program', *arguments],
+            cwd=tree, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         assert process.stdout is not None
         output = Output(process.stdout)
         try:
@@ -196,9 +196,11 @@ def one_start(listener: Listener, tree: Path, build: str, arguments: list[str],
         times['all'] = max(listener.first_s.values())
         if checked := output.find(CHECKED):
             times['checked'] = checked[0]
-        core = output.find(CONNECTED)
-        if core is None:
-            raise SystemExit('the robot does not say that it is connected')
+        deadline_s = time.monotonic() + START_PATIENCE_S
+        while (core := output.find(CONNECTED)) is None:  # its console may be later
+            if time.monotonic() > deadline_s:
+                raise SystemExit('the robot does not say that it is connected')
+            time.sleep(0.01)
         times['connected'], pid = core[0], int(core[1][1])
         times['process'] = started_s(pid)
         told = [datetime.fromisoformat(each).timestamp() - wall_offset_s
@@ -285,7 +287,7 @@ def main() -> None:
     parser.add_argument('--runs', type=int, default=5)
     parser.add_argument('--patience', type=float, default=1.0, metavar='S')
     parser.add_argument('--first', action='store_true', help='the robots run before all ordinary '
-                        'processes (SCHED_RR), for a machine that is busy')
+                        'processes (SCHED_RR), for a machine that is busy; as root')
     parser.add_argument('--help-of-all', action='store_true')
     arguments = parser.parse_args()
     if arguments.help_of_all:

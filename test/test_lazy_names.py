@@ -28,7 +28,8 @@ lazy_names(__name__, {'Thing': 'inner.things', 'make': 'make'})
 
 
 @pytest.fixture
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> str:
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+            request: pytest.FixtureRequest) -> str:
     name = f'lazy_{request.node.name}'
     (tmp_path / name / 'inner').mkdir(parents=True)
     (tmp_path / name / '__init__.py').write_text(INIT)

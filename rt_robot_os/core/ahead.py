@@ -29,7 +29,6 @@ from rt_robot_os.errors import RtRobotError
 from rt_robot_os.link.paths import socket_path
 from rt_robot_os.modules.registry import module_class
 from rt_robot_os.settings import from_json
-from rt_robot_os.settings import RobotSettings
 from rt_robot_os.topics.resolve import message_class
 
 

@@ -59,6 +59,7 @@ from rt_robot_os.sim.world.happenings import HAPPENINGS
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World
 
+
 def _by_scan_time(lines: Sequence[bytes]) -> tuple[Piece, ...]:
     # Late: it needs NumPy.
     from rt_robot_os.sim.scan_log import by_scan_time
