@@ -47,8 +47,8 @@ MODULES = [name for _, names in _script().PAGES.values() for name in names]
 
 def _public(module: ModuleType) -> Iterator[tuple[str, Any]]:
     """Give the classes and functions of a module, and their methods, that have no underscore."""
-    for name in getattr(module, '__all__', vars(module)):
-        value = vars(module)[name]
+    for name in getattr(module, '__all__', list(vars(module))):
+        value = getattr(module, name)
         ours = (getattr(value, '__module__', '') or '').startswith('rt_robot_os')
         if name.startswith('_') or not ours or not (
                 inspect.isclass(value) or inspect.isfunction(value)):

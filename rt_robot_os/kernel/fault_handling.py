@@ -212,8 +212,8 @@ class FaultHandling:
         """
         Find out where the time of a job with a budget to abort went, in which it did not compute.
 
-        What Linux took is taken off its time. What is left is its own waiting, which does not count
-        for its budget, up to a limit. From the first TaskAborted on it does.
+        What Linux took is taken off its time. What is left is its own waiting, which does not
+        count for its budget, up to a limit. From the first TaskAborted on it does.
 
         :param gap_ns: how long it did not compute, as far as that was not known.
         :return: how much of that Linux took.

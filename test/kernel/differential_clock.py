@@ -54,7 +54,7 @@ class ScenarioClock(VirtualClock):
 
     @property
     def time_ns(self) -> int:
-        """The time, as nobody looks."""
+        """Return the time without counting that as a reading."""
         return self._now_ns
 
     def _count_read(self) -> int:

@@ -134,6 +134,6 @@ def test_an_abort_leaves_no_publication_and_no_resource_half_done() -> None:
             continue
         assert failure.error.startswith("TaskAborted: task 'busy'")
         assert failure.trace[0][0] == __file__ and failure.trace[0][2] == 'job'
-        if compiled.state().compiled:  # at the user's lines, or on the way in or out of the resource
+        if compiled.state().compiled:  # at the user's lines, or entering or leaving it
             path, _, function = failure.trace[-1]
             assert path == __file__ or function in ('__enter__', '__exit__')

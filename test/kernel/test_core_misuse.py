@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What only a program with a fault does to the types of the C core ends with an error, no crash."""
+"""What only a faulty program does to the types of the C core ends with an error, no crash."""
 
 from __future__ import annotations
 
