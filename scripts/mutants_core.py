@@ -120,7 +120,7 @@ def main() -> int:
     """Try them all; the exit code is the number of mutants that live."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').split('\n\n')[0])
     parser.add_argument('--only', default='', help='those with this text in their name')
-    parser.add_argument('--cases', type=int, default=400)
+    parser.add_argument('--cases', type=int, default=1000)
     options = parser.parse_args()
     alive = []
     with tempfile.TemporaryDirectory(prefix='rt_robot_os_mutants_') as name:

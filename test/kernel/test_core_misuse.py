@@ -54,7 +54,6 @@ UNMADE: dict[str, Callable[[], Any]] = {
     'publish': lambda: unmade('PublisherCore').publish(),
     'send': lambda: unmade('PublisherCore').send(b''),
     'commit': lambda: unmade('PublisherCore').commit(1, 0, 0),
-    'publisher.buffer': lambda: unmade('PublisherCore').buffer,
     'take': lambda: unmade('SubscriptionCore').take(),
     'latest': lambda: unmade('SubscriptionCore').latest(),
     'pass_over': lambda: unmade('SubscriptionCore').pass_over(),
