@@ -24,6 +24,7 @@ import resource
 import select
 import tty
 
+from kernel_tools import MS
 from kernel_tools import spin_until
 import pytest
 
@@ -103,7 +104,7 @@ def test_all_terminals_that_have_bytes_are_heard_beside_other_descriptors(
         task = kernel.add_task(f'{priority}', lambda fd=reading: job(fd), priority=priority)
         kernel.add_interrupt(reading, task)
         os.write(writing, b'x')
-    assert kernel.run() == 'all three'
+    assert kernel.run(30_000 * MS) == 'all three'
     assert sorted(heard) == sorted((ends[1], more[1], pipe[0]))
     for fd in (*more, *pipe):
         os.close(fd)
@@ -126,7 +127,7 @@ def test_a_terminal_that_hung_up_releases_its_task(kernel: Kernel, ends: tuple[i
     kernel.add_interrupt(pipe[0], kernel.add_task(
         'other', lambda: os.read(pipe[0], 1), priority=70))
     kernel.add_task('closer', hang_up, priority=10, rate_hz=1.0)
-    assert kernel.run() == 'hung up'
+    assert kernel.run(30_000 * MS) == 'hung up'
     for fd in pipe:
         os.close(fd)
 
@@ -143,7 +144,7 @@ def test_the_end_of_input_at_a_terminal_with_lines_releases_its_task(kernel: Ker
     kernel.add_task('types', lambda: (os.write(controller, b'\x04'),
                                       spin_until(kernel, lambda: reader.runs)),
                     priority=10, rate_hz=1.0)
-    assert kernel.run() == 'end of input'
+    assert kernel.run(30_000 * MS) == 'end of input'
     os.close(controller)
     os.close(terminal)
 
@@ -167,5 +168,5 @@ def test_a_terminal_that_sends_while_its_task_waits_loses_nothing(
 
     kernel.add_interrupt(terminal, kernel.add_task('reader', read, priority=10))
     kernel.add_task('busy', busy, priority=50, rate_hz=0.001)
-    assert kernel.run() == 'all there'
+    assert kernel.run(30_000 * MS) == 'all there'
     assert b''.join(received) == b''.join(b'%09d ' % number for number in range(200))
