@@ -28,13 +28,15 @@ from rt_robot_os.linux.interrupt import mask_signal
 from rt_robot_os.linux.interrupt import no_signal_when_readable
 from rt_robot_os.linux.interrupt import signal_when_readable
 from rt_robot_os.linux.interrupt import unmask_signal
+from rt_robot_os.linux.terminal import is_raw_terminal
+from rt_robot_os.linux.terminal import unread_bytes
 
 
 class Source:
     """A descriptor, its task, and how often it was readable."""
 
     __slots__ = ('fd', 'name', 'task', 'separation_ns', 'open_ns', 'flags', 'arrivals', 'deferred',
-                 'waits')
+                 'waits', 'counted')
 
     def __init__(self, fd: int, name: str, task: Task, separation_ns: int) -> None:
         self.fd = fd
@@ -43,6 +45,7 @@ class Source:
         self.separation_ns = separation_ns
         self.open_ns = 0
         self.waits = False
+        self.counted = is_raw_terminal(fd)
         self.flags: int | None = None
         self.arrivals = 0
         self.deferred = 0
@@ -65,9 +68,13 @@ class InterruptSources:
     sends no signals meanwhile, so that a flood costs no more than one handler a separation. So is
     one that becomes readable while a job of its task waits, until that has ended: the job will
     read all, so that a flood costs nothing as long as the task does not have its turn.
+
+    Terminals are asked how many bytes they have, one by one: ``poll`` would wait for a worker of
+    Linux while bytes are underway (:mod:`rt_robot_os.linux.terminal`). The signal comes when they
+    can be read.
     """
 
-    __slots__ = ('_signals', '_armed', '_sources', '_masked', '_early', '_poll')
+    __slots__ = ('_signals', '_armed', '_sources', '_masked', '_early', '_poll', '_terminals')
 
     def __init__(self, clock: Clock) -> None:
         self._signals = clock.has_signals
@@ -76,6 +83,7 @@ class InterruptSources:
         self._masked: list[Source] = []
         self._early: list[Source] = []
         self._poll = select.poll()
+        self._terminals: list[Source] = []
 
     def add(self, fd: int, task: Task, separation_ns: int = 0, name: str = '') -> None:
         """
@@ -88,7 +96,7 @@ class InterruptSources:
         if self._armed:
             self._watch(source)
         self._sources[fd] = source
-        self._poll.register(fd, select.POLLIN)
+        self._listen(source)
 
     def remove(self, fd: int) -> None:
         """Forget a descriptor; unknown ones are fine."""
@@ -98,7 +106,7 @@ class InterruptSources:
         if source in self._masked:
             self._masked.remove(source)
         else:
-            self._poll.unregister(fd)
+            self._ignore(source)
         self._unwatch(source)
 
     def arm(self) -> None:
@@ -119,13 +127,14 @@ class InterruptSources:
         for source in self._sources.values():
             self._unwatch(source)
         while self._masked:
-            self._poll.register(self._masked.pop().fd, select.POLLIN)
+            self._listen(self._masked.pop())
 
     def ready(self, now_ns: int) -> list[Source]:
         """Return the sources that are readable and not too early; safe in the real-time loop."""
+        readable = [self._sources[fd] for fd, _ in self._poll.poll(0)]
+        readable += [source for source in self._terminals if _has_bytes(source)]
         found = []
-        for fd, _ in self._poll.poll(0):
-            source = self._sources[fd]
+        for source in readable:
             source.arrivals += 1
             if now_ns >= source.open_ns:
                 source.open_ns = now_ns + source.separation_ns
@@ -145,7 +154,7 @@ class InterruptSources:
         """Do not listen to a source for now: until the job of its task that waits has ended."""
         source.deferred += 1
         source.waits = True
-        self._poll.unregister(source.fd)
+        self._ignore(source)
         if source.flags is not None:
             with suppress(OSError):  # closed by its owner: nothing left to do
                 mask_signal(source.fd)
@@ -167,15 +176,27 @@ class InterruptSources:
         if source not in self._masked:
             return False
         self._masked.remove(source)
-        self._poll.register(source.fd, select.POLLIN)
+        self._listen(source)
         if source.flags is not None:
-            with suppress(OSError):  # closed by its owner: poll says so to its reader
+            with suppress(OSError):  # closed by its owner: ready() says so to its reader
                 unmask_signal(source.fd)
         return True
 
     def statistics(self) -> tuple[SourceStatistics, ...]:
         """Take the statistics of all."""
         return tuple(source.statistics() for source in tuple(self._sources.values()))
+
+    def _listen(self, source: Source) -> None:
+        if source.counted:
+            self._terminals.append(source)
+        else:
+            self._poll.register(source.fd, select.POLLIN)
+
+    def _ignore(self, source: Source) -> None:
+        if source.counted:
+            self._terminals.remove(source)
+        else:
+            self._poll.unregister(source.fd)
 
     def _watch(self, source: Source) -> None:
         if self._signals:
@@ -190,3 +211,11 @@ class InterruptSources:
         if flags is not None:
             with suppress(OSError):  # closed by its owner: nothing left to undo
                 no_signal_when_readable(source.fd, flags)
+
+
+def _has_bytes(source: Source) -> bool:
+    """Return whether a terminal can be read, or its reader has to learn that it is gone."""
+    try:
+        return unread_bytes(source.fd) > 0
+    except OSError:
+        return True

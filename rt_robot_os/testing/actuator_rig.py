@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Mapping
+import os
 from pathlib import Path
 import select
 import time
@@ -32,6 +33,7 @@ from rt_robot_os.devices.state import RecoverySettings
 from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.linux.terminal import unread_bytes
 from rt_robot_os.reports import Reports
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.device import SimulatedDevice
@@ -44,18 +46,35 @@ from rt_robot_os.units import NS_PER_S
 POLL_HZ = 50.0
 _LINE_HZ = 1000.0
 _WAIT_S = 5.0
+_FULL = 4095  # more a terminal does not hold for its reader; the rest follows when it reads
 
 
 class _Wire:
-    """Counts what goes to the device, since a pty hands over in its own time."""
+    """Counts what goes both ways, since a pty hands over in its own time."""
 
     def __init__(self, link: Path) -> None:
         self.plug = _CountingPty(link)
         self.written = 0
+        self._port: Port | None = None
+        self._sent_before = 0
 
     def open(self, path: str, baud: int) -> Port:  # noqa: A003
         self.written = self.plug.received = 0
-        return _CountingPort(open_port(path, baud), self)
+        self._port = open_port(path, baud)
+        self._sent_before = self.plug.bytes_sent
+        return _CountingPort(self._port, self)
+
+    def driver_has_all(self) -> bool:
+        """Return whether the driver can read, or has read, all that it was sent."""
+        port = self._port
+        if port is None or not self.plug.plugged:
+            return True
+        try:
+            unread = unread_bytes(port.fileno())
+        except OSError:  # closed, or the plug of before has gone
+            return True
+        sent = self.plug.bytes_sent - self._sent_before
+        return unread >= _FULL or port.bytes_read + unread >= sent
 
 
 class _CountingPty(PtyPort):
@@ -145,6 +164,9 @@ class ActuatorRig:
             assert time.monotonic() < end_s, 'what the driver sent did not arrive'
             select.select([wire.plug.fileno()], [], [], _WAIT_S)
             self.twin.pump(now_ns)
+        while not wire.driver_has_all():  # on the virtual clock Linux takes no time
+            assert time.monotonic() < end_s, 'what the device sent did not arrive'
+            os.sched_yield()
         if self.each is not None:
             self.each()
 

@@ -17,9 +17,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import errno
 import os
 from pathlib import Path
+import resource
 import select
 import subprocess
 import sys
@@ -38,6 +40,15 @@ def plug(tmp_path: Path) -> Any:
     port.plug()
     yield port
     port.unplug()
+
+
+@pytest.fixture
+def one_cpu() -> Iterator[None]:
+    """Where Linux can hand on bytes only while this thread waits."""
+    cpus = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cpus)})
+    yield
+    os.sched_setaffinity(0, cpus)
 
 
 def read_exactly(port: SerialPort, count: int) -> bytes:
@@ -112,6 +123,7 @@ def test_what_came_before_the_unplugging_is_not_lost(
 
     with monkeypatch.context() as patch:
         patch.setattr(transport.os, 'read', read)
+        patch.setattr(transport, 'unread_bytes', lambda fd: 1)
         assert len(port.read()) == 4095 + 4096 + 10
         assert len(port.read()) == 4095
         with pytest.raises(DeviceError, match='is gone'):
@@ -124,8 +136,52 @@ def test_one_read_is_bounded(plug: PtyPort, monkeypatch: pytest.MonkeyPatch) -> 
     port = SerialPort(str(plug.link), None)
     with monkeypatch.context() as patch:
         patch.setattr(transport.os, 'read', lambda descriptor, size: bytes(size))
+        patch.setattr(transport, 'unread_bytes', lambda fd: 1)
         assert len(port.read()) == 65536
     port.close()
+
+
+def test_a_read_does_not_wait_for_bytes_that_linux_has_not_handed_on(
+        plug: PtyPort, one_cpu: None) -> None:
+    port = SerialPort(str(plug.link), None)
+    waits = 0
+    sent = b''
+    received = b''
+    for number in range(200):
+        first, second = b'a%d ' % number, b'b%d ' % number
+        plug.write(first)
+        sent += first + second
+        received += read_exactly(port, len(sent) - len(received) - len(second))
+        plug.write(second)  # on its way: a worker of Linux has been told a moment ago
+        before = resource.getrusage(resource.RUSAGE_THREAD).ru_nvcsw
+        received += port.read()
+        waits += resource.getrusage(resource.RUSAGE_THREAD).ru_nvcsw - before
+        received += read_exactly(port, len(sent) - len(received))
+    assert received == sent
+    # Linux may take turns for a moment while its worker hands bytes on.
+    assert waits <= 20
+    port.close()
+
+
+def test_what_came_while_nobody_read_is_all_there(plug: PtyPort) -> None:
+    port = SerialPort(str(plug.link), None)
+    parts = [bytes(range(number, number + 40)) for number in range(50)]
+    for part in parts:
+        plug.write(part)
+    assert read_exactly(port, 2000) == b''.join(parts)
+    assert port.read() == b''
+    port.close()
+
+
+def test_what_was_on_its_way_before_the_port_was_opened_is_discarded(plug: PtyPort) -> None:
+    for _ in range(50):
+        other = os.open(plug.link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        plug.write(b'old')
+        port = SerialPort(str(plug.link), None)
+        plug.write(b'new')
+        assert read_exactly(port, 3) == b'new'
+        port.close()
+        os.close(other)
 
 
 def test_unplugging_is_an_error_for_reading_and_for_writing(plug: PtyPort) -> None:
@@ -138,6 +194,8 @@ def test_unplugging_is_an_error_for_reading_and_for_writing(plug: PtyPort) -> No
     port.close()
     port.close()
     assert port.fileno() == -1
+    with pytest.raises(DeviceError, match='is gone'):
+        port.read()
 
 
 def test_what_the_port_does_not_take_is_kept_and_sent_later(plug: PtyPort) -> None:

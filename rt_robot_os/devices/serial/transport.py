@@ -35,6 +35,7 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.errors import DeviceError
+from rt_robot_os.linux.terminal import unread_bytes
 import serial  # type: ignore[import-untyped]
 
 # The line discipline hands over at most 4095 bytes a call, so fewer means that no more are there.
@@ -80,7 +81,7 @@ class StreamPort(ABC):
         :raises DeviceError: the port is gone.
         """
         try:
-            data = os.read(self._fd, _READ_SIZE)
+            data = self._receive()
         except BlockingIOError:
             return b''
         except OSError as error:
@@ -123,7 +124,7 @@ class StreamPort(ABC):
         parts = [data]
         for _ in range(_MAX_READS - 1):
             try:
-                data = os.read(self._fd, _READ_SIZE)
+                data = self._receive()
             except OSError:
                 break  # none left, or gone: then the next read says so, and these are not lost
             if data:
@@ -131,6 +132,10 @@ class StreamPort(ABC):
             if len(data) < _FULL_READ:
                 break
         return b''.join(parts)
+
+    def _receive(self) -> bytes:
+        """Read once; BlockingIOError when there is nothing."""
+        return os.read(self._fd, _READ_SIZE)
 
     @abstractmethod
     def _gone(self, error: OSError | None) -> DeviceError:
@@ -193,6 +198,11 @@ class SerialPort(StreamPort):
         except OSError:
             pass
 
+    def _receive(self) -> bytes:
+        if not unread_bytes(self._fd):
+            raise BlockingIOError
+        return super()._receive()
+
     def _drained(self) -> bool:
         """Wait a little until all has gone out; return whether it has."""
         end_s = time.monotonic() + DRAIN_S
@@ -214,12 +224,7 @@ class SerialPort(StreamPort):
         os.set_blocking(self._fd, False)
         if self._real:
             fcntl.ioctl(self._fd, termios.TIOCEXCL)
-        for _ in range(_MAX_READS):
-            try:
-                if not os.read(self._fd, _READ_SIZE):
-                    return
-            except BlockingIOError:
-                return
+        termios.tcflush(self._fd, termios.TCIFLUSH)  # also what is on its way, as no read would
 
     def _gone(self, error: OSError | None) -> DeviceError:
         cause = os.strerror(error.errno) if error is not None and error.errno else 'end of file'
