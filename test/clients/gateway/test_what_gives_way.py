@@ -174,6 +174,19 @@ def test_nothing_gives_way_for_what_is_no_more_important_and_no_event_for_an_ala
     full.keeper.stop()
 
 
+def test_what_gives_way_for_several_records_is_judged_by_the_most_important_of_them(
+        tmp_path: Path) -> None:
+    full = FullDisk(tmp_path, [Importance.NETWORK])
+    full.keeper.step([(Record(each, 'log', {'long': 'x' * 8000}, 1), None)
+                      for each in (Importance.ALARM, Importance.NETWORK)])
+    for _ in range(2):
+        full.now_s += 2.0
+        full.keeper.step(())
+    assert full.lost() == {Importance.NETWORK: CHUNK}
+    assert full.keeper.outbox.rows[Importance.ALARM] == 1 and not full.keeper.problem
+    full.keeper.stop()
+
+
 # ---- in memory -------------------------------------------------------------------------------
 
 def test_of_what_the_disk_did_not_take_the_oldest_of_the_least_important_is_dropped() -> None:
