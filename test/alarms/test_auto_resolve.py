@@ -53,7 +53,7 @@ class Ward:
         return self.book.next_ns() / NS_PER_S
 
 
-def test_an_alarm_acknowledged_after_its_cause_was_over_stays_from_the_acknowledgement_on() -> None:
+def test_an_alarm_acknowledged_after_its_cause_was_over_stays_from_that_moment_on() -> None:
     ward = Ward()
     ward.cause(1, HELP)
     ward.over(10, HELP)

@@ -151,7 +151,7 @@ def test_at_the_top_those_are_told_again_whom_nothing_has_reached() -> None:
     assert ward.told(37) == [(37, 'emergency, operator')]
 
 
-def test_at_the_top_nobody_is_told_again_who_may_report_yet_or_was_reached_in_another_step() -> None:
+def test_at_the_top_nobody_is_told_again_who_may_report_yet_or_was_reached_before() -> None:
     ward = Ward('operator 2', 'family+screen 2', 'operator 2', 'emergency 5')
     ward.report(2, 'operator', ok=False)
     assert ward.told(4) == [(4, 'operator')]

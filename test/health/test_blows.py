@@ -32,7 +32,7 @@ RATE_HZ = 50
 
 
 def fall_and_knock(after_s: float, factor: float) -> Evidence:
-    """Let somebody fall, and something knock at the sensor after the impact; return what is said."""
+    """Let somebody fall, and something knock at the sensor later; return what is said."""
     detector, found = FallDetector(), []
     for number in range(round((STANDING_S + 6.0) * RATE_HZ)):
         at_s = number / RATE_HZ

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The hub of the monitor: whose answer is whose, and when a robot is silent; by a clock by hand."""
+"""The hub of the monitor: whose answer is whose, and when a robot is silent."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A robot that touches something: along which directions it may go on, and from which it is kept."""
+"""A robot that touches something: in which directions it may go on."""
 
 from __future__ import annotations
 
