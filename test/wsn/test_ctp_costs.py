@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The Collection Tree Protocol: from which cost on a node changes its parent, tells it, or waits."""
+"""The Collection Tree Protocol: at which cost a node changes its parent, tells it, or waits."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ import pytest
 
 pytest.importorskip('websockets', reason='websockets is not installed')
 
-from outbox_keeper import keeper_in  # noqa: E402
+from outbox_keeper import keeper_in  # noqa: E402, I100
 from rt_robot_os.clients.gateway.outbox import Mark  # noqa: E402
 from rt_robot_os.clients.gateway.outbox import Outbox  # noqa: E402
 from rt_robot_os.clients.gateway.outbox import Row  # noqa: E402

@@ -25,7 +25,7 @@ import pytest
 
 pytest.importorskip('websockets', reason='websockets is not installed')
 
-from outbox_keeper import keeper_in  # noqa: E402
+from outbox_keeper import keeper_in  # noqa: E402, I100
 from rt_robot_os.clients.gateway.keeper import Keeper  # noqa: E402
 from rt_robot_os.clients.gateway.outbox import CHUNK  # noqa: E402
 from rt_robot_os.clients.gateway.outbox import Outbox  # noqa: E402
