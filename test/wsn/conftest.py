@@ -22,4 +22,5 @@ import sys
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-pytest.register_assert_rewrite('fake_air', 'fake_node', 'lqi_networks', 'lqi_recordings')
+pytest.register_assert_rewrite('ctp_mote', 'fake_air', 'fake_node', 'lqi_networks',
+                               'lqi_recordings')

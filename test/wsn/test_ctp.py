@@ -17,7 +17,8 @@
 
 from __future__ import annotations
 
-from fake_node import FakeNode
+from ctp_mote import ME
+from ctp_mote import Mote
 from fake_node import Sent
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,63 +28,11 @@ from rt_robot_os.wsn.packets.ctp import CtpBeacon
 from rt_robot_os.wsn.packets.ctp import CtpData
 from rt_robot_os.wsn.packets.ctp import NO_PARENT
 from rt_robot_os.wsn.packets.ctp import PULL
-from rt_robot_os.wsn.routing.ctp import Ctp
 from rt_robot_os.wsn.routing.ctp_rules import CtpRules
 from rt_robot_os.wsn.routing.ctp_rules import TOSSIM
 from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
 from rt_robot_os.wsn.routing.protocol import BROADCAST
 from rt_robot_os.wsn.routing.protocol import Received
-
-ME = 5
-
-
-class Mote:
-    """A node with CTP, and who stands about it."""
-
-    def __init__(self, root: bool = False, rules: CtpRules = CtpRules()) -> None:
-        self.node = FakeNode(ME)
-        self.ctp = Ctp(self.node, root, rules)
-        self.ctp.start()
-        self._sequences: dict[int, int] = {}
-
-    def beacon(self, source: int, etx: int, times: int = 1, parent: int = 0, options: int = 0,
-               lqi: int = 100) -> None:
-        """Hear beacons of a neighbour."""
-        for _ in range(times):
-            sequence = self._sequences.get(source, 0)
-            self._sequences[source] = sequence + 1
-            payload = CtpBeacon(sequence & 0xFF, options, parent, etx).pack()
-            self.ctp.receive(Received(BROADCAST, source, CtpBeacon.AM_TYPE, payload, lqi, -80))
-
-    def data(self, number: int, etx: int = 100, origin: int = 9, hops: int = 0) -> None:
-        """Take a data packet from a child."""
-        payload = CtpData(0, hops, etx, origin, number & 0xFF, 0x93, b'hello').pack()
-        self.ctp.receive(Received(ME, origin, CtpData.AM_TYPE, payload, 100, -80))
-
-    def think(self) -> None:
-        """Let the node choose its parent; what it tells is thrown away."""
-        self.node.run_binary_ms(8192)
-        self.told()
-
-    def told(self) -> list[CtpBeacon]:
-        """Send the beacon that waits, if one does."""
-        sender = self.node.senders[0]
-        return [CtpBeacon.unpack(sender.done().payload)] if sender.frame else []
-
-    def on_air(self) -> Sent | None:
-        """Return the data frame that is on its way."""
-        return self.node.senders[1].frame
-
-    def through(self, acknowledged: bool = True) -> CtpData:
-        """Let the data frame be through."""
-        return CtpData.unpack(self.node.senders[1].done(acknowledged).payload)
-
-    def with_parent(self) -> Mote:
-        """Take the root, number 0, as parent, over a perfect link."""
-        self.beacon(0, 0, 3)
-        self.think()
-        assert self.ctp.parent == 0
-        return self
 
 
 def test_a_root_tells_that_it_is_there() -> None:

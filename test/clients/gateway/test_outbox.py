@@ -23,7 +23,6 @@ import shutil
 import sqlite3
 import tempfile
 from typing import Any
-from uuid import uuid4
 
 from broad import examples
 from hypothesis import HealthCheck
@@ -38,32 +37,13 @@ import pytest
 
 pytest.importorskip('websockets', reason='websockets is not installed')
 
-from rt_robot_os.clients.gateway.keeper import Keeper  # noqa: E402
+from outbox_keeper import keeper_in  # noqa: E402, I100
 from rt_robot_os.clients.gateway.outbox import Mark  # noqa: E402
 from rt_robot_os.clients.gateway.outbox import Outbox  # noqa: E402
 from rt_robot_os.clients.gateway.outbox import Row  # noqa: E402
 from rt_robot_os.clients.gateway.part import Record  # noqa: E402
-from rt_robot_os.clients.gateway.part import Ways  # noqa: E402
-from rt_robot_os.clients.gateway.settings import GatewaySettings  # noqa: E402
 from rt_robot_os.uplink.importance import Importance  # noqa: E402
 from rt_robot_os.uplink.messages import decode  # noqa: E402
-
-
-class NoNetwork:
-    """A connection of which nothing is heard."""
-
-    connected = False
-
-    def wake(self) -> None:
-        pass
-
-
-def keeper_in(folder: Path, clock: Any, said: list[str], **more: Any) -> Keeper:
-    """Make what keeps records in a folder; the caller steps it."""
-    none: Any = None
-    server: Any = NoNetwork()
-    ways = Ways(none, server, GatewaySettings(**more), none, none, said.append, folder)
-    return Keeper(ways, str(uuid4()), clock)
 
 
 class Delivery(RuleBasedStateMachine):

@@ -1,0 +1,148 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A journal that stores nothing for long: what is kept for it, what is dropped, who waits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import json
+
+from rt_robot_os.alarms.cause import Cause
+from rt_robot_os.alarms.cause import Level
+from rt_robot_os.alarms.desk import Desk
+from rt_robot_os.alarms.escalation import parse_steps
+from rt_robot_os.alarms.rules import Rules
+from rt_robot_os.units import NS_PER_S
+
+#: Nobody is told that the journal is faulty: only the cause of a person waits for it.
+RULES = Rules({Level.CRITICAL: parse_steps(['operator 30']),
+               Level.URGENT: parse_steps(['operator 30'])})
+WAIT_S = 2
+MOST = 256
+
+
+def help_of(subject: str, level: Level = Level.CRITICAL) -> Cause:
+    return Cause('help', subject, level, True, 'text', 'button')
+
+
+def new_desk(records: Iterable[str] = ()) -> Desk:
+    desk = Desk(RULES, wait_ns=WAIT_S * NS_PER_S)
+    desk.start(NS_PER_S)
+    for each in records:
+        desk.take_stored({'record': json.loads(each), 'age_ns': 0}, NS_PER_S)
+    desk.take_stored({'restored': 0}, NS_PER_S)
+    return desk
+
+
+def see(desk: Desk, subject: str, pictures: int) -> None:
+    """Make so many records of an alarm: a picture each."""
+    (alarm,) = [each.id for each in desk.book.in_order() if each.subject == subject]
+    for number in range(pictures):
+        desk.take_picture(alarm, f'{subject}{number}.jpg', 2 * NS_PER_S)
+
+
+def about(desk: Desk) -> list[str]:
+    """Return what is not stored: the alarm of each record, by subject."""
+    return [json.loads(each)['state']['subject'] for each in desk.unstored()]
+
+
+def told(desk: Desk, at_s: float) -> list[str]:
+    desk.advance(round(at_s * NS_PER_S))
+    return [each.subject for each in desk.take_notifications()]
+
+
+def test_the_only_record_of_an_alarm_outlives_many_of_another_one() -> None:
+    desk = new_desk()
+    desk.take_cause(help_of('anna'), 2 * NS_PER_S)
+    desk.take_cause(help_of('bert'), 2 * NS_PER_S)
+    see(desk, 'bert', MOST + 50)
+    assert about(desk) == ['anna', *['bert'] * (MOST - 1)]
+    assert desk.statistics()['dropped_records'] == 52
+    # The journal is back, it gets what there is, and then the core starts anew.
+    after = new_desk(desk.unstored())
+    assert {each.subject for each in after.book.in_order()} == {'anna', 'bert'}
+    assert after.book.in_order()[1].pictures[-1] == f'bert{MOST + 49}.jpg'
+
+
+def test_of_the_records_that_a_later_one_makes_up_for_the_oldest_goes_first() -> None:
+    desk = new_desk()
+    desk.take_cause(help_of('anna'), 2 * NS_PER_S)
+    see(desk, 'anna', 1)
+    desk.take_cause(help_of('bert'), 2 * NS_PER_S)
+    see(desk, 'bert', MOST - 3)
+    assert about(desk)[:3] == ['anna', 'anna', 'bert'] and len(about(desk)) == MOST
+    see(desk, 'bert', 1)
+    assert about(desk)[:2] == ['anna', 'bert'] and len(about(desk)) == MOST
+    see(desk, 'bert', 1)
+    assert about(desk)[:2] == ['anna', 'bert'] and len(about(desk)) == MOST
+
+
+def test_a_record_that_is_not_stored_is_sent_again_and_one_that_is_stored_is_not() -> None:
+    desk = new_desk()
+    desk.take_cause(help_of('anna'), 2 * NS_PER_S)
+    desk.take_cause(help_of('bert'), 2 * NS_PER_S)
+    first, second = desk.take_records()
+    desk.take_stored({'stored': json.loads(first)['seq']}, 2 * NS_PER_S)
+    assert desk.unstored() == [second]
+    desk.take_stored({'resend': True}, 2 * NS_PER_S)
+    assert desk.take_records() == [second]
+
+
+def test_a_notification_is_let_go_when_its_own_record_is_stored_and_no_later() -> None:
+    desk = new_desk()
+    desk.take_cause(help_of('anna'), 2 * NS_PER_S)
+    desk.take_cause(help_of('bert'), 2 * NS_PER_S)
+    first, _ = desk.take_records()
+    assert told(desk, 2.5) == []
+    desk.take_stored({'stored': json.loads(first)['seq']}, round(2.5 * NS_PER_S))
+    assert told(desk, 2.5) == ['anna']
+
+
+def test_a_cause_that_comes_during_a_fault_waits_until_the_end_of_the_patience_with_it() -> None:
+    desk = new_desk()
+    desk.take_stored({'fault': 'no such disk'}, 2 * NS_PER_S)
+    desk.take_cause(help_of('anna'), round(3.5 * NS_PER_S))
+    assert told(desk, 3.999) == []
+    assert desk.next_ns == 4 * NS_PER_S  # not 2 s after the cause
+    assert told(desk, 4) == ['anna']
+
+
+def test_a_cause_from_before_a_fault_waits_no_longer_than_it_would_have_done_without() -> None:
+    desk = new_desk()
+    desk.take_cause(help_of('anna'), 2 * NS_PER_S)
+    desk.take_stored({'fault': 'no such disk'}, 3 * NS_PER_S)
+    assert told(desk, 3.999) == []
+    assert told(desk, 4) == ['anna']
+
+
+def test_when_patience_is_over_people_are_told_at_once_until_the_journal_stores_again() -> None:
+    desk = new_desk()
+    desk.take_stored({'fault': 'no such disk'}, 2 * NS_PER_S)
+    desk.take_cause(help_of('anna'), 4 * NS_PER_S)
+    assert told(desk, 4) == ['anna']
+    desk.take_stored({'stored': json.loads(desk.unstored()[-1])['seq']}, 5 * NS_PER_S)
+    assert not desk.warning
+    desk.take_cause(help_of('bert'), 6 * NS_PER_S)
+    assert told(desk, 7.999) == []
+    assert told(desk, 8) == ['bert']
+    assert 'it has stored nothing for 2 s' in desk.warning
+
+
+def test_who_was_acknowledged_while_the_notification_waited_is_told_of_nothing() -> None:
+    desk = new_desk()
+    desk.take_cause(help_of('anna'), 2 * NS_PER_S)
+    desk.take_command('acknowledge anna by mary', 3 * NS_PER_S)
+    assert told(desk, 10) == []
+    assert desk.statistics()['withdrawn'] == 1
