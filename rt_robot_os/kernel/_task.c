@@ -58,9 +58,9 @@ count_job(Task *task, ns_t release_ns, ns_t previous_ns, ns_t end_ns, ns_t stole
         if (execution_ns == -1 && PyErr_Occurred())
             return -1;
     }
-    task->counts[EXECUTION][bucket_of(execution_ns)]++;
+    task->counts[bucket_of(execution_ns)][EXECUTION]++;
     ns_t latency_ns = start_ns - release_ns;
-    task->counts[LATENCY][bucket_of(latency_ns)]++;
+    task->counts[bucket_of(latency_ns)][LATENCY]++;
     if (latency_ns > task->latency_maximum_ns)
         task->latency_maximum_ns = latency_ns;
     if (end_ns - release_ns > task->response_limit_ns) {
@@ -79,7 +79,7 @@ count_job(Task *task, ns_t release_ns, ns_t previous_ns, ns_t end_ns, ns_t stole
         ns_t jitter_ns = gap_ns - task->interval_ns;
         if (jitter_ns < 0)
             jitter_ns = -jitter_ns;
-        task->counts[JITTER][bucket_of(jitter_ns)]++;
+        task->counts[bucket_of(jitter_ns)][JITTER]++;
         if (jitter_ns > task->jitter_maximum_ns)
             task->jitter_maximum_ns = jitter_ns;
     }
@@ -108,7 +108,7 @@ task_counts(PyObject *self, PyObject *kind)
     }
     PyObject *list = PyList_New(BUCKETS);
     for (int i = 0; list != NULL && i < BUCKETS; i++) {
-        PyObject *count = PyLong_FromUnsignedLongLong(((Task *)self)->counts[number][i]);
+        PyObject *count = PyLong_FromUnsignedLongLong(((Task *)self)->counts[i][number]);
         if (count == NULL)
             Py_CLEAR(list);
         else
