@@ -165,7 +165,8 @@ def main() -> int:
                 print(f'scenario {number}: {line}')
             defects += len(told)
             if done.returncode == 0:
-                print(f'scenario {number}: {reached} allocations failed, one in each run')
+                print(f'scenario {number}: one in {options.step} of {reached} allocations failed, '
+                      'each in a run of its own')
                 break
             defects += 1
             print(f'scenario {number}, allocation {reached}: exit code {done.returncode}\n'
