@@ -20,11 +20,11 @@ import sys
 
 sys.path.insert(0, str(Path(__file__).parent.absolute()))  # pip leaves that to us
 
-from rt_robot_os.compiled.build import BuildCore  # noqa: E402
-from rt_robot_os.compiled.build import extensions  # noqa: E402
-from rt_robot_os.compiled.build import wheel_options  # noqa: E402
-from rt_robot_os.requirements import extras_require  # noqa: E402
-from rt_robot_os.requirements import install_requires  # noqa: E402
+from rt_robot_os.base.compiled.build import BuildCore  # noqa: E402
+from rt_robot_os.base.compiled.build import extensions  # noqa: E402
+from rt_robot_os.base.compiled.build import wheel_options  # noqa: E402
+from rt_robot_os.base.requirements import extras_require  # noqa: E402
+from rt_robot_os.base.requirements import install_requires  # noqa: E402
 from setuptools import find_packages  # noqa: E402
 from setuptools import setup  # noqa: E402
 
@@ -34,8 +34,8 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(exclude=['test', 'test.*']),
-    package_data={package_name: ['py.typed', 'devices/*/page.md', 'compiled/*.c', 'kernel/*.[ch]',
-                                 'linux/*.c', 'topics/*.c',
+    package_data={package_name: ['py.typed', 'devices/*/page.md', 'features/*/*/page.md',
+                                 'base/compiled/*.c', 'kernel/*.[ch]', 'linux/*.c', 'topics/*.c',
                                  'monitor/page/*.*', 'monitor/page/*/*.*', 'monitor/page/*/*/*.*',
                                  'tools/plan/typical.json', 'tools/new/templates/*.in']},
     data_files=[
@@ -60,29 +60,29 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'alarms = rt_robot_os.clients.alarms.program:main',
+            'alarms = rt_robot_os.features.alarms.cli.program:main',
             'bench = rt_robot_os.tools.bench.program:main',
             'black_box = rt_robot_os.tools.black_box.program:main',
             'core = rt_robot_os.core.program:main',
             'doctor = rt_robot_os.tools.doctor.program:main',
-            'echo = rt_robot_os.clients.ros.echo_program:main',
-            'gateway = rt_robot_os.clients.gateway.program:main',
-            'health = rt_robot_os.tools.health.program:main',
+            'echo = rt_robot_os.ros.echo_program:main',
+            'gateway = rt_robot_os.gateway.program:main',
+            'health = rt_robot_os.features.health.cli.program:main',
             'i2c_bridge = rt_robot_os.devices.i2c.program:main',
             'monitor = rt_robot_os.monitor.program:main',
-            'mapping = rt_robot_os.clients.mapping.program:main',
+            'mapping = rt_robot_os.features.mapping.process.program:main',
             'new = rt_robot_os.tools.new.program:main',
-            'notifier = rt_robot_os.clients.notifier.program:main',
-            'parameters = rt_robot_os.clients.parameters.program:main',
+            'notifier = rt_robot_os.features.alarms.notifier.program:main',
+            'parameters = rt_robot_os.tools.parameters.program:main',
             'plan = rt_robot_os.tools.plan.program:main',
             'player = rt_robot_os.sim.player_program:main',
-            'record = rt_robot_os.clients.recording.record_program:main',
+            'record = rt_robot_os.recording.record_program:main',
             'rehearse = rt_robot_os.tools.rehearse.program:main',
-            'replay = rt_robot_os.clients.recording.replay_program:main',
-            'robot = rt_robot_os.clients.ros.program:main',
-            'simulator = rt_robot_os.sim.program:main',
-            'top = rt_robot_os.clients.top.program:main',
-            'wsn = rt_robot_os.tools.wsn.program:main',
+            'replay = rt_robot_os.recording.replay_program:main',
+            'robot = rt_robot_os.ros.program:main',
+            'simulator = rt_robot_os.core.simulator_program:main',
+            'top = rt_robot_os.tools.top.program:main',
+            'wsn = rt_robot_os.features.wsn.cli.program:main',
         ],
     },
 )

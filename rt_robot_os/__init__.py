@@ -11,9 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-
 """A preemptive fixed-priority real-time kernel for Python robot code, as a ROS 2 package."""
-
-from rt_robot_os.moved import install
-
-install()

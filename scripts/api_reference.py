@@ -39,18 +39,18 @@ SWITCH = 'RT_ROBOT_OS_COMPILE'
 # What users write code against: page -> title, modules.
 PAGES = {
     'modules': ('Modules', ['rt_robot_os.modules', 'rt_robot_os.topics.ports',
-                            'rt_robot_os.schema', 'rt_robot_os.logger']),
+                            'rt_robot_os.base.schema', 'rt_robot_os.base.logger']),
     'devices': ('Devices', [f'rt_robot_os.devices.{name}' for name in (
         'device', 'serial.device', 'framing', 'serial.handshake', 'imu', 'ranging', 'recognise',
         'i2c.device', 'capture.device')]),
-    'sim': ('Simulated devices', ['rt_robot_os.sim.device', 'rt_robot_os.sim.i2c_device']),
+    'sim': ('Simulated devices', ['rt_robot_os.sim.device', 'rt_robot_os.devices.i2c.simulated_device']),
     'testing': ('Testing', ['rt_robot_os.testing']),
     'topics': ('Topics', ['rt_robot_os.topics']),
     'kernel': ('Kernel', ['rt_robot_os.kernel']),
     'link': ('Clients of the core', ['rt_robot_os.link', 'rt_robot_os.link.client']),
     'settings': ('Settings', ['rt_robot_os.settings', 'rt_robot_os.settings.model']),
-    'common': ('Errors, reports, units', ['rt_robot_os.errors', 'rt_robot_os.reports',
-                                          'rt_robot_os.units']),
+    'common': ('Errors, reports, units', ['rt_robot_os.base.errors', 'rt_robot_os.base.reports',
+                                          'rt_robot_os.base.units']),
 }
 
 # Their classes inherit what runs with each job and each message; not what Python's own give.

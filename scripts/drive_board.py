@@ -30,7 +30,7 @@ import select
 import sys
 import time
 
-from rt_robot_os.devices.roboclaw.twin_unit import Unit
+from rt_robot_os.devices.roboclaw.simulated_unit import Unit
 from rt_robot_os.devices.roboclaw.wire import FIRST_ADDRESS
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.world.drive_base import DriveBase

@@ -36,13 +36,13 @@ from mcap_ros2.reader import read_ros2_messages
 import numpy as np
 from PIL import Image
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.paths import socket_path
+from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.topics import Layout
 from simulated_robot import robot
 from simulated_robot import ROOT
 
-RECORD = sys.executable, '-m', 'rt_robot_os.clients.recording.record_program'
+RECORD = sys.executable, '-m', 'rt_robot_os.recording.record_program'
 TOPICS = 'pose', 'plan', 'scan', 'odom', 'camera/image_raw/compressed'
 WARM_UP_S = 5.0
 GOAL = 3.2, 6.4, 0.0

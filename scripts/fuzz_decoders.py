@@ -41,7 +41,6 @@ from rt_robot_os.devices.bno055 import wire as bno055
 from rt_robot_os.devices.hokuyo import wire as scip
 from rt_robot_os.devices.maxbotix import wire as maxbotix
 from rt_robot_os.devices.nmea import wire as nmea
-from rt_robot_os.devices.oximeter import wire as oximeter
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.sharp import wire as sharp
@@ -49,12 +48,13 @@ from rt_robot_os.devices.stargazer import wire as stargazer
 from rt_robot_os.devices.ublox import wire as ubx
 from rt_robot_os.devices.witmotion import wire as witmotion
 from rt_robot_os.devices.xsens import wire as xbus
-from rt_robot_os.wsn.packets import framing
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
-from rt_robot_os.wsn.packets.paper import BeaconMsg
-from rt_robot_os.wsn.packets.paper import DataMsg
-from rt_robot_os.wsn.packets.serial_am import SerialAm
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.health.oximeter import wire as oximeter
+from rt_robot_os.features.wsn.packets import framing
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.packets.paper import BeaconMsg
+from rt_robot_os.features.wsn.packets.paper import DataMsg
+from rt_robot_os.features.wsn.packets.serial_am import SerialAm
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
 
 MAX_PENDING = {'hokuyo': 6001, 'sink': 700, 'ublox': 3000, 'xsens': 2100}
 SIZES = {'ranges': 682, 'covariance': 36}

@@ -281,7 +281,7 @@ def _whose(tree: str) -> str:
     :raises ImportError: it is not that of the tree.
     """
     import rt_robot_os
-    from rt_robot_os.compiled import state
+    from rt_robot_os.base.compiled import state
     for name in ('kernel', 'topics'):  # here it fails, if at all
         import_module(f'rt_robot_os.{name}')
     where = os.path.dirname(os.path.dirname(os.path.abspath(str(rt_robot_os.__file__))))

@@ -54,12 +54,12 @@ import tempfile
 import time
 from typing import Any
 
+from rt_robot_os.messages.uplink.frames import encode_frame
+from rt_robot_os.messages.uplink.messages import encode
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.roles import Role
 from rt_robot_os.monitor.server import DATABASE
 from rt_robot_os.monitor.store.store import Store
-from rt_robot_os.uplink.frames import encode_frame
-from rt_robot_os.uplink.messages import encode
 from websockets.asyncio.client import ClientConnection
 from websockets.asyncio.client import connect
 

@@ -30,9 +30,9 @@ import sys
 import tempfile
 import time
 
-from rt_robot_os.clients.ros.core_process import CoreProcess
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.core.simulators import device_folder
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.settings import load
 from rt_robot_os.settings import to_json
 from rt_robot_os.settings.world import load_world

@@ -28,6 +28,7 @@ import math
 from pathlib import Path
 import random
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.controllers import CONTROLLERS
 from rt_robot_os.motion.controllers import make_controller
 from rt_robot_os.motion.differential import moved
@@ -39,7 +40,6 @@ from rt_robot_os.motion.velocity_limits import VelocityLimits
 from rt_robot_os.sim.world.drive_base import DriveBase
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.tools.bench.driving.drives import eight
-from rt_robot_os.units import NS_PER_S
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / 'docs' / 'images' / 'trajectory.svg'

@@ -59,7 +59,7 @@ PAGE_KINDS = ('let_go', 'blur', 'hidden', 'gamepad', 'pointer_cancelled', 'page_
 PROCESS_KINDS = ('tab_killed', 'server_stopped', 'server_killed', 'gateway_stopped',
                  'gateway_killed', 'second_operator', 'session_revoked')
 NETWORK_KINDS = ('page_cable', 'page_loss', 'robot_cable', 'robot_loss')
-_PACKAGES = {'core': 'core', 'server': 'monitor', 'gateway': 'clients.gateway'}
+_PACKAGES = {'core': 'core', 'server': 'monitor', 'gateway': 'gateway'}
 GAMEPAD = """() => {
   const pad = {index: 0, connected: true, axes: [0, -1, 0, 0], mapping: 'standard',
     buttons: Array.from({length: 17}, () => ({pressed: false, value: 0}))};

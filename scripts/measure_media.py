@@ -218,7 +218,7 @@ class World:
             'microphone': f'file:{self.folder}/chirp.wav',
             'speaker': f'file:{self.folder}/heard.wav'}}}))
         process = subprocess.Popen(
-            [sys.executable, '-m', 'rt_robot_os.clients.gateway.program', '--robot', 'robot',
+            [sys.executable, '-m', 'rt_robot_os.gateway.program', '--robot', 'robot',
              '--ros-args', '--params-file', str(path)], cwd='/', env={
                  **os.environ, 'RT_ROBOT_OS_RUNTIME_DIR': str(self.folder),
                  'PYTHONPATH': str(ROOT), 'RT_ROBOT_OS_CALL_TIMES': str(self.folder / 'spoken')})

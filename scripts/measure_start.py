@@ -57,8 +57,8 @@ from typing import IO
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
-from rt_robot_os.clients.ros.conversions import is_lacking
-from rt_robot_os.clients.ros.conversions import ros_class
+from rt_robot_os.ros.conversions import is_lacking
+from rt_robot_os.ros.conversions import ros_class
 from rt_robot_os.settings.load import load_from_arguments
 from rt_robot_os.settings.mirror_types import ros_type
 from rt_robot_os.settings.names import full_topic
@@ -165,7 +165,7 @@ def robot_of(tree: Path, build: str, arguments: list[str], before: list[str]
             if '_ROS_WHEELS_BOOTSTRAP_COMPLETE' in os.environ:
                 environment.pop(variable, None)
         process = subprocess.Popen(
-            [*before, sys.executable, '-m', 'rt_robot_os.clients.ros.program', *arguments],
+            [*before, sys.executable, '-m', 'rt_robot_os.ros.program', *arguments],
             cwd=tree, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         assert process.stdout is not None
         output = Output(process.stdout)

@@ -45,8 +45,8 @@ from monitor_server import let_robot_in  # noqa: E402
 from monitor_server import logged_in  # noqa: E402
 from monitor_server import quick_services  # noqa: E402
 from monitor_server import served  # noqa: E402
+from rt_robot_os.messages.uplink.maps import map_message  # noqa: E402
 from rt_robot_os.motion.grid_map import GridMap  # noqa: E402
-from rt_robot_os.uplink.maps import map_message  # noqa: E402
 
 NS_PER_S = 1_000_000_000
 HISTORY_S = 3 * 3600

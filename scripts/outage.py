@@ -41,13 +41,13 @@ from uuid import uuid4
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from rt_robot_os.clients.gateway.keeper import FILE  # noqa: E402
-from rt_robot_os.clients.gateway.keeper import record_text  # noqa: E402
-from rt_robot_os.clients.gateway.outbox import Outbox  # noqa: E402
-from rt_robot_os.clients.gateway.outbox import Row  # noqa: E402
-from rt_robot_os.clients.gateway.part import Record  # noqa: E402
+from rt_robot_os.gateway.keeper import FILE  # noqa: E402
+from rt_robot_os.gateway.keeper import record_text  # noqa: E402
+from rt_robot_os.gateway.outbox import Outbox  # noqa: E402
+from rt_robot_os.gateway.outbox import Row  # noqa: E402
+from rt_robot_os.gateway.part import Record  # noqa: E402
+from rt_robot_os.messages.uplink.importance import Importance  # noqa: E402
 from rt_robot_os.monitor.server import DATABASE  # noqa: E402
-from rt_robot_os.uplink.importance import Importance  # noqa: E402
 
 SIGNS = ('pulse_per_min', 'spo2_percent', 'respiration_per_min', 'body_temperature')
 #: Which table of the monitor has records of which importance, the most important first.
@@ -156,7 +156,7 @@ def run(folder: Path, hours: float, rows_per_s: float, limit_s: float
                 time.sleep(LOOK_S)
         began_s = time.monotonic()
         processes.append(subprocess.Popen(
-            program('clients.gateway.program', '--server', f'ws://127.0.0.1:{port}',
+            program('gateway.program', '--server', f'ws://127.0.0.1:{port}',
                     '--ros-args', '-p', f'token_file:={token}', '-p',
                     f'folder:={folder / "gateway"}'),
             env=environ, stdout=subprocess.DEVNULL))

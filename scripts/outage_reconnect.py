@@ -42,12 +42,12 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from rt_robot_os.clients.gateway.gateway import Gateway  # noqa: E402
-from rt_robot_os.clients.gateway.part import Record  # noqa: E402
-from rt_robot_os.clients.gateway.settings import GatewaySettings  # noqa: E402
-from rt_robot_os.uplink.importance import Importance  # noqa: E402
-from rt_robot_os.uplink.messages import decode  # noqa: E402
-from rt_robot_os.uplink.messages import encode  # noqa: E402
+from rt_robot_os.gateway.gateway import Gateway  # noqa: E402
+from rt_robot_os.gateway.part import Record  # noqa: E402
+from rt_robot_os.gateway.settings import GatewaySettings  # noqa: E402
+from rt_robot_os.messages.uplink.importance import Importance  # noqa: E402
+from rt_robot_os.messages.uplink.messages import decode  # noqa: E402
+from rt_robot_os.messages.uplink.messages import encode  # noqa: E402
 from websockets.asyncio.server import serve  # noqa: E402
 from websockets.asyncio.server import ServerConnection  # noqa: E402
 from websockets.exceptions import ConnectionClosed  # noqa: E402

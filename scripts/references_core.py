@@ -37,7 +37,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT)]
 
-from rt_robot_os.compiled import state  # noqa: E402, I100
+from rt_robot_os.base.compiled import state  # noqa: E402, I100
 from rt_robot_os.kernel import BudgetPolicy  # noqa: E402
 from rt_robot_os.kernel import Event  # noqa: E402
 from rt_robot_os.kernel import FailurePolicy  # noqa: E402

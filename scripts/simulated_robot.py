@@ -27,13 +27,13 @@ import sys
 import tempfile
 import time
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.paths import socket_path
+from rt_robot_os.linux.paths import socket_path
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / 'docs' / 'examples'
-ROBOT = sys.executable, '-m', 'rt_robot_os.clients.ros.program'
+ROBOT = sys.executable, '-m', 'rt_robot_os.ros.program'
 START_S = 60.0
 
 

@@ -42,7 +42,7 @@ import tempfile
 import time
 from typing import Any
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.client import CoreStatistics
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.sim.faults import FAULTS
@@ -150,7 +150,7 @@ class Robot:
 
     def __init__(self, folder: Path, config: Path) -> None:
         self.log = folder / 'robot.log'
-        code = 'import sys; from rt_robot_os.clients.ros.program import main; sys.exit(main())'
+        code = 'import sys; from rt_robot_os.ros.program import main; sys.exit(main())'
         environment = {
             **os.environ, 'RT_ROBOT_OS_RUNTIME_DIR': str(folder / 'run'),
             'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')]),

@@ -39,7 +39,7 @@ import time
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from rt_robot_os.compiled import state  # noqa: E402, I100
+from rt_robot_os.base.compiled import state  # noqa: E402, I100
 from rt_robot_os.kernel import any_of  # noqa: E402
 from rt_robot_os.kernel import BudgetPolicy  # noqa: E402
 from rt_robot_os.kernel import Event  # noqa: E402

@@ -43,13 +43,13 @@ import sys
 import tempfile
 import threading
 
-from rt_robot_os.clients.ros.core_process import CoreProcess
 from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.cdr import string_message
-from rt_robot_os.link.paths import socket_path
 from rt_robot_os.linux.folders import RUNTIME_VARIABLE
+from rt_robot_os.linux.paths import socket_path
+from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.settings import load
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
@@ -101,7 +101,7 @@ def somebody_needs_help(stack: ExitStack, path: Path) -> None:
 def it_explores(stack: ExitStack, path: Path) -> None:
     """Map beside the core, and explore."""
     mapping = subprocess.Popen(
-        [sys.executable, '-m', 'rt_robot_os.clients.mapping.program', '--ros-args',
+        [sys.executable, '-m', 'rt_robot_os.features.mapping.process.program', '--ros-args',
          '--params-file', CONFIG / 'service_robot.yaml', '--params-file', CONFIG / 'mapping.yaml'],
         stdout=subprocess.DEVNULL)
     stack.callback(mapping.wait)

@@ -28,8 +28,8 @@ from typing import Iterator
 
 import pytest
 
-from rt_robot_os.compiled import PACKAGE
-from rt_robot_os.compiled import state
+from rt_robot_os.base.compiled import PACKAGE
+from rt_robot_os.base.compiled import state
 
 ROOT = Path(__file__).resolve().parents[1]
 # What tests of several folders use.

@@ -28,15 +28,15 @@ import sysconfig
 
 import pytest
 
-from rt_robot_os import compiled
-from rt_robot_os.compiled import build
+from rt_robot_os.base import compiled
+from rt_robot_os.base.compiled import build
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / compiled.PACKAGE
 WARNINGS = ('-std=c11', '-Wall', '-Wextra', '-Werror')
 
 ASK = """
-from rt_robot_os.compiled import state
+from rt_robot_os.base.compiled import state
 try:
     from rt_robot_os.linux.timer import NATIVE
     print(state().compiled, NATIVE is not None, state().stale, state().text)

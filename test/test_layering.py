@@ -26,78 +26,83 @@ import re
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = 'rt_robot_os'
 
-# From the bottom up. A layer may import itself and every layer of the rows before it.
-LAYERS = (
-    ('requirements',),
-    ('compiled', 'lazy_names', 'moved', 'safe_text'),
-    ('errors', 'reports', 'schema', 'units'),
-    ('live_settings', 'logger', 'needs', 'plugins', 'programs'),
-    ('output_files',),
-    ('motion', 'uplink'),
-    ('wsn',),
-    ('alarms',),
-    ('agent', 'health'),
-    ('texts',),
-    ('linux', 'slam'),
-    ('kernel',),
-    ('dumps',),
-    ('topics',),
-    ('devices',),
-    ('modules',),
-    ('link',),
-    ('clients.top',),
-    ('settings',),
-    ('tools.plan',),
-    ('core',),
-    ('clients.recording',),
-    ('clients.ros',),
-    ('clients.gateway', 'clients.notifier', 'monitor'),
-    ('clients.alarms', 'clients.mapping', 'clients.parameters', 'tools.black_box',
-     'tools.doctor', 'tools.health', 'tools.new', 'tools.wsn'),
-    ('tools.bench', 'tools.rehearse'),
-    ('program',),
-    ('testing',),
-)
+# The folders of the package from the bottom up, and what each holds. A folder may import itself
+# and those before it; docs/architecture.md shows this table.
+LAYERS = {
+    'base': 'errors, nanoseconds and units, fields of settings, reports, logging, plug-ins, '
+            'programs, required libraries, the build of the C core',
+    'linux': 'libc: timers, signal masks, memory locks, processes, files; the only user of ctypes',
+    'messages': 'messages that cross a process, one type each, with limits and JSON',
+    'motion': 'pure computations: angles, frames, the differential drive, estimators, maps, '
+              'controllers',
+    'kernel': 'tasks, dispatch, clocks, statistics, traces: '
+              '[how it is cut](decisions/0127-kernel-in-three-thirds.md)',
+    'topics': 'CDR layouts, rings, publishers, subscriptions',
+    'sim': 'what simulated devices share: ptys, faults, the server that runs them, and '
+           '[the one world](world.md) that they look at',
+    'devices': 'the contract of a driver, the SensorManager, serial lines, I2C, captures; a '
+               'folder for each device: driver, wire format, simulated device, page',
+    'modules': 'the contract of a function module and the registry',
+    'link': 'packets, server, client, stamps',
+    'settings': 'YAML to checked settings',
+    'core': 'the composition root of the real-time process',
+    'recording': 'MCAP recordings and their replay; the only user of mcap',
+    'features': 'what a robot does, a folder each: `alarms`, `agent`, `health`, `mapping`, '
+                '`navigation`, `wsn`',
+    'ros': 'the node; the only user of rclpy',
+    'gateway': "the robot's side of the connection to a server",
+    'monitor': 'the server: API, live connections, database, accounts, page',
+    'tools': '`bench`, `doctor`, `plan`, `black_box`, `top` and other programs',
+    'testing': 'what the tests of packages of users import',
+}
 
-RANK = {name: row for row, names in enumerate(LAYERS) for name in names}
+RANK = {name: row for row, name in enumerate(LAYERS)}
 
-# Twins stand beside the drivers: they share the bytes with them, never a driver.
-TWIN = re.compile(r'devices\.\w+\.twin(_\w+)?')
-TWIN_MAY_IMPORT = re.compile(
-    r'devices\.(\w+\.(twin(_\w+)?|wire|mtdata2|rtcm)|atmosphere|capture\..*|i2c\.packets)'
-    r'|health\..*|(errors|linux|motion|plugins|reports|schema|sim|units|wsn)(\..*)?')
-# The driver, the twin and who asks whose bytes they are share the bytes of a device; its folder
+# A feature may import these others; all that is below features anyway.
+FEATURES = {
+    'alarms': (),
+    'wsn': (),
+    'mapping': (),
+    'health': ('wsn',),
+    'navigation': ('mapping',),
+    'agent': ('health', 'mapping', 'navigation', 'wsn'),
+}
+
+# A simulated device stands beside its driver: they share the bytes, and nothing else.
+SIMULATED = re.compile(r'(devices|features\.\w+)\.\w+\.simulated(_\w+)?')
+SIMULATED_MAY_IMPORT = re.compile(
+    r'(devices|features\.\w+)\.\w+\.(simulated(_\w+)?|wire|mtdata2|rtcm)'
+    r'|devices\.(capture\..*|i2c\.packets|stargazer\.landmark_files)'
+    r'|features\.(health|wsn)\..*|(base|linux|messages|motion|sim)(\..*)?')
+# The driver, the simulated device and the recogniser share the bytes of a device; its folder
 # declares names, for every process, and imports nothing.
-WIRE = re.compile(r'devices\.\w+\.(wire|mtdata2|rtcm)')
-WIRE_MAY_IMPORT = re.compile(r'devices\.(\w+\.(wire|mtdata2|rtcm)|framing|partial_sums)'
-                             r'|units|wsn\.packets(\..*)?')
-# The frame of the twins finds them in the table of devices, which names drivers and imports none.
-TABLE = f'{PACKAGE}.devices.table'
-MAY_IMPORT_SIM = ('settings', 'core', 'clients.ros', 'tools.bench', 'tools.rehearse', 'program',
-                  'sim', 'testing')
+WIRE = re.compile(r'(devices|features\.\w+)\.\w+\.(wire|mtdata2|rtcm)')
+WIRE_MAY_IMPORT = re.compile(
+    r'(devices|features\.\w+)\.(\w+\.(wire|mtdata2|rtcm)|framing|partial_sums)'
+    r'|base\.units|features\.wsn\.packets(\..*)?')
 
 # Wherever they stand: what a program is made of may import everything, and nobody imports it.
 PROGRAM = re.compile(r'[\w.]+\.(\w+_)?(program|command)')
 PROGRAM_LINES = 100
 
 # The contract; what a driver is stays with the driver.
-CORE_KNOWS_OF_DEVICES = ('device', 'manager', 'registry', 'service', 'state')
+CORE_KNOWS_OF_DEVICES = ('device', 'manager', 'registry', 'service', 'simulators', 'state')
 
 # library -> the only places that may import it
 LIBRARIES = {
-    'rclpy': (f'{PACKAGE}.clients.ros', f'{PACKAGE}.tools.bench.peers'),
+    'rclpy': (f'{PACKAGE}.ros', f'{PACKAGE}.tools.bench.peers'),
     'ctypes': (f'{PACKAGE}.linux',),
     'serial': (f'{PACKAGE}.devices.serial.transport', f'{PACKAGE}.sim'),
     'cv2': (f'{PACKAGE}.devices.capture.pictures',),
     'PIL': (f'{PACKAGE}.devices.capture.camera', f'{PACKAGE}.devices.capture.pictures'),
-    'sounddevice': (f'{PACKAGE}.clients.gateway.voice_sound',
+    'sounddevice': (f'{PACKAGE}.gateway.voice_sound',
                     f'{PACKAGE}.devices.capture.sound'),
-    'mcap': (f'{PACKAGE}.clients.mapping.bags.mcap_file', f'{PACKAGE}.clients.recording'),
+    'mcap': (f'{PACKAGE}.features.mapping.process.bags.mcap_file', f'{PACKAGE}.recording'),
     'smbus2': (f'{PACKAGE}.devices.i2c.linux_bus',),
-    'rich': (f'{PACKAGE}.clients.top.live',),
-    'scipy': (f'{PACKAGE}.slam',),
-    'aiortc': (f'{PACKAGE}.clients.gateway',),
-    'av': (f'{PACKAGE}.clients.gateway.voice_call',),
+    'rich': (f'{PACKAGE}.tools.top.live',),
+    'scipy': (f'{PACKAGE}.features.mapping.slam',),
+    'aiortc': (f'{PACKAGE}.gateway',),
+    'av': (f'{PACKAGE}.gateway.voice_call',),
     'alembic': (f'{PACKAGE}.monitor.store',),
     'argon2': (f'{PACKAGE}.monitor.security',),
     'cryptography': (f'{PACKAGE}.monitor.security',),
@@ -106,7 +111,7 @@ LIBRARIES = {
     'sqlalchemy': (f'{PACKAGE}.monitor',),
     'starlette': (f'{PACKAGE}.monitor',),
     'uvicorn': (f'{PACKAGE}.monitor',),
-    'websockets': (f'{PACKAGE}.clients.gateway', f'{PACKAGE}.tools.bench.workers.gateway'),
+    'websockets': (f'{PACKAGE}.gateway', f'{PACKAGE}.tools.bench.workers.gateway'),
 }
 
 
@@ -181,34 +186,40 @@ def _inside(module: str, places: tuple[str, ...]) -> bool:
 
 
 def _layer(module: str) -> str:
-    name = module.partition('.')[2]
-    if TWIN.fullmatch(name):
-        return 'sim'
-    if PROGRAM.fullmatch(name):
-        return 'program'
-    return next((layer for layer in RANK if _inside(name, (layer,))), name.partition('.')[0])
+    return module.split('.')[1] if '.' in module else ''
+
+
+def _feature(module: str) -> str:
+    parts = module.split('.')
+    return parts[2] if len(parts) > 2 and parts[1] == 'features' else ''
 
 
 def _allowed(one: Import) -> bool:
     importer, imported = _layer(one.importer), _layer(one.imported)
-    if importer == 'sim':
-        found = one.imported == TABLE and _inside(one.importer, (f'{PACKAGE}.sim',))
-        return found or bool(TWIN_MAY_IMPORT.fullmatch(one.imported.partition('.')[2]))
-    if imported == 'sim':
-        return importer in MAY_IMPORT_SIM
-    if importer == imported or (
-            importer == '' and imported == 'moved'):
-        return True
-    return importer in RANK and imported in RANK and RANK[imported] < RANK[importer]
+    feature, other = _feature(one.importer), _feature(one.imported)
+    if feature and other and feature != other:
+        return other in FEATURES[feature]
+    return importer == imported or RANK[imported] < RANK[importer]
 
 
 def test_every_module_belongs_to_a_layer() -> None:
-    known = {'', 'sim', 'clients', 'tools', *RANK}
-    assert sorted({_layer(name) for name in _modules()} - known) == []
+    assert {_layer(name) for name in _modules()} == {'', *LAYERS}
+    assert {_feature(name) for name in _modules()} == {'', *FEATURES}
 
 
 def test_no_layer_imports_a_higher_one() -> None:
     assert [str(one) for one in _own() if not _allowed(one)] == []
+
+
+def test_the_architecture_shows_the_layers() -> None:
+    rows = [f'| `{name}` | {text} |' for name, text in LAYERS.items()]
+    edges = [f'| `{name}` | {", ".join(f"`{each}`" for each in others) or "no other"} |'
+             for name, others in FEATURES.items()]
+    page = (ROOT / 'docs' / 'architecture.md').read_text(encoding='utf-8')
+    for table in (['| folder | what it holds |', '|---|---|', *rows],
+                  ['| feature | may import |', '|---|---|', *edges]):
+        assert '\n'.join(table) in page, 'docs/architecture.md must have this table:\n' + (
+            '\n'.join(table))
 
 
 def test_the_core_knows_no_kind_of_device_or_module() -> None:
@@ -216,11 +227,12 @@ def test_the_core_knows_no_kind_of_device_or_module() -> None:
         f'{PACKAGE}.modules', f'{PACKAGE}.modules.registry'}
     assert [str(one) for one in _own()
             if _layer(one.importer) == 'core' and _layer(one.imported) in ('devices', 'modules')
+            and not PROGRAM.fullmatch(one.importer.partition('.')[2])
             and one.imported not in allowed] == []
 
 
-def test_the_bytes_of_a_device_need_neither_its_driver_nor_its_twin() -> None:
-    folders = {name.rpartition('.')[0] for name in _modules() if name.endswith('.twin')}
+def test_the_bytes_of_a_device_need_neither_its_driver_nor_its_simulated_device() -> None:
+    folders = {name.rpartition('.')[0] for name in _modules() if name.endswith('.simulated')}
     assert len(folders) > 10
     assert [str(one) for one in _own()
             if WIRE.fullmatch(one.importer.partition('.')[2])
@@ -228,6 +240,11 @@ def test_the_bytes_of_a_device_need_neither_its_driver_nor_its_twin() -> None:
     assert [str(one) for one in _own() if one.importer in folders
             and one.importer != f'{PACKAGE}.devices.capture'
             and one.imported != f'{PACKAGE}.devices.parts'] == []
+
+
+def test_a_simulated_device_shares_bytes_with_its_driver_and_nothing_else() -> None:
+    assert [str(one) for one in _own() if SIMULATED.fullmatch(one.importer.partition('.')[2])
+            and not SIMULATED_MAY_IMPORT.fullmatch(one.imported.partition('.')[2])] == []
 
 
 def test_a_library_is_imported_only_where_it_belongs() -> None:
@@ -252,7 +269,7 @@ def test_every_program_is_the_thin_main_of_its_part() -> None:
         before = {'.'.join(folders[:count]) for count in range(2, len(folders) + 1)} | {module}
         early = {one.imported for one in _own()
                  if one.importer in before and not (one.lazy or one.typing)}
-        assert early <= {f'{PACKAGE}.lazy_names', f'{PACKAGE}.programs'}, target
+        assert early <= {f'{PACKAGE}.base.lazy_names', f'{PACKAGE}.base.programs'}, target
 
 
 def test_an_import_is_of_one_name_and_of_a_module_by_its_package() -> None:

@@ -22,7 +22,7 @@ import sys
 import pytest
 
 INIT = """
-from rt_robot_os.lazy_names import lazy_names
+from rt_robot_os.base.lazy_names import lazy_names
 lazy_names(__name__, {'Thing': 'inner.things', 'make': 'make'})
 """
 

@@ -27,13 +27,13 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from rt_robot_os.base.logger import ARGUMENT_MAXIMUM
+from rt_robot_os.base.logger import Logger
+from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.logger import ARGUMENT_MAXIMUM
-from rt_robot_os.logger import Logger
-from rt_robot_os.reports import Report
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
 
 S = 1_000_000_000
 

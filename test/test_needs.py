@@ -27,15 +27,15 @@ import sysconfig
 
 import pytest
 
-from rt_robot_os import needs
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.errors import StartError
-from rt_robot_os.needs import lacking
-from rt_robot_os.needs import require
-from rt_robot_os.needs import ros_remedy
-from rt_robot_os.requirements import at_least
-from rt_robot_os.requirements import LIBRARIES
+from rt_robot_os.base import needs
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.errors import StartError
+from rt_robot_os.base.needs import lacking
+from rt_robot_os.base.needs import require
+from rt_robot_os.base.needs import ros_remedy
+from rt_robot_os.base.requirements import at_least
+from rt_robot_os.base.requirements import LIBRARIES
 
 ROOT = Path(__file__).resolve().parents[1]
 Install = Callable[[str, str], None]
@@ -103,9 +103,9 @@ def test_a_library_that_is_too_old_is_named_with_both_versions(
 @pytest.mark.parametrize('program, arguments, name, version', [
     ('monitor', ['--demo', '--port', '0'], 'uvicorn', '0.27.1'),
     ('monitor', ['user', 'list'], 'sqlalchemy', '1.4.50'),
-    ('clients.gateway', ['--server', 'ws://127.0.0.1:9'], 'websockets', '10.4'),
-    ('clients.recording.record', ['imu/data'], 'mcap', '0.9'),
-    ('clients.mapping', [], 'scipy', '1.8.0')])
+    ('gateway', ['--server', 'ws://127.0.0.1:9'], 'websockets', '10.4'),
+    ('recording.record', ['imu/data'], 'mcap', '0.9'),
+    ('features.mapping.process', [], 'scipy', '1.8.0')])
 def test_a_program_with_a_library_that_is_too_old_says_so_in_one_line(
         program: str, arguments: list[str], name: str, version: str, install: Install,
         tmp_path: Path) -> None:

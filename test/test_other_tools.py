@@ -25,8 +25,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from rt_robot_os.clients.mapping.outputs import TOPICS
-from rt_robot_os.clients.mapping.settings import load as mapping_settings
+from rt_robot_os.features.mapping.process.outputs import TOPICS
+from rt_robot_os.features.mapping.process.settings import load as mapping_settings
 from rt_robot_os.settings import load
 import yaml
 
@@ -130,7 +130,7 @@ def test_every_status_of_the_robot_is_in_one_group_of_the_aggregator() -> None:
     assert groups.pop('path') and groups.pop('pub_rate')
     prefixes = [prefix for group in groups.values() for key, values in group.items()
                 if key in ('startswith', 'find_and_remove_prefix') for prefix in values]
-    source = (ROOT / 'rt_robot_os' / 'clients' / 'ros' / 'diagnostics.py').read_text()
+    source = (ROOT / 'rt_robot_os' / 'ros' / 'diagnostics.py').read_text()
     names = re.findall(r"f'\{self\._name\}: (\w+)", source)
     assert {'core', 'device', 'task', 'topic', 'client', 'clock'} <= set(names)
     for name in names:

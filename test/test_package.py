@@ -32,13 +32,13 @@ from xml.etree import ElementTree
 
 import pytest
 
-from rt_robot_os import needs
-from rt_robot_os.programs import Program
-from rt_robot_os.requirements import BASE
-from rt_robot_os.requirements import EXTRAS
-from rt_robot_os.requirements import LIBRARIES
-from rt_robot_os.requirements import libraries
-from rt_robot_os.requirements import PROGRAMS
+from rt_robot_os.base import needs
+from rt_robot_os.base.programs import Program
+from rt_robot_os.base.requirements import BASE
+from rt_robot_os.base.requirements import EXTRAS
+from rt_robot_os.base.requirements import LIBRARIES
+from rt_robot_os.base.requirements import libraries
+from rt_robot_os.base.requirements import PROGRAMS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = 'rt_robot_os'

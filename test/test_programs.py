@@ -29,9 +29,9 @@ import sys
 
 import pytest
 
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.programs import ended_by_signals
-from rt_robot_os.programs import run_program
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.programs import ended_by_signals
+from rt_robot_os.base.programs import run_program
 
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAMS = dict(re.findall(r"'(\w+) = ([\w.]+):main'", (ROOT / 'setup.py').read_text()))
@@ -97,7 +97,7 @@ print(*(name for name in {HEAVY} if name in sys.modules), file=sys.stderr)
 def test_what_a_program_imports_is_no_work_for_the_collector_of_garbage() -> None:
     process = start("""
 import gc, sys
-from rt_robot_os.programs import run_program
+from rt_robot_os.base.programs import run_program
 def load():
     global seen
     seen = gc.isenabled()
@@ -192,9 +192,9 @@ def test_signals_call_what_ends_a_program_and_are_as_before_afterwards() -> None
 
 TIDIES_UP = """
 import os, signal, sys
+from rt_robot_os.base.programs import ended_by_signals
+from rt_robot_os.base.programs import run_program
 from rt_robot_os.linux.process import run_child
-from rt_robot_os.programs import ended_by_signals
-from rt_robot_os.programs import run_program
 
 def run(arguments):
     with ended_by_signals(lambda signo: None):

@@ -22,9 +22,9 @@ import sys
 from at_line import AtLine
 import pytest
 
-from rt_robot_os.reports import Report
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
+from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
 
 
 def report(number: int) -> Report:

@@ -24,12 +24,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.schema import declared
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import inline
-from rt_robot_os.schema import made
-from rt_robot_os.schema import REQUIRED
-from rt_robot_os.schema import setting
+from rt_robot_os.base.schema import declared
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import inline
+from rt_robot_os.base.schema import made
+from rt_robot_os.base.schema import REQUIRED
+from rt_robot_os.base.schema import setting
 
 RATE = Field('rate_hz', float, 1.0, 'rate', 'Hz', 0.1, 4_000_000.0)
 LEVELS = Field('levels', list, (), 'levels', '', 1, 9, item=int)

@@ -19,12 +19,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from rt_robot_os.base.schema import Field
 from rt_robot_os.modules import Input
 from rt_robot_os.modules import Module
 from rt_robot_os.modules import Output
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.angles import yaw_of
-from rt_robot_os.schema import Field
 
 SIDES = 4
 

@@ -20,13 +20,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.core.part import installed_parts
 from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.devices.registry import DRIVERS
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.link.paths import socket_path
+from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.modules.registry import module_class
 from rt_robot_os.settings import from_json
 from rt_robot_os.topics.resolve import message_class

@@ -26,7 +26,15 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from rt_robot_os.compiled import state as compiled_state
+from rt_robot_os.base.compiled import state as compiled_state
+from rt_robot_os.base.live_settings import LiveSettings
+from rt_robot_os.base.logger import Logs
+from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.core.dump_keeper import BlackBoxKeeper
 from rt_robot_os.core.dump_keeper import BlackBoxWriter
 from rt_robot_os.core.failure_log import FailureLog
@@ -57,20 +65,12 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.link import LinkServer
 from rt_robot_os.link.core_statistics import SHIPPED_IN_USE
 from rt_robot_os.link.requests import Requests
-from rt_robot_os.live_settings import LiveSettings
-from rt_robot_os.logger import Logs
 from rt_robot_os.modules import Module
 from rt_robot_os.motion.mounting import mounted_on_base
 from rt_robot_os.motion.run_on import slowest
-from rt_robot_os.reports import Report
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
 from rt_robot_os.settings import CoreSettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 # From the order to stop until jobs that have not ended are ended.
 STOP_GRACE_NS = 500 * NS_PER_MS

@@ -24,11 +24,11 @@ import time
 from types import FrameType
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.kernel import TaskAborted
 from rt_robot_os.kernel.failure import drop_context
 from rt_robot_os.linux.raising import signal_and_raise
 from rt_robot_os.linux.timer import SignalTimer
-from rt_robot_os.units import NS_PER_MS
 
 LIMIT_SIGNAL: Final = signal.SIGRTMIN + 7
 

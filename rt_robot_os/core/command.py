@@ -25,9 +25,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from rt_robot_os.base.programs import importing
+from rt_robot_os.base.programs import OK
 from rt_robot_os.linux.process import die_with_parent
-from rt_robot_os.programs import importing
-from rt_robot_os.programs import OK
 from rt_robot_os.settings.command_line import add_simulate
 from rt_robot_os.settings.command_line import parse_own
 

@@ -25,17 +25,17 @@ import os
 import socket
 import subprocess
 
+from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.core.dumps.dump_parts import live_parts
+from rt_robot_os.core.dumps.folder import default_folder
+from rt_robot_os.core.dumps.folder import expanded
 from rt_robot_os.core.part import Host
-from rt_robot_os.dumps.dump_parts import live_parts
-from rt_robot_os.dumps.folder import default_folder
-from rt_robot_os.dumps.folder import expanded
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link.requests import reason_of
 from rt_robot_os.linux.process import start_child
-from rt_robot_os.reports import Report
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
-from rt_robot_os.units import NS_PER_S
 
 INTERVAL_NS = 60 * NS_PER_S
 _SEND_BUFFER_BYTES = 1 << 20
@@ -46,7 +46,7 @@ _ANSWER_BYTES_MAXIMUM = 1 << 16
 
 class BlackBoxWriter:
     """
-    The child process that writes dumps; see :mod:`rt_robot_os.dumps.writer_process`.
+    The child process that writes dumps; see :mod:`rt_robot_os.core.dumps.writer_process`.
 
     It is started with the core: a process under SCHED_FIFO that starts another one stops for a
     millisecond, and that at the moment of a fault.
@@ -61,7 +61,7 @@ class BlackBoxWriter:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
             # It does not end with this process: a dump that has come is written all the same.
             self._process = start_child(
-                'rt_robot_os.dumps.writer_process', theirs.fileno(),
+                'rt_robot_os.core.dumps.writer_process', theirs.fileno(),
                 expanded(folder) if folder else default_folder(), robot,
                 pass_fds=[theirs.fileno()], stdout=subprocess.DEVNULL)
 

@@ -21,10 +21,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import re
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import FailureReport
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import TaskAborted
-from rt_robot_os.units import NS_PER_S
 
 FIRST_PAUSE_NS = NS_PER_S
 LONGEST_PAUSE_NS = 60 * NS_PER_S

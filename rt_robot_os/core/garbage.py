@@ -21,8 +21,8 @@ from collections import deque
 from collections.abc import Callable
 import gc
 
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 
 INTERVAL_NS = NS_PER_S
 _SHORTEST_GUESS_NS = 20 * NS_PER_US

@@ -31,6 +31,7 @@ import subprocess
 import sys
 import time
 
+from rt_robot_os.base.programs import ended_by_signals
 from rt_robot_os.linux.process import hand_over
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.linux.process import start_child
@@ -38,7 +39,6 @@ from rt_robot_os.linux.supervised_child import ended_how
 from rt_robot_os.linux.supervised_child import LONG_LIFE_S
 from rt_robot_os.linux.supervised_child import PAUSE_FIRST_S
 from rt_robot_os.linux.supervised_child import PAUSE_MAXIMUM_S
-from rt_robot_os.programs import ended_by_signals
 
 RESTARTED = 'started again'
 _STOP_TIMEOUT_S = 2.0

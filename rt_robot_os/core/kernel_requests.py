@@ -20,6 +20,7 @@ from collections.abc import Callable
 import os
 from typing import Any
 
+from rt_robot_os.base.reports import Severity
 from rt_robot_os.core.part import Host
 from rt_robot_os.core.part import Note
 from rt_robot_os.core.tasks import held
@@ -29,7 +30,6 @@ from rt_robot_os.link.requests import Arguments
 from rt_robot_os.link.requests import reason_of
 from rt_robot_os.link.requests import text_of
 from rt_robot_os.link.session import Session
-from rt_robot_os.reports import Severity
 
 
 class KernelRequests:

@@ -20,19 +20,19 @@ from collections.abc import Callable
 from collections.abc import Sequence
 import functools
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.reports import Severity
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.core.bounded import call_within
 from rt_robot_os.core.tasks import add_module_task
 from rt_robot_os.core.tasks import at_once
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import RtRobotError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import TaskAborted
 from rt_robot_os.modules import Module
 from rt_robot_os.modules.registry import module_class
-from rt_robot_os.reports import Severity
 from rt_robot_os.settings import ModuleSettings
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_MS
 
 END_NS = 250 * NS_PER_MS
 

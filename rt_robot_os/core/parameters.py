@@ -23,23 +23,23 @@ from dataclasses import dataclass
 from typing import Any
 import zlib
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.live_settings import LiveSettings
+from rt_robot_os.base.logger import Logger
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.core.part import Host
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.link.requests import Arguments
 from rt_robot_os.link.requests import text_of
 from rt_robot_os.link.requests import value_of
 from rt_robot_os.link.session import Session
-from rt_robot_os.live_settings import LiveSettings
-from rt_robot_os.logger import Logger
 from rt_robot_os.settings import Kind
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
 from rt_robot_os.settings.parameters import live_parameters
 from rt_robot_os.settings.problems import did_you_mean
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import period_from_rate
 
 RATE, LOG_LEVEL = 'rate_hz', 'log_level'
 _TEXT_A_PACKET = 16_384

@@ -36,14 +36,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.plugins import PluginRegistry
+from rt_robot_os.base.reports import Severity
 from rt_robot_os.core.statistics import Statistics
 from rt_robot_os.core.watch import Watch
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import RtRobotError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link.requests import Requests
-from rt_robot_os.plugins import PluginRegistry
-from rt_robot_os.reports import Severity
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.topics import Bus
 

@@ -24,6 +24,7 @@ import os
 from pathlib import Path
 import time
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.core.watchdog import TIMEOUTS_UNTIL_DEATH
 from rt_robot_os.core.watchdog import Watchdog
 from rt_robot_os.linux.dead_man_timer import DeadManTimer
@@ -32,7 +33,6 @@ from rt_robot_os.linux.machine_watchdog import open_machine_watchdog
 from rt_robot_os.linux.realtime import RtResult
 from rt_robot_os.linux.service_manager import ServiceManager
 from rt_robot_os.settings import WatchdogSettings
-from rt_robot_os.units import NS_PER_MS
 
 # From the order to stop; the node waits for 3 s before it kills.
 END_NS = 2500 * NS_PER_MS

@@ -20,8 +20,8 @@ from collections.abc import Sequence
 import os
 import sys
 
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.base.programs import Run
+from rt_robot_os.base.programs import run_program
 
 
 def _load() -> Run:

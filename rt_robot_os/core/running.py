@@ -28,6 +28,17 @@ import signal
 import sys
 from types import FrameType
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.errors import StartError
+from rt_robot_os.base.programs import BAD_USE
+from rt_robot_os.base.programs import END_SIGNALS
+from rt_robot_os.base.programs import ended_by_signals
+from rt_robot_os.base.programs import FAILED
+from rt_robot_os.base.programs import importing
+from rt_robot_os.base.programs import OK
+from rt_robot_os.base.reports import Severity
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.core.ahead import prepare
 from rt_robot_os.core.app import Core
 from rt_robot_os.core.dump_keeper import BlackBoxWriter
@@ -38,28 +49,17 @@ from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.service import Services
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.errors import StartError
 from rt_robot_os.kernel import MonotonicClock
-from rt_robot_os.link.paths import robot_name
-from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import hold_core
 from rt_robot_os.link.robots import remove_dead_lock
 from rt_robot_os.linux.lock_file import LockFile
-from rt_robot_os.programs import BAD_USE
-from rt_robot_os.programs import END_SIGNALS
-from rt_robot_os.programs import ended_by_signals
-from rt_robot_os.programs import FAILED
-from rt_robot_os.programs import importing
-from rt_robot_os.programs import OK
-from rt_robot_os.reports import Severity
+from rt_robot_os.linux.paths import robot_name
+from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
 from rt_robot_os.settings.command_line import tell
 from rt_robot_os.settings.command_line import told_simulated
-from rt_robot_os.units import NS_PER_S
 
 ENDED_BY_FORCE = 3
 # Saves the black box, see rt_robot_os.core.dump_keeper.

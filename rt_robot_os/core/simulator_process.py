@@ -26,13 +26,13 @@ import sys
 from typing import Any
 from typing import TYPE_CHECKING
 
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.errors import RtRobotError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.programs import ended_by_signals
+from rt_robot_os.devices.simulators import SIMULATORS
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.motion.mounting import Mounting
-from rt_robot_os.programs import ended_by_signals
 from rt_robot_os.sim.base import Place
-from rt_robot_os.sim.base import SIMULATORS
 from rt_robot_os.sim.orders import obey
 from rt_robot_os.sim.orders import OrderSocket
 from rt_robot_os.sim.server import SimServer

@@ -26,14 +26,14 @@ import subprocess
 import time
 from typing import Any
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.reports import Severity
 from rt_robot_os.core.keeper import RESTARTED
 from rt_robot_os.core.part import Host
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.linux.process import hand_over
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.linux.process import START_PATIENCE_S
 from rt_robot_os.linux.supervised_child import SupervisedChild
-from rt_robot_os.reports import Severity
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
 

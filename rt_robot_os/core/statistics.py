@@ -24,6 +24,8 @@ from collections.abc import Sequence
 import itertools
 from typing import Any
 
+from rt_robot_os.base.safe_text import safe_line
+from rt_robot_os.base.safe_text import safe_text
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.requests import Arguments
@@ -32,8 +34,6 @@ from rt_robot_os.link.requests import Requests
 from rt_robot_os.link.session import Session
 from rt_robot_os.link.task_records import encode_task
 from rt_robot_os.modules import Module
-from rt_robot_os.safe_text import safe_line
-from rt_robot_os.safe_text import safe_text
 
 # Of what a module tells of itself; more would hold up whoever else reads the statistics.
 _VALUES_MAXIMUM = 256

@@ -31,6 +31,7 @@ from dataclasses import asdict
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.core.part import Host
 from rt_robot_os.core.tap_format import A_JOB
 from rt_robot_os.core.tap_format import array_cdr
@@ -45,7 +46,6 @@ from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
 from rt_robot_os.core.tap_format import TapKind
 from rt_robot_os.core.tap_format import WENT_ON
 from rt_robot_os.devices.manager import SensorManager
-from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel.black_box import JOB

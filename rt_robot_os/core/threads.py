@@ -29,10 +29,10 @@ import sys
 import threading
 from types import FrameType
 
+from rt_robot_os.base.safe_text import safe_line
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.core.part import Host
 from rt_robot_os.core.watch import LOOKS_A_SECOND
-from rt_robot_os.safe_text import safe_line
-from rt_robot_os.units import NS_PER_MS
 
 
 class ThreadWatch:

@@ -20,8 +20,8 @@ from collections.abc import Callable
 from contextlib import suppress
 import os
 
+from rt_robot_os.base.reports import Reports
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.reports import Reports
 
 LOOKS_A_SECOND = 10
 

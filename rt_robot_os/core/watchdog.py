@@ -29,16 +29,16 @@ from collections.abc import Callable
 from collections.abc import Sequence
 from typing import Protocol
 
+from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import TaskState
-from rt_robot_os.reports import Report
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
 from rt_robot_os.settings import WatchdogSettings
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 
 class Pulse:

@@ -26,7 +26,7 @@ from __future__ import annotations
 from typing import Final
 from typing import TYPE_CHECKING
 
-from rt_robot_os.lazy_names import lazy_names
+from rt_robot_os.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from rt_robot_os.devices.actuator import Actuator

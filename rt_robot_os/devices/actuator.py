@@ -30,12 +30,12 @@ from typing import Any
 from typing import ClassVar
 from typing import Final
 
+from rt_robot_os.base.errors import TopicError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import Value
-from rt_robot_os.errors import TopicError
-from rt_robot_os.schema import Field
 from rt_robot_os.topics.ports import Input
-from rt_robot_os.units import NS_PER_S
 
 TIMEOUT: Final = 'command_timeout_s'
 

@@ -28,15 +28,15 @@ from typing import Final
 
 import numpy as np
 
-from rt_robot_os.devices.atmosphere import altitude_m
-from rt_robot_os.devices.atmosphere import altitude_slope_m_pa
-from rt_robot_os.devices.atmosphere import SEA_LEVEL_PA
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.i2c.device import I2cDevice
 from rt_robot_os.devices.i2c.device import Transactions
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.motion.atmosphere import altitude_m
+from rt_robot_os.motion.atmosphere import altitude_slope_m_pa
+from rt_robot_os.motion.atmosphere import SEA_LEVEL_PA
 
 _UNKNOWN: Final = 1e6
 _Z: Final = 2 * 6 + 2

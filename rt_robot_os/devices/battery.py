@@ -21,7 +21,7 @@ import math
 from typing import Any
 from typing import Final
 
-from rt_robot_os.schema import Field
+from rt_robot_os.base.schema import Field
 
 # Of sensor_msgs/msg/BatteryState.
 UNKNOWN: Final = 0

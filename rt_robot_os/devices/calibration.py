@@ -30,9 +30,9 @@ from pathlib import Path
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
 from rt_robot_os.linux.folders import read_file
-from rt_robot_os.schema import Field
 
 Vector = tuple[float, float, float]
 

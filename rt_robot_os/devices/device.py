@@ -38,13 +38,13 @@ from typing import ClassVar
 from typing import Protocol
 from typing import Union
 
+from rt_robot_os.base.errors import TopicError
+from rt_robot_os.base.logger import Logger
+from rt_robot_os.base.schema import Field
 from rt_robot_os.devices.mounted import with_mounting
-from rt_robot_os.errors import TopicError
-from rt_robot_os.logger import Logger
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.mounting import mounting_of
 from rt_robot_os.motion.run_on import RunOn
-from rt_robot_os.schema import Field
 from rt_robot_os.topics.ports import Output
 from rt_robot_os.topics.ports import PortOwner
 

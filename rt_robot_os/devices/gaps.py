@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.kernel import Clock
-from rt_robot_os.units import NS_PER_MS
 
 #: Without a round for longer than this, and than some periods, there was a gap.
 GAP_NS: Final = 250 * NS_PER_MS

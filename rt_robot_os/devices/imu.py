@@ -30,8 +30,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
 
 IDENTITY: Final = (0.0, 0.0, 0.0, 1.0)
 NONE: Final = (0.0, 0.0, 0.0)

@@ -24,6 +24,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.gaps import EMPTIED_NS
 from rt_robot_os.devices.gaps import Gaps
@@ -35,12 +40,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import OneShot
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import TaskState
-from rt_robot_os.reports import Report
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 _CHECKS_PER_TIMEOUT = 8
 # Periods of the main topic by which a sample may be late before that is reported.

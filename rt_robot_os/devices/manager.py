@@ -33,13 +33,13 @@ from collections.abc import Sequence
 from types import MappingProxyType
 from typing import Any
 
+from rt_robot_os.base.reports import Reports
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.managed import ManagedDevice
 from rt_robot_os.devices.state import of_arrival
 from rt_robot_os.devices.state import RecoverySettings
 from rt_robot_os.devices.state import SensorStatistics
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.reports import Reports
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import MAX_SUBSCRIBERS
 

@@ -58,6 +58,8 @@ from typing import Any
 from typing import ClassVar
 from typing import Final
 
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.actuator import Actuator
 from rt_robot_os.devices.battery import BatteryFiller
 from rt_robot_os.devices.battery import UNKNOWN
@@ -75,10 +77,8 @@ from rt_robot_os.motion.wheel_counters import Reading
 from rt_robot_os.motion.wheel_counters import WheelCounters
 from rt_robot_os.motion.wheel_watch import WheelState
 from rt_robot_os.motion.wheel_watch import WheelWatch
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
-from rt_robot_os.units import NS_PER_S
 
 __all__ = ['motor_settings', 'MotorBoard']
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 from enum import IntFlag
 from typing import Final
 
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
 
 # How long what happened in a moment is shown.
 SHOWN_NS: Final = NS_PER_S

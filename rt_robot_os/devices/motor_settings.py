@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from rt_robot_os.base.schema import ABSENT
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.devices.battery import battery_settings
 from rt_robot_os.devices.serial.device import serial_settings
-from rt_robot_os.schema import ABSENT
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import REQUIRED
 
 
 def motor_settings(

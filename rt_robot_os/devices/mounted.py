@@ -19,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+from rt_robot_os.base.schema import Field
 from rt_robot_os.motion.mounting import BASE_FRAME
-from rt_robot_os.schema import Field
 
 FRAME_SETTING: Final = 'frame_id'
 _ORIGIN: Final = (0.0, 0.0, 0.0)

@@ -27,8 +27,8 @@ import math
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.schema import Field
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
 
 # sensor_msgs/msg/Range; the real-time core does not import ROS.
 ULTRASOUND: Final = 0

@@ -30,11 +30,11 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.plugins import load_object
 from rt_robot_os.devices.parts import DeviceParts
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.table import all_parts
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.plugins import load_object
 
 
 Chips = Mapping[int, Mapping[int, str]]

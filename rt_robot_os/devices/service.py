@@ -29,8 +29,8 @@ from pathlib import Path
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.plugins import PluginRegistry
 from rt_robot_os.devices.device import Device
-from rt_robot_os.plugins import PluginRegistry
 
 
 class Service(ABC):
@@ -64,7 +64,7 @@ SERVICES: Final[PluginRegistry[Service]] = PluginRegistry(
     Service,  # type: ignore[type-abstract]
     'service of devices',
     {'captures': 'rt_robot_os.devices.capture.service:CaptureService',
-     'journals': 'rt_robot_os.devices.journal.service:JournalService'},
+     'journals': 'rt_robot_os.features.alarms.journal_device.service:JournalService'},
 )
 
 

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import FailurePolicy
-from rt_robot_os.units import NS_PER_S
 
 _SHARED = ('budget_ns', 'on_budget', 'failure', 'restart_ns', 'restart_maximum_ns', 'resources')
 

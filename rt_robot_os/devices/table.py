@@ -33,11 +33,11 @@ from typing import Final
 from typing import TypeVar
 import warnings
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.plugins import entry_point_targets
+from rt_robot_os.base.plugins import load_object
+from rt_robot_os.base.plugins import PluginRegistry
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.plugins import entry_point_targets
-from rt_robot_os.plugins import load_object
-from rt_robot_os.plugins import PluginRegistry
 
 T = TypeVar('T')
 
@@ -46,7 +46,12 @@ _PARTS: Final = 'PARTS'
 
 # Recognisers are asked in this order: u-blox before NMEA, whose sentences it sends as well; those
 # that a chance could deceive last.
-_OWN: Final = {name: f'rt_robot_os.devices.{name}' for name in (
+_ELSEWHERE: Final = {
+    'journal': 'rt_robot_os.features.alarms.journal_device',
+    'oximeter': 'rt_robot_os.features.health.oximeter',
+    'sink': 'rt_robot_os.features.wsn.sink',
+}
+_OWN: Final = {name: _ELSEWHERE.get(name, f'rt_robot_os.devices.{name}') for name in (
     'bmp280',
     'bmp388',
     'bno055',

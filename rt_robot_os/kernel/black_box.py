@@ -43,7 +43,7 @@ from typing import Any
 from typing import Final
 from typing import TYPE_CHECKING
 
-from rt_robot_os.compiled import NATIVE
+from rt_robot_os.base.compiled import NATIVE
 
 if TYPE_CHECKING:
     from rt_robot_os.kernel.task import Task

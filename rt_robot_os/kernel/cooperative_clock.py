@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import time
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import Handler
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.clock import suspended_ns
-from rt_robot_os.units import NS_PER_MS
 
 # It polls this often while the kernel idles: file descriptors.
 _POLL_NS = NS_PER_MS

@@ -42,7 +42,9 @@ from typing import Final
 from typing import Protocol
 from typing import TYPE_CHECKING
 
-from rt_robot_os.compiled import NATIVE
+from rt_robot_os.base.compiled import NATIVE
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel.black_box import ABORTED
 from rt_robot_os.kernel.black_box import BlackBox
 from rt_robot_os.kernel.black_box import FAILED
@@ -57,8 +59,6 @@ from rt_robot_os.kernel.task_core import Judge
 from rt_robot_os.kernel.timer_interrupt import TimerInterrupt
 from rt_robot_os.linux.recursion import force_recursion_limit
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_US
 
 # Python frames that each level of nesting adds to the limit: a task that recursed to its own must
 # not leave too few for those that preempt it.

@@ -29,7 +29,7 @@ from collections.abc import Coroutine
 from collections.abc import Generator
 from typing import Any
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel.one_shot import OneShot
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.task import Coroutine as TaskCoroutine

@@ -24,7 +24,7 @@ from dataclasses import fields
 import inspect
 from typing import Any
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel.spec import broken
 from rt_robot_os.kernel.spec import checked_period_ns
 from rt_robot_os.kernel.spec import FailurePolicy

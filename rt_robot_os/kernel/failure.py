@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import sys
 from types import TracebackType
 
-from rt_robot_os.units import NS_PER_US
+from rt_robot_os.base.units import NS_PER_US
 
 _CALLS_KEPT = 8
 _TEXT_MAXIMUM = 1000

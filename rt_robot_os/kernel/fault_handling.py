@@ -22,6 +22,7 @@ from collections.abc import Mapping
 import functools
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.kernel.black_box import BLOCKED
 from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import MISS
@@ -37,7 +38,6 @@ from rt_robot_os.kernel.spec import FailurePolicy
 from rt_robot_os.kernel.spec import OverrunPolicy
 from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.units import NS_PER_MS
 
 _SUSPECTS_EVERY_NS: Final = 10 * NS_PER_MS
 # A job that waits in system calls instead of computing is aborted after this many times its

@@ -30,8 +30,10 @@ from typing import Any
 from typing import SupportsFloat
 from typing import SupportsIndex
 
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.errors import TaskError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel.black_box import BlackBoxDump
 from rt_robot_os.kernel.black_box import dump
 from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
@@ -62,8 +64,6 @@ from rt_robot_os.kernel.spec import FailurePolicy
 from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.statistics import KernelStatistics
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_US
 
 _RECURSION_LIMIT = 5000
 # Until the first release: the timers have to be ready by then.

@@ -24,7 +24,9 @@ import threading
 import time
 from typing import Any
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import Handler
 from rt_robot_os.kernel.clock import INTERRUPT_SIGNAL
@@ -37,8 +39,6 @@ from rt_robot_os.linux.recursion import with_room
 from rt_robot_os.linux.timer import Noting
 from rt_robot_os.linux.timer import SignalGate
 from rt_robot_os.linux.timer import SignalTimer
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_US
 
 # Of a few wake-ups the cheapest counts: on a busy machine the others cost anything. What is dearer
 # still is taken for this: nobody wants a CPU that is busy all the time.

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from typing import SupportsIndex
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.task import Task
 

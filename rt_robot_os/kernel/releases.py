@@ -39,6 +39,7 @@ from collections.abc import Sequence
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.kernel.black_box import BlackBox
 from rt_robot_os.kernel.black_box import OVERRUN
 from rt_robot_os.kernel.black_box import Record
@@ -48,7 +49,6 @@ from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.timers import insert
 from rt_robot_os.kernel.timers import SENTINELS
 from rt_robot_os.kernel.timers import Timer
-from rt_robot_os.units import NS_PER_MS
 
 IDLE_LEVEL: Final = 0
 # Above every task: what happens at a point in time rather than in a job.

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from types import TracebackType
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel.black_box import CEILING
 from rt_robot_os.kernel.releases import Releases
 from rt_robot_os.kernel.statistics import ResourceStatistics

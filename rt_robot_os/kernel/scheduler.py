@@ -28,8 +28,10 @@ import functools
 import sys
 from typing import Final
 
-from rt_robot_os.compiled import NATIVE
-from rt_robot_os.errors import KernelError
+from rt_robot_os.base.compiled import NATIVE
+from rt_robot_os.base.errors import KernelError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import BlackBox
 from rt_robot_os.kernel.black_box import INTERRUPT
@@ -53,8 +55,6 @@ from rt_robot_os.kernel.releases import IDLE_LEVEL
 from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.steal_time import StealTime
 from rt_robot_os.kernel.task import Task
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_US
 
 # Computing time for ``finally`` clauses between the first TaskAborted and the second, at least.
 # After that the job resists: TaskAborted is raised wherever Python runs handlers of signals, until

@@ -24,10 +24,10 @@ from enum import Enum
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import TaskError
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import period_from_rate
+from rt_robot_os.base.errors import TaskError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import period_from_rate
 
 PRIORITY_MINIMUM: Final = 1
 PRIORITY_MAXIMUM: Final = 99

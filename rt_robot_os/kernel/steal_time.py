@@ -31,9 +31,9 @@ from __future__ import annotations
 
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.histogram import Histogram
-from rt_robot_os.units import NS_PER_US
 
 _LEAST_NS: Final = 50 * NS_PER_US
 

@@ -25,7 +25,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import SupportsFloat
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.histogram import Histogram
 from rt_robot_os.kernel.logical import Logical
@@ -41,7 +42,6 @@ from rt_robot_os.kernel.task_core import EXECUTION
 from rt_robot_os.kernel.task_core import JITTER
 from rt_robot_os.kernel.task_core import LATENCY
 from rt_robot_os.kernel.task_core import TaskCore
-from rt_robot_os.units import NS_PER_S
 
 
 class Coroutine(ABC):

@@ -26,7 +26,7 @@ from typing import Final
 from typing import Protocol
 from typing import TYPE_CHECKING
 
-from rt_robot_os.compiled import NATIVE
+from rt_robot_os.base.compiled import NATIVE
 from rt_robot_os.kernel.histogram import BUCKETS
 
 LATENCY: Final = 0

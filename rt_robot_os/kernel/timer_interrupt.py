@@ -30,12 +30,12 @@ from __future__ import annotations
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel.black_box import BlackBox
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.releases import IDLE_LEVEL
 from rt_robot_os.kernel.releases import Releases
-from rt_robot_os.units import NS_PER_US
 
 # A timer that is set again so soon is set often; how late one that is set often may be. Both in
 # times that it costs to be woken by one.

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import Handler
 from rt_robot_os.kernel.clock import NEVER_NS

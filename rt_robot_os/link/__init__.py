@@ -24,13 +24,13 @@ from __future__ import annotations
 from typing import Final
 from typing import TYPE_CHECKING
 
-from rt_robot_os.lazy_names import lazy_names
+from rt_robot_os.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from rt_robot_os.link.client import LinkClient
     from rt_robot_os.link.client import TopicInfo
-    from rt_robot_os.link.paths import socket_path
     from rt_robot_os.link.server import LinkServer
+    from rt_robot_os.linux.paths import socket_path
 
 # Where each of them is, from this package.
 _PLACES: Final = {

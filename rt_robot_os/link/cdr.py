@@ -19,7 +19,7 @@ from __future__ import annotations
 import struct
 from typing import Final
 
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
 
 ENCAPSULATION: Final = 4
 LITTLE_ENDIAN: Final = b'\x00\x01\x00\x00'

@@ -35,12 +35,12 @@ from typing import Any
 from typing import Final
 from typing import TYPE_CHECKING
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.link.client_rooms import ClientRoom
 from rt_robot_os.link.client_rooms import SampleTooLong
 from rt_robot_os.link.core_statistics import collect
 from rt_robot_os.link.core_statistics import CoreStatistics
-from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import Header
@@ -54,7 +54,7 @@ from rt_robot_os.link.reader import Reader
 from rt_robot_os.link.readers import Readers
 from rt_robot_os.link.readers import readers_of
 from rt_robot_os.link.robots import others_than
-from rt_robot_os.safe_text import safe_line
+from rt_robot_os.linux.paths import socket_path
 
 if TYPE_CHECKING:
     from rt_robot_os.topics import Bus

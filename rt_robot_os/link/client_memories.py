@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import os
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.protocol import GIVE_BACK
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES

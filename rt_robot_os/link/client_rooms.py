@@ -26,7 +26,7 @@ from collections.abc import Callable
 from collections.abc import Sequence
 import threading
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.client_memories import received_memory
 from rt_robot_os.link.protocol import GIVE_BACK
 from rt_robot_os.link.protocol import header

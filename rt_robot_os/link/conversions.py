@@ -31,6 +31,7 @@ import struct
 from typing import Final
 from typing import TypeAlias
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.link.cdr import CdrReader
 from rt_robot_os.link.cdr import ENCAPSULATION
 from rt_robot_os.link.cdr import LITTLE_ENDIAN
@@ -41,7 +42,6 @@ from rt_robot_os.link.diagnostic_array import to_diagnostics
 from rt_robot_os.link.marker import MARKERS
 from rt_robot_os.link.markers import to_markers
 from rt_robot_os.motion.angles import yaw_of
-from rt_robot_os.units import NS_PER_S
 
 TRANSFORM: Final = 'geometry_msgs/msg/TransformStamped'
 TRANSFORMS: Final = 'tf2_msgs/msg/TFMessage'

@@ -25,7 +25,7 @@ from typing import Any
 from typing import Final
 from typing import TYPE_CHECKING
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import HEADER_BYTES

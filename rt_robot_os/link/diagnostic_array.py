@@ -31,11 +31,11 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.link.cdr import LITTLE_ENDIAN
 from rt_robot_os.link.cdr import padding
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.cdr import text_bytes
-from rt_robot_os.units import NS_PER_S
 
 DIAGNOSTICS: Final = 'diagnostic_msgs/msg/DiagnosticArray'
 

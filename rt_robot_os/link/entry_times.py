@@ -24,8 +24,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.kernel import Clock
-from rt_robot_os.units import NS_PER_MS
 
 # Below that it is the time between two readings of clocks.
 SUSPENDED_LEAST_NS: Final = 50 * NS_PER_MS

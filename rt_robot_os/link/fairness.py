@@ -24,9 +24,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Iterable
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.link.session import Session
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 INTERVAL_NS = 20 * NS_PER_MS
 # Packets of ordinary length, of all clients together: 10000 a second.

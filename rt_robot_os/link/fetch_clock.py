@@ -26,7 +26,7 @@ import select
 import socket
 import time
 
-from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_MS
 
 # What has come by the next time shall fill a quarter of the smallest socket buffer at most.
 _FETCH_BYTES = 64 << 10

@@ -25,7 +25,7 @@ from __future__ import annotations
 import socket
 from typing import Any
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.protocol import HEADER

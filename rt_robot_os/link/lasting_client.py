@@ -21,7 +21,7 @@ from pathlib import Path
 import time
 from typing import Final
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.client import ASKS
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.client import LinkSilent

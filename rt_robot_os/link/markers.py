@@ -41,11 +41,11 @@ from rt_robot_os.link.marker import marker_array
 from rt_robot_os.link.marker import SPHERE
 from rt_robot_os.link.marker import TEXT
 from rt_robot_os.link.marker import WHITE
-from rt_robot_os.wsn.network_rows import names_of
-from rt_robot_os.wsn.network_rows import NodeRow
-from rt_robot_os.wsn.network_rows import NodeState
-from rt_robot_os.wsn.network_rows import rows_of
-from rt_robot_os.wsn.survey import HIGHEST_ID
+from rt_robot_os.messages.network_rows import names_of
+from rt_robot_os.messages.network_rows import NodeRow
+from rt_robot_os.messages.network_rows import NodeState
+from rt_robot_os.messages.network_rows import rows_of
+from rt_robot_os.messages.survey import HIGHEST_ID
 
 NODES: Final = 'nodes'
 LABELS: Final = 'labels'

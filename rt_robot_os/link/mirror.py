@@ -19,12 +19,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.link.batch import Batch
 from rt_robot_os.link.gather import Gather
 from rt_robot_os.link.gather import Gathered
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 #: How long a sample may wait for others at most.
 DELAY_MAXIMUM_MS = 100.0

@@ -21,10 +21,10 @@ from contextlib import contextmanager
 import os
 from pathlib import Path
 
-from rt_robot_os.errors import StartError
-from rt_robot_os.link.paths import runtime_folder
+from rt_robot_os.base.errors import StartError
 from rt_robot_os.linux.folders import ros_home
 from rt_robot_os.linux.lock_file import LockFile
+from rt_robot_os.linux.paths import runtime_folder
 
 
 def folder_of(program: str, robot: str, setting: str) -> Path:

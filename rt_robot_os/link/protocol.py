@@ -69,7 +69,7 @@ import struct
 from typing import Any
 from typing import NamedTuple
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 
 VERSION = 5
 HEADER = struct.Struct('<BBHIqQ')

@@ -26,7 +26,7 @@ import time
 from typing import Any
 from typing import Protocol
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.client_memories import ClientMemories
 from rt_robot_os.link.client_memories import give_back
 from rt_robot_os.link.client_rooms import ClientRooms

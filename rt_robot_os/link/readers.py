@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from typing import Any
 from typing import NamedTuple
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 
 
 class ReadingClient(NamedTuple):

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import RECORD
 from rt_robot_os.link.protocol import RECORD_HEAD

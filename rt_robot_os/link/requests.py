@@ -22,16 +22,16 @@ from collections.abc import Iterator
 from enum import Enum
 from typing import Any
 
-from rt_robot_os.errors import LinkError
-from rt_robot_os.errors import RtRobotError
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.safe_text import encodable
+from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.link.protocol import decode_request
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import MORE
 from rt_robot_os.link.session import Session
-from rt_robot_os.safe_text import encodable
-from rt_robot_os.safe_text import safe_line
 
 Arguments = dict[str, Any]
 Answer = Callable[[Session, Arguments], Arguments]

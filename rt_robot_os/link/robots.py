@@ -32,12 +32,12 @@ import time
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import StartError
-from rt_robot_os.link.paths import node_of
-from rt_robot_os.link.paths import robot_of
-from rt_robot_os.link.paths import runtime_folder
+from rt_robot_os.base.errors import StartError
 from rt_robot_os.linux.lock_file import holder
 from rt_robot_os.linux.lock_file import LockFile
+from rt_robot_os.linux.paths import node_of
+from rt_robot_os.linux.paths import robot_of
+from rt_robot_os.linux.paths import runtime_folder
 from rt_robot_os.linux.process import parent_of
 
 _CORE_SUFFIX: Final = '-core.lock'
@@ -50,7 +50,7 @@ def hold_robot(robot: str) -> LockFile:
     """
     Take the name of a node until :meth:`LockFile.release` or the end of the process.
 
-    :param robot: from :func:`rt_robot_os.link.paths.robot_name`.
+    :param robot: from :func:`rt_robot_os.linux.paths.robot_name`.
     :raises StartError: it runs already; the message says who and what to do.
     """
     lock = LockFile(runtime_folder() / f'{robot}.lock')

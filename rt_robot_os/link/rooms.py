@@ -30,8 +30,10 @@ import socket
 from typing import Final
 from typing import Protocol
 
-from rt_robot_os.errors import LinkError
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.base.errors import TopicError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.link.entry_times import EntryTimes
 from rt_robot_os.link.protocol import GIVE_BACK
 from rt_robot_os.link.protocol import Header
@@ -44,8 +46,6 @@ from rt_robot_os.linux.memory_file import send_with_fd
 from rt_robot_os.linux.memory_file import slot_stride
 from rt_robot_os.topics import LargePublisher
 from rt_robot_os.topics import Topic
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 # One that the core reads, and one that the client writes meanwhile.
 ROOM_SLOTS: Final = 2

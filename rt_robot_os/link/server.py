@@ -31,7 +31,13 @@ from pathlib import Path
 import socket
 import struct
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link.entry_times import EntryTimes
 from rt_robot_os.link.fairness import Lines
@@ -47,13 +53,7 @@ from rt_robot_os.link.session import ClientStatistics
 from rt_robot_os.link.session import Session
 from rt_robot_os.link.sign_of_life import LifePage
 from rt_robot_os.link.topic_requests import TopicRequests
-from rt_robot_os.reports import Report
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 CLIENTS_MAXIMUM = 16
 BEAT_RATE_HZ = 50.0

@@ -25,8 +25,8 @@ from dataclasses import dataclass
 import socket
 from typing import Any
 
-from rt_robot_os.errors import LinkError
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.link.batch import Batch
 from rt_robot_os.link.entry_times import EntryTimes
 from rt_robot_os.link.large import CLIENT_MEMORY_MAXIMUM

@@ -28,7 +28,7 @@ import os
 import struct
 from typing import NamedTuple
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.linux.memory_file import MemoryFile
 
 # The count, moment, moment at which the link ran, the task that runs instead; the count again.

@@ -24,7 +24,7 @@ from __future__ import annotations
 import struct
 from typing import Final
 
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
 
 _DOUBLE: Final = 8
 #: Bytes of the body by type; each type of the list consists of doubles only.

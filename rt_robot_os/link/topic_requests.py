@@ -21,7 +21,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 import os
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.link.client import topic_infos
@@ -39,7 +40,6 @@ from rt_robot_os.link.requests import shown
 from rt_robot_os.link.requests import text_of
 from rt_robot_os.link.session import Session
 from rt_robot_os.link.sign_of_life import LifePage
-from rt_robot_os.safe_text import safe_line
 from rt_robot_os.topics import Bus
 
 NAME_MAXIMUM = 64

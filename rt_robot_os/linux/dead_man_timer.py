@@ -27,8 +27,8 @@ from __future__ import annotations
 import ctypes
 import signal
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.linux import _libc
-from rt_robot_os.units import NS_PER_S
 
 KILL_AFTER_NS = NS_PER_S
 

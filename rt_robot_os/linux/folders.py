@@ -23,7 +23,7 @@ from pathlib import Path
 import stat
 import tempfile
 
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import StartError
 
 RUNTIME_VARIABLE = 'RT_ROBOT_OS_RUNTIME_DIR'
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH

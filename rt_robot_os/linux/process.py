@@ -28,8 +28,8 @@ import subprocess
 import sys
 import weakref
 
+from rt_robot_os.base.programs import own_process
 from rt_robot_os.linux import _libc
-from rt_robot_os.programs import own_process
 
 # How long a child may take to be ready, which is a second at most unless the machine has far too
 # much to do. One that ends is noticed at once; only one that hangs is waited for that long.

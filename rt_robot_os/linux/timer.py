@@ -27,12 +27,12 @@ import resource
 import threading
 from typing import Protocol
 
-from rt_robot_os.compiled import NATIVE
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.compiled import NATIVE
+from rt_robot_os.base.errors import StartError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.linux import _libc
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 # Before Python 3.12 a handler may find no room left on the stack: the signal comes again sooner.
 AGAIN_NS = 10 * NS_PER_MS if SEPARATE_LIMITS else NS_PER_MS

@@ -14,8 +14,8 @@
 
 """Function modules: what a robot's author writes, and a few that come with the package."""
 
+from rt_robot_os.base.schema import Field
 from rt_robot_os.modules.base import Module
-from rt_robot_os.schema import Field
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 

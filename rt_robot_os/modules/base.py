@@ -38,21 +38,21 @@ from typing import Any
 from typing import ClassVar
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import TopicError
+from rt_robot_os.base.logger import Logger
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Resource
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import Ticks
-from rt_robot_os.logger import Logger
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import MAX_SUBSCRIBERS
 from rt_robot_os.topics.ports import Output
 from rt_robot_os.topics.ports import PortOwner
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import period_from_rate
 
 
 _JOB_GRID_NS: Final = 10 * NS_PER_MS

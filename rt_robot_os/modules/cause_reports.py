@@ -21,14 +21,14 @@ import math
 from typing import Any
 from typing import Final
 
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import CAUSE_BYTES
-from rt_robot_os.alarms.cause import CAUSES_DEPTH
-from rt_robot_os.alarms.cause import CAUSES_MESSAGE
-from rt_robot_os.alarms.cause import CAUSES_TOPIC
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import CAUSE_BYTES
+from rt_robot_os.messages.cause import CAUSES_DEPTH
+from rt_robot_os.messages.cause import CAUSES_MESSAGE
+from rt_robot_os.messages.cause import CAUSES_TOPIC
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics.ports import Output
-from rt_robot_os.units import NS_PER_S
 
 #: The output of a module that reports causes: ``causes = CAUSES_OUTPUT`` in its class.
 CAUSES_OUTPUT: Final = Output(

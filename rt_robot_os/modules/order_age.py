@@ -26,8 +26,8 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
-from rt_robot_os.schema import Field
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.units import NS_PER_S
 
 ORDER_AGE: Final = Field(
     'order_age_max_s', float, 5.0, 'Age at which an order that comes is refused when it starts a '

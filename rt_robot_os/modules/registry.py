@@ -18,31 +18,31 @@ from __future__ import annotations
 
 from typing import Final
 
+from rt_robot_os.base.plugins import PluginRegistry
 from rt_robot_os.modules.base import Module
-from rt_robot_os.plugins import PluginRegistry
 
 _OWN: Final = {
-    'agent': 'rt_robot_os.modules.agent:AgentModule',
-    'alarms': 'rt_robot_os.modules.alarms:Alarms',
-    'assessment': 'rt_robot_os.modules.assessment:Assessment',
-    'attitude': 'rt_robot_os.modules.attitude:Attitude',
-    'collision_guard': 'rt_robot_os.modules.collision_guard:CollisionGuard',
-    'fall_detector': 'rt_robot_os.modules.fall_detector:FallDetection',
-    'localization': 'rt_robot_os.modules.localization:Localization',
-    'observer': 'rt_robot_os.modules.observer:Observer',
-    'odometry': 'rt_robot_os.modules.odometry:Odometry',
-    'person_finder': 'rt_robot_os.modules.person_finder:PersonFinder',
-    'planner': 'rt_robot_os.modules.planner:Planner',
-    'pulse_check': 'rt_robot_os.modules.pulse_check:PulseCheck',
-    'rule': 'rt_robot_os.modules.rule:Rule',
-    'sensor_network': 'rt_robot_os.modules.sensor_network:SensorNetwork',
-    'sensor_readings': 'rt_robot_os.modules.sensor_readings:SensorReadings',
-    'trajectory': 'rt_robot_os.modules.trajectory:Trajectory',
-    'twist_guard': 'rt_robot_os.modules.twist_guard:TwistGuard',
-    'velocity_mux': 'rt_robot_os.modules.velocity_mux:VelocityMux',
-    'vital_signs': 'rt_robot_os.modules.vital_signs:VitalSigns',
-    'watch': 'rt_robot_os.modules.watch:Watch',
-    'whereabouts': 'rt_robot_os.modules.whereabouts:Whereabouts',
+    'agent': 'rt_robot_os.features.agent.module:AgentModule',
+    'alarms': 'rt_robot_os.features.alarms.module:Alarms',
+    'assessment': 'rt_robot_os.features.health.assessment:Assessment',
+    'attitude': 'rt_robot_os.features.navigation.attitude:Attitude',
+    'collision_guard': 'rt_robot_os.features.navigation.collision_guard:CollisionGuard',
+    'fall_detector': 'rt_robot_os.features.health.fall_detector:FallDetection',
+    'localization': 'rt_robot_os.features.navigation.localization:Localization',
+    'observer': 'rt_robot_os.features.agent.observer:Observer',
+    'odometry': 'rt_robot_os.features.navigation.odometry:Odometry',
+    'person_finder': 'rt_robot_os.features.agent.person_finder:PersonFinder',
+    'planner': 'rt_robot_os.features.navigation.planner:Planner',
+    'pulse_check': 'rt_robot_os.features.health.pulse_check:PulseCheck',
+    'rule': 'rt_robot_os.features.health.rule:Rule',
+    'sensor_network': 'rt_robot_os.features.wsn.sensor_network:SensorNetwork',
+    'sensor_readings': 'rt_robot_os.features.wsn.sensor_readings:SensorReadings',
+    'trajectory': 'rt_robot_os.features.navigation.trajectory:Trajectory',
+    'twist_guard': 'rt_robot_os.features.navigation.twist_guard:TwistGuard',
+    'velocity_mux': 'rt_robot_os.features.navigation.velocity_mux:VelocityMux',
+    'vital_signs': 'rt_robot_os.features.health.vital_signs:VitalSigns',
+    'watch': 'rt_robot_os.features.alarms.watch:Watch',
+    'whereabouts': 'rt_robot_os.features.health.whereabouts:Whereabouts',
 }
 
 MODULES: Final[PluginRegistry[Module]] = PluginRegistry(

@@ -20,8 +20,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from rt_robot_os.base.schema import Field
 from rt_robot_os.modules.base import Module
-from rt_robot_os.schema import Field
 
 #: Setting of the modules that limit velocities without knowing what is in the way.
 RUN_ON_MAX: Final = Field(

@@ -29,7 +29,8 @@ from fastapi import FastAPI
 from fastapi import Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
+from rt_robot_os.messages.texts.coded import codes_of
 from rt_robot_os.monitor.api import alarms
 from rt_robot_os.monitor.api import audit
 from rt_robot_os.monitor.api import charts
@@ -53,7 +54,6 @@ from rt_robot_os.monitor.live import robot_connection
 from rt_robot_os.monitor.page_files import PageFiles
 from rt_robot_os.monitor.security.protection import protect
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.texts.coded import codes_of
 from starlette.exceptions import HTTPException
 
 _LOG: Final = logging.getLogger('monitor')

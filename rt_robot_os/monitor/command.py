@@ -20,18 +20,18 @@ import argparse
 from collections.abc import Sequence
 import ipaddress
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import StartError
+from rt_robot_os.base.needs import require
+from rt_robot_os.base.programs import BAD_USE
+from rt_robot_os.base.programs import OK
+from rt_robot_os.base.programs import run_command
+from rt_robot_os.base.programs import tell
+from rt_robot_os.base.requirements import EXTRAS
 from rt_robot_os.linux.folders import ros_home
 from rt_robot_os.monitor.security.commands import WORDS
 from rt_robot_os.monitor.settings import load
 from rt_robot_os.monitor.settings import MonitorSettings
-from rt_robot_os.needs import require
-from rt_robot_os.programs import BAD_USE
-from rt_robot_os.programs import OK
-from rt_robot_os.programs import run_command
-from rt_robot_os.programs import tell
-from rt_robot_os.requirements import EXTRAS
 from rt_robot_os.settings.ros_args import parse_ros_args
 
 _NAME = 'monitor'

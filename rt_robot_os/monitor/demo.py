@@ -37,13 +37,13 @@ from typing import Final
 from typing import NamedTuple
 from typing import TYPE_CHECKING
 
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import StartError
+from rt_robot_os.base.programs import tell
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.story import Story
-from rt_robot_os.programs import tell
 from rt_robot_os.settings.files import default_path
 
 if TYPE_CHECKING:
@@ -96,7 +96,8 @@ def _order(what: str) -> None:
     """
     try:
         done = subprocess.run(
-            [sys.executable, '-m', 'rt_robot_os.sim.program', '--robot', f'{NAMESPACE}/robot',
+            [sys.executable, '-m', 'rt_robot_os.core.simulator_program', '--robot',
+             f'{NAMESPACE}/robot',
              '--tell', f'world {what}'], capture_output=True, text=True, timeout=_ORDER_S)
     except subprocess.TimeoutExpired:
         raise OSError(f'the simulator has not answered for {_ORDER_S:g} s') from None
@@ -133,11 +134,11 @@ def running(companions: Companions, accounts: Accounts, folder: Path, url: str, 
     ended: list[str] = []
     children = {}
     if not node:
-        robot = 'clients.ros' if find_spec('rclpy') is not None else 'core'
+        robot = 'ros' if find_spec('rclpy') is not None else 'core'
         children = {'robot': _start(robot, *ros, *robot_only),
-                    'notifier': _start('clients.notifier', *ros)}
+                    'notifier': _start('features.alarms.notifier', *ros)}
     children['gateway'] = _start(
-        'clients.gateway', '--server', url, *(('--robot', node) if node else ()), *ros,
+        'gateway', '--server', url, *(('--robot', node) if node else ()), *ros,
         '-p', f'token_file:={token}', '-p', f'folder:={folder / name}-gateway', *more)
     for name, child in children.items():
         threading.Thread(target=_tell_end, args=(name, child, ended), daemon=True).start()

@@ -23,7 +23,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from rt_robot_os.uplink.maps import read_map
+from rt_robot_os.messages.uplink.maps import read_map
 
 
 class Maps:

@@ -33,7 +33,7 @@ import time
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.uplink.frames import PART_BYTES
+from rt_robot_os.messages.uplink.frames import PART_BYTES
 
 #: What a file may be, by its first bytes; nothing else is kept, or ever served.
 JPEG: Final = 'image/jpeg'

@@ -23,7 +23,7 @@ from __future__ import annotations
 import sys
 from typing import Final
 
-from rt_robot_os.programs import Program
+from rt_robot_os.base.programs import Program
 
 main: Final = Program('monitor', 'rt_robot_os.monitor.command:run', listens=True)
 

@@ -23,7 +23,8 @@ import socket
 import sys
 from types import FrameType
 
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import StartError
+from rt_robot_os.messages.uplink.frames import FRAME_BYTES
 from rt_robot_os.monitor.app import create_app
 from rt_robot_os.monitor.connections import allow_files
 from rt_robot_os.monitor.connections import Config
@@ -45,7 +46,6 @@ from rt_robot_os.monitor.settings import MonitorSettings
 from rt_robot_os.monitor.store.retention import Kept
 from rt_robot_os.monitor.store.store import Store
 from rt_robot_os.monitor.store.writer import Writer
-from rt_robot_os.uplink.frames import FRAME_BYTES
 import uvicorn
 
 _BACKLOG = 512

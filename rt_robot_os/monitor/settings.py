@@ -34,8 +34,8 @@ from pathlib import Path
 from typing import Any
 from typing import Final
 
-from rt_robot_os.schema import made
-from rt_robot_os.schema import setting
+from rt_robot_os.base.schema import made
+from rt_robot_os.base.schema import setting
 
 PLAIN_PORT: Final = 8080
 TLS_PORT: Final = 8443

@@ -31,7 +31,7 @@ from typing import Any
 from typing import Final
 from typing import TYPE_CHECKING
 
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
 
 if TYPE_CHECKING:
     from rt_robot_os.monitor.live.hub import Hub

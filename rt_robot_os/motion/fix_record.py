@@ -20,10 +20,10 @@ from collections.abc import Sequence
 import math
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.pose_history import Fix
-from rt_robot_os.units import NS_PER_S
 
 # Of the mean difference to the estimate: about so many count.
 _COUNT: Final = 50

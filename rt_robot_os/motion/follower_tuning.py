@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rt_robot_os.schema import setting
+from rt_robot_os.base.schema import setting
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.motion.map_file import MapFile
 from rt_robot_os.motion.map_file import MODES
 from rt_robot_os.motion.map_file import read_map_file

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import math
 from typing import Final
 
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
 
 # What no gyroscope of a robot on wheels can say, in rad/s.
 _RATE_MOST: Final = 350.0

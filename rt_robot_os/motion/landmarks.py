@@ -38,7 +38,7 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 
 MOST_LANDMARKS: Final = 10_000
 HIGHEST_NUMBER: Final = 999_999

@@ -29,6 +29,7 @@ from dataclasses import dataclass
 import math
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.ekf import Ekf
 from rt_robot_os.motion.ekf import GATE_2
@@ -42,7 +43,6 @@ from rt_robot_os.motion.pose_history import Step
 from rt_robot_os.motion.poses import composed
 from rt_robot_os.motion.poses import transform
 from rt_robot_os.motion.refusals import Refusals
-from rt_robot_os.units import NS_PER_S
 
 # Measurements that wait for the odometry of their moment.
 _WAITING_MOST: Final = 16

@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 
 MODES: Final = ('trinary', 'scale', 'raw')
 

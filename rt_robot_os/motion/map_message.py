@@ -28,7 +28,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.grid_map import OCCUPIED

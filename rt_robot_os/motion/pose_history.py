@@ -27,6 +27,7 @@ from dataclasses import dataclass
 import math
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.ekf import displaced
@@ -39,7 +40,6 @@ from rt_robot_os.motion.ekf import PoseCovariance
 from rt_robot_os.motion.ekf import State
 from rt_robot_os.motion.ekf import UNKNOWN_VARIANCE
 from rt_robot_os.motion.poses import composed
-from rt_robot_os.units import NS_PER_S
 
 # At 200 Hz these are 2.5 s.
 _STEPS_MOST: Final = 512

@@ -26,12 +26,12 @@ from collections import deque
 import math
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.poses import composed
 from rt_robot_os.motion.poses import transform
-from rt_robot_os.units import NS_PER_S
 
 _KEPT: Final = 256
 # Odometry that moves faster than this between two samples has begun anew.

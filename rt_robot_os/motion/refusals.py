@@ -26,7 +26,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
 
 # Two numbers agree when they differ by less than so many standard deviations of their difference.
 _SIGMAS: Final = 3.0

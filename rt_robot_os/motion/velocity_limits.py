@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import math
 from typing import Final
 
-from rt_robot_os.schema import setting
+from rt_robot_os.base.schema import setting
 
 
 # In m/s and rad/s.

@@ -26,8 +26,8 @@ import math
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.differential import tick_difference
-from rt_robot_os.units import NS_PER_S
 
 Counts = tuple[float, float]
 

@@ -28,11 +28,11 @@ from dataclasses import dataclass
 import math
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.differential import body_velocity
 from rt_robot_os.motion.ekf import Ekf
 from rt_robot_os.motion.ekf import PoseCovariance
 from rt_robot_os.motion.gyro_turn import RestBias
-from rt_robot_os.units import NS_PER_S
 
 # A rim slower than that stands still, in m/s; a robot that stands so long has no turn of its own.
 _STANDING_M_S: Final = 5e-4

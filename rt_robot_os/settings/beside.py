@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rt_robot_os.schema import declared
+from rt_robot_os.base.schema import declared
 from rt_robot_os.settings.files import read_files
 from rt_robot_os.settings.files import read_overrides
 from rt_robot_os.settings.problems import Problems
@@ -58,7 +58,7 @@ def read_values(model: type, paths: Sequence[Path], overrides: Mapping[str, Any]
     :param overrides: by dotted name; they win over the files.
     :param check: what the declarations do not say; it reports.
     :param is_needed: False for files of the robot, which may say nothing to the node.
-    :return: all of them by name, for :func:`rt_robot_os.schema.made`; lists as tuples.
+    :return: all of them by name, for :func:`rt_robot_os.base.schema.made`; lists as tuples.
     :raises ConfigError: with one line for each problem.
     """
     tree, problems = read_parameters(paths, overrides, node, namespace,

@@ -29,9 +29,9 @@ from dataclasses import dataclass
 from typing import Any
 from typing import Protocol
 
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import PartTopics
 from rt_robot_os.motion.mounting import Mounting
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import PartTopics
 
 
 def no_topics(name: str, values: Mapping[str, Any]) -> PartTopics:

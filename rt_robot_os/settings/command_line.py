@@ -23,9 +23,9 @@ import shlex
 from typing import Final
 from typing import TYPE_CHECKING
 
-from rt_robot_os import programs
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.programs import BAD_USE
+from rt_robot_os.base import programs
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.programs import BAD_USE
 from rt_robot_os.settings.problems import nearest
 from rt_robot_os.settings.ros_args import ROS_FLAGS
 from rt_robot_os.settings.ros_args import split

@@ -26,10 +26,10 @@ from collections.abc import Sequence
 import sys
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.schema import declared
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import REQUIRED
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import declared
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Lookup
 from rt_robot_os.settings.installed import installed

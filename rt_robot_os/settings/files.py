@@ -25,7 +25,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.linux.folders import read_file
 from rt_robot_os.settings.names import full_name
 from rt_robot_os.settings.nodes import expand

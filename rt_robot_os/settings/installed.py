@@ -28,14 +28,14 @@ from pathlib import Path
 from typing import Any
 from typing import TYPE_CHECKING
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.schema import PartTopics
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import PartTopics
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Kind
 from rt_robot_os.settings.problems import did_you_mean
 
 if TYPE_CHECKING:
-    from rt_robot_os.plugins import PluginRegistry
+    from rt_robot_os.base.plugins import PluginRegistry
     from rt_robot_os.topics.ports import PortOwner
 
 
@@ -107,13 +107,13 @@ def _with_ports(cls: type[PortOwner], **facts: Any) -> Kind:
 
 
 def _simulators() -> PluginRegistry[Any]:
-    from rt_robot_os.sim.base import SIMULATORS
+    from rt_robot_os.devices.simulators import SIMULATORS
     return SIMULATORS
 
 
 def _simulator(name: str) -> Kind:
     from rt_robot_os.sim.base import Place
-    from rt_robot_os.sim.base import SIMULATORS
+    from rt_robot_os.devices.simulators import SIMULATORS
     cls = SIMULATORS.load(name)
 
     def check(section: str, values: Mapping[str, Any], device: Mapping[str, Any]) -> None:

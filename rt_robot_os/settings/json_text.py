@@ -32,8 +32,8 @@ from typing import Final
 from typing import get_args
 from typing import get_origin
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.schema import hints_of
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import hints_of
 from rt_robot_os.settings.model import frozen
 from rt_robot_os.settings.model import RobotSettings
 

@@ -24,7 +24,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.files import default_path
 from rt_robot_os.settings.files import read_files

@@ -15,8 +15,8 @@
 """
 The checked settings: frozen facts that the node, the core and the tools share.
 
-Each setting is declared here and nowhere else; see :func:`rt_robot_os.schema.setting`. Drivers,
-simulators and modules bring their own.
+Each setting is declared here and nowhere else; see :func:`rt_robot_os.base.schema.setting`.
+Drivers, simulators and modules bring their own.
 """
 
 from __future__ import annotations
@@ -33,6 +33,14 @@ from typing import ClassVar
 from typing import Final
 from typing import get_args
 
+from rt_robot_os.base.logger import LEVELS
+from rt_robot_os.base.schema import declared
+from rt_robot_os.base.schema import hints_of
+from rt_robot_os.base.schema import inline
+from rt_robot_os.base.schema import REQUIRED
+from rt_robot_os.base.schema import setting
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel.spec import BACKLOG_MAXIMUM
 from rt_robot_os.kernel.spec import BudgetPolicy
 from rt_robot_os.kernel.spec import FailurePolicy
@@ -45,14 +53,7 @@ from rt_robot_os.link.diagnostic_array import DIAGNOSTICS
 from rt_robot_os.link.marker import MARKERS
 from rt_robot_os.link.mirror import DELAY_MAXIMUM_MS
 from rt_robot_os.link.mirror import Policy
-from rt_robot_os.logger import LEVELS
 from rt_robot_os.motion.mounting import Mounting
-from rt_robot_os.schema import declared
-from rt_robot_os.schema import hints_of
-from rt_robot_os.schema import inline
-from rt_robot_os.schema import REQUIRED
-from rt_robot_os.schema import setting
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.settings.process_model import CoreSettings
 from rt_robot_os.settings.process_model import LogSettings
 from rt_robot_os.settings.process_model import priority_setting
@@ -62,7 +63,6 @@ from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.topics.topic import DEPTH_MAXIMUM
 from rt_robot_os.topics.topic import MAX_SUBSCRIBERS
 from rt_robot_os.topics.topic import SUBSCRIBERS_MAXIMUM
-from rt_robot_os.units import NS_PER_S
 
 # The port of a simulated device.
 SIM_PORT: Final = 'sim'

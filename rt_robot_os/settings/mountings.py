@@ -20,7 +20,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.settings.model import frozen
 from rt_robot_os.settings.model import MountedFrame

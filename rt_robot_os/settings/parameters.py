@@ -28,10 +28,10 @@ from dataclasses import dataclass
 from dataclasses import replace
 from typing import Any
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.schema import attribute_of
-from rt_robot_os.schema import declared
-from rt_robot_os.schema import Field
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import attribute_of
+from rt_robot_os.base.schema import declared
+from rt_robot_os.base.schema import Field
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Kind
 from rt_robot_os.settings.installed import installed

@@ -23,13 +23,13 @@ import re
 from typing import Any
 from typing import TypeVar
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.schema import declared
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import made
-from rt_robot_os.schema import PartTopics
-from rt_robot_os.schema import REQUIRED
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.schema import declared
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import made
+from rt_robot_os.base.schema import PartTopics
+from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.catalogue import Kind
 from rt_robot_os.settings.catalogue import Lookup

@@ -24,8 +24,8 @@ import difflib
 import itertools
 from typing import Any
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.schema import Field
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
 from rt_robot_os.settings.tree import Origin
 from rt_robot_os.settings.tree import show
 

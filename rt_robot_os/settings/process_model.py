@@ -19,14 +19,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from rt_robot_os.base.schema import setting
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
 from rt_robot_os.kernel.kernel import SPIN_MAXIMUM_NS
 from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.spec import PRIORITY_MINIMUM
 from rt_robot_os.link.server import COMMAND_PRIORITY
 from rt_robot_os.link.server import SERVICE_PRIORITY
-from rt_robot_os.schema import setting
-from rt_robot_os.units import NS_PER_US
 
 
 def priority_setting(default: int, description: str) -> Any:

@@ -22,9 +22,9 @@ from collections.abc import Mapping
 from collections.abc import Sequence
 from typing import Any
 
-from rt_robot_os.schema import declared
-from rt_robot_os.schema import made
-from rt_robot_os.schema import PartTopics
+from rt_robot_os.base.schema import declared
+from rt_robot_os.base.schema import made
+from rt_robot_os.base.schema import PartTopics
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.mirror_patterns import expanded
 from rt_robot_os.settings.mirror_patterns import is_pattern

@@ -30,10 +30,10 @@ from pathlib import Path
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.link.paths import node_of
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.linux.folders import read_file
 from rt_robot_os.linux.folders import ros_home
+from rt_robot_os.linux.paths import node_of
 from rt_robot_os.settings.files import read_files
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.tree import flatten

@@ -28,9 +28,9 @@ import itertools
 from typing import Any
 from typing import Final
 
-from rt_robot_os.schema import declared
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import REQUIRED
+from rt_robot_os.base.schema import declared
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.files import path_near
 from rt_robot_os.settings.names import is_token

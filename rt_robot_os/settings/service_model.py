@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from rt_robot_os.schema import REQUIRED
-from rt_robot_os.schema import setting
+from rt_robot_os.base.schema import REQUIRED
+from rt_robot_os.base.schema import setting
 
 TRIGGER: Final = 'std_srvs/srv/Trigger'
 SET_BOOL: Final = 'std_srvs/srv/SetBool'

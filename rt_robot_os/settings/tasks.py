@@ -24,13 +24,16 @@ from collections.abc import Sequence
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.schema import PartTopics
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
+from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.spec import BudgetPolicy
 from rt_robot_os.kernel.spec import contradictions as kernel_rules
 from rt_robot_os.kernel.spec import FailurePolicy
 from rt_robot_os.kernel.spec import OverrunPolicy
 from rt_robot_os.kernel.spec import Rule
-from rt_robot_os.schema import PartTopics
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.model import SLOWEST_HZ
 from rt_robot_os.settings.model import TaskSettings
@@ -41,9 +44,6 @@ from rt_robot_os.settings.parts import task_of
 from rt_robot_os.settings.problems import Names
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.sections import Section
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
-from rt_robot_os.units import period_from_rate
 
 SHORTEST_TIMEOUT_S = 0.1
 

@@ -26,18 +26,18 @@ from dataclasses import replace
 import os
 from typing import Final
 
-from rt_robot_os.errors import LayoutError
+from rt_robot_os.base.errors import LayoutError
+from rt_robot_os.base.schema import PartTopics
+from rt_robot_os.base.schema import STAR
+from rt_robot_os.base.schema import star_match
+from rt_robot_os.base.schema import TopicRead
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.link.conversions import find as find_conversion
 from rt_robot_os.link.conversions import FRAMED
 from rt_robot_os.link.conversions import possible
 from rt_robot_os.link.conversions import TRANSFORMS
 from rt_robot_os.link.stamped_messages import FRAME_ID_BYTES_MAXIMUM
 from rt_robot_os.link.stamped_messages import STAMPED_BYTES
-from rt_robot_os.schema import PartTopics
-from rt_robot_os.schema import STAR
-from rt_robot_os.schema import star_match
-from rt_robot_os.schema import TopicRead
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.settings.catalogue import Catalogue
 from rt_robot_os.settings.model import SIM_PORT
 from rt_robot_os.settings.names import full_topic

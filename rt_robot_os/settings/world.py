@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.schema import declared
-from rt_robot_os.schema import made
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import declared
+from rt_robot_os.base.schema import made
 from rt_robot_os.settings.files import path_near
 from rt_robot_os.settings.files import read_text
 from rt_robot_os.settings.model import frozen

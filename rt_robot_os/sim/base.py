@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from abc import ABC
 from abc import abstractmethod
+from collections.abc import Callable
 from collections.abc import Mapping
 from collections.abc import Sequence
 import dataclasses
@@ -28,15 +29,13 @@ from typing import ClassVar
 from typing import Final
 from typing import Protocol
 from typing import TYPE_CHECKING
+from typing import TypeVar
 
-from rt_robot_os.devices.table import DeviceRegistry
-from rt_robot_os.devices.table import OLD_TWINS
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
 from rt_robot_os.motion.mounting import in_base
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.mounting import mounting_of
-from rt_robot_os.schema import Field
-from rt_robot_os.sim.i2c_port import I2cPort
 
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World
@@ -88,6 +87,8 @@ class Site:
         return own.seen_from(in_base(self.mountings, own.parent))
 
 
+P = TypeVar('P', bound=Plug)
+
 NOWHERE: Final = Site()
 
 
@@ -106,7 +107,7 @@ class Place:
         self.folder = folder
         self.world = world
         self.mountings = mountings or {}
-        self._i2c: I2cPort | None = None
+        self._shared_ports: dict[str, Plug] = {}
 
     def site(self, device: Mapping[str, Any]) -> Site:
         """
@@ -116,11 +117,16 @@ class Place:
         """
         return Site(self.world, device, self.mountings)
 
-    def i2c(self) -> I2cPort:
-        """Return the one I2C bus that all chips of the robot are on."""
-        if self._i2c is None:
-            self._i2c = I2cPort(self.folder / 'i2c-sim')
-        return self._i2c
+    def shared_port(self, name: str, kind: Callable[[Path], P]) -> P:
+        """
+        Return a port that several devices of the robot share; made when first asked for.
+
+        :param name: of its path in the folder.
+        :param kind: what it is made by.
+        """
+        if name not in self._shared_ports:
+            self._shared_ports[name] = kind(self.folder / name)
+        return self._shared_ports[name]  # type: ignore[return-value]
 
 
 class Simulated(ABC):
@@ -211,9 +217,3 @@ def complete(fields: Sequence[Field], given: Mapping[str, Any], name: str) -> di
     if problems:
         raise ConfigError(problems)
     return values
-
-
-# By the name of the device that they are the twins of.
-SIMULATORS: Final[DeviceRegistry[Simulated]] = DeviceRegistry(
-    Simulated,  # type: ignore[type-abstract]
-    'simulated device for the driver', lambda parts: parts.twin, OLD_TWINS, optional=True)

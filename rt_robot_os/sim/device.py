@@ -31,9 +31,10 @@ from typing import Any
 from typing import ClassVar
 from typing import Final
 
-from rt_robot_os.devices.nmea.wire import sentence
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.schema import Field
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.sim.base import complete
 from rt_robot_os.sim.base import NOWHERE
 from rt_robot_os.sim.base import Place
@@ -47,8 +48,6 @@ from rt_robot_os.sim.faults import plan_of
 from rt_robot_os.sim.line import at_wrong_speed
 from rt_robot_os.sim.line import SerialLine
 from rt_robot_os.sim.pty_port import PtyPort
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import period_from_rate
 
 _BITS_PER_BYTE: Final = 10
 _MAX_FRAGMENT: Final = 3
@@ -177,7 +176,7 @@ class SimulatedDevice(Simulated):
 
     def foreign(self) -> bytes:
         """Return what another device would send; the default is a satellite receiver."""
-        return sentence('GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,')
+        return b'$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n'
 
     def obey(self, data: bytes) -> None:
         """Take what the driver has sent; the default ignores it."""

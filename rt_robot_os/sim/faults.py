@@ -29,9 +29,9 @@ import random
 import re
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.schema import Field
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.units import NS_PER_S
 
 FAULTS: Final = {
     'silent': 'sends nothing',

@@ -20,8 +20,8 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 
 _BITS_PER_BYTE: Final = 10
 # No real port wakes for every byte: a UART buffers 16, USB adapters collect for 1 ms.

@@ -26,7 +26,7 @@ from typing import Any
 from typing import ClassVar
 from typing import Final
 
-from rt_robot_os.schema import Field
+from rt_robot_os.base.schema import Field
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.faults import MOTOR_FAULTS

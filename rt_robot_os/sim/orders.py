@@ -29,8 +29,8 @@ import socket
 from typing import Final
 from typing import TYPE_CHECKING
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.faults import FAULT_HELP
 

@@ -20,7 +20,7 @@ from collections.abc import Iterable
 import os
 from pathlib import Path
 
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.linux.lock_file import holder
 from rt_robot_os.linux.lock_file import LockFile
 

@@ -29,11 +29,11 @@ import os
 from pathlib import Path
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.sim.line import SerialLine
 from rt_robot_os.sim.pty_port import PtyPort
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 MAX_LOG_BYTES: Final = 256 * 1024 * 1024
 _BITS_PER_BYTE: Final = 10

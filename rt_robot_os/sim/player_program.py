@@ -23,9 +23,9 @@ from __future__ import annotations
 import sys
 from typing import Final
 
-from rt_robot_os.programs import Program
+from rt_robot_os.base.programs import Program
 
-main: Final = Program('player', 'rt_robot_os.sim.command:player', listens=True)
+main: Final = Program('player', 'rt_robot_os.core.simulator_command:player', listens=True)
 
 
 if __name__ == '__main__':

@@ -29,7 +29,7 @@ import pty
 import select
 import tty
 
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
 
 _MAX_READ = 4096
 

@@ -30,10 +30,10 @@ import time
 from typing import Final
 from typing import Protocol
 
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.sim.base import Plug
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 # A pty does not tell when a reader comes, so look every now and then.
 _LONGEST_WAIT_NS: Final = 50 * NS_PER_MS

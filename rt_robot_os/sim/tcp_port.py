@@ -23,7 +23,7 @@ from __future__ import annotations
 import os
 import socket
 
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.sim.pty_port import PtyPort
 
 _MAX_READ = 4096

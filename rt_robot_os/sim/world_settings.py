@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from rt_robot_os.schema import setting
+from rt_robot_os.base.schema import setting
 
 # As the map: a floor without end and without walls.
 OPEN_FLOOR: Final = 'open'

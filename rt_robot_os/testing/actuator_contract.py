@@ -44,6 +44,8 @@ from typing import Any
 from typing import ClassVar
 
 import pytest
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.actuator import Actuator
 from rt_robot_os.devices.actuator import TIMEOUT
 from rt_robot_os.devices.state import DeviceState
@@ -53,8 +55,6 @@ from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.testing.actuator_rig import ActuatorRig
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.topics import Layout
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 # A poll, and a round of the recovery task.
 _LATE_MS = 120

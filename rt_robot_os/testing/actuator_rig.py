@@ -25,6 +25,9 @@ import select
 import time
 from typing import Any
 
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.actuator import Actuator
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.serial.port import open_port
@@ -34,14 +37,11 @@ from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.linux.terminal import unread_bytes
-from rt_robot_os.reports import Reports
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 POLL_HZ = 50.0
 _LINE_HZ = 1000.0

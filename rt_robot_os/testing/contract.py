@@ -42,9 +42,9 @@ from typing import Any
 from typing import ClassVar
 
 import pytest
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.devices.device import Device
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.errors import TopicError
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.testing.examples import check_with_examples
 from rt_robot_os.testing.examples import strategies

@@ -23,8 +23,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.needs import lacking
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.needs import lacking
 
 
 def strategies() -> Any:

@@ -24,11 +24,11 @@ import select
 from typing import Any
 
 import pytest
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import REQUIRED
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.devices.device import Device
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.modules import Module
-from rt_robot_os.schema import REQUIRED
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Layout
 
 

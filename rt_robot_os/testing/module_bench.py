@@ -22,6 +22,7 @@ from types import TracebackType
 from typing import Any
 from typing import TypeVar
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import VirtualClock
@@ -33,7 +34,6 @@ from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
-from rt_robot_os.units import NS_PER_S
 
 ModuleT = TypeVar('ModuleT', bound=Module)
 

@@ -33,14 +33,14 @@ import random
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.messages.network_rows import names_label
+from rt_robot_os.messages.network_rows import NodeRow
+from rt_robot_os.messages.network_rows import NodeState
+from rt_robot_os.messages.network_rows import WIDTH
+from rt_robot_os.messages.quantities import quantity
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.topics import Publisher
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.wsn.network_rows import names_label
-from rt_robot_os.wsn.network_rows import NodeRow
-from rt_robot_os.wsn.network_rows import NodeState
-from rt_robot_os.wsn.network_rows import WIDTH
-from rt_robot_os.wsn.quantities import quantity
 
 ROOMS: Final = ('hall 0 0 4 4', 'kitchen 4 0 8 4', 'living 8 0 14 4', 'bath 0 5 4 9',
                 'sleeping 4 5 9 9', 'study 9 5 14 9')

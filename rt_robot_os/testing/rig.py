@@ -23,6 +23,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.devices.device import Device
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.device import SimulatedDevice
@@ -31,7 +32,6 @@ from rt_robot_os.sim.world.world import World
 from rt_robot_os.testing.fakes import bind
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.fakes import wait_readable
-from rt_robot_os.units import NS_PER_MS
 
 START_NS = 50_000_000_000
 

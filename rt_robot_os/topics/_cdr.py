@@ -28,7 +28,7 @@ from types import MappingProxyType
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import LayoutError
+from rt_robot_os.base.errors import LayoutError
 
 HEADER_BYTES: Final = 4
 ENCAPSULATION: Final = b'\x00\x01\x00\x00'

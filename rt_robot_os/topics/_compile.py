@@ -24,7 +24,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from rt_robot_os.errors import LayoutError
+from rt_robot_os.base.errors import LayoutError
 from rt_robot_os.topics import _nodes as nodes
 from rt_robot_os.topics._cdr import align
 from rt_robot_os.topics._cdr import BYTES_MAXIMUM

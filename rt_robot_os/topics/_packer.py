@@ -25,7 +25,7 @@ import struct
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import LayoutError
+from rt_robot_os.base.errors import LayoutError
 from rt_robot_os.topics._cdr import PRIMITIVES
 from rt_robot_os.topics._nodes import LayoutField
 from rt_robot_os.topics._shape import brief

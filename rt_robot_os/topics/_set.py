@@ -27,7 +27,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from rt_robot_os.errors import LayoutError
+from rt_robot_os.base.errors import LayoutError
 from rt_robot_os.topics._cdr import encode_string
 from rt_robot_os.topics._shape import brief
 

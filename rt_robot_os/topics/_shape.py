@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Any
 
-from rt_robot_os.errors import LayoutError
+from rt_robot_os.base.errors import LayoutError
 
 
 def nest(type_name: str, shape: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from rt_robot_os.errors import LayoutError
+from rt_robot_os.base.errors import LayoutError
 from rt_robot_os.topics._set import refuse_text
 from rt_robot_os.topics._shape import brief
 from rt_robot_os.topics._shape import suggest

@@ -21,10 +21,10 @@ from collections.abc import Sequence
 import re
 from typing import Any
 
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import TopicError
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics.default import Default
 from rt_robot_os.topics.layout import Layout
 from rt_robot_os.topics.logical import LogicalPublisher

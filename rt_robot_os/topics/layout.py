@@ -28,7 +28,7 @@ from typing import Final
 
 import numpy as np
 
-from rt_robot_os.errors import LayoutError
+from rt_robot_os.base.errors import LayoutError
 from rt_robot_os.topics._cdr import ENCAPSULATION
 from rt_robot_os.topics._cdr import HEADER_BYTES
 from rt_robot_os.topics._cdr import PRIMITIVES

@@ -31,12 +31,12 @@ from typing import Final
 from typing import overload
 from typing import TypeVar
 
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import TopicError
+from rt_robot_os.base.live_settings import LiveSettings
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicRead
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.kernel import Task
-from rt_robot_os.live_settings import LiveSettings
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicRead
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics.bus import Bus
 from rt_robot_os.topics.publisher import Publisher
 from rt_robot_os.topics.subscription import Subscription

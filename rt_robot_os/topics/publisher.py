@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.topics.pieces import copy_in_pieces
 from rt_robot_os.topics.pieces import PIECE_BYTES
 from rt_robot_os.topics.pieces import touch

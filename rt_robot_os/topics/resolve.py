@@ -28,7 +28,7 @@ from keyword import iskeyword
 import re
 from typing import Any
 
-from rt_robot_os.errors import LayoutError
+from rt_robot_os.base.errors import LayoutError
 from rt_robot_os.topics._cdr import Primitive
 from rt_robot_os.topics._cdr import PRIMITIVES
 

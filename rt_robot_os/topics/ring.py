@@ -40,7 +40,7 @@ from operator import index
 from typing import Any
 from typing import TYPE_CHECKING
 
-from rt_robot_os.compiled import NATIVE
+from rt_robot_os.base.compiled import NATIVE
 from rt_robot_os.kernel.black_box import PUBLISH
 
 if TYPE_CHECKING:

@@ -25,14 +25,14 @@ from typing import Final
 from typing import Protocol
 from typing import TYPE_CHECKING
 
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import TopicError
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.topics.default import Default
 from rt_robot_os.topics.pieces import PIECE_BYTES
 from rt_robot_os.topics.pieces import touch
 from rt_robot_os.topics.ring import TopicCore
-from rt_robot_os.units import NS_PER_S
 
 if TYPE_CHECKING:
     from rt_robot_os.topics.layout import Layout

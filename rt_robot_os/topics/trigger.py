@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.kernel import Task
 from rt_robot_os.topics.topic import Topic
 from rt_robot_os.topics.topic import Trigger

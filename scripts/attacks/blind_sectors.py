@@ -42,7 +42,7 @@ from report import Report
 from robot import Robot
 from robot import wait
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
 
 COLUMNS = ('board', 'how', 'value', 'share', 'asked_m_s', 'free_m', 'fastest_m_s', 'left_m',

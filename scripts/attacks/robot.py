@@ -58,10 +58,10 @@ import yaml
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from rt_robot_os.base.errors import LinkError  # noqa: E402
 from rt_robot_os.core.simulators import device_folder  # noqa: E402, I100
-from rt_robot_os.errors import LinkError  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
-from rt_robot_os.link.paths import socket_path  # noqa: E402
+from rt_robot_os.linux.paths import socket_path  # noqa: E402
 from rt_robot_os.motion.grid_map import GridMap  # noqa: E402
 from rt_robot_os.settings import load  # noqa: E402
 from rt_robot_os.sim.orders import order  # noqa: E402
@@ -221,7 +221,7 @@ class Robot:
 
     def start_core(self) -> None:
         """Start the core, or the node with its core; wait until all devices deliver."""
-        program = 'clients.ros' if self._node else 'core'
+        program = 'ros' if self._node else 'core'
         with (self.folder / 'core.log').open('ab') as log:
             self._processes['node' if self._node else 'core'] = subprocess.Popen(
                 [sys.executable, '-m', f'rt_robot_os.{program}.program', '--ros-args',

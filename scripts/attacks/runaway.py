@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rt_robot_os.base.schema import Field
 from rt_robot_os.modules import Module
-from rt_robot_os.schema import Field
 
 _FLAG = Path('run_away')
 # Some tens of seconds in one native call.

@@ -38,7 +38,7 @@ from robot import Robot
 from robot import stopping
 from robot import wait
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.client import LinkClient
 
 COLUMNS = ('board', 'how', 'at_m_s', 'on_s', 'on_m', 'left_m', 'contacts', 'back_s', 'restarted')

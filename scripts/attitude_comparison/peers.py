@@ -32,17 +32,17 @@ import numpy as np
 
 from attitude_comparison.recordings import Array
 from attitude_comparison.recordings import Recording
-from rt_robot_os.modules.attitude import AttitudeFilter
-from rt_robot_os.modules.attitude import MahonyFilter
-from rt_robot_os.modules.attitude import Tuning
-from rt_robot_os.modules.attitude import VqfFilter
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
+from rt_robot_os.features.navigation.attitude import AttitudeFilter
+from rt_robot_os.features.navigation.attitude import MahonyFilter
+from rt_robot_os.features.navigation.attitude import Tuning
+from rt_robot_os.features.navigation.attitude import VqfFilter
 from rt_robot_os.motion.quaternion import about_up
 from rt_robot_os.motion.quaternion import from_up
 from rt_robot_os.motion.quaternion import heading_of_field
 from rt_robot_os.motion.quaternion import IDENTITY
 from rt_robot_os.motion.quaternion import multiply
 from rt_robot_os.motion.quaternion import Quaternion
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,8 @@ from attitude_comparison.peers import Peer
 from attitude_comparison.peers import PEERS
 from attitude_comparison.recordings import Array
 from attitude_comparison.recordings import Recording
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import no_match
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import no_match
 
 _COST_SAMPLES: Final = 2000
 

@@ -24,8 +24,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
 
 Array = npt.NDArray[np.float64]
 # Names in the files of BROAD.

@@ -22,14 +22,14 @@ import time
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.features.navigation.attitude import Attitude
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.modules import Input
 from rt_robot_os.modules import Module
 from rt_robot_os.modules import Output
-from rt_robot_os.modules.attitude import Attitude
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_MS
 
 _IMU: Final = 'sensor_msgs/msg/Imu'
 _FRAME: Final = {'header.frame_id': 'imu_link'}

@@ -21,16 +21,16 @@ import json
 import math
 from typing import Any
 
-from rt_robot_os.agent.agent import Agent
-from rt_robot_os.agent.agent import Surroundings
-from rt_robot_os.agent.beside import Beside
-from rt_robot_os.agent.edges import State
-from rt_robot_os.agent.machine import Transition
-from rt_robot_os.agent.senses import Goal
-from rt_robot_os.agent.senses import Order
-from rt_robot_os.agent.senses import Place
-from rt_robot_os.agent.senses import Spin
-from rt_robot_os.agent.tuning import AgentTuning
+from rt_robot_os.features.agent.agent import Agent
+from rt_robot_os.features.agent.agent import Surroundings
+from rt_robot_os.features.agent.beside import Beside
+from rt_robot_os.features.agent.edges import State
+from rt_robot_os.features.agent.machine import Transition
+from rt_robot_os.features.agent.senses import Goal
+from rt_robot_os.features.agent.senses import Order
+from rt_robot_os.features.agent.senses import Place
+from rt_robot_os.features.agent.senses import Spin
+from rt_robot_os.features.agent.tuning import AgentTuning
 from rt_robot_os.motion.differential import Pose
 
 PERIOD_NS = 50_000_000

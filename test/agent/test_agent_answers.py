@@ -19,9 +19,9 @@ from __future__ import annotations
 from agent_world import PERIOD_NS
 from agent_world import World
 import pytest
-from rt_robot_os.agent.edges import State
-from rt_robot_os.agent.senses import Command
-from rt_robot_os.agent.senses import Say
+from rt_robot_os.features.agent.edges import State
+from rt_robot_os.features.agent.senses import Command
+from rt_robot_os.features.agent.senses import Say
 
 S = State
 

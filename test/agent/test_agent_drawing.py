@@ -20,11 +20,11 @@ from collections.abc import Iterator
 from pathlib import Path
 import re
 
-from rt_robot_os.agent.edges import Edge
-from rt_robot_os.agent.edges import EDGES
-from rt_robot_os.agent.edges import EVENTS
-from rt_robot_os.agent.edges import GUARDS
-from rt_robot_os.agent.edges import State
+from rt_robot_os.features.agent.edges import Edge
+from rt_robot_os.features.agent.edges import EDGES
+from rt_robot_os.features.agent.edges import EVENTS
+from rt_robot_os.features.agent.edges import GUARDS
+from rt_robot_os.features.agent.edges import State
 
 PAGE = Path(__file__).resolve().parents[2] / 'docs' / 'active_agent.md'
 LINE = re.compile(r'(\w+) --> (\w+): ([\w, ]+?)(?: \[([\w ]+)\])?(?: / (\w+))?')

@@ -20,9 +20,9 @@ from typing import Any
 
 from agent_world import World
 import pytest
-from rt_robot_os.agent.edges import Edge
-from rt_robot_os.agent.edges import EDGES
-from rt_robot_os.agent.edges import State
+from rt_robot_os.features.agent.edges import Edge
+from rt_robot_os.features.agent.edges import EDGES
+from rt_robot_os.features.agent.edges import State
 
 S = State
 

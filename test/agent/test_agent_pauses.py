@@ -20,7 +20,7 @@ from collections.abc import Callable
 
 from agent_world import World
 import pytest
-from rt_robot_os.agent.edges import State
+from rt_robot_os.features.agent.edges import State
 
 S = State
 Change = Callable[[World], None]

@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from dataclasses import field
 
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.alarms.rules import Rules
+from rt_robot_os.features.alarms.rules import Rules
+from rt_robot_os.messages.cause import Level
 
 SUSPECTED, RAISED, ACKNOWLEDGED = 'suspected', 'raised', 'acknowledged'
 Key = tuple[str, bool]

@@ -32,13 +32,13 @@ from hypothesis.stateful import precondition
 from hypothesis.stateful import rule
 from hypothesis.stateful import RuleBasedStateMachine
 
-from rt_robot_os.alarms.alarm import Event
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.alarms.desk import Desk
-from rt_robot_os.alarms.escalation import parse_steps
-from rt_robot_os.alarms.rules import Rules
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.alarm import Event
+from rt_robot_os.features.alarms.desk import Desk
+from rt_robot_os.features.alarms.escalation import parse_steps
+from rt_robot_os.features.alarms.rules import Rules
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import Level
 
 STEPS = {
     Level.CRITICAL: parse_steps(['robot 0', 'operator 30 repeat 10', 'family+screen 60']),

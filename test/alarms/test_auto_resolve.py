@@ -16,12 +16,12 @@
 
 from __future__ import annotations
 
-from rt_robot_os.alarms.book import Book
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.alarms.orders import carry_out
-from rt_robot_os.alarms.rules import Rules
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.book import Book
+from rt_robot_os.features.alarms.orders import carry_out
+from rt_robot_os.features.alarms.rules import Rules
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import Level
 
 RULES = Rules(resolve_after_ns=120 * NS_PER_S, remind_ns=900 * NS_PER_S)
 HELP = Cause('help', 'anna', Level.CRITICAL, True, 'the button was pressed', 'button')

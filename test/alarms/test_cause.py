@@ -21,10 +21,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import CAUSE_BYTES
-from rt_robot_os.alarms.cause import cause_of
-from rt_robot_os.alarms.cause import Level
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import CAUSE_BYTES
+from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.cause import Level
 
 _LETTERS = st.characters(exclude_categories=['Cs'], exclude_characters='\0')
 _NAME = st.text(_LETTERS, min_size=1, max_size=64).filter(str.strip)

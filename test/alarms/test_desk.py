@@ -19,11 +19,11 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.alarms.desk import Desk
-from rt_robot_os.alarms.desk import START_ALARM_NS
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.desk import Desk
+from rt_robot_os.features.alarms.desk import START_ALARM_NS
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import Level
 
 WAIT_S = 2
 HELP = Cause('help', 'anna', Level.CRITICAL, True, 'the button was pressed', 'button')

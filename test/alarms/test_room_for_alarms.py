@@ -16,13 +16,13 @@
 
 from __future__ import annotations
 
-from rt_robot_os.alarms.alarm import Event
-from rt_robot_os.alarms.book import Book
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.alarms.orders import carry_out
-from rt_robot_os.alarms.rules import Rules
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.alarm import Event
+from rt_robot_os.features.alarms.book import Book
+from rt_robot_os.features.alarms.orders import carry_out
+from rt_robot_os.features.alarms.rules import Rules
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import Level
 
 
 def cause(subject: str, level: Level, *, active: bool = True) -> Cause:

@@ -19,12 +19,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 import json
 
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.alarms.desk import Desk
-from rt_robot_os.alarms.escalation import parse_steps
-from rt_robot_os.alarms.rules import Rules
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.desk import Desk
+from rt_robot_os.features.alarms.escalation import parse_steps
+from rt_robot_os.features.alarms.rules import Rules
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import Level
 
 #: Nobody is told that the journal is faulty: only the cause of a person waits for it.
 RULES = Rules({Level.CRITICAL: parse_steps(['operator 30']),

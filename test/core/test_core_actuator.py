@@ -24,8 +24,8 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.core.app import Core
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.sim.pty_port import PtyPort

@@ -24,12 +24,12 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.core.app import Core
 from rt_robot_os.core.part import CorePart
 from rt_robot_os.core.part import Host
 from rt_robot_os.core.part import installed_parts
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json

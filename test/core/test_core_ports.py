@@ -21,8 +21,8 @@ from collections.abc import Callable
 
 import pytest
 
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.core.app import Core
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.motion.mounting import Mounting
 
 S = 1_000_000_000

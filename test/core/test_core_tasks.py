@@ -23,18 +23,18 @@ from typing import Any
 from core_modules import Noted
 import pytest
 
-from rt_robot_os import plugins
+from rt_robot_os.base import plugins
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.core.app import Core
 from rt_robot_os.devices.state import DeviceState
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import TaskError
+from rt_robot_os.features.navigation.twist_guard import TwistGuard
 from rt_robot_os.kernel import BudgetPolicy
 from rt_robot_os.kernel import CooperativeClock
 from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.modules import Module
-from rt_robot_os.modules.twist_guard import TwistGuard
 
 MakeCore = Callable[[str], Core]
 MS = 1_000_000

@@ -26,8 +26,8 @@ from core_tools import Start
 from processes import TIMEOUT_S
 import pytest
 
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.core.threads import ThreadWatch
-from rt_robot_os.errors import LinkError
 from rt_robot_os.link import LinkClient
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')

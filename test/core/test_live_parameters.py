@@ -29,12 +29,12 @@ import time
 from processes import TIMEOUT_S
 import pytest
 
-from rt_robot_os.clients.parameters.program import main
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import load
 from rt_robot_os.settings import to_json
+from rt_robot_os.tools.parameters.program import main
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
 

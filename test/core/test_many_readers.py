@@ -20,8 +20,8 @@ from collections.abc import Callable
 
 import pytest
 
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.core.app import Core
-from rt_robot_os.errors import ConfigError
 
 MakeCore = Callable[[str], Core]
 

@@ -21,8 +21,8 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.core.app import Core
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.settings import check_change
 from rt_robot_os.settings import parameters
 

@@ -25,13 +25,13 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.core.simulator_command import simulator
 from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.devices.maxbotix.driver import MaxBotix
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.settings import load
-from rt_robot_os.sim.command import simulator
 from rt_robot_os.sim.orders import obey
 from rt_robot_os.sim.orders import order
 from rt_robot_os.sim.world import World

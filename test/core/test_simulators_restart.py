@@ -24,10 +24,10 @@ import tempfile
 from processes import wait_until
 import pytest
 
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.devices.maxbotix.driver import MaxBotix
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.settings import load
 from rt_robot_os.testing.fakes import bind
 from rt_robot_os.testing.fakes import settings_of

@@ -22,6 +22,8 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
 from rt_robot_os.core.app import Core
 from rt_robot_os.core.watchdog import Watchdog
 from rt_robot_os.kernel import FailurePolicy
@@ -29,8 +31,6 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
 from rt_robot_os.settings import WatchdogSettings
 
 MakeCore = Callable[[str], Core]

@@ -29,7 +29,7 @@ from core_tools import Start
 from processes import TIMEOUT_S
 import pytest
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.link import LinkClient
 

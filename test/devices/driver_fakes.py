@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.devices.device import Device
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.testing.fakes import opened
 from rt_robot_os.testing.fakes import read_all  # noqa: F401
 from rt_robot_os.testing.fakes import read_until  # noqa: F401

@@ -28,16 +28,16 @@ from typing import Any
 
 from driver_fakes import bind
 from driver_fakes import settings_of
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.i2c.bus import DirectConnection
 from rt_robot_os.devices.i2c.bus import I2cBus
 from rt_robot_os.devices.i2c.bus import I2cBuses
 from rt_robot_os.devices.i2c.bus import I2cTransport
 from rt_robot_os.devices.i2c.bus import Transfer
 from rt_robot_os.devices.i2c.device import I2cDevice
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.sim.i2c_bus import LocalTransport
-from rt_robot_os.sim.i2c_device import SimulatedChip
-from rt_robot_os.sim.i2c_port import I2cPort
+from rt_robot_os.devices.i2c.simulated_bus import LocalTransport
+from rt_robot_os.devices.i2c.simulated_device import SimulatedChip
+from rt_robot_os.devices.i2c.simulated_port import I2cPort
 
 MS = 1_000_000
 S = 1_000_000_000

@@ -43,12 +43,12 @@ from i2c_bench import S
 from i2c_bench import ScriptedTransport
 from i2c_bench import START_NS
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.devices.i2c.bus import I2cBuses
 from rt_robot_os.devices.i2c.device import I2cDevice
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.errors import TopicError
-from rt_robot_os.sim.i2c_device import SimulatedChip
+from rt_robot_os.devices.i2c.simulated_device import SimulatedChip
 
 
 class I2cContract:

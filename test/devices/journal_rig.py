@@ -23,11 +23,11 @@ import select
 import time
 from typing import Any
 
-from rt_robot_os.alarms.cause import CAUSES_MESSAGE
-from rt_robot_os.devices.journal.driver import Journal
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.features.alarms.journal_device.driver import Journal
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.messages.cause import CAUSES_MESSAGE
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.topics import Bus
 

@@ -24,13 +24,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.arduino_bridge import wire
 from rt_robot_os.devices.arduino_bridge.driver import ArduinoBridge
-from rt_robot_os.devices.arduino_bridge.twin import SimulatedArduinoBridge
+from rt_robot_os.devices.arduino_bridge.simulated import SimulatedArduinoBridge
 from rt_robot_os.devices.arduino_bridge.wire import ReplyDecoder
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.state import DeviceState
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.sim.faults import MOTOR_FAULTS
 from rt_robot_os.testing import ActuatorContract
 from rt_robot_os.testing import DecoderContract

@@ -26,8 +26,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.arduino_bridge import wire
-from rt_robot_os.devices.arduino_bridge.twin import SimulatedArduinoBridge
+from rt_robot_os.devices.arduino_bridge.simulated import SimulatedArduinoBridge
 from rt_robot_os.devices.arduino_bridge.wire import ReplyDecoder
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.world.world import World
@@ -37,8 +39,6 @@ from rt_robot_os.tools.bench.agreement.transcript import Board
 from rt_robot_os.tools.bench.agreement.transcript import Cable
 from rt_robot_os.tools.bench.agreement.transcript import Line
 from rt_robot_os.tools.bench.agreement.transcript import read
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 START_NS = 100 * NS_PER_S
 PING_END_NS = 7893 * NS_PER_MS

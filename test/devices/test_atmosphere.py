@@ -19,9 +19,9 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.devices.atmosphere import altitude_m
-from rt_robot_os.devices.atmosphere import altitude_slope_m_pa
-from rt_robot_os.devices.atmosphere import pressure_pa
+from rt_robot_os.motion.atmosphere import altitude_m
+from rt_robot_os.motion.atmosphere import altitude_slope_m_pa
+from rt_robot_os.motion.atmosphere import pressure_pa
 
 PRESSURE = st.floats(22_700, 125_000)
 SEA_LEVEL = st.floats(80_000, 110_000)

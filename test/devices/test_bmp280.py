@@ -24,12 +24,12 @@ from i2c_bench import MS
 from i2c_bench import START_NS
 from i2c_contract import I2cContract
 import pytest
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.bmp280 import wire as chip
 from rt_robot_os.devices.bmp280.driver import Bmp280
-from rt_robot_os.devices.bmp280.twin import encode
-from rt_robot_os.devices.bmp280.twin import SimulatedBmp280
-from rt_robot_os.devices.bmp280.twin import TRIMMING
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.devices.bmp280.simulated import encode
+from rt_robot_os.devices.bmp280.simulated import SimulatedBmp280
+from rt_robot_os.devices.bmp280.simulated import TRIMMING
 
 RAW_P, RAW_T = 415148, 519888
 QUIET = {'noise_pa': 0.0, 'swing_m': 0.0}

@@ -24,13 +24,13 @@ from hypothesis import strategies as st
 from i2c_bench import i2c_rig
 from i2c_contract import I2cContract
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.bmp388 import wire as chip
 from rt_robot_os.devices.bmp388.driver import Bmp388
-from rt_robot_os.devices.bmp388.twin import encode
-from rt_robot_os.devices.bmp388.twin import SimulatedBmp388
-from rt_robot_os.devices.bmp388.twin import TRIMMING
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.devices.bmp388.simulated import encode
+from rt_robot_os.devices.bmp388.simulated import SimulatedBmp388
+from rt_robot_os.devices.bmp388.simulated import TRIMMING
 
 SCALED = TRIMMING.scaled()
 RAW = st.integers(0, (1 << 24) - 1)

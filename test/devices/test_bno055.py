@@ -23,10 +23,10 @@ from typing import Any
 from driver_contract import DriverContract
 from driver_fakes import scripted
 import pytest
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.bno055 import wire
 from rt_robot_os.devices.bno055.driver import Bno055
 from rt_robot_os.devices.bno055.wire import Bno055Decoder
-from rt_robot_os.errors import DeviceError
 
 MS = 1_000_000
 CHIP = wire.data_answer(b'\xa0')

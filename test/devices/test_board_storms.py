@@ -24,9 +24,9 @@ from board_robot import board_robot
 from board_robot import WHEELS
 import pytest
 from rt_robot_os.devices.kobuki.driver import Kobuki
-from rt_robot_os.devices.kobuki.twin import SimulatedKobuki
+from rt_robot_os.devices.kobuki.simulated import SimulatedKobuki
 from rt_robot_os.devices.roboclaw.driver import RoboClaw
-from rt_robot_os.devices.roboclaw.twin import SimulatedRoboClaw
+from rt_robot_os.devices.roboclaw.simulated import SimulatedRoboClaw
 from rt_robot_os.devices.state import DeviceState
 
 FAULTS = ('loss', 'reset', 'silent', 'garbage', 'corrupt', 'short', 'left_encoder', 'overcurrent')

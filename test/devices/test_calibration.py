@@ -24,13 +24,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.calibration import AxisMap
 from rt_robot_os.devices.calibration import Calibration
 from rt_robot_os.devices.calibration import from_settings
 from rt_robot_os.devices.calibration import load
 from rt_robot_os.devices.calibration import save
 from rt_robot_os.devices.calibration import to_settings
-from rt_robot_os.errors import ConfigError
 
 NUMBER = st.floats(-100, 100)
 VECTOR = st.tuples(NUMBER, NUMBER, NUMBER)

@@ -35,6 +35,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.camera.camera_info import load_calibration
 from rt_robot_os.devices.capture import packets
 from rt_robot_os.devices.capture.camera import open_camera
@@ -44,8 +46,6 @@ from rt_robot_os.devices.capture.pattern import number_of
 from rt_robot_os.devices.capture.pattern import Pattern
 from rt_robot_os.devices.capture.sound import open_sound
 from rt_robot_os.devices.registry import DRIVERS
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.linux.file_urls import path_of

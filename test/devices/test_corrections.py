@@ -32,6 +32,8 @@ from driver_fakes import settings_of
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.logger import Logger
 from rt_robot_os.devices.ublox import corrections
 from rt_robot_os.devices.ublox import wire
 from rt_robot_os.devices.ublox.corrections import Corrections
@@ -40,9 +42,7 @@ from rt_robot_os.devices.ublox.rtcm import crc24q
 from rt_robot_os.devices.ublox.rtcm import message
 from rt_robot_os.devices.ublox.rtcm import PartialCrc
 from rt_robot_os.devices.ublox.rtcm import RtcmDecoder
-from rt_robot_os.devices.ublox.twin import SimulatedUblox
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.logger import Logger
+from rt_robot_os.devices.ublox.simulated import SimulatedUblox
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.testing import DecoderContract
 from rt_robot_os.testing import rig

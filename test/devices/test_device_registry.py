@@ -26,12 +26,12 @@ from driver_fakes import settings_of
 import pytest
 
 from rt_robot_os import devices
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.bmp280.driver import Bmp280
 from rt_robot_os.devices.recognise import known_chips
 from rt_robot_os.devices.recognise import Recognisers
 from rt_robot_os.devices.registry import DRIVERS
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.sim.base import SIMULATORS
+from rt_robot_os.devices.simulators import SIMULATORS
 
 FILES = {
     'their_lidar/__init__.py':
@@ -43,7 +43,7 @@ FILES = {
         'from rt_robot_os.devices.nmea.driver import NmeaGps\n'
         'class Lidar(NmeaGps):\n    pass\n',
     'their_lidar/twin.py':
-        'from rt_robot_os.devices.nmea.twin import SimulatedNmea\n'
+        'from rt_robot_os.devices.nmea.simulated import SimulatedNmea\n'
         'class SimulatedLidar(SimulatedNmea):\n    pass\n',
     'their_lidar/wire.py':
         "CHIPS = {0x0F: {0x33: 'LIDAR-1'}}\n"
@@ -142,9 +142,9 @@ def test_drivers_bring_no_twins_and_twins_no_drivers() -> None:
     assert [name for name in drivers if name.endswith('.twin')] == []
     assert not any(name.startswith('rt_robot_os.sim') for name in drivers)
     twins = imported_by(
-        'from rt_robot_os.sim.base import SIMULATORS\nSIMULATORS.names()\n'
+        'from rt_robot_os.devices.simulators import SIMULATORS\nSIMULATORS.names()\n'
         "[SIMULATORS.load(name) for name in ('bmp280', 'nmea')]")
-    assert 'rt_robot_os.devices.bmp280.twin' in twins
+    assert 'rt_robot_os.devices.bmp280.simulated' in twins
     assert [name for name in twins if name.endswith('.driver')] == []
     # What drivers derive from would bring NumPy and the topics: three times the start.
     assert not {'numpy', 'serial', 'rt_robot_os.devices.device', 'rt_robot_os.topics'} & twins

@@ -21,11 +21,11 @@ from typing import Any
 
 from driver_fakes import settings_of
 import pytest
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.core.simulator_program import main
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.serial.device import SerialDevice
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.sim.base import SIMULATORS
-from rt_robot_os.sim.program import main
+from rt_robot_os.devices.simulators import SIMULATORS
 from rt_robot_os.sim.tcp_port import TcpPlug
 from rt_robot_os.testing import Rig
 

@@ -29,14 +29,14 @@ from board_robot import BoardRobot
 from board_robot import WHEELS
 import pytest
 from rt_robot_os.devices.arduino_bridge.driver import ArduinoBridge
-from rt_robot_os.devices.arduino_bridge.twin import SimulatedArduinoBridge
+from rt_robot_os.devices.arduino_bridge.simulated import SimulatedArduinoBridge
 from rt_robot_os.devices.gaps import Gaps
 from rt_robot_os.devices.kobuki.driver import Kobuki
-from rt_robot_os.devices.kobuki.twin import SimulatedKobuki
+from rt_robot_os.devices.kobuki.simulated import SimulatedKobuki
 from rt_robot_os.devices.odrive.driver import Odrive
-from rt_robot_os.devices.odrive.twin import SimulatedOdrive
+from rt_robot_os.devices.odrive.simulated import SimulatedOdrive
 from rt_robot_os.devices.roboclaw.driver import RoboClaw
-from rt_robot_os.devices.roboclaw.twin import SimulatedRoboClaw
+from rt_robot_os.devices.roboclaw.simulated import SimulatedRoboClaw
 from rt_robot_os.kernel import VirtualClock
 
 MS = 1_000_000

@@ -24,12 +24,12 @@ from driver_fakes import scripted
 from driver_fakes import settings_of
 import numpy as np
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.hokuyo import wire
 from rt_robot_os.devices.hokuyo.driver import Hokuyo
 from rt_robot_os.devices.hokuyo.wire import checksum
 from rt_robot_os.devices.hokuyo.wire import ScipDecoder
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 
 MS = 1_000_000
 SMALL = {'first_step': 380, 'last_step': 403}

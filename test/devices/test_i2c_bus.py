@@ -36,8 +36,10 @@ from i2c_bench import failing
 from i2c_bench import ScriptedTransport
 from i2c_bench import transact
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.bmp280.driver import Bmp280
-from rt_robot_os.devices.bmp280.twin import SimulatedBmp280
+from rt_robot_os.devices.bmp280.simulated import SimulatedBmp280
 from rt_robot_os.devices.i2c import packets as i2c_packets
 from rt_robot_os.devices.i2c.bus import ANSWER_TIMEOUT_NS
 from rt_robot_os.devices.i2c.bus import DirectConnection
@@ -45,15 +47,13 @@ from rt_robot_os.devices.i2c.bus import I2cBus
 from rt_robot_os.devices.i2c.bus import I2cBuses
 from rt_robot_os.devices.i2c.bus import Transfer
 from rt_robot_os.devices.i2c.real_bus import open_transport
+from rt_robot_os.devices.i2c.simulated_bus import EmulatedBus
+from rt_robot_os.devices.i2c.simulated_bus import transfer_ns
+from rt_robot_os.devices.i2c.simulated_port import I2cPort
 from rt_robot_os.devices.i2c.socket_bus import SocketTransport
 from rt_robot_os.devices.mpu6050.driver import Mpu6050
-from rt_robot_os.devices.mpu6050.twin import SimulatedMpu6050
-from rt_robot_os.devices.ms5611.twin import SimulatedMs5611
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.sim.i2c_bus import EmulatedBus
-from rt_robot_os.sim.i2c_bus import transfer_ns
-from rt_robot_os.sim.i2c_port import I2cPort
+from rt_robot_os.devices.mpu6050.simulated import SimulatedMpu6050
+from rt_robot_os.devices.ms5611.simulated import SimulatedMs5611
 from rt_robot_os.sim.server import SimServer
 
 smbus2 = pytest.importorskip('smbus2', reason='smbus2 is not installed')

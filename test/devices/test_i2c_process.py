@@ -33,18 +33,18 @@ from i2c_bench import i2c_rig
 from i2c_bench import transact
 from i2c_bench import wait_until
 import pytest
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.reports import Reports
 from rt_robot_os.devices.bmp280.driver import Bmp280
-from rt_robot_os.devices.bmp280.twin import SimulatedBmp280
+from rt_robot_os.devices.bmp280.simulated import SimulatedBmp280
 from rt_robot_os.devices.i2c import packets as i2c_packets
 from rt_robot_os.devices.i2c.bus import I2cBuses
 from rt_robot_os.devices.i2c.bus import Transfer
+from rt_robot_os.devices.i2c.simulated_port import I2cPort
 from rt_robot_os.devices.i2c.socket_bus import SocketConnection
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.mpu6050.driver import Mpu6050
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.reports import Reports
-from rt_robot_os.sim.i2c_port import I2cPort
 from rt_robot_os.topics import Bus
 from took_little import took_little
 

@@ -33,15 +33,15 @@ from journal_rig import worker_of
 from processes import wait_until
 import pytest
 
-from rt_robot_os.alarms.journal_file import NAME
-from rt_robot_os.devices.journal import driver
-from rt_robot_os.devices.journal.service import JournalService
-from rt_robot_os.devices.journal.talk import Kind
-from rt_robot_os.devices.journal.talk import packet
-from rt_robot_os.devices.journal.twin import SimulatedJournal
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.journal_device import driver
+from rt_robot_os.features.alarms.journal_device.service import JournalService
+from rt_robot_os.features.alarms.journal_device.simulated import SimulatedJournal
+from rt_robot_os.features.alarms.journal_device.talk import Kind
+from rt_robot_os.features.alarms.journal_device.talk import packet
+from rt_robot_os.features.alarms.journal_file import NAME
 from rt_robot_os.linux.process import parent_of
-from rt_robot_os.units import NS_PER_S
 
 pytest.importorskip('std_msgs.msg', reason='the ROS 2 messages are not installed')
 

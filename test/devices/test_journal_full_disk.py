@@ -28,7 +28,7 @@ from journal_rig import Rig
 from journal_rig import worker_of
 import pytest
 
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
 
 pytest.importorskip('std_msgs.msg', reason='the ROS 2 messages are not installed')
 

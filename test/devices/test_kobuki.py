@@ -28,7 +28,7 @@ import numpy as np
 import pytest
 from rt_robot_os.devices.kobuki import wire
 from rt_robot_os.devices.kobuki.driver import Kobuki
-from rt_robot_os.devices.kobuki.twin import SimulatedKobuki
+from rt_robot_os.devices.kobuki.simulated import SimulatedKobuki
 from rt_robot_os.devices.kobuki.wire import KobukiDecoder
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.state import DeviceState
@@ -359,7 +359,8 @@ def test_another_base_in_its_place_is_noticed(robot: Any, monkeypatch: pytest.Mo
     robot.run(1500)
     robot.unplug()
     robot.run(20)
-    monkeypatch.setattr('rt_robot_os.devices.kobuki.twin._UNIQUE_ID', struct.pack('<3I', 1, 2, 3))
+    monkeypatch.setattr(
+        'rt_robot_os.devices.kobuki.simulated._UNIQUE_ID', struct.pack('<3I', 1, 2, 3))
     robot.twin._zero = (4321, -999)
     before = robot.device.counters.position_rad
     robot.run(2000)

@@ -23,11 +23,11 @@ from driver_contract import DriverContract
 from driver_fakes import scripted
 from driver_fakes import settings_of
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.maxbotix.driver import MaxBotix
 from rt_robot_os.devices.maxbotix.wire import MaxBotixDecoder
 from rt_robot_os.devices.maxbotix.wire import reading
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 
 
 class TestMaxBotix(DriverContract):

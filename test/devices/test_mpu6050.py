@@ -31,11 +31,11 @@ from i2c_bench import START_NS
 from i2c_contract import I2cContract
 import numpy as np
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.mpu6050 import wire as chip
 from rt_robot_os.devices.mpu6050.driver import Mpu6050
-from rt_robot_os.devices.mpu6050.twin import SimulatedMpu6050
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.devices.mpu6050.simulated import SimulatedMpu6050
 from rt_robot_os.sim.world import angular_velocity
 from rt_robot_os.sim.world import body_vector
 

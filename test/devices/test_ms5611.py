@@ -23,14 +23,14 @@ from i2c_bench import i2c_rig
 from i2c_bench import MS
 from i2c_contract import I2cContract
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.ms5611 import wire as chip
 from rt_robot_os.devices.ms5611.driver import Ms5611
-from rt_robot_os.devices.ms5611.twin import encode
-from rt_robot_os.devices.ms5611.twin import PROM
-from rt_robot_os.devices.ms5611.twin import SimulatedMs5611
-from rt_robot_os.devices.ms5611.twin import with_checksum
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.devices.ms5611.simulated import encode
+from rt_robot_os.devices.ms5611.simulated import PROM
+from rt_robot_os.devices.ms5611.simulated import SimulatedMs5611
+from rt_robot_os.devices.ms5611.simulated import with_checksum
 
 WORD = st.integers(0, 0xFFFF)
 

@@ -36,6 +36,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.camera.orders import OBSERVED_BYTES
 from rt_robot_os.devices.camera.orders import order_of
 from rt_robot_os.devices.camera.orders import OrderDesk
@@ -51,13 +55,9 @@ from rt_robot_os.devices.capture.pictures import RoomPictures
 from rt_robot_os.devices.capture.room_view import RoomView
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.devices.registry import DRIVERS
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 Image = pytest.importorskip('PIL.Image', reason='Pillow is not installed')
 STRING = 'std_msgs/msg/String'

@@ -27,17 +27,17 @@ from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.arduino_bridge.driver import ArduinoBridge
 from rt_robot_os.devices.motor_board import MotorBoard
 from rt_robot_os.devices.motor_faults import BOARD_BITS
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.odrive import wire
 from rt_robot_os.devices.odrive.driver import Odrive
-from rt_robot_os.devices.odrive.twin import SimulatedOdrive
+from rt_robot_os.devices.odrive.simulated import SimulatedOdrive
 from rt_robot_os.devices.odrive.wire import OdriveDecoder
 from rt_robot_os.devices.state import DeviceState
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim.faults import MOTOR_FAULTS
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.testing import ActuatorContract

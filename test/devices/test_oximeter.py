@@ -21,10 +21,10 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.devices.oximeter import wire
-from rt_robot_os.devices.oximeter.driver import Oximeter
-from rt_robot_os.devices.oximeter.wire import Format2Decoder
-from rt_robot_os.devices.oximeter.wire import Format7Decoder
+from rt_robot_os.features.health.oximeter import wire
+from rt_robot_os.features.health.oximeter.driver import Oximeter
+from rt_robot_os.features.health.oximeter.wire import Format2Decoder
+from rt_robot_os.features.health.oximeter.wire import Format7Decoder
 from rt_robot_os.testing import DriverContract
 from rt_robot_os.testing import scripted
 

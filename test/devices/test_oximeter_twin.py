@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rt_robot_os.devices.oximeter.driver import Oximeter
-from rt_robot_os.devices.oximeter.twin import SimulatedOximeter
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.health.pulse import PulseMeter
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.health.oximeter.driver import Oximeter
+from rt_robot_os.features.health.oximeter.simulated import SimulatedOximeter
+from rt_robot_os.features.health.pulse import PulseMeter
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing import rig

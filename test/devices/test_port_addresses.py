@@ -29,6 +29,8 @@ from far_ends import TcpFar
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.hokuyo.driver import Hokuyo
 from rt_robot_os.devices.nmea.driver import NmeaGps
 from rt_robot_os.devices.serial import lookup
@@ -37,8 +39,6 @@ from rt_robot_os.devices.serial.network import network_address
 from rt_robot_os.devices.serial.port import open_port
 from rt_robot_os.devices.ublox.driver import Ublox
 from rt_robot_os.devices.xsens.driver import Xsens
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 
 S = 1_000_000_000
 

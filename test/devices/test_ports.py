@@ -34,15 +34,15 @@ from far_ends import Tcp6Far
 from far_ends import TcpFar
 from far_ends import UdpFar
 import pytest
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.reports import Reports
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.nmea.driver import NmeaGps
 from rt_robot_os.devices.nmea.wire import sentence
 from rt_robot_os.devices.serial.port import open_port
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.devices.state import RecoverySettings
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.reports import Reports
 from rt_robot_os.topics import Bus
 from took_little import took_little
 

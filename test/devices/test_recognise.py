@@ -22,7 +22,7 @@ from typing import Any
 from driver_fakes import bind
 from driver_fakes import settings_of
 import pytest
-from rt_robot_os import plugins
+from rt_robot_os.base import plugins
 from rt_robot_os.devices import recognise
 from rt_robot_os.devices.hokuyo import wire as scip
 from rt_robot_os.devices.kobuki import wire as kobuki

@@ -26,12 +26,12 @@ from board_robot import board_robot
 from board_robot import fill
 from board_robot import WHEELS
 import pytest
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.roboclaw import wire
 from rt_robot_os.devices.roboclaw.driver import RoboClaw
-from rt_robot_os.devices.roboclaw.twin import SimulatedRoboClaw
+from rt_robot_os.devices.roboclaw.simulated import SimulatedRoboClaw
 from rt_robot_os.devices.state import DeviceState
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing import ActuatorContract

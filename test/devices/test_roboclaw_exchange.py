@@ -21,13 +21,13 @@ from collections.abc import Iterator
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.devices.roboclaw import wire
 from rt_robot_os.devices.roboclaw.exchange import Exchange
 from rt_robot_os.devices.roboclaw.exchange import MOST_WAITING
 from rt_robot_os.devices.roboclaw.exchange import TRIES
-from rt_robot_os.devices.roboclaw.twin_unit import Unit
+from rt_robot_os.devices.roboclaw.simulated_unit import Unit
 from rt_robot_os.devices.roboclaw.wire import RoboClawDecoder
-from rt_robot_os.units import NS_PER_MS
 
 ADDRESS = 0x80
 ENCODERS = wire.ask(ADDRESS, wire.ENCODERS)

@@ -24,18 +24,18 @@ from board_robot import board_robot
 from board_robot import WHEELS
 import pytest
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.devices.arduino_bridge.driver import ArduinoBridge
-from rt_robot_os.devices.arduino_bridge.twin import SimulatedArduinoBridge
+from rt_robot_os.devices.arduino_bridge.simulated import SimulatedArduinoBridge
 from rt_robot_os.devices.kobuki.driver import Kobuki
-from rt_robot_os.devices.kobuki.twin import SimulatedKobuki
+from rt_robot_os.devices.kobuki.simulated import SimulatedKobuki
 from rt_robot_os.devices.maxbotix.driver import MaxBotix
 from rt_robot_os.devices.odrive.driver import Odrive
-from rt_robot_os.devices.odrive.twin import SimulatedOdrive
+from rt_robot_os.devices.odrive.simulated import SimulatedOdrive
 from rt_robot_os.devices.roboclaw.driver import RoboClaw
-from rt_robot_os.devices.roboclaw.twin import SimulatedRoboClaw
+from rt_robot_os.devices.roboclaw.simulated import SimulatedRoboClaw
 from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.testing import settings_of
-from rt_robot_os.units import NS_PER_MS
 
 pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
 

@@ -21,10 +21,10 @@ from driver_fakes import scripted
 from imu_streams import instant
 from imu_streams import numbers
 import pytest
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.serial import device as serial_device
 from rt_robot_os.devices.serial.device import JOB_BYTES
 from rt_robot_os.devices.witmotion.driver import WitMotion
-from rt_robot_os.errors import DeviceError
 
 MS = 1_000_000
 BURST = b''.join(b''.join(instant(n)) for n in range(1, 401))

@@ -23,12 +23,12 @@ from driver_contract import DriverContract
 from driver_fakes import scripted
 from driver_fakes import settings_of
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.nmea.wire import NmeaDecoder
 from rt_robot_os.devices.nmea.wire import sentence
 from rt_robot_os.devices.sharp.driver import Sharp
 from rt_robot_os.devices.sharp.wire import adc
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 
 
 class TestSharp(DriverContract):

@@ -26,30 +26,30 @@ from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.devices.sink.driver import Sink
-from rt_robot_os.devices.sink.flow_limit import BURST_S
-from rt_robot_os.devices.sink.flow_limit import FlowLimit
-from rt_robot_os.devices.sink.flow_limit import FLOWS_MAXIMUM
-from rt_robot_os.devices.sink.wire import is_tinyos1
-from rt_robot_os.devices.sink.wire import is_tinyos2
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.features.wsn.packets.ctp import CtpBeacon
+from rt_robot_os.features.wsn.packets.ctp import CtpData
+from rt_robot_os.features.wsn.packets.framing import frame
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.multihop_lqi import LqiBeacon
+from rt_robot_os.features.wsn.packets.multihop_lqi import LqiData
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.packets.paper import BeaconMsg
+from rt_robot_os.features.wsn.packets.paper import DataMsg
+from rt_robot_os.features.wsn.packets.paper import Kind
+from rt_robot_os.features.wsn.packets.serial_am import SerialAm
+from rt_robot_os.features.wsn.packets.tos_msg import MicaMsg
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.sink.driver import Sink
+from rt_robot_os.features.wsn.sink.flow_limit import BURST_S
+from rt_robot_os.features.wsn.sink.flow_limit import FlowLimit
+from rt_robot_os.features.wsn.sink.flow_limit import FLOWS_MAXIMUM
+from rt_robot_os.features.wsn.sink.wire import is_tinyos1
+from rt_robot_os.features.wsn.sink.wire import is_tinyos2
 from rt_robot_os.testing import DriverContract
 from rt_robot_os.testing import scripted
 from rt_robot_os.testing import settings_of
-from rt_robot_os.wsn.packets.ctp import CtpBeacon
-from rt_robot_os.wsn.packets.ctp import CtpData
-from rt_robot_os.wsn.packets.framing import frame
-from rt_robot_os.wsn.packets.framing import FrameReader
-from rt_robot_os.wsn.packets.multihop_lqi import LqiBeacon
-from rt_robot_os.wsn.packets.multihop_lqi import LqiData
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
-from rt_robot_os.wsn.packets.paper import BeaconMsg
-from rt_robot_os.wsn.packets.paper import DataMsg
-from rt_robot_os.wsn.packets.paper import Kind
-from rt_robot_os.wsn.packets.serial_am import SerialAm
-from rt_robot_os.wsn.packets.tos_msg import MicaMsg
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
 
 S = 1_000_000_000
 MS = 1_000_000

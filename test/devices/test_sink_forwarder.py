@@ -24,19 +24,19 @@ from typing import Any
 
 from far_ends import TcpFar
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.nmea.driver import NmeaGps
-from rt_robot_os.devices.sink.driver import Sink
-from rt_robot_os.devices.sink.line import ForwarderLine
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.features.wsn.packets.commands import command_packet
+from rt_robot_os.features.wsn.packets.commands import parse_command
+from rt_robot_os.features.wsn.packets.forwarding import Forwarder
+from rt_robot_os.features.wsn.packets.framing import frame
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.framing import TINYOS_1
+from rt_robot_os.features.wsn.sink.driver import Sink
+from rt_robot_os.features.wsn.sink.line import ForwarderLine
 from rt_robot_os.testing import RecordingPublisher
 from rt_robot_os.testing import settings_of
-from rt_robot_os.wsn.packets.commands import command_packet
-from rt_robot_os.wsn.packets.commands import parse_command
-from rt_robot_os.wsn.packets.forwarding import Forwarder
-from rt_robot_os.wsn.packets.framing import frame
-from rt_robot_os.wsn.packets.framing import FrameReader
-from rt_robot_os.wsn.packets.framing import TINYOS_1
 from test_sink import data
 
 S = 1_000_000_000

@@ -24,22 +24,22 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rt_robot_os.devices.sink.driver import Sink
-from rt_robot_os.devices.sink.twin import SimulatedSink
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.wsn.packets.commands import command_packet
+from rt_robot_os.features.wsn.packets.commands import parse_command
+from rt_robot_os.features.wsn.packets.decode import Packet
+from rt_robot_os.features.wsn.packets.decode import PacketDecoder
+from rt_robot_os.features.wsn.packets.framing import frame
+from rt_robot_os.features.wsn.packets.payload_text import parse_payloads
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.sink.driver import Sink
+from rt_robot_os.features.wsn.sink.simulated import SimulatedSink
 from rt_robot_os.sim.base import Place
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.world.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing import Rig
 from rt_robot_os.testing import rig
-from rt_robot_os.wsn.packets.commands import command_packet
-from rt_robot_os.wsn.packets.commands import parse_command
-from rt_robot_os.wsn.packets.decode import Packet
-from rt_robot_os.wsn.packets.decode import PacketDecoder
-from rt_robot_os.wsn.packets.framing import frame
-from rt_robot_os.wsn.packets.payload_text import parse_payloads
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
 
 FLAT = WorldSettings(map='open', people=('anna 0 2 1',), nodes=(
     'kitchen 3 1 1.4', 'wrist 0 0 1 on anna pulse_per_min alarm battery'))

@@ -28,12 +28,12 @@ from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.stargazer import wire
 from rt_robot_os.devices.stargazer.driver import StarGazer
 from rt_robot_os.devices.stargazer.wire import Mark
 from rt_robot_os.devices.stargazer.wire import StarGazerDecoder
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.motion.angles import yaw_of
 
 MS = 1_000_000

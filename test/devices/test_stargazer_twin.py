@@ -25,7 +25,7 @@ from typing import Any
 import pytest
 from rt_robot_os.devices.stargazer.driver import StarGazer
 from rt_robot_os.devices.stargazer.setup import PAUSE_NS
-from rt_robot_os.devices.stargazer.twin import SimulatedStarGazer
+from rt_robot_os.devices.stargazer.simulated import SimulatedStarGazer
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.sim.base import Site

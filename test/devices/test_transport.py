@@ -28,9 +28,9 @@ import sys
 from typing import Any
 
 import pytest
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.serial import transport
 from rt_robot_os.devices.serial.transport import SerialPort
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim.pty_port import PtyPort
 
 

@@ -28,7 +28,7 @@ import pytest
 from rt_robot_os.devices.ublox import wire
 from rt_robot_os.devices.ublox import wire as ubx
 from rt_robot_os.devices.ublox.driver import Ublox
-from rt_robot_os.devices.ublox.twin import SimulatedUblox
+from rt_robot_os.devices.ublox.simulated import SimulatedUblox
 from rt_robot_os.testing import rig
 
 MS = 1_000_000

@@ -23,10 +23,10 @@ from driver_fakes import scripted
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.ublox import wire
 from rt_robot_os.devices.ublox.driver import Ublox
-from rt_robot_os.devices.ublox.twin import SimulatedUblox
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.devices.ublox.simulated import SimulatedUblox
 from rt_robot_os.testing import rig
 
 MS = 1_000_000

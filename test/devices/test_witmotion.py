@@ -36,11 +36,11 @@ from imu_streams import MAG_SCALE_T
 from imu_streams import numbers
 from imu_streams import QUAT
 import pytest
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.witmotion import wire
 from rt_robot_os.devices.witmotion.driver import quaternion_from_angles
 from rt_robot_os.devices.witmotion.driver import WitMotion
 from rt_robot_os.devices.witmotion.wire import WitMotionDecoder
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.sim.pty_port import PtyPort
 
 MASKS = [(ACC, GYRO), (ACC, GYRO, ANGLE), (ACC, GYRO, ANGLE, MAG), (ACC, GYRO, MAG),

@@ -25,12 +25,12 @@ from driver_fakes import read_all
 from driver_fakes import scripted
 from driver_fakes import settings_of
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.xsens import mtdata2
 from rt_robot_os.devices.xsens import wire
 from rt_robot_os.devices.xsens.driver import Xsens
 from rt_robot_os.devices.xsens.wire import XbusDecoder
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 from test_xsens_decoder import RECORDED
 
 MS = 1_000_000

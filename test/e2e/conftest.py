@@ -148,7 +148,7 @@ class World:
             path.write_text(parameters)
             ros += ['--params-file', str(path)]
         return self.start(
-            'rt_robot_os.clients.ros.program', '--ros-args', *ros, *arguments, **options)
+            'rt_robot_os.ros.program', '--ros-args', *ros, *arguments, **options)
 
     def play(self, log: Path, port: Path, *arguments: str) -> Program:
         """Play a recording through a pty as soon as somebody has opened it."""

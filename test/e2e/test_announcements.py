@@ -25,7 +25,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
-from rt_robot_os.clients.ros import announcements  # noqa: E402, I100
+from rt_robot_os.ros import announcements  # noqa: E402, I100
 
 VARIABLES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE',
              'SKIP_DEFAULT_XML', 'SKIP_DEFAULT_XML_FILE', 'RMW_FASTRTPS_USE_QOS_FROM_XML',

@@ -91,7 +91,7 @@ def test_a_console_that_nobody_reads_holds_up_neither_samples_nor_the_end(
         'core: {', 'diagnostics_rate_hz: 10.0\n    core: {'))
     read, write = os.pipe()
     try:
-        code = 'import sys; from rt_robot_os.clients.ros.program import main; sys.exit(main())'
+        code = 'import sys; from rt_robot_os.ros.program import main; sys.exit(main())'
         process = subprocess.Popen(
             [sys.executable, '-c', code, '--ros-args', '--params-file', str(parameters)],
             cwd='/', stdout=write, stderr=write, env={

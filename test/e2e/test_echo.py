@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[2]
 INTERRUPTED = """
 import os, signal, sys, threading, time
 import rclpy
-from rt_robot_os.clients.ros.echo_program import main
+from rt_robot_os.ros.echo_program import main
 from std_msgs.msg import String
 
 moment, sys.argv[1:] = sys.argv[1], ['/chatter', *sys.argv[2:]]

@@ -30,9 +30,9 @@ from nav_msgs.msg import OccupancyGrid  # noqa: E402
 from nav_msgs.msg import Path  # noqa: E402
 from rclpy.qos import QoSDurabilityPolicy  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
+from rt_robot_os.base.needs import ros_remedy  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
 from rt_robot_os.link.conversions import transform  # noqa: E402
-from rt_robot_os.needs import ros_remedy  # noqa: E402
 
 Until = Callable[..., Any]
 

@@ -62,7 +62,7 @@ def receiver(tmp_path: Path) -> Iterator[int]:
     with socket.create_server(('127.0.0.1', 0)) as free:
         number = int(free.getsockname()[1])
     process = subprocess.Popen(
-        [sys.executable, '-c', 'import sys; from rt_robot_os.sim.program import main; '
+        [sys.executable, '-c', 'import sys; from rt_robot_os.core.simulator_program import main; '
          'sys.exit(main())', 'gps:ublox', '--dir', str(tmp_path), '--tcp', f'gps={number}'],
         cwd=Path(__file__).parents[2], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None

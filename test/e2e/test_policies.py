@@ -64,7 +64,7 @@ def test_a_task_in_its_safe_state_is_an_error_until_it_is_rearmed(
     robot = world.robot(YAML.format(
         watchdog='timeout_s: 0.0',
         module="Safe', failure: safe_state, raises: 50, heals: 51"), PYTHONPATH=path(), prelude="""
-from rt_robot_os.clients.ros import diagnostics
+from rt_robot_os.ros import diagnostics
 Recent = diagnostics.Recent
 diagnostics.Recent = lambda: Recent(hold_s=1.0)
 """)

@@ -32,8 +32,8 @@ import yaml  # noqa: E402
 
 pytestmark = pytest.mark.one_build
 
-RECORD = 'rt_robot_os.clients.recording.record_program'
-REPLAY = 'rt_robot_os.clients.recording.replay_program'
+RECORD = 'rt_robot_os.recording.record_program'
+REPLAY = 'rt_robot_os.recording.replay_program'
 Until = Callable[..., Any]
 YAML = """
 /**/robot:

@@ -35,8 +35,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 import pytest
 
-from rt_robot_os.requirements import libraries
-from rt_robot_os.requirements import PROGRAMS
+from rt_robot_os.base.requirements import libraries
+from rt_robot_os.base.requirements import PROGRAMS
 
 ROOT = Path(__file__).resolve().parents[2]
 Until = Callable[..., Any]
@@ -140,9 +140,9 @@ def test_the_service_robot_has_its_camera_and_mapping_its_libraries(
     messages = pytest.importorskip('nav_msgs.msg')
     maps = world.listen(messages.OccupancyGrid, '/map')
     given = ['--ros-args', *config('service_robot', 'mapping'), *MODEST]
-    robot = world.start('rt_robot_os.clients.ros.program', *given, **environment('robot'))
+    robot = world.start('rt_robot_os.ros.program', *given, **environment('robot'))
     robot.wait_for_line('[robot.camera]: active')
-    mapping = world.start('rt_robot_os.clients.mapping.program', *given[:-len(MODEST)],
+    mapping = world.start('rt_robot_os.features.mapping.process.program', *given[:-len(MODEST)],
                           **environment('mapping'))
     until(lambda: maps or mapping.process.poll() is not None, 'a map')
     assert_no_errors(mapping, robot)

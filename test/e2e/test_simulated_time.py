@@ -35,7 +35,7 @@ Until = Callable[..., Any]
 
 # What is not a setting: for how long the node waits for a first /clock before it warns.
 PATIENT_FOR_HALF_A_SECOND = """
-from rt_robot_os.clients.ros import ros_time
+from rt_robot_os.ros import ros_time
 ros_time._PATIENCE_S = 0.5
 """
 

@@ -32,16 +32,16 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402, I100
-from rt_robot_os.clients.ros.supervisor import Supervisor  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
 from rt_robot_os.link.stamp_mapper import StampMapper  # noqa: E402
+from rt_robot_os.ros.supervisor import Supervisor  # noqa: E402
 
 pytestmark = pytest.mark.one_build
 
 Until = Callable[..., Any]
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAMS = {'core': 'rt_robot_os.core.program', 'robot': 'rt_robot_os.clients.ros.program',
-            'top': 'rt_robot_os.clients.top.program'}
+PROGRAMS = {'core': 'rt_robot_os.core.program', 'robot': 'rt_robot_os.ros.program',
+            'top': 'rt_robot_os.tools.top.program'}
 ROBOT = """
 robot:
   ros__parameters:
@@ -156,7 +156,7 @@ def test_a_robot_runs_without_a_place_for_logs(world: Any, environment: dict[str
 def test_simulated_sensors_are_told(world: Any, until: Until, arguments: list[str],
                                     level: bytes) -> None:
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
-    robot = world.start('rt_robot_os.clients.ros.program', *arguments)
+    robot = world.start('rt_robot_os.ros.program', *arguments)
 
     until(lambda: any((status.name, status.level, status.message) ==
                       ('robot: simulated', level, 'simulated: imu, gps')
@@ -169,7 +169,7 @@ def test_simulated_sensors_are_told(world: Any, until: Until, arguments: list[st
 
 
 def test_a_device_that_is_off_is_not_there(world: Any) -> None:
-    robot = world.start('rt_robot_os.clients.ros.program', '--simulate', '--ros-args', '-p',
+    robot = world.start('rt_robot_os.ros.program', '--simulate', '--ros-args', '-p',
                         'gps.enabled:=false')
     robot.wait_for_line('imu]: active')
     with LinkClient(world.folder / 'robot.sock', timeout_s=TIMEOUT_S) as client:
@@ -179,7 +179,7 @@ def test_a_device_that_is_off_is_not_there(world: Any) -> None:
 
 
 def test_the_links_of_a_killed_simulator_are_removed(world: Any, until: Until) -> None:
-    robot = world.start('rt_robot_os.clients.ros.program', '--simulate')
+    robot = world.start('rt_robot_os.ros.program', '--simulate')
     robot.wait_for_line('imu]: active')
     found = []
     for entry in Path('/proc').iterdir():
@@ -208,7 +208,7 @@ def test_an_early_ctrl_c_shows_no_traceback(tmp_path: Path) -> None:
             '    def find_spec(self, name, path=None, target=None):\n'
             '        if name == "rt_robot_os.settings": os.kill(os.getpid(), signal.SIGINT)\n'
             'sys.meta_path.insert(0, Finder())\n'
-            'from rt_robot_os.clients.ros.program import main\nsys.exit(main())\n')
+            'from rt_robot_os.ros.program import main\nsys.exit(main())\n')
     done = subprocess.run([sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True,
                           timeout=60, env={**os.environ, 'RT_ROBOT_OS_RUNTIME_DIR': str(tmp_path)})
     assert done.returncode == -signal.SIGINT and done.stderr == ''

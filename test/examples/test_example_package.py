@@ -29,7 +29,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
 
 pytest.importorskip('sensor_msgs', reason='the ROS 2 message packages are not installed')

@@ -26,7 +26,7 @@ import sys
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-TABLE = ROOT / 'rt_robot_os' / 'requirements.py'
+TABLE = ROOT / 'rt_robot_os' / 'base' / 'requirements.py'
 OURS = ('setup.py', 'setup.cfg', 'package.xml', 'resource', 'rt_robot_os', 'config', 'launch')
 
 

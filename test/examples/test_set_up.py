@@ -53,8 +53,9 @@ class Clone:
         self.folder = folder
         (folder / 'venv' / 'bin').mkdir(parents=True)
         shutil.copytree(ROOT / 'scripts', folder / 'scripts')
-        (folder / 'rt_robot_os').mkdir()
-        shutil.copy(ROOT / 'rt_robot_os' / 'requirements.py', folder / 'rt_robot_os')
+        (folder / 'rt_robot_os' / 'base').mkdir(parents=True)
+        shutil.copy(ROOT / 'rt_robot_os' / 'base' / 'requirements.py',
+                    folder / 'rt_robot_os' / 'base')
         self.goes(ONLINE)
 
     def goes(self, python: str) -> None:

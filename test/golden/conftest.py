@@ -26,7 +26,7 @@ import re
 
 import pytest
 
-from rt_robot_os import plugins
+from rt_robot_os.base import plugins
 
 FOLDER = Path(__file__).resolve().parent
 ROOT = FOLDER.parents[1]

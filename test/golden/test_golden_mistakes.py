@@ -21,7 +21,7 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import check_change
 from rt_robot_os.settings import load
 from rt_robot_os.settings import parse_ros_args

@@ -91,7 +91,7 @@ def whole_files() -> dict[str, str]:
 def blocks() -> dict[str, str]:
     """Give the configurations in the pages by page and number."""
     pages = [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md')),
-             *sorted((ROOT / 'rt_robot_os' / 'devices').glob('*/page.md'))]
+             *sorted((ROOT / 'rt_robot_os').rglob('page.md'))]
     return {f'{page.relative_to(ROOT).as_posix()} {number}': text for page in pages
             for number, text in enumerate(BLOCK.findall(page.read_text(encoding='utf-8')), 1)}
 

@@ -19,13 +19,13 @@ from __future__ import annotations
 
 import pytest
 
-from rt_robot_os.health.body_motion import body_motion
-from rt_robot_os.health.body_motion import IMPACT_S
-from rt_robot_os.health.falls import Evidence
-from rt_robot_os.health.falls import FallDetector
-from rt_robot_os.health.falls import What
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
+from rt_robot_os.features.health.falls import Evidence
+from rt_robot_os.features.health.falls import FallDetector
+from rt_robot_os.features.health.falls import What
+from rt_robot_os.sim.world.body_motion import body_motion
+from rt_robot_os.sim.world.body_motion import IMPACT_S
 
 STANDING_S = 8.0
 RATE_HZ = 50

@@ -18,12 +18,12 @@ import math
 
 import pytest
 
-from rt_robot_os.health.body_motion import ACTIVITIES
-from rt_robot_os.health.body_motion import body_motion
-from rt_robot_os.health.body_motion import DIRECTIONS
-from rt_robot_os.health.body_motion import IMPACT_G
-from rt_robot_os.health.body_motion import IMPACT_S
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
+from rt_robot_os.sim.world.body_motion import ACTIVITIES
+from rt_robot_os.sim.world.body_motion import body_motion
+from rt_robot_os.sim.world.body_motion import DIRECTIONS
+from rt_robot_os.sim.world.body_motion import IMPACT_G
+from rt_robot_os.sim.world.body_motion import IMPACT_S
 
 _STEP_S = 0.01
 

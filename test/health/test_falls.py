@@ -22,17 +22,17 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.health.body_motion import body_motion
-from rt_robot_os.health.body_motion import DIRECTIONS
-from rt_robot_os.health.body_motion import IMPACT_S
-from rt_robot_os.health.fall_limits import FallLimits
-from rt_robot_os.health.fall_limits import problem_of
-from rt_robot_os.health.falls import FallDetector
-from rt_robot_os.health.falls import State
-from rt_robot_os.health.falls import What
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
+from rt_robot_os.features.health.fall_limits import FallLimits
+from rt_robot_os.features.health.fall_limits import problem_of
+from rt_robot_os.features.health.falls import FallDetector
+from rt_robot_os.features.health.falls import State
+from rt_robot_os.features.health.falls import What
 from rt_robot_os.motion.quaternion import rotate
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
+from rt_robot_os.sim.world.body_motion import body_motion
+from rt_robot_os.sim.world.body_motion import DIRECTIONS
+from rt_robot_os.sim.world.body_motion import IMPACT_S
 
 _UPRIGHT = [('stand', 3.0), ('walk', 4.0), ('stand', 1.0)]
 FALL = [*_UPRIGHT, ('fall', 6.0)]

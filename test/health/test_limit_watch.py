@@ -18,10 +18,10 @@ from __future__ import annotations
 
 import pytest
 
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.health.limit_text import Limit
-from rt_robot_os.health.limit_watch import LimitWatch
-from rt_robot_os.health.signs import SIGNS
+from rt_robot_os.features.health.limit_text import Limit
+from rt_robot_os.features.health.limit_watch import LimitWatch
+from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.signs import SIGNS
 
 S = 10**9
 SIGN = next(iter(SIGNS))

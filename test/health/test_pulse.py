@@ -22,13 +22,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.health.beats import ecg_beats
-from rt_robot_os.health.beats import pulse_beats
-from rt_robot_os.health.pulse import ASYSTOLE_S
-from rt_robot_os.health.pulse import course
-from rt_robot_os.health.pulse import PulseMeter
-from rt_robot_os.health.waveforms import read_record
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.health.beats import ecg_beats
+from rt_robot_os.features.health.beats import pulse_beats
+from rt_robot_os.features.health.pulse import ASYSTOLE_S
+from rt_robot_os.features.health.pulse import course
+from rt_robot_os.features.health.pulse import PulseMeter
+from rt_robot_os.features.health.waveforms import read_record
 
 
 def made(rate: float, rate_hz: float = 75.0, seconds: float = 14.0, echo: float = 0.4,

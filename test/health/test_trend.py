@@ -20,8 +20,8 @@ import math
 import random
 
 import pytest
-from rt_robot_os.health.trend import Trend
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.health.trend import Trend
 
 WINDOW_S = 600
 

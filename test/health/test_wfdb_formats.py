@@ -24,8 +24,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from rt_robot_os.health.waveforms import read_record
-from rt_robot_os.health.wfdb_formats import FORMATS
+from rt_robot_os.features.health.waveforms import read_record
+from rt_robot_os.features.health.wfdb_formats import FORMATS
 
 
 def packed_12(numbers: list[int]) -> bytes:

@@ -24,8 +24,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from rt_robot_os import compiled
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base import compiled
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.kernel import BudgetPolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import MonotonicClock

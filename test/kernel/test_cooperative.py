@@ -29,7 +29,7 @@ from kernel_tools import S
 from kernel_tools import spin_until
 import pytest
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel import BudgetPolicy
 from rt_robot_os.kernel import CooperativeClock
 from rt_robot_os.kernel import Kernel

@@ -22,7 +22,7 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.compiled import NATIVE
+from rt_robot_os.base.compiled import NATIVE
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import VirtualClock

@@ -40,7 +40,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.compiled import state
+from rt_robot_os.base.compiled import state
 from rt_robot_os.kernel import VirtualClock
 
 pytest.importorskip('std_msgs', reason='the ROS 2 message packages are not installed')

@@ -24,7 +24,7 @@ from kernel_tools import MS
 from kernel_tools import S
 import pytest
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel import FailurePolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task

@@ -33,7 +33,7 @@ from kernel_tools import MS
 from kernel_tools import US
 import pytest
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel import core
 from rt_robot_os.kernel import fault_handling
 from rt_robot_os.kernel import interrupts

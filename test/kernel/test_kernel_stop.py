@@ -30,8 +30,8 @@ from kernel_tools import MS
 from kernel_tools import run_program
 import pytest
 
-from rt_robot_os.errors import KernelError
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import KernelError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import MonotonicClock
 from rt_robot_os.kernel import VirtualClock

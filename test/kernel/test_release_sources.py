@@ -30,7 +30,7 @@ from kernel_tools import starts
 from kernel_tools import US
 import pytest
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel import BudgetPolicy
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import MonotonicClock

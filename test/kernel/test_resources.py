@@ -29,7 +29,7 @@ from kernel_tools import S
 from kernel_tools import US
 import pytest
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Resource
 from rt_robot_os.kernel import TraceLog

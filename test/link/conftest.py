@@ -31,7 +31,7 @@ from processes import TIMEOUT_S
 from processes import wait_until
 import pytest
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
 
 YAML = f"""{GUARD_YAML}\

@@ -24,9 +24,9 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 import pytest
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.link import fetch_clock
 from rt_robot_os.link.fetch_clock import FetchClock
-from rt_robot_os.units import NS_PER_MS
 
 HOUR_NS = 3_600_000_000_000
 # What the smallest socket buffer of Linux's defaults holds.

@@ -30,8 +30,8 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.dumps import writer_process
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.core.dumps import writer_process
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER_BYTES

@@ -32,7 +32,7 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link import LinkClient

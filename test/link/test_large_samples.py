@@ -36,7 +36,7 @@ import numpy as np
 from processes import in_a_folder
 import pytest
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.client_memories import ClientMemories
 from rt_robot_os.link.client_memories import give_back

@@ -24,7 +24,7 @@ import sys
 from typing import Any
 
 import pytest
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.client_rooms import ClientRooms

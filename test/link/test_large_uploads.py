@@ -32,7 +32,7 @@ from large_clients import TAIL
 from large_clients import World
 from processes import in_a_folder
 import pytest
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link.client_rooms import ClientRoom
 from rt_robot_os.link.client_rooms import SampleTooLong

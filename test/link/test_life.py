@@ -29,8 +29,8 @@ from processes import COMMANDS_YAML
 from processes import in_a_folder
 import pytest
 
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.core.app import Core
-from rt_robot_os.errors import LinkError
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import Kind

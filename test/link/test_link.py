@@ -27,7 +27,7 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.protocol import encode_json

@@ -26,16 +26,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.errors import LinkError
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.base.errors import StartError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import TaskSpec
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.link.paths import robot_name
-from rt_robot_os.link.paths import runtime_folder
-from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import header
@@ -45,6 +42,9 @@ from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.protocol import VERSION
 from rt_robot_os.link.task_records import decode_task
 from rt_robot_os.link.task_records import encode_task
+from rt_robot_os.linux.paths import robot_name
+from rt_robot_os.linux.paths import runtime_folder
+from rt_robot_os.linux.paths import socket_path
 
 COUNTS = st.integers(0, (1 << 62) - 1)
 DURATIONS = st.lists(st.integers(0, 1 << 44), max_size=50)

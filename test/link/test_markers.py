@@ -30,11 +30,11 @@ from rt_robot_os.link.conversions import to_network
 from rt_robot_os.link.marker import LINE_LIST
 from rt_robot_os.link.marker import MARKERS
 from rt_robot_os.link.markers import LIFETIME_S
+from rt_robot_os.messages.network_rows import names_label
+from rt_robot_os.messages.network_rows import NodeRow
+from rt_robot_os.messages.network_rows import NodeState
+from rt_robot_os.messages.network_rows import WIDTH
 from rt_robot_os.topics import Layout
-from rt_robot_os.wsn.network_rows import names_label
-from rt_robot_os.wsn.network_rows import NodeRow
-from rt_robot_os.wsn.network_rows import NodeState
-from rt_robot_os.wsn.network_rows import WIDTH
 
 rosbags = pytest.importorskip('rosbags.typesys', reason='rosbags is not installed')
 

@@ -26,7 +26,7 @@ from processes import GUARD_YAML
 from processes import in_a_folder
 import pytest
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM

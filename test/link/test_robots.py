@@ -24,13 +24,9 @@ import sys
 from typing import Any
 
 import pytest
+from rt_robot_os.base.errors import StartError
 from rt_robot_os.core.placement import choose_cpu
 from rt_robot_os.core.placement import least_used
-from rt_robot_os.errors import StartError
-from rt_robot_os.link.paths import node_of
-from rt_robot_os.link.paths import robot_of
-from rt_robot_os.link.paths import runtime_folder
-from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.robots import core_lock_path
 from rt_robot_os.link.robots import hold_core
 from rt_robot_os.link.robots import hold_robot
@@ -40,6 +36,10 @@ from rt_robot_os.link.robots import remove_leftovers
 from rt_robot_os.link.robots import running_cores
 from rt_robot_os.linux.lock_file import holder
 from rt_robot_os.linux.lock_file import LockFile
+from rt_robot_os.linux.paths import node_of
+from rt_robot_os.linux.paths import robot_of
+from rt_robot_os.linux.paths import runtime_folder
+from rt_robot_os.linux.paths import socket_path
 
 ROOT = Path(__file__).resolve().parents[2]
 

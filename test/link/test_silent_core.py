@@ -27,9 +27,9 @@ from processes import GUARD_YAML
 from processes import in_a_folder
 import pytest
 
-from rt_robot_os.clients.gateway.reading import Reads
-from rt_robot_os.clients.gateway.robot_link import RobotLink
-from rt_robot_os.clients.mapping.core_link import CoreLink
+from rt_robot_os.features.mapping.process.core_link import CoreLink
+from rt_robot_os.gateway.reading import Reads
+from rt_robot_os.gateway.robot_link import RobotLink
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.lasting_client import LastingClient

@@ -26,7 +26,7 @@ import subprocess
 import sys
 from typing import Any
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.topics import Layout
 

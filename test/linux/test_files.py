@@ -20,9 +20,9 @@ import os
 from pathlib import Path
 
 import pytest
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.calibration import load as load_calibration
 from rt_robot_os.devices.camera.camera_info import load_calibration as load_camera_info
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.linux.folders import open_to_append
 from rt_robot_os.linux.folders import read_file
 

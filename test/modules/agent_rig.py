@@ -22,7 +22,7 @@ import math
 from typing import Any
 
 from live_maps import map_topic
-from rt_robot_os.modules.agent import AgentModule
+from rt_robot_os.features.agent.module import AgentModule
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.topics import Publisher
 

@@ -23,7 +23,8 @@ from dataclasses import dataclass
 import math
 from typing import Optional
 
-from rt_robot_os.modules.attitude.base import AttitudeFilter
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2 as G
+from rt_robot_os.features.navigation.attitude.base import AttitudeFilter
 from rt_robot_os.motion.quaternion import conjugate
 from rt_robot_os.motion.quaternion import from_rotation
 from rt_robot_os.motion.quaternion import IDENTITY
@@ -31,7 +32,6 @@ from rt_robot_os.motion.quaternion import multiply
 from rt_robot_os.motion.quaternion import Quaternion
 from rt_robot_os.motion.quaternion import rotate
 from rt_robot_os.motion.quaternion import Vector
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2 as G
 
 # East, north, up, in tesla: central Europe.
 EARTH = (0.0, 2.0e-5, -4.4e-5)

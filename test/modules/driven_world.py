@@ -20,9 +20,9 @@ import math
 import random
 from typing import Any
 
-from rt_robot_os.modules.localization import Localization
-from rt_robot_os.modules.odometry import Odometry
-from rt_robot_os.modules.trajectory import Trajectory
+from rt_robot_os.features.navigation.localization import Localization
+from rt_robot_os.features.navigation.odometry import Odometry
+from rt_robot_os.features.navigation.trajectory import Trajectory
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.sim.world.drive_base import DriveBase

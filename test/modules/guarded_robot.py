@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from rt_robot_os.modules.collision_guard import CollisionGuard
+from rt_robot_os.features.navigation.collision_guard import CollisionGuard
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.run_on import RunOn

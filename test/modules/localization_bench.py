@@ -19,8 +19,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rt_robot_os.modules.localization import Localization
-from rt_robot_os.modules.odometry import Odometry
+from rt_robot_os.features.navigation.localization import Localization
+from rt_robot_os.features.navigation.odometry import Odometry
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.mounting import Mounting

@@ -23,14 +23,14 @@ from itertools import count
 import json
 from typing import Any
 
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import cause_of
-from rt_robot_os.alarms.cause import CAUSES_TOPIC
-from rt_robot_os.modules.assessment import Assessment
-from rt_robot_os.modules.vital_signs import VitalSigns
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.health.assessment import Assessment
+from rt_robot_os.features.health.vital_signs import VitalSigns
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.cause import CAUSES_TOPIC
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.topics import Publisher
-from rt_robot_os.units import NS_PER_S
 
 FLOAT = 'std_msgs/msg/Float64'
 TEMPERATURE = 'sensor_msgs/msg/Temperature'

@@ -21,12 +21,12 @@ import math
 import random
 from typing import Any
 
-from rt_robot_os.modules.trajectory import Trajectory
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.navigation.trajectory import Trajectory
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.testing.module_bench import ModuleBench
-from rt_robot_os.units import NS_PER_S
 
 STEP_S = 0.01
 LAG_S = 0.1

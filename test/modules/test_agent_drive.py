@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rt_robot_os.modules.agent import AgentModule
+from rt_robot_os.features.agent.module import AgentModule
 from rt_robot_os.motion.angles import wrapped
 from test_service_robot import PERSON_M
 from test_service_robot import RADIUS_M

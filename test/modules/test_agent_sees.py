@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rt_robot_os.modules.person_finder import PersonFinder
-from rt_robot_os.modules.whereabouts import Whereabouts
+from rt_robot_os.features.agent.person_finder import PersonFinder
+from rt_robot_os.features.health.whereabouts import Whereabouts
 from rt_robot_os.motion.walls import disc_distances
 from rt_robot_os.sim.world.people import Person
 from rt_robot_os.sim.world.scene import Way

@@ -22,14 +22,14 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import CAUSES_TOPIC
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.alarms import Alarms
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.module import Alarms
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import CAUSES_TOPIC
+from rt_robot_os.messages.cause import Level
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
-from rt_robot_os.units import NS_PER_S
 
 pytest.importorskip('std_msgs.msg', reason='the ROS 2 messages are not installed')
 

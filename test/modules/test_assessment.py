@@ -21,11 +21,11 @@ import math
 from typing import Any
 
 import pytest
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.assessment import Assessment
-from rt_robot_os.modules.assessment.settings import limits_text
-from rt_robot_os.modules.assessment.settings import SHOWN_CHARACTERS
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.health.assessment import Assessment
+from rt_robot_os.features.health.assessment.settings import limits_text
+from rt_robot_os.features.health.assessment.settings import SHOWN_CHARACTERS
+from rt_robot_os.messages.cause import Level
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
 from sensed_person import every_second

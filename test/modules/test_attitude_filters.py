@@ -34,10 +34,11 @@ from attitude_motion import STILL
 from attitude_motion import swing
 import pytest
 
-from rt_robot_os.modules.attitude import AttitudeFilter
-from rt_robot_os.modules.attitude import MahonyFilter
-from rt_robot_os.modules.attitude import Tuning
-from rt_robot_os.modules.attitude import VqfFilter
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2 as G
+from rt_robot_os.features.navigation.attitude import AttitudeFilter
+from rt_robot_os.features.navigation.attitude import MahonyFilter
+from rt_robot_os.features.navigation.attitude import Tuning
+from rt_robot_os.features.navigation.attitude import VqfFilter
 from rt_robot_os.motion.quaternion import about_up
 from rt_robot_os.motion.quaternion import conjugate
 from rt_robot_os.motion.quaternion import from_rotation
@@ -46,7 +47,6 @@ from rt_robot_os.motion.quaternion import multiply
 from rt_robot_os.motion.quaternion import Quaternion
 from rt_robot_os.motion.quaternion import rotate
 from rt_robot_os.motion.quaternion import Vector
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2 as G
 
 hypothesis = pytest.importorskip('hypothesis', reason='hypothesis is not installed')
 given, settings, strategies = hypothesis.given, hypothesis.settings, hypothesis.strategies

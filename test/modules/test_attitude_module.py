@@ -31,17 +31,17 @@ from attitude_motion import swing
 import numpy as np
 import pytest
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import TopicError
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2 as G
+from rt_robot_os.features.navigation.attitude import Attitude
+from rt_robot_os.features.navigation.attitude.module import chosen
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.modules.attitude import Attitude
-from rt_robot_os.modules.attitude.module import chosen
 from rt_robot_os.modules.registry import module_class
 from rt_robot_os.motion.quaternion import from_rotation
 from rt_robot_os.motion.quaternion import IDENTITY
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2 as G
 
 pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
 

@@ -25,7 +25,7 @@ import sys
 
 import numpy as np
 import pytest
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'scripts'))
 

@@ -20,16 +20,16 @@ from collections.abc import Callable
 
 from hypothesis import given
 from hypothesis import strategies as st
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import cause_of
-from rt_robot_os.alarms.cause import CAUSES_TOPIC
-from rt_robot_os.alarms.cause import Level
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.cause import CAUSES_TOPIC
+from rt_robot_os.messages.cause import Level
 from rt_robot_os.modules import Module
 from rt_robot_os.modules.cause_reports import CauseReports
 from rt_robot_os.modules.cause_reports import CAUSES_OUTPUT
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.topics import Subscription
-from rt_robot_os.units import NS_PER_S
 
 FALL = Cause('fall', 'anna', Level.CRITICAL, text='anna fell')
 LOW = Cause('pulse_per_min_low', 'anna', Level.WARNING, text='pulse 48', value=48.0)

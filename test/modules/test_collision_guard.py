@@ -27,8 +27,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.collision_guard import CollisionGuard
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.navigation.collision_guard import CollisionGuard
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.run_on import RunOn

@@ -24,17 +24,17 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import cause_of
-from rt_robot_os.alarms.cause import CAUSES_TOPIC
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.health.body_motion import body_motion
-from rt_robot_os.health.body_motion import IMPACT_S
-from rt_robot_os.modules.fall_detector import FallDetection
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.health.fall_detector import FallDetection
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.cause import CAUSES_TOPIC
+from rt_robot_os.messages.cause import Level
+from rt_robot_os.sim.world.body_motion import body_motion
+from rt_robot_os.sim.world.body_motion import IMPACT_S
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
-from rt_robot_os.units import NS_PER_S
 
 pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
 

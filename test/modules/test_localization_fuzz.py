@@ -25,10 +25,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from rt_robot_os.modules.localization import Localization
-from rt_robot_os.modules.odometry import Odometry
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.navigation.localization import Localization
+from rt_robot_os.features.navigation.odometry import Odometry
 from rt_robot_os.testing.module_bench import ModuleBench
-from rt_robot_os.units import NS_PER_S
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
 

@@ -22,12 +22,13 @@ from localization_bench import Bench
 from localization_bench import far_robot
 from localization_bench import pose_of
 import pytest
+from rt_robot_os.base.reports import formatted
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.motion.poses import composed
-from rt_robot_os.reports import formatted
-from rt_robot_os.reports import Reports
 from rt_robot_os.sim.world.drive_base import DriveBase
 from rt_robot_os.sim.world.drive_base import STEP_NS
 from rt_robot_os.sim.world_settings import WorldSettings
@@ -38,7 +39,6 @@ from rt_robot_os.tools.bench.localization.plant import RADIUS_M
 from rt_robot_os.tools.bench.localization.plant import Robot
 from rt_robot_os.tools.bench.localization.plant import SEPARATION_M
 from rt_robot_os.tools.bench.localization.plant import turned
-from rt_robot_os.units import NS_PER_S
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
 

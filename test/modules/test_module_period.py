@@ -20,8 +20,8 @@ import pytest
 
 pytest.importorskip('nav_msgs.msg', reason='the ROS 2 messages are not installed')
 
+from rt_robot_os.features.navigation.trajectory import Trajectory  # noqa: E402
 from rt_robot_os.modules import Module  # noqa: E402, I100
-from rt_robot_os.modules.trajectory import Trajectory  # noqa: E402
 from rt_robot_os.testing.module_bench import ModuleBench  # noqa: E402
 
 MS = 1_000_000

@@ -21,13 +21,13 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.features.navigation.twist_guard import TwistGuard
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.modules import Field
 from rt_robot_os.modules import Input
 from rt_robot_os.modules import Module
 from rt_robot_os.modules import Output
-from rt_robot_os.modules.twist_guard import TwistGuard
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher

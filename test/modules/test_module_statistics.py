@@ -98,9 +98,9 @@ def test_a_core_sends_the_statistics_of_its_modules(tmp_path: Path) -> None:
 
 def test_diagnostics_show_a_module_and_its_warning(tmp_path: Path) -> None:
     pytest.importorskip('diagnostic_msgs', reason='ROS 2 messages are not installed')
-    from rt_robot_os.clients.ros.diagnostics import Diagnostics
-    from rt_robot_os.clients.ros.diagnostics import OK
-    from rt_robot_os.clients.ros.diagnostics import WARN
+    from rt_robot_os.ros.diagnostics import Diagnostics
+    from rt_robot_os.ros.diagnostics import OK
+    from rt_robot_os.ros.diagnostics import WARN
     modules = ({'name': 'a', 'values': {'samples': 7, 'warning': ''}},
                {'name': 'b', 'values': {'warning': 'no field'}}, {'name': 'c', 'values': {}})
     core, = (part for part in said_by(tmp_path) if part['part'] == 'core')
@@ -115,9 +115,9 @@ def test_diagnostics_show_a_module_and_its_warning(tmp_path: Path) -> None:
 
 def test_diagnostics_warn_of_an_active_device_that_says_why(tmp_path: Path) -> None:
     pytest.importorskip('diagnostic_msgs', reason='ROS 2 messages are not installed')
-    from rt_robot_os.clients.ros.diagnostics import Diagnostics
-    from rt_robot_os.clients.ros.diagnostics import OK
-    from rt_robot_os.clients.ros.diagnostics import WARN
+    from rt_robot_os.ros.diagnostics import Diagnostics
+    from rt_robot_os.ros.diagnostics import OK
+    from rt_robot_os.ros.diagnostics import WARN
 
     def device(name: str, reason: str) -> dict[str, object]:
         return {'name': name, 'state': 'active', 'reason': reason, 'faults': 0, 'opened': 1,

@@ -21,8 +21,8 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.core.tasks import add_module_task
-from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import VirtualClock

@@ -21,9 +21,10 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import TaskError
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import TaskError
+from rt_robot_os.base.errors import TopicError
+from rt_robot_os.features.navigation.twist_guard import TwistGuard
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.modules import Field
@@ -32,7 +33,6 @@ from rt_robot_os.modules import Module
 from rt_robot_os.modules import Output
 from rt_robot_os.modules.registry import module_class
 from rt_robot_os.modules.registry import names
-from rt_robot_os.modules.twist_guard import TwistGuard
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.topics import Bus
 
@@ -152,12 +152,12 @@ def test_a_bad_change_is_refused_with_the_reason(name: str, value: Any, reason: 
 def test_modules_are_found_by_name_and_by_path() -> None:
     assert 'twist_guard' in names()
     assert module_class('twist_guard') is TwistGuard
-    assert module_class('rt_robot_os.modules.twist_guard:TwistGuard') is TwistGuard
+    assert module_class('rt_robot_os.features.navigation.twist_guard:TwistGuard') is TwistGuard
 
 
 @pytest.mark.parametrize(('name', 'reason'), [
     ('nothing', 'twist_guard'), ('no_such_package.x:Y', 'no_such_package'),
-    ('rt_robot_os.units:NS_PER_S', 'not a class derived from Module')])
+    ('rt_robot_os.base.units:NS_PER_S', 'not a class derived from Module')])
 def test_a_module_that_cannot_be_loaded_is_told_why(name: str, reason: str) -> None:
     with pytest.raises(ConfigError, match=reason):
         module_class(name)

@@ -25,12 +25,12 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.observer import Observer
-from rt_robot_os.modules.observer.levels import Levels
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.agent.observer import Observer
+from rt_robot_os.features.agent.observer.levels import Levels
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
-from rt_robot_os.units import NS_PER_S
 
 pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
 

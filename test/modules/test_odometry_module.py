@@ -21,8 +21,9 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.odometry import Odometry
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.navigation.odometry import Odometry
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.testing.module_bench import ModuleBench
@@ -33,7 +34,6 @@ from rt_robot_os.tools.bench.localization.plant import RADIUS_M
 from rt_robot_os.tools.bench.localization.plant import Robot
 from rt_robot_os.tools.bench.localization.plant import SEPARATION_M
 from rt_robot_os.tools.bench.localization.plant import turned
-from rt_robot_os.units import NS_PER_S
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
 

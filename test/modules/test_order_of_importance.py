@@ -21,11 +21,11 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.features.wsn.packets.paper import Kind
 from rt_robot_os.kernel import TraceLog
 from rt_robot_os.modules.registry import module_class
 from rt_robot_os.settings import load
 from rt_robot_os.testing.module_bench import ModuleBench
-from rt_robot_os.wsn.packets.paper import Kind
 from wsn_packets import data_msg
 from wsn_packets import Sink
 

@@ -26,8 +26,8 @@ from live_maps import put_grid
 import numpy as np
 import numpy.typing as npt
 import pytest
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.planner import Planner
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.navigation.planner import Planner
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.settings import default_path

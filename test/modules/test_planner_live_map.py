@@ -25,8 +25,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.planner import Planner
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.navigation.planner import Planner
 from rt_robot_os.testing.fakes import settings_of
 from test_planner import Planned
 from test_planner import rooms

@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rt_robot_os.modules.pulse_check import PulseCheck
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.health.pulse_check import PulseCheck
 from rt_robot_os.testing import ModuleBench
-from rt_robot_os.units import NS_PER_S
 
 pytest.importorskip('std_msgs.msg', reason='ROS 2 messages are not installed')
 

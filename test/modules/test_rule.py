@@ -24,11 +24,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import cause_of
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.rule import Rule
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.health.rule import Rule
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.cause import Level
 from rt_robot_os.settings import load
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench

@@ -17,15 +17,15 @@
 from __future__ import annotations
 
 import pytest
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.sensor_network import SensorNetwork
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.wsn.sensor_network import SensorNetwork
+from rt_robot_os.messages.network_rows import names_of
+from rt_robot_os.messages.network_rows import NodeRow
+from rt_robot_os.messages.network_rows import NodeState
+from rt_robot_os.messages.network_rows import rows_of
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.topics import Subscription
-from rt_robot_os.wsn.network_rows import names_of
-from rt_robot_os.wsn.network_rows import NodeRow
-from rt_robot_os.wsn.network_rows import NodeState
-from rt_robot_os.wsn.network_rows import rows_of
 from wsn_packets import beacon
 from wsn_packets import data_msg
 from wsn_packets import Sink

@@ -23,13 +23,13 @@ from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.sensor_readings import SensorReadings
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.packets.paper import Kind
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.sensor_readings import SensorReadings
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
-from rt_robot_os.wsn.packets.paper import Kind
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
 from wsn_packets import data_msg
 from wsn_packets import Sink
 

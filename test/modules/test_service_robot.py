@@ -24,10 +24,10 @@ from live_maps import map_topic
 import numpy as np
 import pytest
 
-from rt_robot_os.modules.collision_guard import CollisionGuard
-from rt_robot_os.modules.planner import Planner
-from rt_robot_os.modules.trajectory import Trajectory
-from rt_robot_os.modules.velocity_mux import VelocityMux
+from rt_robot_os.features.navigation.collision_guard import CollisionGuard
+from rt_robot_os.features.navigation.planner import Planner
+from rt_robot_os.features.navigation.trajectory import Trajectory
+from rt_robot_os.features.navigation.velocity_mux import VelocityMux
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose

@@ -21,9 +21,9 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.motor_faults import MotorFault
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.trajectory import Trajectory
+from rt_robot_os.features.navigation.trajectory import Trajectory
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.controllers import CONTROLLERS
 from rt_robot_os.motion.differential import Pose

@@ -26,9 +26,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.motor_faults import MotorFault
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.velocity_mux import VelocityMux
+from rt_robot_os.features.navigation.velocity_mux import VelocityMux
 from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench

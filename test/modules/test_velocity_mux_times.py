@@ -20,16 +20,16 @@ import math
 
 import pytest
 
-from rt_robot_os.modules.velocity_mux.sources import chosen
-from rt_robot_os.modules.velocity_mux.sources import GOOD
-from rt_robot_os.modules.velocity_mux.sources import holder
-from rt_robot_os.modules.velocity_mux.sources import LATE
-from rt_robot_os.modules.velocity_mux.sources import Lock
-from rt_robot_os.modules.velocity_mux.sources import lock_level
-from rt_robot_os.modules.velocity_mux.sources import REFUSED
-from rt_robot_os.modules.velocity_mux.sources import Source
-from rt_robot_os.modules.velocity_mux.sources import STANDSTILL
-from rt_robot_os.modules.velocity_mux.sources import Switch
+from rt_robot_os.features.navigation.velocity_mux.sources import chosen
+from rt_robot_os.features.navigation.velocity_mux.sources import GOOD
+from rt_robot_os.features.navigation.velocity_mux.sources import holder
+from rt_robot_os.features.navigation.velocity_mux.sources import LATE
+from rt_robot_os.features.navigation.velocity_mux.sources import Lock
+from rt_robot_os.features.navigation.velocity_mux.sources import lock_level
+from rt_robot_os.features.navigation.velocity_mux.sources import REFUSED
+from rt_robot_os.features.navigation.velocity_mux.sources import Source
+from rt_robot_os.features.navigation.velocity_mux.sources import STANDSTILL
+from rt_robot_os.features.navigation.velocity_mux.sources import Switch
 
 AHEAD = 0.5, 0.0, 0.0
 NOW_NS = 10_000

@@ -24,17 +24,17 @@ from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.health.sensor_source import Change
-from rt_robot_os.health.sensor_source import SensorSource
-from rt_robot_os.health.sensor_source import Times
-from rt_robot_os.health.signs import SIGNS
-from rt_robot_os.modules.assessment import Assessment
-from rt_robot_os.modules.vital_signs import VitalSigns
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.health.assessment import Assessment
+from rt_robot_os.features.health.sensor_source import Change
+from rt_robot_os.features.health.sensor_source import SensorSource
+from rt_robot_os.features.health.sensor_source import Times
+from rt_robot_os.features.health.vital_signs import VitalSigns
+from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.signs import SIGNS
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
-from rt_robot_os.units import NS_PER_S
 from sensed_person import every_second
 from sensed_person import Person
 

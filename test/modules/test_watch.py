@@ -20,17 +20,17 @@ from __future__ import annotations
 import math
 
 import pytest
-from rt_robot_os.alarms.cause import cause_of
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.watch import Watch
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.alarms.watch import Watch
+from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.network_rows import names_label
+from rt_robot_os.messages.network_rows import NodeRow
+from rt_robot_os.messages.network_rows import NodeState
+from rt_robot_os.messages.network_rows import WIDTH
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.topics import Subscription
-from rt_robot_os.wsn.network_rows import names_label
-from rt_robot_os.wsn.network_rows import NodeRow
-from rt_robot_os.wsn.network_rows import NodeState
-from rt_robot_os.wsn.network_rows import WIDTH
 
 S = 10**9
 GOOD, SILENT, UNHEARD = NodeState.GOOD, NodeState.SILENT, NodeState.UNHEARD

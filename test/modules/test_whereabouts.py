@@ -22,14 +22,14 @@ import json
 from typing import Any
 
 import pytest
-from rt_robot_os.alarms.cause import cause_of
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.whereabouts import Whereabouts
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.health.whereabouts import Whereabouts
+from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.network_rows import NodeRow
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
-from rt_robot_os.wsn.network_rows import NodeRow
 
 S = 10**9
 FLOAT = 'std_msgs/msg/Float64'

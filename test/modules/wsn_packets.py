@@ -16,16 +16,16 @@
 
 from __future__ import annotations
 
+from rt_robot_os.features.wsn.packets.ctp import CtpData
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.packets.oscilloscope import Oscilloscope
+from rt_robot_os.features.wsn.packets.paper import BeaconMsg
+from rt_robot_os.features.wsn.packets.paper import DataMsg
+from rt_robot_os.features.wsn.packets.paper import Kind
+from rt_robot_os.features.wsn.packets.serial_am import SerialAm
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.topics import Publisher
-from rt_robot_os.wsn.packets.ctp import CtpData
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
-from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
-from rt_robot_os.wsn.packets.paper import BeaconMsg
-from rt_robot_os.wsn.packets.paper import DataMsg
-from rt_robot_os.wsn.packets.paper import Kind
-from rt_robot_os.wsn.packets.serial_am import SerialAm
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
 
 UART = 0x7E
 VOLTS_2_8 = round(2.8 / 3.0 * 4096)

@@ -34,7 +34,7 @@ from accounts_app import Monitor  # noqa: E402
 from accounts_app import monitor  # noqa: E402
 from accounts_app import PASSWORD  # noqa: E402
 from accounts_app import QUICK  # noqa: E402
-from rt_robot_os.errors import StartError  # noqa: E402
+from rt_robot_os.base.errors import StartError  # noqa: E402
 from rt_robot_os.monitor.command import run  # noqa: E402
 from rt_robot_os.monitor.security import passwords  # noqa: E402
 from rt_robot_os.monitor.security.accounts import Revoked  # noqa: E402

@@ -37,8 +37,8 @@ pytest.importorskip('httpx')
 
 from accounts_app import Monitor  # noqa: E402, I100
 from accounts_app import monitor  # noqa: E402
-from rt_robot_os.errors import StartError  # noqa: E402
-from rt_robot_os.errors import StoreError  # noqa: E402
+from rt_robot_os.base.errors import StartError  # noqa: E402
+from rt_robot_os.base.errors import StoreError  # noqa: E402
 from rt_robot_os.monitor.security import audit as module  # noqa: E402
 from rt_robot_os.monitor.security.accounts import audit_key  # noqa: E402
 from rt_robot_os.monitor.security.audit import Audit  # noqa: E402

@@ -32,7 +32,7 @@ pytest.importorskip('cryptography')
 
 from cryptography import x509  # noqa: E402, I100
 from cryptography.x509.oid import ExtendedKeyUsageOID  # noqa: E402
-from rt_robot_os.errors import StartError  # noqa: E402
+from rt_robot_os.base.errors import StartError  # noqa: E402
 from rt_robot_os.monitor.security import certificates  # noqa: E402
 from rt_robot_os.monitor.security.certificates import Certificate  # noqa: E402
 from rt_robot_os.monitor.security.certificates import make  # noqa: E402

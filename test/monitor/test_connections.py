@@ -31,7 +31,7 @@ from urllib.request import urlopen
 from monitor_server import quick_services
 from monitor_server import served
 import pytest
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import StartError
 from rt_robot_os.monitor.command import check_reach
 from rt_robot_os.monitor.command import run
 from rt_robot_os.monitor.connections import Connections

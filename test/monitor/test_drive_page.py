@@ -35,9 +35,9 @@ from monitor_server import Page as Socket  # noqa: E402
 from playwright.sync_api import expect  # noqa: E402
 from processes import wait_until  # noqa: E402
 from rt_robot_os import monitor  # noqa: E402
-from rt_robot_os.clients.gateway.drive_limits import Limits  # noqa: E402
-from rt_robot_os.clients.gateway.pilot import Pilot  # noqa: E402
-from rt_robot_os.uplink.messages import encode  # noqa: E402
+from rt_robot_os.gateway.drive_limits import Limits  # noqa: E402
+from rt_robot_os.gateway.pilot import Pilot  # noqa: E402
+from rt_robot_os.messages.uplink.messages import encode  # noqa: E402
 
 if TYPE_CHECKING:
     from conftest import Monitor

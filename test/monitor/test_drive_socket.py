@@ -30,9 +30,9 @@ from monitor_server import quick_services
 from monitor_server import served
 from processes import wait_until
 import pytest
+from rt_robot_os.messages.uplink.messages import encode
 from rt_robot_os.monitor.security.roles import Role
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.uplink.messages import encode
 from sqlalchemy import select
 from websockets.exceptions import ConnectionClosed
 from websockets.exceptions import InvalidStatus

@@ -31,10 +31,10 @@ from monitor_server import Page
 from monitor_server import quick_services
 from monitor_server import served
 import pytest
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
+from rt_robot_os.messages.uplink.messages import encode
 from rt_robot_os.monitor.security.roles import Role
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.uplink.messages import encode
 from websockets.exceptions import ConnectionClosed
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect

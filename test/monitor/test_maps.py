@@ -27,11 +27,11 @@ from monitor_server import quick_services
 from monitor_server import served
 from processes import wait_until
 import pytest
+from rt_robot_os.messages.uplink.maps import map_message
+from rt_robot_os.messages.uplink.messages import encode
 from rt_robot_os.monitor.live import robot_connection
 from rt_robot_os.monitor.maps import Maps
 from rt_robot_os.monitor.security.roles import Role
-from rt_robot_os.uplink.maps import map_message
-from rt_robot_os.uplink.messages import encode
 
 FLAT = map_message(3, 2, 0.05, (-0.5, 1.0, 0.25), bytes([0, 100, 255, 0, 50, 100]))
 OTHER = map_message(1, 1, 0.1, (0.0, 0.0, 0.0), bytes(1))

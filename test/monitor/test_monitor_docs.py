@@ -23,7 +23,10 @@ from urllib.parse import parse_qs
 
 from monitor_server import quick_services
 import pytest
-from rt_robot_os.clients.gateway.command import run as run_gateway
+from rt_robot_os.base.schema import declared
+from rt_robot_os.gateway.command import run as run_gateway
+from rt_robot_os.messages.uplink.frames import FRAME_BYTES
+from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
 from rt_robot_os.monitor import connections
 from rt_robot_os.monitor.api.commands import NEEDS
 from rt_robot_os.monitor.app import create_app
@@ -37,9 +40,6 @@ from rt_robot_os.monitor.security import outage
 from rt_robot_os.monitor.security import protection
 from rt_robot_os.monitor.settings import MonitorSettings
 from rt_robot_os.monitor.store import adding
-from rt_robot_os.schema import declared
-from rt_robot_os.uplink.frames import FRAME_BYTES
-from rt_robot_os.uplink.messages import MESSAGE_BYTES
 
 #: The beginnings of rows of the table of limits, and what their second cells say.
 LIMITS = {

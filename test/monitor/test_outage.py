@@ -38,7 +38,7 @@ from monitor_server import quick_services
 from monitor_server import served
 from processes import wait_until
 import pytest
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.security.outage import Memory
 from rt_robot_os.monitor.security.outage import Questions
 from rt_robot_os.monitor.security.tables import sessions

@@ -29,8 +29,8 @@ pytest.importorskip('playwright.sync_api')
 
 from playwright.sync_api import expect  # noqa: E402, I100
 from processes import wait_until  # noqa: E402
-from rt_robot_os.uplink.maps import map_message  # noqa: E402
-from rt_robot_os.uplink.messages import encode  # noqa: E402
+from rt_robot_os.messages.uplink.maps import map_message  # noqa: E402
+from rt_robot_os.messages.uplink.messages import encode  # noqa: E402
 
 if TYPE_CHECKING:
     from fake_robot import FakeRobot

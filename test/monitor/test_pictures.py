@@ -19,11 +19,11 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.monitor.live.pictures import CAMERAS_MOST
 from rt_robot_os.monitor.live.pictures import Gallery
 from rt_robot_os.monitor.live.pictures import Picture
 from rt_robot_os.monitor.live.pictures import Viewer
-from rt_robot_os.units import NS_PER_MS
 
 KEY = ('robot', 'camera')
 

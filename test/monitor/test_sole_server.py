@@ -22,7 +22,7 @@ from pathlib import Path
 import databases
 from monitor_server import quick_services
 import pytest
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import StartError
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.audit import CONSOLE
 from rt_robot_os.monitor.server import make_services

@@ -27,14 +27,14 @@ from typing import Final
 import pytest
 
 import rt_robot_os
-from rt_robot_os.health.news2 import score
-from rt_robot_os.health.signs import SIGNS
-from rt_robot_os.modules.assessment.module import said
+from rt_robot_os.features.health.assessment.module import said
+from rt_robot_os.features.health.news2 import score
+from rt_robot_os.messages.signs import SIGNS
+from rt_robot_os.messages.texts.coded import coded
+from rt_robot_os.messages.texts.coded import codes_of
+from rt_robot_os.messages.texts.coded import TEMPLATES
+from rt_robot_os.messages.texts.signals import codes_of_signals
 from rt_robot_os.settings.files import default_path
-from rt_robot_os.texts.coded import coded
-from rt_robot_os.texts.coded import codes_of
-from rt_robot_os.texts.coded import TEMPLATES
-from rt_robot_os.texts.signals import codes_of_signals
 
 ROOT: Final = Path(rt_robot_os.__file__).parent
 MESSAGES: Final = ROOT / 'monitor' / 'page' / 'messages'
@@ -46,21 +46,21 @@ SAMPLES: Final = ('7', 'anna', 'person', 'fall: smoke', '')
 SERVER: Final = {'refusal': (1, 2), '_refuse': (2, 3), 'AccountError': (0, 1), 'AwayError': (0, 1),
                  'ended': (0,), '_gone': (1,), 'HTTPException': (1,)}
 ROBOT: Final = (
-    ('alarms/book.py', {'note': ('why',), '_raise': ('why',), 'close': ('why',)}),
-    ('alarms/escalation.py', {'note': ('why',), '_failed': (2,)}),
-    ('alarms/orders.py', {'ValueError': (0,)}),
-    ('agent/agent.py', {'_fire': (1,)}),
-    ('agent/drive.py', {'_fail': (0,)}),
-    ('modules/planner/module.py', {'_refuse': (0,), '_wait': (0,), '_tell': (0,)}),
+    ('features/alarms/book.py', {'note': ('why',), '_raise': ('why',), 'close': ('why',)}),
+    ('features/alarms/escalation.py', {'note': ('why',), '_failed': (2,)}),
+    ('features/alarms/orders.py', {'ValueError': (0,)}),
+    ('features/agent/agent.py', {'_fire': (1,)}),
+    ('features/agent/drive.py', {'_fail': (0,)}),
+    ('features/navigation/planner/module.py', {'_refuse': (0,), '_wait': (0,), '_tell': (0,)}),
     ('motion/route.py', {'RouteError': (0,)}),
-    ('modules/collision_guard/module.py', {'Verdict': (2,)}),
-    ('modules/velocity_mux/module.py', {'set': (1,)}),
-    ('modules/assessment/module.py', {'Cause': ('text',)}),
-    ('modules/watch.py', {'_put': (5,)}),
-    ('modules/vital_signs/module.py', {'Cause': ('text', 4), 'end': (3,)}),
-    ('modules/fall_detector/module.py', {'_begin': (1,), 'end': (3,)}),
-    ('clients/gateway/commands.py', {'Answer': (1,), 'LinkError': (0,)}),
-    ('clients/gateway/voice.py', {'_tell': ('why',)}))
+    ('features/navigation/collision_guard/module.py', {'Verdict': (2,)}),
+    ('features/navigation/velocity_mux/module.py', {'set': (1,)}),
+    ('features/health/assessment/module.py', {'Cause': ('text',)}),
+    ('features/alarms/watch.py', {'_put': (5,)}),
+    ('features/health/vital_signs/module.py', {'Cause': ('text', 4), 'end': (3,)}),
+    ('features/health/fall_detector/module.py', {'_begin': (1,), 'end': (3,)}),
+    ('gateway/commands.py', {'Answer': (1,), 'LinkError': (0,)}),
+    ('gateway/voice.py', {'_tell': ('why',)}))
 
 
 def _texts(path: Path, calls: dict[str, tuple[int | str, ...]]) -> Iterator[tuple[int, ast.expr]]:

@@ -29,10 +29,10 @@ from monitor_server import quick_services
 from monitor_server import served
 from processes import wait_until
 import pytest
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
+from rt_robot_os.messages.uplink.messages import decode
 from rt_robot_os.monitor.server import DATABASE
 from rt_robot_os.monitor.store.turns import Turns
-from rt_robot_os.uplink.messages import decode
 from sqlalchemy import Connection
 from sqlalchemy import event
 

@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.pgm import read_pgm
 

@@ -24,7 +24,7 @@ from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.motion.landmarks import Landmark
 from rt_robot_os.motion.landmarks import landmarks_of
 from rt_robot_os.motion.landmarks import read_landmarks

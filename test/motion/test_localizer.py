@@ -23,6 +23,7 @@ from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.ekf import UNKNOWN_VARIANCE
 from rt_robot_os.motion.localizer import fix_covariance
 from rt_robot_os.motion.localizer import Localizer
@@ -34,7 +35,6 @@ from rt_robot_os.tools.bench.localization.simulation import rms
 from rt_robot_os.tools.bench.localization.simulation import Scenario
 from rt_robot_os.tools.bench.localization.simulation import simulate
 from rt_robot_os.tools.bench.localization.simulation import Trace
-from rt_robot_os.units import NS_PER_S
 
 SEEDS = range(1, 6)
 MS = 1_000_000

@@ -25,10 +25,10 @@ import zlib
 import numpy as np
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.mapping.slam.archive import load
+from rt_robot_os.features.mapping.slam.archive import save
 from rt_robot_os.motion.grid_map import GridMap
-from rt_robot_os.slam.archive import load
-from rt_robot_os.slam.archive import save
 
 pil_image = pytest.importorskip('PIL.Image')
 

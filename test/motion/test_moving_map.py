@@ -24,6 +24,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.ekf import displaced
@@ -35,7 +36,6 @@ from rt_robot_os.motion.localizer import Tuning
 from rt_robot_os.motion.pose_history import Fix
 from rt_robot_os.motion.pose_history import Step
 from rt_robot_os.motion.poses import composed
-from rt_robot_os.units import NS_PER_S
 
 MS = 1_000_000
 PERIOD_NS = 20 * MS

@@ -23,9 +23,9 @@ from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.motion.wheel_counters import Reading
 from rt_robot_os.motion.wheel_counters import WheelCounters
-from rt_robot_os.units import NS_PER_MS
 
 TICK_RAD = math.tau / 1440
 FASTEST_RAD_S = 30.0

@@ -21,12 +21,12 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.gyro_turn import GyroTurn
 from rt_robot_os.motion.gyro_turn import RestBias
 from rt_robot_os.motion.wheel_odometry import WheelOdometry
 from rt_robot_os.motion.wheel_odometry import Wheels
-from rt_robot_os.units import NS_PER_S
 
 WHEELS = Wheels(0.05, 0.05, 0.3)
 STEP_NS = 20_000_000

@@ -20,10 +20,10 @@ from collections.abc import Callable
 import math
 
 import pytest
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.wheel_watch import WheelState
 from rt_robot_os.motion.wheel_watch import WheelWatch
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 TICK_RAD = math.tau / 1440
 

@@ -27,13 +27,13 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import LayoutError
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import PartTopics
-from rt_robot_os.schema import REQUIRED
-from rt_robot_os.schema import TopicRead
-from rt_robot_os.schema import TopicSpec
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import LayoutError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import PartTopics
+from rt_robot_os.base.schema import REQUIRED
+from rt_robot_os.base.schema import TopicRead
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.settings import Catalogue
 from rt_robot_os.settings import Kind
 from rt_robot_os.settings import load

@@ -22,12 +22,12 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
+from rt_robot_os.base.errors import TaskError
+from rt_robot_os.base.schema import declared
 from rt_robot_os.core.tasks import declaration
-from rt_robot_os.errors import TaskError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.spec import Rule
-from rt_robot_os.schema import declared
 from rt_robot_os.settings import TaskSettings
 from rt_robot_os.settings.tasks import contradictions
 from rt_robot_os.settings.tasks import TOLD

@@ -30,7 +30,7 @@ pytest.importorskip('sensor_msgs.msg', reason='the ROS 2 messages are not instal
 ROOT = Path(__file__).resolve().parents[2]
 INDEX = ROOT / 'docs' / 'devices' / 'README.md'
 PAGES = sorted({*(ROOT / 'docs' / 'devices').glob('*.md'),
-                *(ROOT / 'rt_robot_os' / 'devices').glob('*/page.md')} - {INDEX})
+                *(ROOT / 'rt_robot_os').rglob('page.md')} - {INDEX})
 EXAMPLES = [(page, number, text) for page in PAGES for number, text in enumerate(
     re.findall(r'^```yaml\n(.*?)^```', page.read_text(encoding='utf-8'), re.M | re.S))]
 

@@ -27,7 +27,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import Catalogue
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import load

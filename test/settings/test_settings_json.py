@@ -34,7 +34,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import TaskSettings

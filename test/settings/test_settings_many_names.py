@@ -24,7 +24,7 @@ from types import FrameType
 from typing import Any
 
 import pytest
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import load
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.settings.problems import Names

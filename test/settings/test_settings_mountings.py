@@ -23,7 +23,7 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.motion.mounting import in_base
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.settings import from_json

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import Catalogue
 from rt_robot_os.settings import load
 from rt_robot_os.settings import RobotSettings

@@ -21,7 +21,7 @@ import re
 from typing import Any
 
 import pytest
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import default_path
 from rt_robot_os.settings import load
 from rt_robot_os.settings import parameters

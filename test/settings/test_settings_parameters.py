@@ -21,7 +21,7 @@ from collections.abc import Callable
 
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import Catalogue
 from rt_robot_os.settings import changed
 from rt_robot_os.settings import check_change

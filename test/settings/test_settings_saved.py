@@ -24,7 +24,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import load
 from rt_robot_os.settings import RobotParameters
 from rt_robot_os.settings.saved import MARK

@@ -24,7 +24,7 @@ import pytest
 
 pytest.importorskip('std_msgs.msg', reason='the ROS 2 messages are not installed')
 
-from rt_robot_os.errors import ConfigError  # noqa: E402, I100
+from rt_robot_os.base.errors import ConfigError  # noqa: E402, I100
 from rt_robot_os.settings import from_json  # noqa: E402
 from rt_robot_os.settings import load  # noqa: E402
 from rt_robot_os.settings import parameters  # noqa: E402

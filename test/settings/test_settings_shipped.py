@@ -21,7 +21,7 @@ from pathlib import Path
 
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import default_path
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import load

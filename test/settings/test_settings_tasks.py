@@ -24,10 +24,10 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import PartTopics
-from rt_robot_os.schema import TopicRead
-from rt_robot_os.schema import TopicSpec
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import PartTopics
+from rt_robot_os.base.schema import TopicRead
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.settings import Catalogue
 from rt_robot_os.settings import check_change
 from rt_robot_os.settings import Kind

@@ -22,7 +22,7 @@ import re
 
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json

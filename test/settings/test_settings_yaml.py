@@ -29,7 +29,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import Catalogue
 from rt_robot_os.settings import load
 from rt_robot_os.settings.tree import Leaf

@@ -29,7 +29,7 @@ from processes import TIMEOUT_S
 from processes import wait_until
 import pytest
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.cdr import string_message

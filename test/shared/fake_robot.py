@@ -32,9 +32,9 @@ import time
 from typing import Any
 import uuid
 
-from rt_robot_os.uplink.importance import Importance
-from rt_robot_os.uplink.messages import decode
-from rt_robot_os.uplink.messages import encode
+from rt_robot_os.messages.uplink.importance import Importance
+from rt_robot_os.messages.uplink.messages import decode
+from rt_robot_os.messages.uplink.messages import encode
 from websockets.exceptions import ConnectionClosed
 
 

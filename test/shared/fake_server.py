@@ -26,8 +26,8 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.uplink.messages import decode
-from rt_robot_os.uplink.messages import encode
+from rt_robot_os.messages.uplink.messages import decode
+from rt_robot_os.messages.uplink.messages import encode
 
 pytest.importorskip('websockets', reason='websockets is not installed')
 

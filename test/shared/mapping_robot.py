@@ -28,11 +28,11 @@ from processes import start_core
 from processes import TIMEOUT_S
 from processes import wait_until
 
-from rt_robot_os.clients.mapping.intake import Sighting
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.features.mapping.process.intake import Sighting
+from rt_robot_os.features.mapping.slam.deskew import LaserMount
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.cdr import LITTLE_ENDIAN
-from rt_robot_os.slam.deskew import LaserMount
 from rt_robot_os.tools.bench.slam_drives import Drive
 
 TOPICS = {

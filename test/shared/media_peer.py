@@ -20,9 +20,9 @@ from contextlib import ExitStack
 import json
 from typing import Any
 
-from rt_robot_os.uplink.frames import decode_frame
-from rt_robot_os.uplink.frames import encode_frame
-from rt_robot_os.uplink.messages import encode
+from rt_robot_os.messages.uplink.frames import decode_frame
+from rt_robot_os.messages.uplink.frames import encode_frame
+from rt_robot_os.messages.uplink.messages import encode
 from websockets.sync.client import connect
 
 

@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from rt_robot_os.clients.gateway.keeper import Keeper
-from rt_robot_os.clients.gateway.part import Ways
-from rt_robot_os.clients.gateway.settings import GatewaySettings
+from rt_robot_os.gateway.keeper import Keeper
+from rt_robot_os.gateway.part import Ways
+from rt_robot_os.gateway.settings import GatewaySettings
 
 
 class NoNetwork:

@@ -34,7 +34,7 @@ from rt_robot_os.settings import load
 from rt_robot_os.topics.resolve import message_class
 
 Until = Callable[..., Any]
-RECORD = 'rt_robot_os.clients.recording.record_program'
+RECORD = 'rt_robot_os.recording.record_program'
 # What the node alone publishes, and no bag of ours has.
 OF_THE_NODE = {'/parameter_events', '/robot/transition_event'}
 # Of a type that ROS may lack here; then the live graph has no such topics, and a bag has.

@@ -26,13 +26,13 @@ import sys
 import threading
 
 import pytest
-from rt_robot_os.devices.bmp280.twin import SimulatedBmp280
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.devices.bmp280.simulated import SimulatedBmp280
 from rt_robot_os.devices.i2c import real_bus
 from rt_robot_os.devices.i2c.packets import NO_BUS
 from rt_robot_os.devices.i2c.program import main
+from rt_robot_os.devices.i2c.simulated_port import I2cPort
 from rt_robot_os.devices.i2c.socket_bus import SocketTransport
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.sim.i2c_port import I2cPort
 from rt_robot_os.sim.server import SimServer
 
 ROOT = Path(__file__).parents[2]

@@ -27,8 +27,8 @@ from driver_fakes import data_lines
 from driver_fakes import settings_of
 from driver_fakes import wait_readable
 import pytest
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.nmea.driver import NmeaGps
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.sim.player import at_line_speed
 from rt_robot_os.sim.player import by_nmea_time
 from rt_robot_os.sim.player import load_log

@@ -21,7 +21,7 @@ import os
 from pathlib import Path
 
 import pytest
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.sim.pty_port import PtyPort
 
 

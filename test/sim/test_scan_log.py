@@ -28,12 +28,12 @@ from driver_fakes import settings_of
 from driver_fakes import wait_readable
 import numpy as np
 import pytest
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.hokuyo.driver import Hokuyo
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.devices.hokuyo.scan_log import by_scan_time
 from rt_robot_os.sim.player import load_log
 from rt_robot_os.sim.player import Player
 from rt_robot_os.sim.pty_port import PtyPort
-from rt_robot_os.sim.scan_log import by_scan_time
 
 S = 1_000_000_000
 ROW = [0] * 24 + [1000 + i for i in range(682)]

@@ -20,7 +20,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.sim.faults import FaultEvent
 from rt_robot_os.sim.faults import FaultPlan
 from rt_robot_os.sim.faults import FAULTS

@@ -19,7 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.sim.paths import hold_paths
 from rt_robot_os.sim.paths import release

@@ -28,12 +28,12 @@ import sys
 from typing import Any
 
 import pytest
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.core import simulator_program as program
 from rt_robot_os.devices.i2c.socket_bus import SocketTransport
 from rt_robot_os.devices.nmea.wire import NmeaDecoder
 from rt_robot_os.devices.witmotion.wire import WitMotionDecoder
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.sim import player_program
-from rt_robot_os.sim import program
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.server import SimServer
 

@@ -23,14 +23,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rt_robot_os import plugins
+from rt_robot_os.base import plugins
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.core.simulator_command import build_devices
 from rt_robot_os.devices.nmea.driver import NmeaGps
-from rt_robot_os.devices.nmea.twin import SimulatedNmea
+from rt_robot_os.devices.nmea.simulated import SimulatedNmea
+from rt_robot_os.devices.simulators import SIMULATORS
 from rt_robot_os.devices.witmotion.driver import WitMotion
-from rt_robot_os.devices.witmotion.twin import SimulatedWitMotion
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.sim.base import SIMULATORS
-from rt_robot_os.sim.command import build_devices
+from rt_robot_os.devices.witmotion.simulated import SimulatedWitMotion
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.world import EARTH_FIELD_T
@@ -221,7 +221,7 @@ def test_the_simulator_says_which_device_comes_from_a_group_that_goes(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(plugins, 'installed', lambda path: {
-        'rt_robot_os.simulators': {'old_imu': 'rt_robot_os.devices.witmotion.twin:'
+        'rt_robot_os.simulators': {'old_imu': 'rt_robot_os.devices.witmotion.simulated:'
                                               'SimulatedWitMotion'}})
     made = build_devices(argparse.Namespace(
         devices=['imu:old_imu'], dir=str(tmp_path), baud=[], rate=[], tcp=[], fault=[], seed=1))

@@ -22,12 +22,12 @@ from typing import Any
 
 from driver_fakes import wait_for_device_error
 import pytest
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.nmea.driver import NmeaGps
-from rt_robot_os.devices.nmea.twin import SimulatedNmea
+from rt_robot_os.devices.nmea.simulated import SimulatedNmea
 from rt_robot_os.devices.witmotion.driver import WitMotion
-from rt_robot_os.devices.witmotion.twin import SimulatedWitMotion
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.devices.witmotion.simulated import SimulatedWitMotion
 from rt_robot_os.sim.faults import FAULTS
 from rt_robot_os.sim.pty_port import PtyPort
 from sim_harness import MS

@@ -26,15 +26,15 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.walls import Walls
 from rt_robot_os.sim.world import DriveBase
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 OPEN = WorldSettings(map='open')
 BUSY = replace(OPEN, slip_noise=0.05, seed=7, people=('anna 0.8 1 1 4 1 4 3',),

@@ -31,7 +31,7 @@ import numpy as np
 import pytest
 
 from rt_robot_os.devices.camera.driver import Camera
-from rt_robot_os.devices.camera.twin import SimulatedCamera
+from rt_robot_os.devices.camera.simulated import SimulatedCamera
 from rt_robot_os.devices.capture.room_view import RoomView
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.motion.grid_map import GridMap

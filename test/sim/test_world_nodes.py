@@ -20,11 +20,11 @@ from dataclasses import replace
 
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world.wireless import WirelessNode
 from rt_robot_os.sim.world_settings import WorldSettings
-from rt_robot_os.units import NS_PER_S
 
 HOME = WorldSettings(
     map='open', people=('anna 1.0 0 0 9 0', 'bob 0 5 5'),

@@ -26,16 +26,16 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from rt_robot_os.devices.microphone.twin import SimulatedMicrophone
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.health.signs import SIGNS as MODULES_SIGNS
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.devices.microphone.simulated import SimulatedMicrophone
+from rt_robot_os.messages.signs import SIGNS as MODULES_SIGNS
 from rt_robot_os.motion.walls import Walls
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world.inertial import inertial
 from rt_robot_os.sim.world.vitals import SIGNS
 from rt_robot_os.sim.world_settings import WorldSettings
-from rt_robot_os.units import NS_PER_S
 
 HOME = WorldSettings(
     map='open', people=('anna 1.0 0 0 9 0', 'bob 0 -5 5'),

@@ -25,20 +25,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rt_robot_os.devices.atmosphere import pressure_pa
 from rt_robot_os.devices.hokuyo.driver import Hokuyo
-from rt_robot_os.devices.hokuyo.twin import SimulatedHokuyo
+from rt_robot_os.devices.hokuyo.simulated import SimulatedHokuyo
 from rt_robot_os.devices.maxbotix.driver import MaxBotix
-from rt_robot_os.devices.maxbotix.twin import SimulatedMaxBotix
+from rt_robot_os.devices.maxbotix.simulated import SimulatedMaxBotix
 from rt_robot_os.devices.nmea.driver import NmeaGps
-from rt_robot_os.devices.nmea.twin import SimulatedNmea
+from rt_robot_os.devices.nmea.simulated import SimulatedNmea
 from rt_robot_os.devices.sharp.driver import Sharp
-from rt_robot_os.devices.sharp.twin import SimulatedSharp
+from rt_robot_os.devices.sharp.simulated import SimulatedSharp
 from rt_robot_os.devices.ublox.driver import Ublox
-from rt_robot_os.devices.ublox.twin import SimulatedUblox
+from rt_robot_os.devices.ublox.simulated import SimulatedUblox
 from rt_robot_os.devices.witmotion.driver import WitMotion
-from rt_robot_os.devices.witmotion.twin import SimulatedWitMotion
+from rt_robot_os.devices.witmotion.simulated import SimulatedWitMotion
 from rt_robot_os.motion.angles import yaw_of
+from rt_robot_os.motion.atmosphere import pressure_pa
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.sim.base import Place

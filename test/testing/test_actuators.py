@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.devices import Input
-from rt_robot_os.errors import TopicError
 from rt_robot_os.testing import ActuatorContract
 from rt_robot_os.testing import settings_of
 from wheels.driver import Wheels

@@ -27,11 +27,11 @@ from typing import NamedTuple
 
 import pytest
 
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.devices.framing import FrameDecoder
 from rt_robot_os.devices.framing import StreamDecoder
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.testing import DriverContract
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')

@@ -24,12 +24,12 @@ import re
 from typing import Any
 
 import pytest
-from rt_robot_os.alarms.cause import Cause
-from rt_robot_os.alarms.cause import cause_of
-from rt_robot_os.alarms.cause import Level
-from rt_robot_os.modules.rule import Rule
-from rt_robot_os.modules.watch import Watch
-from rt_robot_os.modules.whereabouts import Whereabouts
+from rt_robot_os.features.alarms.watch import Watch
+from rt_robot_os.features.health.rule import Rule
+from rt_robot_os.features.health.whereabouts import Whereabouts
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.cause import Level
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.testing.quiet_day import PEOPLE
 from rt_robot_os.testing.quiet_day import play

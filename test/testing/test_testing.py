@@ -94,8 +94,8 @@ WITHOUT_HYPOTHESIS = """
 import sys
 sys.modules['hypothesis'] = None
 import rt_robot_os.testing
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.requirements import Library
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.requirements import Library
 Library.found = lambda self: None
 try:
     rt_robot_os.testing.DecoderContract().any_chunks()

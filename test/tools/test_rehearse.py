@@ -19,8 +19,8 @@ from pathlib import Path
 
 import pytest
 
-from rt_robot_os.agent.edges import EDGES
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.agent.edges import EDGES
 from rt_robot_os.settings import load
 from rt_robot_os.sim.world import World
 from rt_robot_os.tools.rehearse.command import run

@@ -21,10 +21,10 @@ from pathlib import Path
 
 import pytest
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.settings.load import load_from_arguments
 from rt_robot_os.tools.rehearse.office import Disk
 from rt_robot_os.tools.rehearse.stage import Stage
-from rt_robot_os.units import NS_PER_S
 
 pytest.importorskip('std_msgs.msg', reason='the ROS 2 messages are not installed')
 

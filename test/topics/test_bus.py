@@ -23,8 +23,8 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.errors import LayoutError
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import LayoutError
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus

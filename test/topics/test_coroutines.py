@@ -24,7 +24,7 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.errors import TaskError
+from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel import any_of
 from rt_robot_os.kernel import BudgetPolicy
 from rt_robot_os.kernel import Event

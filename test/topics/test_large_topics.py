@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus

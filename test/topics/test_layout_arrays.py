@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rt_robot_os.errors import LayoutError
+from rt_robot_os.base.errors import LayoutError
 from rt_robot_os.topics.layout import Layout
 
 pytest.importorskip('sensor_msgs', reason='the ROS 2 message packages are not installed')

@@ -19,8 +19,8 @@ from __future__ import annotations
 
 import pytest
 
-from rt_robot_os.errors import TaskError
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import TaskError
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import VirtualClock

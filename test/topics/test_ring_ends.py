@@ -25,8 +25,8 @@ import weakref
 
 import pytest
 
-from rt_robot_os.compiled import state
-from rt_robot_os.errors import LayoutError
+from rt_robot_os.base.compiled import state
+from rt_robot_os.base.errors import LayoutError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus

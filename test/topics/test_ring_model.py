@@ -30,7 +30,7 @@ from hypothesis.stateful import rule
 from hypothesis.stateful import RuleBasedStateMachine
 import pytest
 
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import VirtualClock

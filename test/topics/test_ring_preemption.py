@@ -32,7 +32,7 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.compiled import state
+from rt_robot_os.base.compiled import state
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus

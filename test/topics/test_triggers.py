@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import pytest
 
-from rt_robot_os.errors import TopicError
+from rt_robot_os.base.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus

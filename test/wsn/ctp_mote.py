@@ -19,12 +19,12 @@ from __future__ import annotations
 
 from fake_node import FakeNode
 from fake_node import Sent
-from rt_robot_os.wsn.packets.ctp import CtpBeacon
-from rt_robot_os.wsn.packets.ctp import CtpData
-from rt_robot_os.wsn.routing.ctp import Ctp
-from rt_robot_os.wsn.routing.ctp_rules import CtpRules
-from rt_robot_os.wsn.routing.protocol import BROADCAST
-from rt_robot_os.wsn.routing.protocol import Received
+from rt_robot_os.features.wsn.packets.ctp import CtpBeacon
+from rt_robot_os.features.wsn.packets.ctp import CtpData
+from rt_robot_os.features.wsn.routing.ctp import Ctp
+from rt_robot_os.features.wsn.routing.ctp_rules import CtpRules
+from rt_robot_os.features.wsn.routing.protocol import BROADCAST
+from rt_robot_os.features.wsn.routing.protocol import Received
 
 ME = 5
 

@@ -20,10 +20,10 @@ from collections.abc import Callable
 
 from fake_node import FakeNode
 from fake_node import Sent
-from rt_robot_os.wsn.routing.protocol import BROADCAST
-from rt_robot_os.wsn.routing.protocol import Node
-from rt_robot_os.wsn.routing.protocol import Received
-from rt_robot_os.wsn.routing.protocol import Router
+from rt_robot_os.features.wsn.routing.protocol import BROADCAST
+from rt_robot_os.features.wsn.routing.protocol import Node
+from rt_robot_os.features.wsn.routing.protocol import Received
+from rt_robot_os.features.wsn.routing.protocol import Router
 
 FRAME_NS = 2_000_000
 

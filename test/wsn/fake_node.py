@@ -21,9 +21,9 @@ from random import Random
 from typing import Any
 from typing import NamedTuple
 
-from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
-from rt_robot_os.wsn.routing.protocol import BROADCAST
-from rt_robot_os.wsn.routing.protocol import Received
+from rt_robot_os.features.wsn.routing.protocol import BINARY_MS_NS
+from rt_robot_os.features.wsn.routing.protocol import BROADCAST
+from rt_robot_os.features.wsn.routing.protocol import Received
 
 
 class Sent(NamedTuple):

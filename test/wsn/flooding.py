@@ -16,10 +16,10 @@
 
 from __future__ import annotations
 
-from rt_robot_os.wsn.routing.protocol import BROADCAST
-from rt_robot_os.wsn.routing.protocol import Node
-from rt_robot_os.wsn.routing.protocol import Received
-from rt_robot_os.wsn.routing.protocol import Router
+from rt_robot_os.features.wsn.routing.protocol import BROADCAST
+from rt_robot_os.features.wsn.routing.protocol import Node
+from rt_robot_os.features.wsn.routing.protocol import Received
+from rt_robot_os.features.wsn.routing.protocol import Router
 
 BEACON = 1
 DATA = 2

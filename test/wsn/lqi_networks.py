@@ -21,19 +21,19 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
-from rt_robot_os.wsn.radio import noise
-from rt_robot_os.wsn.radio.mac import TINYOS2
-from rt_robot_os.wsn.radio.mac import TOSSIM
-from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
-from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
-from rt_robot_os.wsn.simulator import link_files
-from rt_robot_os.wsn.simulator.air import Link
-from rt_robot_os.wsn.simulator.gain_medium import GainMedium
-from rt_robot_os.wsn.simulator.link_medium import LinkMedium
-from rt_robot_os.wsn.simulator.mote import Mote
-from rt_robot_os.wsn.simulator.mote import Traffic
-from rt_robot_os.wsn.simulator.network import Network
+from rt_robot_os.features.wsn.packets.oscilloscope import Oscilloscope
+from rt_robot_os.features.wsn.radio import noise
+from rt_robot_os.features.wsn.radio.mac import TINYOS2
+from rt_robot_os.features.wsn.radio.mac import TOSSIM
+from rt_robot_os.features.wsn.routing.multihop_lqi import MultiHopLqi2
+from rt_robot_os.features.wsn.routing.protocol import BINARY_MS_NS
+from rt_robot_os.features.wsn.simulator import link_files
+from rt_robot_os.features.wsn.simulator.air import Link
+from rt_robot_os.features.wsn.simulator.gain_medium import GainMedium
+from rt_robot_os.features.wsn.simulator.link_medium import LinkMedium
+from rt_robot_os.features.wsn.simulator.mote import Mote
+from rt_robot_os.features.wsn.simulator.mote import Traffic
+from rt_robot_os.features.wsn.simulator.network import Network
 
 SECOND_NS = 1_000_000_000
 TOSSIM_PERIOD_NS = round(800 * BINARY_MS_NS)

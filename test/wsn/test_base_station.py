@@ -20,17 +20,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.wsn.packets.framing import frame
-from rt_robot_os.wsn.packets.framing import FrameReader
-from rt_robot_os.wsn.packets.framing import TINYOS_1
-from rt_robot_os.wsn.packets.framing import TINYOS_2
-from rt_robot_os.wsn.packets.serial_am import SerialAm
-from rt_robot_os.wsn.packets.surge import SurgeCmd
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
-from rt_robot_os.wsn.simulator.base_station import BaseStation
-from rt_robot_os.wsn.simulator.base_station import Outgoing
-from rt_robot_os.wsn.simulator.base_station import QUEUE
-from rt_robot_os.wsn.simulator.base_station import STATIONS
+from rt_robot_os.features.wsn.packets.framing import frame
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.framing import TINYOS_1
+from rt_robot_os.features.wsn.packets.framing import TINYOS_2
+from rt_robot_os.features.wsn.packets.serial_am import SerialAm
+from rt_robot_os.features.wsn.packets.surge import SurgeCmd
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.simulator.base_station import BaseStation
+from rt_robot_os.features.wsn.simulator.base_station import Outgoing
+from rt_robot_os.features.wsn.simulator.base_station import QUEUE
+from rt_robot_os.features.wsn.simulator.base_station import STATIONS
 
 # A reading of SurgeTelos as its header says it, with a last hop that is not the root.
 SURGE = bytes.fromhex('0700 0500 6400 6200 0200 0000 bc0a 0300 2a000000')

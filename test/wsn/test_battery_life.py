@@ -18,11 +18,11 @@ import math
 import random
 
 import pytest
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.wsn.battery_life import ALKALINE
-from rt_robot_os.wsn.battery_life import BatteryLife
-from rt_robot_os.wsn.battery_life import Curve
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.wsn.battery_life import ALKALINE
+from rt_robot_os.features.wsn.battery_life import BatteryLife
+from rt_robot_os.features.wsn.battery_life import Curve
 
 
 def volts_at(share: float) -> float:

@@ -23,16 +23,16 @@ from fake_node import Sent
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.wsn.packets.ctp import CONGESTED
-from rt_robot_os.wsn.packets.ctp import CtpBeacon
-from rt_robot_os.wsn.packets.ctp import CtpData
-from rt_robot_os.wsn.packets.ctp import NO_PARENT
-from rt_robot_os.wsn.packets.ctp import PULL
-from rt_robot_os.wsn.routing.ctp_rules import CtpRules
-from rt_robot_os.wsn.routing.ctp_rules import TOSSIM
-from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
-from rt_robot_os.wsn.routing.protocol import BROADCAST
-from rt_robot_os.wsn.routing.protocol import Received
+from rt_robot_os.features.wsn.packets.ctp import CONGESTED
+from rt_robot_os.features.wsn.packets.ctp import CtpBeacon
+from rt_robot_os.features.wsn.packets.ctp import CtpData
+from rt_robot_os.features.wsn.packets.ctp import NO_PARENT
+from rt_robot_os.features.wsn.packets.ctp import PULL
+from rt_robot_os.features.wsn.routing.ctp_rules import CtpRules
+from rt_robot_os.features.wsn.routing.ctp_rules import TOSSIM
+from rt_robot_os.features.wsn.routing.protocol import BINARY_MS_NS
+from rt_robot_os.features.wsn.routing.protocol import BROADCAST
+from rt_robot_os.features.wsn.routing.protocol import Received
 
 
 def test_a_root_tells_that_it_is_there() -> None:

@@ -19,12 +19,12 @@ from __future__ import annotations
 from ctp_mote import ME
 from ctp_mote import Mote
 import pytest
-from rt_robot_os.wsn.packets.ctp import CONGESTED
-from rt_robot_os.wsn.packets.ctp import CtpBeacon
-from rt_robot_os.wsn.packets.ctp import CtpData
-from rt_robot_os.wsn.routing.ctp_rules import CtpRules
-from rt_robot_os.wsn.routing.protocol import BROADCAST
-from rt_robot_os.wsn.routing.protocol import Received
+from rt_robot_os.features.wsn.packets.ctp import CONGESTED
+from rt_robot_os.features.wsn.packets.ctp import CtpBeacon
+from rt_robot_os.features.wsn.packets.ctp import CtpData
+from rt_robot_os.features.wsn.routing.ctp_rules import CtpRules
+from rt_robot_os.features.wsn.routing.protocol import BROADCAST
+from rt_robot_os.features.wsn.routing.protocol import Received
 
 #: A perfect link costs 10 tenths of a transmission.
 LINK = 10

@@ -32,24 +32,24 @@ from statistics import fmean
 from typing import NamedTuple
 
 import pytest
-from rt_robot_os.wsn.radio.mac import TINYOS2
-from rt_robot_os.wsn.radio.mac import TOSSIM as TOSSIM_MAC
-from rt_robot_os.wsn.radio.noise import closest_pattern
-from rt_robot_os.wsn.radio.noise import quiet
-from rt_robot_os.wsn.radio.noise import read_trace
-from rt_robot_os.wsn.radio.noise import TOSSIM_LEARNS
-from rt_robot_os.wsn.radio.path_loss import PathLoss
-from rt_robot_os.wsn.routing.ctp import Ctp
-from rt_robot_os.wsn.routing.ctp_rules import CtpRules
-from rt_robot_os.wsn.routing.ctp_rules import TOSSIM
-from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
-from rt_robot_os.wsn.simulator.gain_medium import GainMedium
-from rt_robot_os.wsn.simulator.link_medium import Link
-from rt_robot_os.wsn.simulator.link_medium import LinkMedium
-from rt_robot_os.wsn.simulator.mote import Mote
-from rt_robot_os.wsn.simulator.mote import Traffic
-from rt_robot_os.wsn.simulator.network import Network
-from rt_robot_os.wsn.simulator.path_loss_medium import PathLossMedium
+from rt_robot_os.features.wsn.radio.mac import TINYOS2
+from rt_robot_os.features.wsn.radio.mac import TOSSIM as TOSSIM_MAC
+from rt_robot_os.features.wsn.radio.noise import closest_pattern
+from rt_robot_os.features.wsn.radio.noise import quiet
+from rt_robot_os.features.wsn.radio.noise import read_trace
+from rt_robot_os.features.wsn.radio.noise import TOSSIM_LEARNS
+from rt_robot_os.features.wsn.radio.path_loss import PathLoss
+from rt_robot_os.features.wsn.routing.ctp import Ctp
+from rt_robot_os.features.wsn.routing.ctp_rules import CtpRules
+from rt_robot_os.features.wsn.routing.ctp_rules import TOSSIM
+from rt_robot_os.features.wsn.routing.protocol import BINARY_MS_NS
+from rt_robot_os.features.wsn.simulator.gain_medium import GainMedium
+from rt_robot_os.features.wsn.simulator.link_medium import Link
+from rt_robot_os.features.wsn.simulator.link_medium import LinkMedium
+from rt_robot_os.features.wsn.simulator.mote import Mote
+from rt_robot_os.features.wsn.simulator.mote import Traffic
+from rt_robot_os.features.wsn.simulator.network import Network
+from rt_robot_os.features.wsn.simulator.path_loss_medium import PathLossMedium
 
 BROAD = pytest.mark.skipif(not os.environ.get('RT_ROBOT_OS_BROAD'),
                            reason='long: set RT_ROBOT_OS_BROAD')

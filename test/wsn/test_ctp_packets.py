@@ -24,11 +24,11 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.wsn.packets.ctp import CtpBeacon
-from rt_robot_os.wsn.packets.ctp import CtpData
-from rt_robot_os.wsn.packets.ctp import Neighbour
-from rt_robot_os.wsn.packets.ctp import NO_PARENT
-from rt_robot_os.wsn.packets.ctp import PULL
+from rt_robot_os.features.wsn.packets.ctp import CtpBeacon
+from rt_robot_os.features.wsn.packets.ctp import CtpData
+from rt_robot_os.features.wsn.packets.ctp import Neighbour
+from rt_robot_os.features.wsn.packets.ctp import NO_PARENT
+from rt_robot_os.features.wsn.packets.ctp import PULL
 
 BYTE = st.integers(0, 0xFF)
 WORD = st.integers(0, 0xFFFF)

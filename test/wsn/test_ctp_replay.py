@@ -31,11 +31,11 @@ from typing import NamedTuple
 
 from fake_node import FakeNode
 import pytest
-from rt_robot_os.wsn.packets.ctp import CtpBeacon
-from rt_robot_os.wsn.packets.ctp import CtpData
-from rt_robot_os.wsn.routing.ctp import Ctp
-from rt_robot_os.wsn.routing.protocol import BROADCAST
-from rt_robot_os.wsn.routing.protocol import Received
+from rt_robot_os.features.wsn.packets.ctp import CtpBeacon
+from rt_robot_os.features.wsn.packets.ctp import CtpData
+from rt_robot_os.features.wsn.routing.ctp import Ctp
+from rt_robot_os.features.wsn.routing.protocol import BROADCAST
+from rt_robot_os.features.wsn.routing.protocol import Received
 
 # When the motes began, by the root's first line on the serial port.
 START_US = 4_267_000

@@ -20,8 +20,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.wsn.simulator.events import Event
-from rt_robot_os.wsn.simulator.events import EventQueue
+from rt_robot_os.features.wsn.simulator.events import Event
+from rt_robot_os.features.wsn.simulator.events import EventQueue
 
 PLANS = st.lists(st.tuples(st.sampled_from(['at', 'cancel']), st.integers(0, 9),
                            st.integers(0, 20)), max_size=60)

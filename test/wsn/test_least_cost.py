@@ -25,13 +25,13 @@ from hypothesis import given
 from hypothesis import strategies
 import pytest
 
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
-from rt_robot_os.wsn.packets.paper import BeaconMsg
-from rt_robot_os.wsn.packets.paper import DataMsg
-from rt_robot_os.wsn.routing.beacon_timing import BeaconTiming
-from rt_robot_os.wsn.routing.least_cost import LeastCost
-from rt_robot_os.wsn.routing.protocol import BROADCAST
-from rt_robot_os.wsn.routing.protocol import Received
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.packets.paper import BeaconMsg
+from rt_robot_os.features.wsn.packets.paper import DataMsg
+from rt_robot_os.features.wsn.routing.beacon_timing import BeaconTiming
+from rt_robot_os.features.wsn.routing.least_cost import LeastCost
+from rt_robot_os.features.wsn.routing.protocol import BROADCAST
+from rt_robot_os.features.wsn.routing.protocol import Received
 
 #: Figure 6a of the paper by costs: 110 is the cheapest hop, 75 one that costs twenty times that.
 FIGURE_6 = both_ways({(0, 1): 90, (0, 2): 95, (0, 3): 108, (1, 4): 95, (2, 4): 90, (3, 5): 107,

@@ -25,9 +25,9 @@ from pathlib import Path
 
 import pytest
 
-from rt_robot_os.tools.wsn.scenario_file import load_scenario
-from rt_robot_os.wsn.simulator.results import Results
-from rt_robot_os.wsn.simulator.simulation import Simulation
+from rt_robot_os.features.wsn.cli.scenario_file import load_scenario
+from rt_robot_os.features.wsn.simulator.results import Results
+from rt_robot_os.features.wsn.simulator.simulation import Simulation
 
 SCENARIOS = Path(__file__).resolve().parents[2] / 'config/scenarios'
 BROAD = bool(os.environ.get('RT_ROBOT_OS_BROAD'))

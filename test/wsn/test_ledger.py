@@ -23,9 +23,9 @@ import struct
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rt_robot_os.wsn.simulator.ledger import Gap
-from rt_robot_os.wsn.simulator.ledger import Ledger
-from rt_robot_os.wsn.simulator.pcap import PcapWriter
+from rt_robot_os.features.wsn.simulator.ledger import Gap
+from rt_robot_os.features.wsn.simulator.ledger import Ledger
+from rt_robot_os.features.wsn.simulator.pcap import PcapWriter
 
 
 def test_each_packet_counts_once_however_often_it_comes() -> None:

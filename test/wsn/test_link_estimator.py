@@ -23,13 +23,13 @@ from random import Random
 from fake_node import FakeNode
 from hypothesis import given
 from hypothesis import strategies as st
-from rt_robot_os.wsn.packets.ctp import Neighbour
-from rt_robot_os.wsn.routing.link_estimator import LinkEstimator
-from rt_robot_os.wsn.routing.link_estimator import TABLE_SIZE
-from rt_robot_os.wsn.routing.link_estimator import UNKNOWN_ETX
-from rt_robot_os.wsn.routing.protocol import BINARY_MS_NS
-from rt_robot_os.wsn.routing.tinyos_random import TinyOsRandom
-from rt_robot_os.wsn.routing.trickle import Trickle
+from rt_robot_os.features.wsn.packets.ctp import Neighbour
+from rt_robot_os.features.wsn.routing.link_estimator import LinkEstimator
+from rt_robot_os.features.wsn.routing.link_estimator import TABLE_SIZE
+from rt_robot_os.features.wsn.routing.link_estimator import UNKNOWN_ETX
+from rt_robot_os.features.wsn.routing.protocol import BINARY_MS_NS
+from rt_robot_os.features.wsn.routing.tinyos_random import TinyOsRandom
+from rt_robot_os.features.wsn.routing.trickle import Trickle
 
 
 class Beacons:

@@ -20,28 +20,28 @@ from collections.abc import Callable
 
 import pytest
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.wsn.packets.commands import command_packet
+from rt_robot_os.features.wsn.packets.commands import parse_command
+from rt_robot_os.features.wsn.packets.decode import Packet
+from rt_robot_os.features.wsn.packets.decode import PacketDecoder
+from rt_robot_os.features.wsn.packets.framing import frame
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.surge import SurgeCmd
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.routing.ctp import Ctp
+from rt_robot_os.features.wsn.routing.least_cost import LeastCost
+from rt_robot_os.features.wsn.simulator.base_station import STATIONS
+from rt_robot_os.features.wsn.simulator.live import LiveNetwork
+from rt_robot_os.features.wsn.simulator.live import Obstacles
+from rt_robot_os.features.wsn.simulator.network import RouterFactory
+from rt_robot_os.features.wsn.simulator.scenario import RadioSettings
+from rt_robot_os.features.wsn.simulator.scenario import Scenario
+from rt_robot_os.features.wsn.simulator.scenario import settled
+from rt_robot_os.features.wsn.simulator.scenario import TrafficSettings
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.wsn.packets.commands import command_packet
-from rt_robot_os.wsn.packets.commands import parse_command
-from rt_robot_os.wsn.packets.decode import Packet
-from rt_robot_os.wsn.packets.decode import PacketDecoder
-from rt_robot_os.wsn.packets.framing import frame
-from rt_robot_os.wsn.packets.framing import FrameReader
-from rt_robot_os.wsn.packets.surge import SurgeCmd
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
-from rt_robot_os.wsn.routing.ctp import Ctp
-from rt_robot_os.wsn.routing.least_cost import LeastCost
-from rt_robot_os.wsn.simulator.base_station import STATIONS
-from rt_robot_os.wsn.simulator.live import LiveNetwork
-from rt_robot_os.wsn.simulator.live import Obstacles
-from rt_robot_os.wsn.simulator.network import RouterFactory
-from rt_robot_os.wsn.simulator.scenario import RadioSettings
-from rt_robot_os.wsn.simulator.scenario import Scenario
-from rt_robot_os.wsn.simulator.scenario import settled
-from rt_robot_os.wsn.simulator.scenario import TrafficSettings
 
 PERIOD_MS = 500.0
 # In a row, so that each needs the one before; somebody walks with one beside it.

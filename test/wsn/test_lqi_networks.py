@@ -32,7 +32,7 @@ from lqi_networks import Outcome
 from lqi_networks import tossim
 import pytest
 
-from rt_robot_os.wsn.radio.noise import read_trace
+from rt_robot_os.features.wsn.radio.noise import read_trace
 
 ROOT = Path(__file__).resolve().parents[2]
 BROAD = pytest.mark.skipif(not os.environ.get('RT_ROBOT_OS_BROAD'),

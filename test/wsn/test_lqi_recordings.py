@@ -26,8 +26,8 @@ from lqi_recordings import on_air
 from lqi_recordings import rows
 import pytest
 
-from rt_robot_os.tools.wsn.decisions import Decisions
-from rt_robot_os.wsn.routing.link_cost import link_cost
+from rt_robot_os.features.wsn.cli.decisions import Decisions
+from rt_robot_os.features.wsn.routing.link_cost import link_cost
 
 #: As firmware numbers the events that its root tells on the serial line.
 DEBUG_EVENTS = {0x21: 'data_heard', 0x31: 'parent', 0x33: 'beacon_sent', 0x34: 'beacon_heard'}

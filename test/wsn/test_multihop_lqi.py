@@ -25,15 +25,15 @@ from hypothesis import given
 from hypothesis import strategies
 import pytest
 
-from rt_robot_os.wsn.packets.multihop_lqi import BeaconMsg
-from rt_robot_os.wsn.packets.multihop_lqi import LqiBeacon
-from rt_robot_os.wsn.packets.multihop_lqi import LqiData
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
-from rt_robot_os.wsn.routing.link_cost import link_cost
-from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi1
-from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
-from rt_robot_os.wsn.routing.protocol import BROADCAST
-from rt_robot_os.wsn.routing.protocol import Received
+from rt_robot_os.features.wsn.packets.multihop_lqi import BeaconMsg
+from rt_robot_os.features.wsn.packets.multihop_lqi import LqiBeacon
+from rt_robot_os.features.wsn.packets.multihop_lqi import LqiData
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.routing.link_cost import link_cost
+from rt_robot_os.features.wsn.routing.multihop_lqi import MultiHopLqi1
+from rt_robot_os.features.wsn.routing.multihop_lqi import MultiHopLqi2
+from rt_robot_os.features.wsn.routing.protocol import BROADCAST
+from rt_robot_os.features.wsn.routing.protocol import Received
 
 PERIOD_NS = 32_000_000_000
 APPLICATION = bytes(range(10))

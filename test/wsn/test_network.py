@@ -23,28 +23,28 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.wsn.radio.mac import MAC_PROFILES
-from rt_robot_os.wsn.radio.mac import TINYOS1
-from rt_robot_os.wsn.radio.mac import TINYOS2
-from rt_robot_os.wsn.radio.mac import TOSSIM
-from rt_robot_os.wsn.radio.path_loss import PathLoss
-from rt_robot_os.wsn.routing.ctp import Ctp
-from rt_robot_os.wsn.routing.least_cost import LeastCost
-from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi1
-from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
-from rt_robot_os.wsn.routing.protocol import BROADCAST
-from rt_robot_os.wsn.simulator.air import ACK
-from rt_robot_os.wsn.simulator.air import Link
-from rt_robot_os.wsn.simulator.energy import PowerModel
-from rt_robot_os.wsn.simulator.gain_medium import GainMedium
-from rt_robot_os.wsn.simulator.link_medium import LinkMedium
-from rt_robot_os.wsn.simulator.medium import BUSY
-from rt_robot_os.wsn.simulator.medium import COLLISION
-from rt_robot_os.wsn.simulator.medium import CUT
-from rt_robot_os.wsn.simulator.medium import Medium
-from rt_robot_os.wsn.simulator.mote import Traffic
-from rt_robot_os.wsn.simulator.network import Network
-from rt_robot_os.wsn.simulator.path_loss_medium import PathLossMedium
+from rt_robot_os.features.wsn.radio.mac import MAC_PROFILES
+from rt_robot_os.features.wsn.radio.mac import TINYOS1
+from rt_robot_os.features.wsn.radio.mac import TINYOS2
+from rt_robot_os.features.wsn.radio.mac import TOSSIM
+from rt_robot_os.features.wsn.radio.path_loss import PathLoss
+from rt_robot_os.features.wsn.routing.ctp import Ctp
+from rt_robot_os.features.wsn.routing.least_cost import LeastCost
+from rt_robot_os.features.wsn.routing.multihop_lqi import MultiHopLqi1
+from rt_robot_os.features.wsn.routing.multihop_lqi import MultiHopLqi2
+from rt_robot_os.features.wsn.routing.protocol import BROADCAST
+from rt_robot_os.features.wsn.simulator.air import ACK
+from rt_robot_os.features.wsn.simulator.air import Link
+from rt_robot_os.features.wsn.simulator.energy import PowerModel
+from rt_robot_os.features.wsn.simulator.gain_medium import GainMedium
+from rt_robot_os.features.wsn.simulator.link_medium import LinkMedium
+from rt_robot_os.features.wsn.simulator.medium import BUSY
+from rt_robot_os.features.wsn.simulator.medium import COLLISION
+from rt_robot_os.features.wsn.simulator.medium import CUT
+from rt_robot_os.features.wsn.simulator.medium import Medium
+from rt_robot_os.features.wsn.simulator.mote import Traffic
+from rt_robot_os.features.wsn.simulator.network import Network
+from rt_robot_os.features.wsn.simulator.path_loss_medium import PathLossMedium
 
 S = 1_000_000_000
 QUIET = [-98] * 10

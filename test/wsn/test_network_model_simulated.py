@@ -22,31 +22,31 @@ import math
 import random
 
 import pytest
-from rt_robot_os.wsn.network_model import NetworkModel
-from rt_robot_os.wsn.network_rows import NodeState
-from rt_robot_os.wsn.network_watch import NetworkWatch
-from rt_robot_os.wsn.packets.decode import PacketDecoder
-from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
-from rt_robot_os.wsn.packets.paper import DataMsg
-from rt_robot_os.wsn.packets.paper import Kind
-from rt_robot_os.wsn.packets.serial_am import SerialAm
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
-from rt_robot_os.wsn.radio.mac import TINYOS1
-from rt_robot_os.wsn.radio.mac import TINYOS2
-from rt_robot_os.wsn.radio.path_loss import PathLoss
-from rt_robot_os.wsn.routing.ctp import Ctp
-from rt_robot_os.wsn.routing.least_cost import LeastCost
-from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi1
-from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
-from rt_robot_os.wsn.routing.protocol import Node
-from rt_robot_os.wsn.routing.protocol import Router
-from rt_robot_os.wsn.simulator.air import Link
-from rt_robot_os.wsn.simulator.link_medium import LinkMedium
-from rt_robot_os.wsn.simulator.mote import Mote
-from rt_robot_os.wsn.simulator.mote import Traffic
-from rt_robot_os.wsn.simulator.network import Network
-from rt_robot_os.wsn.simulator.path_loss_medium import PathLossMedium
-from rt_robot_os.wsn.survey import survey_of
+from rt_robot_os.features.wsn.network_model import NetworkModel
+from rt_robot_os.features.wsn.network_watch import NetworkWatch
+from rt_robot_os.features.wsn.packets.decode import PacketDecoder
+from rt_robot_os.features.wsn.packets.oscilloscope import Oscilloscope
+from rt_robot_os.features.wsn.packets.paper import DataMsg
+from rt_robot_os.features.wsn.packets.paper import Kind
+from rt_robot_os.features.wsn.packets.serial_am import SerialAm
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.radio.mac import TINYOS1
+from rt_robot_os.features.wsn.radio.mac import TINYOS2
+from rt_robot_os.features.wsn.radio.path_loss import PathLoss
+from rt_robot_os.features.wsn.routing.ctp import Ctp
+from rt_robot_os.features.wsn.routing.least_cost import LeastCost
+from rt_robot_os.features.wsn.routing.multihop_lqi import MultiHopLqi1
+from rt_robot_os.features.wsn.routing.multihop_lqi import MultiHopLqi2
+from rt_robot_os.features.wsn.routing.protocol import Node
+from rt_robot_os.features.wsn.routing.protocol import Router
+from rt_robot_os.features.wsn.simulator.air import Link
+from rt_robot_os.features.wsn.simulator.link_medium import LinkMedium
+from rt_robot_os.features.wsn.simulator.mote import Mote
+from rt_robot_os.features.wsn.simulator.mote import Traffic
+from rt_robot_os.features.wsn.simulator.network import Network
+from rt_robot_os.features.wsn.simulator.path_loss_medium import PathLossMedium
+from rt_robot_os.messages.network_rows import NodeState
+from rt_robot_os.messages.survey import survey_of
 
 S = 1_000_000_000
 PERIOD_NS = 800 * S // 1024

@@ -23,13 +23,13 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.tools.wsn.scenario_file import load_scenario
-from rt_robot_os.wsn.simulator import radio_places
-from rt_robot_os.wsn.simulator import simulation as simulation_module
-from rt_robot_os.wsn.simulator import topology as topology_module
-from rt_robot_os.wsn.simulator.path_loss_medium import PathLossMedium
-from rt_robot_os.wsn.simulator.simulation import Simulation
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.wsn.cli.scenario_file import load_scenario
+from rt_robot_os.features.wsn.simulator import radio_places
+from rt_robot_os.features.wsn.simulator import simulation as simulation_module
+from rt_robot_os.features.wsn.simulator import topology as topology_module
+from rt_robot_os.features.wsn.simulator.path_loss_medium import PathLossMedium
+from rt_robot_os.features.wsn.simulator.simulation import Simulation
 
 SPARSE = ('radio.exponent=4', 'radio.shadowing_db=2', 'topology.spacing_m=20')
 

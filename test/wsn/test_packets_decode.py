@@ -28,38 +28,38 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.wsn.packets import paper
-from rt_robot_os.wsn.packets.ctp import CtpBeacon
-from rt_robot_os.wsn.packets.ctp import CtpData
-from rt_robot_os.wsn.packets.ctp import Neighbour
-from rt_robot_os.wsn.packets.debug import CollectionDebug
-from rt_robot_os.wsn.packets.decode import Packet
-from rt_robot_os.wsn.packets.decode import PacketDecoder
-from rt_robot_os.wsn.packets.framing import FrameReader
-from rt_robot_os.wsn.packets.framing import PROTOCOLS
-from rt_robot_os.wsn.packets.ieee802154 import AckFrame
-from rt_robot_os.wsn.packets.ieee802154 import read_frame
-from rt_robot_os.wsn.packets.ieee802154 import T1Frame
-from rt_robot_os.wsn.packets.ieee802154 import T2Frame
-from rt_robot_os.wsn.packets.multihop_lqi import LqiBeacon
-from rt_robot_os.wsn.packets.multihop_lqi import LqiData
-from rt_robot_os.wsn.packets.multihop_lqi import MicaMultihopMsg
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
-from rt_robot_os.wsn.packets.neighbour_tables import DebugPacket
-from rt_robot_os.wsn.packets.neighbour_tables import Estimate
-from rt_robot_os.wsn.packets.neighbour_tables import HeardNeighbour
-from rt_robot_os.wsn.packets.neighbour_tables import RoutePacket
-from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
-from rt_robot_os.wsn.packets.oscilloscope import OscopeMsg
-from rt_robot_os.wsn.packets.payload_text import parse_payload
-from rt_robot_os.wsn.packets.serial_am import SerialAm
-from rt_robot_os.wsn.packets.surge import MicaSurgeMsg
-from rt_robot_os.wsn.packets.surge import SurgeCmd
-from rt_robot_os.wsn.packets.surge import SurgeCmdT2
-from rt_robot_os.wsn.packets.surge import SurgeMsg
-from rt_robot_os.wsn.packets.tos_msg import MicaMsg
-from rt_robot_os.wsn.packets.tos_msg import platform_of
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.packets import paper
+from rt_robot_os.features.wsn.packets.ctp import CtpBeacon
+from rt_robot_os.features.wsn.packets.ctp import CtpData
+from rt_robot_os.features.wsn.packets.ctp import Neighbour
+from rt_robot_os.features.wsn.packets.debug import CollectionDebug
+from rt_robot_os.features.wsn.packets.decode import Packet
+from rt_robot_os.features.wsn.packets.decode import PacketDecoder
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.framing import PROTOCOLS
+from rt_robot_os.features.wsn.packets.ieee802154 import AckFrame
+from rt_robot_os.features.wsn.packets.ieee802154 import read_frame
+from rt_robot_os.features.wsn.packets.ieee802154 import T1Frame
+from rt_robot_os.features.wsn.packets.ieee802154 import T2Frame
+from rt_robot_os.features.wsn.packets.multihop_lqi import LqiBeacon
+from rt_robot_os.features.wsn.packets.multihop_lqi import LqiData
+from rt_robot_os.features.wsn.packets.multihop_lqi import MicaMultihopMsg
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.packets.neighbour_tables import DebugPacket
+from rt_robot_os.features.wsn.packets.neighbour_tables import Estimate
+from rt_robot_os.features.wsn.packets.neighbour_tables import HeardNeighbour
+from rt_robot_os.features.wsn.packets.neighbour_tables import RoutePacket
+from rt_robot_os.features.wsn.packets.oscilloscope import Oscilloscope
+from rt_robot_os.features.wsn.packets.oscilloscope import OscopeMsg
+from rt_robot_os.features.wsn.packets.payload_text import parse_payload
+from rt_robot_os.features.wsn.packets.serial_am import SerialAm
+from rt_robot_os.features.wsn.packets.surge import MicaSurgeMsg
+from rt_robot_os.features.wsn.packets.surge import SurgeCmd
+from rt_robot_os.features.wsn.packets.surge import SurgeCmdT2
+from rt_robot_os.features.wsn.packets.surge import SurgeMsg
+from rt_robot_os.features.wsn.packets.tos_msg import MicaMsg
+from rt_robot_os.features.wsn.packets.tos_msg import platform_of
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
 
 SURGE = bytes.fromhex('14010800ffff7e00117d000005006400620002000000bc0a03002a000000')
 ROOT_BEACON = bytes.fromhex('14010833fffffffffa7d000000000700070000007e000000000000000000')

@@ -23,15 +23,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.wsn.packets.forwarder import forwarder_address
-from rt_robot_os.wsn.packets.forwarder import ForwarderClient
-from rt_robot_os.wsn.packets.forwarder import ForwarderEnd
-from rt_robot_os.wsn.packets.forwarder import MOST_OUTPUT
-from rt_robot_os.wsn.packets.forwarder import VERSION_PLAIN
-from rt_robot_os.wsn.packets.forwarding import Forwarder
-from rt_robot_os.wsn.packets.forwarding import MOST_CLIENTS
-from rt_robot_os.wsn.packets.framing import frame
-from rt_robot_os.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.forwarder import forwarder_address
+from rt_robot_os.features.wsn.packets.forwarder import ForwarderClient
+from rt_robot_os.features.wsn.packets.forwarder import ForwarderEnd
+from rt_robot_os.features.wsn.packets.forwarder import MOST_OUTPUT
+from rt_robot_os.features.wsn.packets.forwarder import VERSION_PLAIN
+from rt_robot_os.features.wsn.packets.forwarding import Forwarder
+from rt_robot_os.features.wsn.packets.forwarding import MOST_CLIENTS
+from rt_robot_os.features.wsn.packets.framing import frame
+from rt_robot_os.features.wsn.packets.framing import FrameReader
 
 NAMES = ('t1_version_space', 't1_version_bang', 't2')
 

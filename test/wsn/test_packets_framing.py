@@ -29,12 +29,12 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
+from rt_robot_os.features.wsn.packets.framing import Frame
+from rt_robot_os.features.wsn.packets.framing import frame
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.framing import LONGEST
+from rt_robot_os.features.wsn.packets.framing import unescaped
 from rt_robot_os.testing.decoder_contract import DecoderContract
-from rt_robot_os.wsn.packets.framing import Frame
-from rt_robot_os.wsn.packets.framing import frame
-from rt_robot_os.wsn.packets.framing import FrameReader
-from rt_robot_os.wsn.packets.framing import LONGEST
-from rt_robot_os.wsn.packets.framing import unescaped
 
 # Frames that TinyOS' own programs have written or taken: P, what follows it, bytes on the line.
 VECTORS = [

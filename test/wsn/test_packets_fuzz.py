@@ -21,35 +21,35 @@ import random
 
 from broad import examples
 import pytest
-from rt_robot_os.wsn.packets import paper
-from rt_robot_os.wsn.packets.ctp import CtpBeacon
-from rt_robot_os.wsn.packets.ctp import CtpData
-from rt_robot_os.wsn.packets.ctp import Neighbour
-from rt_robot_os.wsn.packets.debug import CollectionDebug
-from rt_robot_os.wsn.packets.decode import PacketDecoder
-from rt_robot_os.wsn.packets.forwarder import ForwarderClient
-from rt_robot_os.wsn.packets.forwarding import Forwarder
-from rt_robot_os.wsn.packets.framing import frame
-from rt_robot_os.wsn.packets.framing import FrameReader
-from rt_robot_os.wsn.packets.framing import LONGEST
-from rt_robot_os.wsn.packets.framing import TINYOS_1
-from rt_robot_os.wsn.packets.ieee802154 import T2Frame
-from rt_robot_os.wsn.packets.multihop_lqi import BeaconMsg
-from rt_robot_os.wsn.packets.multihop_lqi import LqiBeacon
-from rt_robot_os.wsn.packets.multihop_lqi import LqiData
-from rt_robot_os.wsn.packets.multihop_lqi import MicaMultihopMsg
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
-from rt_robot_os.wsn.packets.neighbour_tables import DebugPacket
-from rt_robot_os.wsn.packets.neighbour_tables import Estimate
-from rt_robot_os.wsn.packets.oscilloscope import Oscilloscope
-from rt_robot_os.wsn.packets.payload_text import parse_payload
-from rt_robot_os.wsn.packets.serial_am import SerialAm
-from rt_robot_os.wsn.packets.serial_link import Link
-from rt_robot_os.wsn.packets.surge import MicaSurgeMsg
-from rt_robot_os.wsn.packets.surge import SurgeCmd
-from rt_robot_os.wsn.packets.surge import SurgeMsg
-from rt_robot_os.wsn.packets.tos_msg import MicaMsg
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.packets import paper
+from rt_robot_os.features.wsn.packets.ctp import CtpBeacon
+from rt_robot_os.features.wsn.packets.ctp import CtpData
+from rt_robot_os.features.wsn.packets.ctp import Neighbour
+from rt_robot_os.features.wsn.packets.debug import CollectionDebug
+from rt_robot_os.features.wsn.packets.decode import PacketDecoder
+from rt_robot_os.features.wsn.packets.forwarder import ForwarderClient
+from rt_robot_os.features.wsn.packets.forwarding import Forwarder
+from rt_robot_os.features.wsn.packets.framing import frame
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.framing import LONGEST
+from rt_robot_os.features.wsn.packets.framing import TINYOS_1
+from rt_robot_os.features.wsn.packets.ieee802154 import T2Frame
+from rt_robot_os.features.wsn.packets.multihop_lqi import BeaconMsg
+from rt_robot_os.features.wsn.packets.multihop_lqi import LqiBeacon
+from rt_robot_os.features.wsn.packets.multihop_lqi import LqiData
+from rt_robot_os.features.wsn.packets.multihop_lqi import MicaMultihopMsg
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.packets.neighbour_tables import DebugPacket
+from rt_robot_os.features.wsn.packets.neighbour_tables import Estimate
+from rt_robot_os.features.wsn.packets.oscilloscope import Oscilloscope
+from rt_robot_os.features.wsn.packets.payload_text import parse_payload
+from rt_robot_os.features.wsn.packets.serial_am import SerialAm
+from rt_robot_os.features.wsn.packets.serial_link import Link
+from rt_robot_os.features.wsn.packets.surge import MicaSurgeMsg
+from rt_robot_os.features.wsn.packets.surge import SurgeCmd
+from rt_robot_os.features.wsn.packets.surge import SurgeMsg
+from rt_robot_os.features.wsn.packets.tos_msg import MicaMsg
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
 
 OWN = parse_payload('own 0x42 a:f=temperature b:H=humidity,sht1x_humidity c:3b d:5s e:d')
 

@@ -25,12 +25,12 @@ from hypothesis import given
 from hypothesis import strategies
 import pytest
 
-from rt_robot_os.wsn.packets import multihop_lqi
-from rt_robot_os.wsn.packets import paper
-from rt_robot_os.wsn.packets.multihop_lqi import LqiBeacon
-from rt_robot_os.wsn.packets.multihop_lqi import LqiData
-from rt_robot_os.wsn.packets.multihop_lqi import MicaMultihopMsg
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.packets import multihop_lqi
+from rt_robot_os.features.wsn.packets import paper
+from rt_robot_os.features.wsn.packets.multihop_lqi import LqiBeacon
+from rt_robot_os.features.wsn.packets.multihop_lqi import LqiData
+from rt_robot_os.features.wsn.packets.multihop_lqi import MicaMultihopMsg
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
 
 U16 = strategies.integers(0, 0xFFFF)
 I16 = strategies.integers(-0x8000, 0x7FFF)

@@ -25,25 +25,25 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os import plugins
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.modules.sensor_packets import decoder_from
-from rt_robot_os.wsn.packets import conversions
-from rt_robot_os.wsn.packets.ctp import CtpData
-from rt_robot_os.wsn.packets.decode import Packet
-from rt_robot_os.wsn.packets.decode import PacketDecoder
-from rt_robot_os.wsn.packets.multihop_lqi import LqiData
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
-from rt_robot_os.wsn.packets.payload import check_payloads
-from rt_robot_os.wsn.packets.payload import installed_payloads
-from rt_robot_os.wsn.packets.payload import Payload
-from rt_robot_os.wsn.packets.payload import PayloadField
-from rt_robot_os.wsn.packets.payload_text import known_payloads
-from rt_robot_os.wsn.packets.payload_text import parse_payload
-from rt_robot_os.wsn.packets.payload_text import parse_payloads
-from rt_robot_os.wsn.packets.serial_am import SerialAm
-from rt_robot_os.wsn.packets.surge import SurgeMsg
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.base import plugins
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.wsn.packets import conversions
+from rt_robot_os.features.wsn.packets.ctp import CtpData
+from rt_robot_os.features.wsn.packets.decode import Packet
+from rt_robot_os.features.wsn.packets.decode import PacketDecoder
+from rt_robot_os.features.wsn.packets.multihop_lqi import LqiData
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.packets.payload import check_payloads
+from rt_robot_os.features.wsn.packets.payload import installed_payloads
+from rt_robot_os.features.wsn.packets.payload import Payload
+from rt_robot_os.features.wsn.packets.payload import PayloadField
+from rt_robot_os.features.wsn.packets.payload_text import known_payloads
+from rt_robot_os.features.wsn.packets.payload_text import parse_payload
+from rt_robot_os.features.wsn.packets.payload_text import parse_payloads
+from rt_robot_os.features.wsn.packets.serial_am import SerialAm
+from rt_robot_os.features.wsn.packets.surge import SurgeMsg
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.sensor_packets import decoder_from
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -202,8 +202,8 @@ def test_packages_add_payloads_by_entry_points(monkeypatch: pytest.MonkeyPatch) 
     def add(targets: dict[str, str]) -> None:
         monkeypatch.setattr(plugins, 'installed', lambda path: {'rt_robot_os.payloads': targets})
 
-    monkeypatch.setattr('rt_robot_os.wsn.packets.conversions.SOIL', SOIL, raising=False)
-    add({'soil': 'rt_robot_os.wsn.packets.conversions:SOIL'})
+    monkeypatch.setattr('rt_robot_os.features.wsn.packets.conversions.SOIL', SOIL, raising=False)
+    add({'soil': 'rt_robot_os.features.wsn.packets.conversions:SOIL'})
     assert installed_payloads() == known_payloads([]) == (SOIL,)
     # One of a configuration stands in for it.
     own, = known_payloads(['soil 0x43 a:H'])
@@ -212,7 +212,7 @@ def test_packages_add_payloads_by_entry_points(monkeypatch: pytest.MonkeyPatch) 
     from_settings = {'stack': 'auto', 'payloads': [], 'platform': 'auto', 'group': -1}
     found = decoder_from('readings', from_settings).decode(t2(SOIL.pack(VALUES, True)))
     assert found.readings == pytest.approx(READINGS)
-    add({'soil': 'rt_robot_os.wsn.packets.conversions:CONVERSIONS'})
+    add({'soil': 'rt_robot_os.features.wsn.packets.conversions:CONVERSIONS'})
     with pytest.raises(ConfigError, match="payload 'soil' .* is broken: not a Payload but a dict"):
         installed_payloads()
 

@@ -21,12 +21,12 @@ import random
 
 import pytest
 
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.wsn.packets.framing import frame
-from rt_robot_os.wsn.packets.framing import FrameReader
-from rt_robot_os.wsn.packets.framing import TINYOS_1
-from rt_robot_os.wsn.packets.framing import TINYOS_2
-from rt_robot_os.wsn.packets.serial_link import Link
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.features.wsn.packets.framing import frame
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.framing import TINYOS_1
+from rt_robot_os.features.wsn.packets.framing import TINYOS_2
+from rt_robot_os.features.wsn.packets.serial_link import Link
 
 WAIT_NS = 250 * NS_PER_MS
 

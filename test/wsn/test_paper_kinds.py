@@ -17,11 +17,11 @@
 from __future__ import annotations
 
 import pytest
-from rt_robot_os.wsn.packets.contents import READINGS
-from rt_robot_os.wsn.packets.paper import Kind
-from rt_robot_os.wsn.quantities import QUANTITIES
-from rt_robot_os.wsn.simulator.live_readings import _SENSORS
-from rt_robot_os.wsn.simulator.traffic import KINDS
+from rt_robot_os.features.wsn.packets.contents import READINGS
+from rt_robot_os.features.wsn.packets.paper import Kind
+from rt_robot_os.features.wsn.simulator.live_readings import _SENSORS
+from rt_robot_os.features.wsn.simulator.traffic import KINDS
+from rt_robot_os.messages.quantities import QUANTITIES
 
 
 @pytest.mark.parametrize('kind', [kind for kind in Kind if kind is not Kind.NONE])

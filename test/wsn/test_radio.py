@@ -23,20 +23,20 @@ from statistics import pstdev
 
 import pytest
 
-from rt_robot_os.wsn.radio.cc2420 import air_time_ns
-from rt_robot_os.wsn.radio.cc2420 import is_received
-from rt_robot_os.wsn.radio.cc2420 import lqi
-from rt_robot_os.wsn.radio.cc2420 import reception_rate
-from rt_robot_os.wsn.radio.cc2420 import transmit_current_ma
-from rt_robot_os.wsn.radio.mac import TINYOS1
-from rt_robot_os.wsn.radio.mac import TINYOS2
-from rt_robot_os.wsn.radio.noise import closest_pattern
-from rt_robot_os.wsn.radio.noise import heavy
-from rt_robot_os.wsn.radio.noise import quiet
-from rt_robot_os.wsn.radio.noise import read_trace
-from rt_robot_os.wsn.radio.path_loss import Fading
-from rt_robot_os.wsn.simulator.energy import Battery
-from rt_robot_os.wsn.simulator.energy import PowerModel
+from rt_robot_os.features.wsn.radio.cc2420 import air_time_ns
+from rt_robot_os.features.wsn.radio.cc2420 import is_received
+from rt_robot_os.features.wsn.radio.cc2420 import lqi
+from rt_robot_os.features.wsn.radio.cc2420 import reception_rate
+from rt_robot_os.features.wsn.radio.cc2420 import transmit_current_ma
+from rt_robot_os.features.wsn.radio.mac import TINYOS1
+from rt_robot_os.features.wsn.radio.mac import TINYOS2
+from rt_robot_os.features.wsn.radio.noise import closest_pattern
+from rt_robot_os.features.wsn.radio.noise import heavy
+from rt_robot_os.features.wsn.radio.noise import quiet
+from rt_robot_os.features.wsn.radio.noise import read_trace
+from rt_robot_os.features.wsn.radio.path_loss import Fading
+from rt_robot_os.features.wsn.simulator.energy import Battery
+from rt_robot_os.features.wsn.simulator.energy import PowerModel
 
 
 def test_frames_take_as_long_as_250_kbit_per_second_needs():

@@ -22,17 +22,17 @@ import gzip
 from pathlib import Path
 
 import pytest
-from rt_robot_os.wsn.radio.mac import TINYOS2
-from rt_robot_os.wsn.routing.ctp import Ctp
-from rt_robot_os.wsn.simulator.air import ACK
-from rt_robot_os.wsn.simulator.air import Transmission
-from rt_robot_os.wsn.simulator.air_log import bytes_of
-from rt_robot_os.wsn.simulator.link_medium import Link
-from rt_robot_os.wsn.simulator.link_medium import LinkMedium
-from rt_robot_os.wsn.simulator.mote import Mote
-from rt_robot_os.wsn.simulator.network import Network
-from rt_robot_os.wsn.simulator.receive_fifo import in_fifo
-from rt_robot_os.wsn.simulator.receive_fifo import ReceiveFifo
+from rt_robot_os.features.wsn.radio.mac import TINYOS2
+from rt_robot_os.features.wsn.routing.ctp import Ctp
+from rt_robot_os.features.wsn.simulator.air import ACK
+from rt_robot_os.features.wsn.simulator.air import Transmission
+from rt_robot_os.features.wsn.simulator.air_log import bytes_of
+from rt_robot_os.features.wsn.simulator.link_medium import Link
+from rt_robot_os.features.wsn.simulator.link_medium import LinkMedium
+from rt_robot_os.features.wsn.simulator.mote import Mote
+from rt_robot_os.features.wsn.simulator.network import Network
+from rt_robot_os.features.wsn.simulator.receive_fifo import in_fifo
+from rt_robot_os.features.wsn.simulator.receive_fifo import ReceiveFifo
 
 MS = 1_000_000
 S = 1000 * MS

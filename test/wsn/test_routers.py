@@ -18,10 +18,10 @@
 from __future__ import annotations
 
 from fake_node import FakeNode
-from rt_robot_os.wsn.routing.ctp import Ctp
-from rt_robot_os.wsn.simulator.routers import router_factory
-from rt_robot_os.wsn.simulator.scenario import Scenario
-from rt_robot_os.wsn.simulator.scenario import settled
+from rt_robot_os.features.wsn.routing.ctp import Ctp
+from rt_robot_os.features.wsn.simulator.routers import router_factory
+from rt_robot_os.features.wsn.simulator.scenario import Scenario
+from rt_robot_os.features.wsn.simulator.scenario import settled
 
 
 def test_a_scenario_says_how_long_ctp_is_silent() -> None:

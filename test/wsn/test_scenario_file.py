@@ -22,12 +22,12 @@ import re
 
 import pytest
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.schema import declared
-from rt_robot_os.tools.wsn.scenario_file import find_scenario
-from rt_robot_os.tools.wsn.scenario_file import load_scenario
-from rt_robot_os.wsn.simulator.scenario import Scenario
-from rt_robot_os.wsn.simulator.scenario import SECTIONS
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import declared
+from rt_robot_os.features.wsn.cli.scenario_file import find_scenario
+from rt_robot_os.features.wsn.cli.scenario_file import load_scenario
+from rt_robot_os.features.wsn.simulator.scenario import Scenario
+from rt_robot_os.features.wsn.simulator.scenario import SECTIONS
 
 ROOT = Path(__file__).resolve().parents[2]
 SHIPPED = sorted((ROOT / 'config' / 'scenarios').glob('*.yaml'))

@@ -25,16 +25,16 @@ import struct
 
 import pytest
 
-from rt_robot_os.tools.wsn.command import run
-from rt_robot_os.tools.wsn.scenario_file import find_scenario
-from rt_robot_os.tools.wsn.scenario_file import load_scenario
-from rt_robot_os.wsn.packets.ieee802154 import AckFrame
-from rt_robot_os.wsn.packets.ieee802154 import check_sequence_fits
-from rt_robot_os.wsn.packets.ieee802154 import read_frame
-from rt_robot_os.wsn.radio.mac import MAC_PROFILES
-from rt_robot_os.wsn.simulator.air_log import AirLog
-from rt_robot_os.wsn.simulator.network import Network
-from rt_robot_os.wsn.simulator.simulation import Simulation
+from rt_robot_os.features.wsn.cli.command import run
+from rt_robot_os.features.wsn.cli.scenario_file import find_scenario
+from rt_robot_os.features.wsn.cli.scenario_file import load_scenario
+from rt_robot_os.features.wsn.packets.ieee802154 import AckFrame
+from rt_robot_os.features.wsn.packets.ieee802154 import check_sequence_fits
+from rt_robot_os.features.wsn.packets.ieee802154 import read_frame
+from rt_robot_os.features.wsn.radio.mac import MAC_PROFILES
+from rt_robot_os.features.wsn.simulator.air_log import AirLog
+from rt_robot_os.features.wsn.simulator.network import Network
+from rt_robot_os.features.wsn.simulator.simulation import Simulation
 
 CHAIN = """
 0 1 1.0 -78 106

@@ -20,18 +20,18 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.linux.survey_files import load_survey
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.wsn.survey_files import load_survey
+from rt_robot_os.messages.quantities import DEFAULT_QUANTITIES
+from rt_robot_os.messages.quantities import quantity
+from rt_robot_os.messages.survey import node
+from rt_robot_os.messages.survey import read_survey
+from rt_robot_os.messages.survey import survey_of
+from rt_robot_os.messages.survey import text_of
+from rt_robot_os.messages.survey import topic_token
 from rt_robot_os.sim.world.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.topics.bus import TOPIC_NAME
-from rt_robot_os.wsn.quantities import DEFAULT_QUANTITIES
-from rt_robot_os.wsn.quantities import quantity
-from rt_robot_os.wsn.survey import node
-from rt_robot_os.wsn.survey import read_survey
-from rt_robot_os.wsn.survey import survey_of
-from rt_robot_os.wsn.survey import text_of
-from rt_robot_os.wsn.survey import topic_token
 
 
 def test_numbers_count_from_one_where_none_is_said() -> None:

@@ -26,22 +26,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.wsn.simulator.faults import Fault
+from rt_robot_os.features.wsn.simulator.faults import fault
+from rt_robot_os.features.wsn.simulator.faults import nodes_of
+from rt_robot_os.features.wsn.simulator.link_files import Link
+from rt_robot_os.features.wsn.simulator.link_files import LinkChange
+from rt_robot_os.features.wsn.simulator.link_files import read_gains
+from rt_robot_os.features.wsn.simulator.link_files import read_links
+from rt_robot_os.features.wsn.simulator.scenario import Scenario
+from rt_robot_os.features.wsn.simulator.scenario import SinkSettings
+from rt_robot_os.features.wsn.simulator.scenario import TopologySettings
+from rt_robot_os.features.wsn.simulator.topology import make_topology
+from rt_robot_os.features.wsn.simulator.topology import WallCount
+from rt_robot_os.features.wsn.simulator.ways import read_point
+from rt_robot_os.features.wsn.simulator.ways import Way
 from rt_robot_os.motion.grid_map import GridMap
-from rt_robot_os.wsn.simulator.faults import Fault
-from rt_robot_os.wsn.simulator.faults import fault
-from rt_robot_os.wsn.simulator.faults import nodes_of
-from rt_robot_os.wsn.simulator.link_files import Link
-from rt_robot_os.wsn.simulator.link_files import LinkChange
-from rt_robot_os.wsn.simulator.link_files import read_gains
-from rt_robot_os.wsn.simulator.link_files import read_links
-from rt_robot_os.wsn.simulator.scenario import Scenario
-from rt_robot_os.wsn.simulator.scenario import SinkSettings
-from rt_robot_os.wsn.simulator.scenario import TopologySettings
-from rt_robot_os.wsn.simulator.topology import make_topology
-from rt_robot_os.wsn.simulator.topology import WallCount
-from rt_robot_os.wsn.simulator.ways import read_point
-from rt_robot_os.wsn.simulator.ways import Way
 
 FLAT = Path(__file__).resolve().parents[2] / 'config' / 'maps' / 'flat.yaml'
 

@@ -16,8 +16,8 @@
 
 from __future__ import annotations
 
-from rt_robot_os.wsn.packets.payload import Payload
-from rt_robot_os.wsn.packets.payload import PayloadField
+from rt_robot_os.features.wsn.packets.payload import Payload
+from rt_robot_os.features.wsn.packets.payload import PayloadField
 
 SOIL = Payload('soil', 0x42, (
     PayloadField('origin', 'H'),

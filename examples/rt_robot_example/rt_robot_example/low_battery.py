@@ -16,11 +16,11 @@
 
 from __future__ import annotations
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.modules import Field
 from rt_robot_os.modules import Input
 from rt_robot_os.modules import Module
 from rt_robot_os.modules import Output
-from rt_robot_os.units import NS_PER_S
 
 
 class LowBattery(Module):

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import pytest
 from rt_robot_example.garden import SOIL
-from rt_robot_os.wsn.packets.decode import PacketDecoder
-from rt_robot_os.wsn.packets.serial_am import SerialAm
+from rt_robot_os.features.wsn.packets.decode import PacketDecoder
+from rt_robot_os.features.wsn.packets.serial_am import SerialAm
 
 # As `wsn sniff --json` has shown it under "hex".
 HEARD = bytes.fromhex('00ffff00070a00420007000100e719320eb6')

@@ -37,18 +37,18 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.devices.arduino_bridge import wire
 from rt_robot_os.devices.arduino_bridge.wire import Reply
 from rt_robot_os.devices.arduino_bridge.wire import ReplyDecoder
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.motor_board import MotorBoard
 from rt_robot_os.devices.motor_settings import motor_settings
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.schema import Field
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import period_from_rate
 
 # The board answers within some milliseconds; a ping of its sonar, which it is never asked for
 # here, would take 0.7 s.

@@ -27,13 +27,13 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.schema import Field
 from rt_robot_os.devices.barometer import averaging_settings
 from rt_robot_os.devices.barometer import Barometer
 from rt_robot_os.devices.barometer import barometer_settings
 from rt_robot_os.devices.bmp280 import wire as chip
 from rt_robot_os.devices.i2c.device import i2c_settings
 from rt_robot_os.devices.i2c.device import Transactions
-from rt_robot_os.schema import Field
 
 # A conversion that is not over after this many times its longest time is not one.
 _PATIENCE: Final = 4

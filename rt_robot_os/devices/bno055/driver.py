@@ -36,6 +36,11 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.devices.bno055 import wire
 from rt_robot_os.devices.bno055.wire import Bno055Decoder
 from rt_robot_os.devices.bno055.wire import Bno055Frame
@@ -47,11 +52,6 @@ from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.serial.handshake import Handshake
 from rt_robot_os.devices.serial.handshake import Step
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import period_from_rate
 
 _READ, _WRITE = 0, 1
 # A wrong chip id counts when it is read twice: once may be noise.

@@ -30,8 +30,8 @@ import struct
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
 from rt_robot_os.devices.framing import FrameDecoder
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
 
 DATA: Final = 0xBB

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.linux.file_urls import path_of
 from rt_robot_os.linux.folders import read_file
 

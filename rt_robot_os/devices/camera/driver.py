@@ -28,6 +28,12 @@ import os
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import REQUIRED
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.camera.camera_info import load_calibration
 from rt_robot_os.devices.camera.camera_info import uncalibrated
 from rt_robot_os.devices.camera.orders import OBSERVATION_SETTINGS
@@ -39,17 +45,11 @@ from rt_robot_os.devices.capture.packets import CapturedFrame
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.device import SamplePublisher
 from rt_robot_os.devices.mounted import mounting_settings
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.mounting import mounting_of
 from rt_robot_os.motion.mounting import OPTICAL
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import REQUIRED
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
-from rt_robot_os.units import NS_PER_S
 
 _CHANNELS: Final = {'rgb8': 3, 'bgr8': 3, 'mono8': 1}
 # PNG of noise is a little longer than its pixels.

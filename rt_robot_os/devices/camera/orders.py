@@ -28,9 +28,9 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.device import Value
-from rt_robot_os.schema import Field
-from rt_robot_os.units import NS_PER_S
 
 #: The longest answer, in bytes.
 OBSERVED_BYTES: Final = 2000

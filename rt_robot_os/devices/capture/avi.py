@@ -28,7 +28,7 @@ from typing import BinaryIO
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
 
 #: Sizes in a RIFF file are of 32 bits, and players are safe below half of that.
 LONGEST_BYTES: Final = 1 << 30

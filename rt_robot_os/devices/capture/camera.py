@@ -28,12 +28,12 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.needs import lacking
 from rt_robot_os.devices.capture.pattern import Pixels
 from rt_robot_os.devices.capture.pictures import open_source
 from rt_robot_os.devices.capture.pictures import PictureSource
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.needs import lacking
 
 
 @dataclass(frozen=True)

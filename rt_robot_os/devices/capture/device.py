@@ -33,13 +33,13 @@ from typing import Any
 from typing import ClassVar
 from typing import Final
 
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.capture import packets
 from rt_robot_os.devices.capture.packets import CapturedFrame
 from rt_robot_os.devices.capture.packets import Kind
 from rt_robot_os.devices.capture.spawn import spawn_worker
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.linux.memory_file import MemoryFile
 from rt_robot_os.linux.memory_file import send_with_fd
 

@@ -32,14 +32,14 @@ import sys
 import time
 from typing import Final
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.programs import ended_by_signals
+from rt_robot_os.base.programs import tell
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.devices.capture.spawn import CAPTURE
 from rt_robot_os.devices.capture.spawn import end_worker
 from rt_robot_os.devices.capture.spawn import start_worker
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.linux.process import run_child
-from rt_robot_os.programs import ended_by_signals
-from rt_robot_os.programs import tell
 
 WORKERS_MAXIMUM: Final = 32
 _WAIT_MS: Final = 500

@@ -31,7 +31,7 @@ from typing import BinaryIO
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.linux.folders import ros_home
 
 _PREFIX: Final = 'observed_'

@@ -35,14 +35,14 @@ from typing import Any
 from typing import Final
 from typing import Protocol
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.capture.avi import Frame
 from rt_robot_os.devices.capture.avi import write_avi
 from rt_robot_os.devices.capture.observation_folder import default_folder
 from rt_robot_os.devices.capture.observation_folder import ObservationFolder
 from rt_robot_os.devices.capture.pattern import Pixels
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.units import NS_PER_S
 
 PICTURE: Final = 'picture'
 CLIP: Final = 'clip'

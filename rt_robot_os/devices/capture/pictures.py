@@ -34,11 +34,11 @@ from typing import Protocol
 
 import numpy as np
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.needs import require
 from rt_robot_os.devices.capture.pattern import Pattern
 from rt_robot_os.devices.capture.pattern import Pixels
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.needs import require
 
 NS_PER_S: Final = 1_000_000_000
 # Pictures until a camera that was switched over shows what it is to.

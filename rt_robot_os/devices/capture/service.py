@@ -21,9 +21,9 @@ from pathlib import Path
 import time
 from typing import ClassVar
 
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.capture.spawn import CAPTURE
 from rt_robot_os.devices.service import Service
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.linux.process import START_PATIENCE_S
 from rt_robot_os.linux.supervised_child import SupervisedChild

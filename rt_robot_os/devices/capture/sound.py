@@ -32,10 +32,10 @@ import wave
 
 import numpy as np
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.needs import require
 from rt_robot_os.devices.capture.pictures import Grid
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.needs import require
 
 NS_PER_S: Final = 1_000_000_000
 FULL_SCALE: Final = 32768.0

@@ -22,10 +22,10 @@ import socket
 import subprocess
 from typing import Final
 
+from rt_robot_os.base.programs import ONE_BLAS_THREAD
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
-from rt_robot_os.programs import ONE_BLAS_THREAD
 
 # More than all packets that can be on their way.
 _BUFFER_BYTES = 1 << 17

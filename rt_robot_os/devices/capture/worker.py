@@ -32,11 +32,11 @@ import time
 from typing import Any
 from typing import Protocol
 
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.capture import packets
 from rt_robot_os.devices.capture.packets import CapturedFrame
 from rt_robot_os.devices.capture.packets import Kind
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import Loans
 from rt_robot_os.linux.memory_file import MemoryFile

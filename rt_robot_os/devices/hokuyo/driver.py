@@ -38,6 +38,11 @@ from typing import Final
 
 import numpy as np
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.hokuyo import wire
 from rt_robot_os.devices.hokuyo.wire import ScipDecoder
@@ -47,11 +52,6 @@ from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.serial.handshake import Handshake
 from rt_robot_os.devices.serial.handshake import Step
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
-from rt_robot_os.units import NS_PER_S
 
 # Distances below are codes of errors.
 _CODES_MM: Final = 20

@@ -33,15 +33,15 @@ import stat
 from typing import Final
 from typing import Protocol
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.i2c.bridge import I2cBridge
 from rt_robot_os.devices.i2c.bus_errors import is_gone
 from rt_robot_os.devices.i2c.bus_errors import open_error
 from rt_robot_os.devices.i2c.bus_errors import place
 from rt_robot_os.devices.i2c.bus_errors import transfer_error
 from rt_robot_os.devices.i2c.socket_bus import SocketConnection
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 FIRST_ADDRESS: Final = 0x08
 LAST_ADDRESS: Final = 0x77

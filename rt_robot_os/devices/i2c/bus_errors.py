@@ -21,7 +21,7 @@ import os
 import re
 from typing import Final
 
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
 
 _BUS_NUMBER: Final = re.compile(r'/dev/i2c-(\d+)').fullmatch
 _NO_ANSWER: Final = (errno.ENXIO, errno.EREMOTEIO)

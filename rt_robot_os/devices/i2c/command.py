@@ -32,15 +32,15 @@ import socket
 import sys
 import time
 
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.programs import BAD_USE
+from rt_robot_os.base.programs import ended_by_signals
+from rt_robot_os.base.programs import OK
+from rt_robot_os.base.programs import tell
 from rt_robot_os.devices.i2c.real_bus import RealBus
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.link.paths import runtime_folder
+from rt_robot_os.devices.i2c.simulated_port import I2cPort
+from rt_robot_os.linux.paths import runtime_folder
 from rt_robot_os.linux.realtime import set_fifo
-from rt_robot_os.programs import BAD_USE
-from rt_robot_os.programs import ended_by_signals
-from rt_robot_os.programs import OK
-from rt_robot_os.programs import tell
-from rt_robot_os.sim.i2c_port import I2cPort
 
 _WAIT_S = 0.5
 _PINNED_BY_S = 5.0

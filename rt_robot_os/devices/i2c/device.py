@@ -36,6 +36,10 @@ from typing import ClassVar
 from typing import Final
 from typing import TypeVar
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import REQUIRED
+from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.device import SamplePublisher
@@ -44,10 +48,6 @@ from rt_robot_os.devices.i2c.bus import I2cBus
 from rt_robot_os.devices.i2c.bus import I2cBuses
 from rt_robot_os.devices.i2c.bus import Transfer
 from rt_robot_os.devices.recognise import known_chips
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import REQUIRED
-from rt_robot_os.units import period_from_rate
 
 # One bad reading may be noise on the wires; so many one after the other are not.
 _BAD_IN_A_ROW: Final = 3

@@ -20,13 +20,13 @@ import errno
 import os
 import stat
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.needs import lacking
 from rt_robot_os.devices.i2c.bus import I2cTransport
 from rt_robot_os.devices.i2c.bus_errors import is_gone
 from rt_robot_os.devices.i2c.bus_errors import open_error
 from rt_robot_os.devices.i2c.packets import NO_BUS
 from rt_robot_os.devices.i2c.socket_bus import SocketTransport
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.needs import lacking
 
 
 class RealBus:

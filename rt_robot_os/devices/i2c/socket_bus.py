@@ -28,11 +28,11 @@ import socket
 import time
 from typing import Final
 
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.i2c.packets import MAXIMUM
 from rt_robot_os.devices.i2c.packets import NO_BUS
 from rt_robot_os.devices.i2c.packets import parse_answer
 from rt_robot_os.devices.i2c.packets import request
-from rt_robot_os.errors import DeviceError
 
 _NUMBERS: Final = 1 << 16
 # Answers to requests that were given up, of which one call passes over at most so many.

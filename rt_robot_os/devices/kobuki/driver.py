@@ -35,6 +35,10 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.battery import CHARGING
 from rt_robot_os.devices.battery import DISCHARGING
 from rt_robot_os.devices.battery import FULL
@@ -51,11 +55,7 @@ from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.motor_settings import motor_settings
 from rt_robot_os.motion.differential import body_velocity
 from rt_robot_os.motion.differential import tick_difference
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics.ports import Output
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 CLIFF: Final = 8
 WHEEL_DROP: Final = 16

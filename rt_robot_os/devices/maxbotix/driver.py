@@ -29,6 +29,9 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.maxbotix.wire import MaxBotixDecoder
 from rt_robot_os.devices.maxbotix.wire import MaxBotixFrame
@@ -38,9 +41,6 @@ from rt_robot_os.devices.ranging import RangeFiller
 from rt_robot_os.devices.ranging import ULTRASOUND
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
 
 _SURE: Final = 3
 

@@ -26,15 +26,15 @@ import os
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import REQUIRED
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.capture.device import CaptureDevice
 from rt_robot_os.devices.capture.packets import CapturedFrame
 from rt_robot_os.devices.device import SamplePublisher
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import REQUIRED
-from rt_robot_os.schema import TopicSpec
-from rt_robot_os.units import NS_PER_S
 
 _SAMPLE_BYTES: Final = 2
 _TOPICS: Final = ('topic', 'level_topic', 'peak_topic', 'time_topic')

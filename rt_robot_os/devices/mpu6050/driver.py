@@ -31,6 +31,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
 from rt_robot_os.devices.calibration import axes_setting
 from rt_robot_os.devices.calibration import from_settings
 from rt_robot_os.devices.calibration import vector_settings
@@ -38,12 +44,6 @@ from rt_robot_os.devices.i2c.device import i2c_settings
 from rt_robot_os.devices.i2c.device import I2cDevice
 from rt_robot_os.devices.i2c.device import Transactions
 from rt_robot_os.devices.mpu6050 import wire as chip
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
 # The longest burst: 112 bytes take 2.6 ms at 400 kHz, in which nobody else has the bus.
 _MAX_FRAMES: Final = 8

@@ -25,13 +25,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
 from rt_robot_os.devices.barometer import Barometer
 from rt_robot_os.devices.barometer import barometer_settings
 from rt_robot_os.devices.i2c.device import i2c_settings
 from rt_robot_os.devices.i2c.device import Transactions
 from rt_robot_os.devices.ms5611 import wire as chip
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.schema import Field
 
 
 class Ms5611(Barometer):

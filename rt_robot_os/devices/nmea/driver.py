@@ -35,6 +35,9 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.nmea.fix import claims_fix
 from rt_robot_os.devices.nmea.fix import Fix
@@ -50,9 +53,6 @@ from rt_robot_os.devices.nmea.wire import NmeaDecoder
 from rt_robot_os.devices.nmea.wire import NmeaFrame
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
-from rt_robot_os.units import NS_PER_MS
 
 _MAX_WAIT_NS: Final = 500 * NS_PER_MS
 # Addresses of sentences without use that are kept, to name them.

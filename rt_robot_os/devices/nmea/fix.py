@@ -44,11 +44,11 @@ from datetime import date
 import math
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.nmea import sentences
 from rt_robot_os.devices.nmea.sentences import GsaSentence
 from rt_robot_os.devices.nmea.sentences import GstSentence
 from rt_robot_os.devices.nmea.sentences import PositionSentence
-from rt_robot_os.units import NS_PER_S
 
 # sensor_msgs/msg/NavSatStatus and NavSatFix; the real-time core does not import ROS.
 STATUS_NO_FIX: Final = -1

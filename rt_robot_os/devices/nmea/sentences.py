@@ -32,7 +32,7 @@ import re
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
 
 # Quality of a GGA sentence.
 NO_FIX: Final = 0

@@ -38,10 +38,10 @@ from __future__ import annotations
 
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.nmea.fix import claims_fix
 from rt_robot_os.devices.nmea.fix import is_quality_of_fix
 from rt_robot_os.devices.nmea.sentences import PositionSentence
-from rt_robot_os.units import NS_PER_S
 
 _RANKS: Final = {'GGA': 0, 'GNS': 1, 'RMC': 2, 'GLL': 3}
 _LONGEST_CYCLE_NS: Final = 2 * NS_PER_S

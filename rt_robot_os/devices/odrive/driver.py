@@ -37,6 +37,12 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.motor_board import MotorBoard
 from rt_robot_os.devices.motor_faults import MotorFault
@@ -44,12 +50,6 @@ from rt_robot_os.devices.motor_settings import motor_settings
 from rt_robot_os.devices.odrive import wire
 from rt_robot_os.devices.odrive.wire import OdriveDecoder
 from rt_robot_os.devices.odrive.wire import Reply
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.schema import Field
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import period_from_rate
 
 _REPLY_NS: Final = 80 * NS_PER_MS
 _QUIET_NS: Final = 50 * NS_PER_MS

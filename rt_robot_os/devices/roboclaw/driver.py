@@ -37,6 +37,11 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.devices.battery import DISCHARGING
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.motor_board import MotorBoard
@@ -48,12 +53,7 @@ from rt_robot_os.devices.roboclaw.exchange import Make
 from rt_robot_os.devices.roboclaw.wire import Reply
 from rt_robot_os.devices.roboclaw.wire import Request
 from rt_robot_os.devices.roboclaw.wire import RoboClawDecoder
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.motion.differential import tick_difference
-from rt_robot_os.schema import Field
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import period_from_rate
 
 # Asked for in turn, one a turn.
 _IN_TURN: Final = (wire.STATUS, wire.MAIN_BATTERY, wire.STATUS, wire.CURRENTS, wire.STATUS,

@@ -28,10 +28,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.roboclaw.wire import GAP_S
 from rt_robot_os.devices.roboclaw.wire import Request
 from rt_robot_os.devices.roboclaw.wire import RoboClawDecoder
-from rt_robot_os.units import NS_PER_S
 
 TRIES: Final = 3
 # Several are made for each turn; more than that waits only for a unit that answers nothing.

@@ -34,6 +34,10 @@ from typing import Generic
 from typing import Protocol
 from typing import TypeVar
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import REQUIRED
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.device import SamplePublisher
@@ -45,10 +49,6 @@ from rt_robot_os.devices.serial.port import open_port
 from rt_robot_os.devices.serial.port import Port
 from rt_robot_os.devices.serial.port import prepare_port
 from rt_robot_os.devices.serial.port import silence_of
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import REQUIRED
-from rt_robot_os.units import NS_PER_S
 
 # Start bit, eight data bits, stop bit.
 BITS_PER_BYTE: Final = 10

@@ -20,8 +20,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.units import NS_PER_MS
 
 
 class Step(NamedTuple):

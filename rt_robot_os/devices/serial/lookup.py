@@ -31,7 +31,7 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
 
 _PATIENCE_S: Final = 2.0
 _FRESH_S: Final = 30.0

@@ -35,10 +35,10 @@ import struct
 from typing import Final
 from urllib.parse import urlsplit
 
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.serial.lookup import HostAddress
 from rt_robot_os.devices.serial.transport import StreamPort
-from rt_robot_os.errors import DeviceError
 
 TCP, GPSD, UDP, UDP_LISTEN, FORWARDER = 'tcp', 'gpsd', 'udp', 'udp-listen', 'sf'
 _FORMS: Final = {

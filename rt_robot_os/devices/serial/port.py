@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.serial.lookup import host_name
 from rt_robot_os.devices.serial.lookup import numeric
@@ -29,8 +31,6 @@ from rt_robot_os.devices.serial.network import TCP
 from rt_robot_os.devices.serial.network import TcpPort
 from rt_robot_os.devices.serial.network import UdpPort
 from rt_robot_os.devices.serial.transport import SerialPort
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 
 
 class Port(Protocol):

@@ -34,7 +34,7 @@ import time
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import DeviceError
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.linux.terminal import unread_bytes
 import serial  # type: ignore[import-untyped]
 

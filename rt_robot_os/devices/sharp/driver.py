@@ -35,6 +35,10 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.mounted import mounting_settings
 from rt_robot_os.devices.nmea.wire import NmeaDecoder
@@ -46,12 +50,8 @@ from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.sharp.wire import ADC_ADDRESS
 from rt_robot_os.devices.sharp.wire import SHARP_FITS
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.mounting import mounting_of
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
 
 CUSTOM: Final = 'custom'
 

@@ -33,6 +33,10 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.serial.device import serial_settings
@@ -43,19 +47,15 @@ from rt_robot_os.devices.stargazer.fusing import Fix
 from rt_robot_os.devices.stargazer.fusing import Fuser
 from rt_robot_os.devices.stargazer.fusing import Sighting
 from rt_robot_os.devices.stargazer.fusing import sighting
+from rt_robot_os.devices.stargazer.landmark_files import load_landmarks
 from rt_robot_os.devices.stargazer.setup import StarGazerSetup
 from rt_robot_os.devices.stargazer.wire import Mark
 from rt_robot_os.devices.stargazer.wire import StarGazerDecoder
 from rt_robot_os.devices.stargazer.wire import StarGazerFrame
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.linux.landmark_files import load_landmarks
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.landmarks import Landmark
 from rt_robot_os.motion.landmarks import landmarks_of
 from rt_robot_os.motion.mounting import mounting_of
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
-from rt_robot_os.units import NS_PER_S
 
 # With all parameters to be read and written, some of them twice.
 _SETUP_S: Final = 40.0

@@ -29,10 +29,10 @@ import math
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.stargazer.wire import Mark
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.landmarks import Landmark
-from rt_robot_os.units import NS_PER_S
 
 # How long the pose before says which of two marks is right, and how fast it may have moved since.
 _MEMORY_NS: Final = NS_PER_S

@@ -31,11 +31,11 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.stargazer import wire
 from rt_robot_os.devices.stargazer.wire import StarGazerFrame
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 # The vendor's 50 ms, and what the task of the device may be late by between looking at the clock
 # and writing.

@@ -25,14 +25,14 @@ import math
 from pathlib import Path
 import sys
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.programs import BAD_USE
+from rt_robot_os.base.programs import FAILED
+from rt_robot_os.base.programs import OK
 from rt_robot_os.linux.folders import read_file
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.turning import fit_turn
-from rt_robot_os.programs import BAD_USE
-from rt_robot_os.programs import FAILED
-from rt_robot_os.programs import OK
 
 # Seconds, nanoseconds and frame stand before the pose in a message with a header.
 _HEADER = 3

@@ -24,7 +24,7 @@ from __future__ import annotations
 import sys
 from typing import Final
 
-from rt_robot_os.programs import Program
+from rt_robot_os.base.programs import Program
 
 main: Final = Program('turn', 'rt_robot_os.devices.stargazer.turn_command:run')
 

@@ -31,6 +31,10 @@ from typing import Final
 from urllib.parse import unquote
 from urllib.parse import urlsplit
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.logger import Logger
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.serial.lookup import host_name
 from rt_robot_os.devices.serial.lookup import numeric
@@ -43,10 +47,6 @@ from rt_robot_os.devices.serial.port import Port
 from rt_robot_os.devices.serial.port import prepare_port
 from rt_robot_os.devices.serial.port import silence_of
 from rt_robot_os.devices.ublox.rtcm import RtcmDecoder
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.logger import Logger
-from rt_robot_os.units import NS_PER_S
 
 _NTRIP: Final = 'ntrip://'
 _NTRIP_PORT: Final = 2101

@@ -44,6 +44,10 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.device import SamplePublisher
 from rt_robot_os.devices.device import Value
@@ -67,10 +71,6 @@ from rt_robot_os.devices.ublox.wire import HighPrecision
 from rt_robot_os.devices.ublox.wire import NavPvt
 from rt_robot_os.devices.ublox.wire import UbxDecoder
 from rt_robot_os.devices.ublox.wire import UbxFrame
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import period_from_rate
 
 _SERVICES: Final = {'gps': SERVICE_GPS, 'glonass': SERVICE_GLONASS, 'galileo': SERVICE_GALILEO,
                     'beidou': SERVICE_COMPASS}

@@ -25,11 +25,11 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Final
 
+from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.serial.handshake import Handshake
 from rt_robot_os.devices.serial.handshake import Step
 from rt_robot_os.devices.ublox import wire
 from rt_robot_os.devices.ublox.wire import UbxFrame
-from rt_robot_os.errors import DeviceError
 
 _REMEDY: Final = ('check the wire to its receive pin, or set configure: false and set it up with '
                   "the maker's u-center")

@@ -36,6 +36,11 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.imu import imu_publications
 from rt_robot_os.devices.imu import imu_settings
@@ -54,11 +59,6 @@ from rt_robot_os.devices.witmotion.wire import REGISTER_RATE
 from rt_robot_os.devices.witmotion.wire import UNLOCK
 from rt_robot_os.devices.witmotion.wire import WitMotionDecoder
 from rt_robot_os.devices.witmotion.wire import WitMotionFrame
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
 ACCELERATION_SCALE: Final = wire.ACCELERATION_RANGE_G * STANDARD_GRAVITY_M_S2 / wire.FULL_SCALE
 ANGULAR_VELOCITY_SCALE: Final = math.radians(wire.ANGULAR_VELOCITY_RANGE_DEG_S) / wire.FULL_SCALE

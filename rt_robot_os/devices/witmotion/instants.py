@@ -38,13 +38,13 @@ from __future__ import annotations
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.devices.witmotion.wire import ACCELERATION
 from rt_robot_os.devices.witmotion.wire import ANGLE
 from rt_robot_os.devices.witmotion.wire import ANGULAR_VELOCITY
 from rt_robot_os.devices.witmotion.wire import MAGNETIC_FIELD
 from rt_robot_os.devices.witmotion.wire import QUATERNION
 from rt_robot_os.devices.witmotion.wire import WitMotionFrame
-from rt_robot_os.units import NS_PER_MS
 
 # A frame takes 23 ms at the slowest speed, 4800 baud, and the frames of a set follow each other
 # without a pause; the shortest pause between two instants that is longer belongs to 10 Hz.

@@ -32,8 +32,8 @@ import struct
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
 from rt_robot_os.devices.framing import StreamDecoder
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
 
 TIME: Final = 0x50

@@ -37,6 +37,10 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.imu import imu_publications
 from rt_robot_os.devices.imu import imu_settings
@@ -52,10 +56,6 @@ from rt_robot_os.devices.xsens.mtdata2 import MtData2Parser
 from rt_robot_os.devices.xsens.mtdata2 import MtSample
 from rt_robot_os.devices.xsens.wire import XbusDecoder
 from rt_robot_os.devices.xsens.wire import XbusFrame
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
 
 # Far from length 1 a quaternion is no rotation.
 _LENGTH_TOLERANCE: Final = 0.1

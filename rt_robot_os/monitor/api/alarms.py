@@ -25,7 +25,7 @@ from fastapi import Path
 from fastapi import Query
 from pydantic import BaseModel
 from pydantic import Field
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.api.answers import unknown
 from rt_robot_os.monitor.security.guard import Actor

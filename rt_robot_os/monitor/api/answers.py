@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from fastapi import HTTPException
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 
 
 def refusal(status: int, text: str, remedy: str) -> HTTPException:

@@ -25,10 +25,10 @@ from fastapi import APIRouter
 from fastapi import Depends
 from fastapi import Query
 from fastapi.responses import StreamingResponse
+from rt_robot_os.messages.texts.coded import coded
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
 from rt_robot_os.monitor.security.guard import Permission
-from rt_robot_os.texts.coded import coded
 
 _AUDIT: Final = Depends(allowed(Permission.AUDIT))
 _SEQ: Final = (1 << 62)

@@ -30,6 +30,7 @@ from typing import Final
 
 from fastapi import APIRouter
 from fastapi import WebSocket
+from rt_robot_os.messages.uplink.messages import decode
 from rt_robot_os.monitor.live.cab import Cab
 from rt_robot_os.monitor.live.cab import HeldByAnotherError
 from rt_robot_os.monitor.live.cab import Seat
@@ -39,7 +40,6 @@ from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.security.guard import websocket_actor
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.uplink.messages import decode
 from starlette.websockets import WebSocketDisconnect
 
 SILENT_S: Final = 3.0

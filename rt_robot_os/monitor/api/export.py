@@ -26,7 +26,7 @@ from fastapi import APIRouter
 from fastapi import Depends
 from fastapi import Query
 from fastapi.responses import StreamingResponse
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.api.alarms import Time
 from rt_robot_os.monitor.api.alarms import TIME_MOST
 from rt_robot_os.monitor.api.answers import away

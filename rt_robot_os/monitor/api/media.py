@@ -23,7 +23,7 @@ from fastapi import APIRouter
 from fastapi import Depends
 from fastapi import Query
 from fastapi.responses import FileResponse
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.api.answers import refusal
 from rt_robot_os.monitor.api.answers import unknown

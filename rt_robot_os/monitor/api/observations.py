@@ -22,7 +22,7 @@ from typing import Any
 from fastapi import APIRouter
 from fastapi import Depends
 from fastapi import Query
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.api.alarms import Time
 from rt_robot_os.monitor.api.alarms import TIME_MOST
 from rt_robot_os.monitor.api.answers import away

@@ -21,7 +21,7 @@ from typing import Any
 from fastapi import APIRouter
 from fastapi import Depends
 from pydantic import Field
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.api.answers import refusal
 from rt_robot_os.monitor.api.session import Strict

@@ -27,6 +27,7 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel
 from pydantic import ConfigDict
 from pydantic import Field
+from rt_robot_os.messages.uplink.messages import encode
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.audit import Somebody
 from rt_robot_os.monitor.security.devices import AGE_S as DEVICE_AGE_S
@@ -50,7 +51,6 @@ from rt_robot_os.monitor.security.roles import role_of
 from rt_robot_os.monitor.security.users import AccountError
 from rt_robot_os.monitor.security.users import key_of
 from rt_robot_os.monitor.security.users import User
-from rt_robot_os.uplink.messages import encode
 
 _JSON: Final = 'application/json'
 _ANYBODY: Final = Depends(allowed(None))

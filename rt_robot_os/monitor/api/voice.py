@@ -31,15 +31,15 @@ from typing import Final
 
 from fastapi import APIRouter
 from fastapi import WebSocket
+from rt_robot_os.messages.texts.coded import codes_of
+from rt_robot_os.messages.uplink.messages import decode
+from rt_robot_os.messages.uplink.messages import encode
 from rt_robot_os.monitor.live.media_connection import may_look
 from rt_robot_os.monitor.security.accounts import Revoked
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.security.guard import websocket_actor
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.texts.coded import codes_of
-from rt_robot_os.uplink.messages import decode
-from rt_robot_os.uplink.messages import encode
 from starlette.websockets import WebSocketDisconnect
 
 SDP_MOST: Final = 64 << 10

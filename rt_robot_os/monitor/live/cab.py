@@ -27,12 +27,12 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.messages.texts.coded import codes_of
+from rt_robot_os.messages.uplink.messages import encode
+from rt_robot_os.messages.uplink.speed_limit import bounded
 from rt_robot_os.monitor.live.lease import HeldByAnotherError
 from rt_robot_os.monitor.live.lease import Lease
 from rt_robot_os.monitor.live.outlet import Outlet
-from rt_robot_os.texts.coded import codes_of
-from rt_robot_os.uplink.messages import encode
-from rt_robot_os.uplink.speed_limit import bounded
 
 #: Hands a message of a kind to a robot at once; False when it is not connected.
 Forward = Callable[[str, str, Mapping[str, Any]], bool]

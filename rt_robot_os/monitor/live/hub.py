@@ -32,6 +32,7 @@ from typing import Final
 from typing import Protocol
 from uuid import uuid4
 
+from rt_robot_os.messages.texts.coded import codes_of
 from rt_robot_os.monitor.live.fan_out import FanOut
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.robot_state import encoded
@@ -39,7 +40,6 @@ from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.live.turns import Turns
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import Permission
-from rt_robot_os.texts.coded import codes_of
 
 #: Heart-beats that may be missing before a robot is silent.
 BEATS: Final = 3

@@ -32,6 +32,11 @@ from typing import Final
 
 from fastapi import APIRouter
 from fastapi import WebSocket
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.messages.texts.coded import codes_of
+from rt_robot_os.messages.uplink.messages import decode
+from rt_robot_os.messages.uplink.messages import encode
+from rt_robot_os.messages.uplink.tasks import end
 from rt_robot_os.monitor.live.pictures import Gallery
 from rt_robot_os.monitor.live.pictures import Key
 from rt_robot_os.monitor.live.pictures import Viewer
@@ -42,11 +47,6 @@ from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.security.guard import robot_of
 from rt_robot_os.monitor.security.guard import websocket_actor
 from rt_robot_os.monitor.services import Services
-from rt_robot_os.texts.coded import codes_of
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.uplink.messages import decode
-from rt_robot_os.uplink.messages import encode
-from rt_robot_os.uplink.tasks import end
 from starlette.websockets import WebSocketDisconnect
 
 #: A browser that leaves a picture without an answer for so long is gone, or its tab sleeps.

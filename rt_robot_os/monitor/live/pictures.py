@@ -29,7 +29,7 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
 
 #: Of a robot and a camera.
 Key = tuple[str, str]

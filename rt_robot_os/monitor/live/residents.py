@@ -29,7 +29,7 @@ import logging
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.live.hub import Hub
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.security.residents import Household

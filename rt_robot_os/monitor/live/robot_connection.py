@@ -29,7 +29,12 @@ from typing import NamedTuple
 
 from fastapi import APIRouter
 from fastapi import WebSocket
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
+from rt_robot_os.base.safe_text import safe_text
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.messages.uplink.messages import decode
+from rt_robot_os.messages.uplink.messages import encode
+from rt_robot_os.messages.uplink.messages import VERSION
 from rt_robot_os.monitor.live.outlet import Outlet
 from rt_robot_os.monitor.live.residents import admitted
 from rt_robot_os.monitor.live.residents import greet
@@ -41,11 +46,6 @@ from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.store.robot_clock import RobotClock
 from rt_robot_os.monitor.store.store import Hello
 from rt_robot_os.monitor.store.writer import TIMEOUT_S
-from rt_robot_os.safe_text import safe_text
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.uplink.messages import decode
-from rt_robot_os.uplink.messages import encode
-from rt_robot_os.uplink.messages import VERSION
 from starlette.websockets import WebSocketDisconnect
 
 _LOG: Final = logging.getLogger('monitor')

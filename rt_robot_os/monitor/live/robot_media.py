@@ -30,16 +30,16 @@ import time
 from typing import Any
 from typing import Final
 
+from rt_robot_os.messages.uplink.frames import decode_frame
+from rt_robot_os.messages.uplink.frames import encode_frame
+from rt_robot_os.messages.uplink.messages import decode
+from rt_robot_os.messages.uplink.messages import encode
 from rt_robot_os.monitor.live.memory_use import memory_of
 from rt_robot_os.monitor.live.pictures import Gallery
 from rt_robot_os.monitor.live.pictures import Picture
 from rt_robot_os.monitor.media_store import FileRefused
 from rt_robot_os.monitor.media_store import MediaStore
 from rt_robot_os.monitor.media_store import Offered
-from rt_robot_os.uplink.frames import decode_frame
-from rt_robot_os.uplink.frames import encode_frame
-from rt_robot_os.uplink.messages import decode
-from rt_robot_os.uplink.messages import encode
 
 Send = Callable[[str], Awaitable[None]]
 _OFFERS_MOST: Final = 4

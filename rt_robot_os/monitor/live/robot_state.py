@@ -25,12 +25,12 @@ import json
 from typing import Any
 from typing import Final
 
+from rt_robot_os.messages.texts.coded import codes_of
+from rt_robot_os.messages.texts.signals import codes_of_signals
 from rt_robot_os.monitor.live.memory_use import memory_of
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.rights import without
 from rt_robot_os.monitor.store.alarm_reuse import is_reused
-from rt_robot_os.texts.coded import codes_of
-from rt_robot_os.texts.signals import codes_of_signals
 
 #: Signals that are kept of a robot; further ones are counted and left out.
 SIGNALS_MOST: Final = 2000

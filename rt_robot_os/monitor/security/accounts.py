@@ -30,8 +30,8 @@ from typing import Final
 from typing import Literal
 
 from argon2 import PasswordHasher
-from rt_robot_os.errors import StartError
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StartError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.security.audit import Audit
 from rt_robot_os.monitor.security.connections import Connected
 from rt_robot_os.monitor.security.devices import Devices

@@ -39,12 +39,12 @@ from typing import Any
 from typing import Final
 from typing import Protocol
 
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
+from rt_robot_os.base.safe_text import safe_text
 from rt_robot_os.monitor.security.tables import audit
 from rt_robot_os.monitor.security.tables import audit_head
 from rt_robot_os.monitor.store.engine import reading
 from rt_robot_os.monitor.store.engine import writing
-from rt_robot_os.safe_text import safe_text
 from sqlalchemy import Engine
 from sqlalchemy import Row
 from sqlalchemy import select

@@ -45,7 +45,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID
 from cryptography.x509.oid import NameOID
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import StartError
 
 CA_DAYS: Final = 3650
 #: Tablets of Apple take no longer one.

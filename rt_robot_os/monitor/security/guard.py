@@ -29,7 +29,7 @@ from fastapi import HTTPException
 from fastapi import Request
 from fastapi import WebSocket
 from fastapi import WebSocketException
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.accounts import ENDED
 from rt_robot_os.monitor.security.origins import is_expected_host

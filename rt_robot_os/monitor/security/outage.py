@@ -34,7 +34,7 @@ from typing import Final
 from typing import Generic
 from typing import TypeVar
 
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 
 #: How long an answer of the database counts while it is away; no session lasts longer.
 OUTAGE_S: Final = 12 * 3600.0

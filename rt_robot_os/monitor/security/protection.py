@@ -21,10 +21,10 @@ from typing import Any
 from typing import Final
 
 from fastapi import FastAPI
+from rt_robot_os.messages.texts.coded import codes_of
 from rt_robot_os.monitor.security.headers import headers_for
 from rt_robot_os.monitor.security.limits import network_of
 from rt_robot_os.monitor.security.limits import Rate
-from rt_robot_os.texts.coded import codes_of
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp
 from starlette.types import Message

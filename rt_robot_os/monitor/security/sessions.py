@@ -30,7 +30,7 @@ import threading
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.security.outage import Memory
 from rt_robot_os.monitor.security.roles import EVERYBODY
 from rt_robot_os.monitor.security.roles import Permission

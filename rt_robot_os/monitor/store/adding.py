@@ -23,6 +23,7 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.monitor.store.alarm_states import follow
 from rt_robot_os.monitor.store.engine import POSTGRES
 from rt_robot_os.monitor.store.metadata import METADATA
@@ -35,7 +36,6 @@ from rt_robot_os.monitor.store.records import Sent
 from rt_robot_os.monitor.store.robot_clock import RobotClock
 from rt_robot_os.monitor.store.tables import MEDIA
 from rt_robot_os.monitor.store.tables import UNKNOWN
-from rt_robot_os.units import NS_PER_S
 from sqlalchemy import Connection
 from sqlalchemy import func
 from sqlalchemy import insert

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
 
 #: A clock may step back by so much between two events of an alarm.
 LATE_NS: Final = 60 * NS_PER_S

@@ -25,7 +25,9 @@ from pathlib import Path
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.programs import FAILED
+from rt_robot_os.base.programs import OK
 from rt_robot_os.monitor.media_store import MediaStore
 from rt_robot_os.monitor.security.commands.opening import add_command
 from rt_robot_os.monitor.security.commands.opening import console
@@ -43,8 +45,6 @@ from rt_robot_os.monitor.store.store import Store
 from rt_robot_os.monitor.store.upkeep import backup
 from rt_robot_os.monitor.store.upkeep import check
 from rt_robot_os.monitor.store.upkeep import status
-from rt_robot_os.programs import FAILED
-from rt_robot_os.programs import OK
 from sqlalchemy import Engine
 
 _DATABASE: Final = 'monitor.db'

@@ -34,10 +34,10 @@ from typing import Any
 from typing import Final
 from weakref import WeakKeyDictionary
 
-from rt_robot_os.errors import StartError
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StartError
+from rt_robot_os.base.errors import StoreError
+from rt_robot_os.base.needs import require
 from rt_robot_os.monitor.store.turns import Turns
-from rt_robot_os.needs import require
 from sqlalchemy import Connection
 from sqlalchemy import create_engine
 from sqlalchemy import Engine

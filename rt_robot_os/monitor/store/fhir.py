@@ -34,6 +34,7 @@ from typing import Final
 from uuid import UUID
 from uuid import uuid5
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.monitor.store.codes import Code
 from rt_robot_os.monitor.store.codes import code_of
 from rt_robot_os.monitor.store.codes import DIASTOLIC
@@ -42,7 +43,6 @@ from rt_robot_os.monitor.store.codes import LOINC
 from rt_robot_os.monitor.store.codes import PRESSURE
 from rt_robot_os.monitor.store.codes import SYSTOLIC
 from rt_robot_os.monitor.store.codes import UCUM
-from rt_robot_os.units import NS_PER_S
 
 #: Systolic and diastolic pressure are of one measurement when they are no further apart.
 TOGETHER_NS: Final = NS_PER_S

@@ -21,7 +21,7 @@ import sys
 import threading
 from typing import Final
 
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 
 PERIOD_S: Final = 3600.0
 FIRST_S: Final = 60.0

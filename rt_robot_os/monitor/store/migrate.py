@@ -28,7 +28,7 @@ from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from alembic.util.exc import CommandError
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import StartError
 from rt_robot_os.monitor.store.engine import POSTGRES
 from rt_robot_os.monitor.store.engine import SQLITE
 from rt_robot_os.monitor.store.engine import writing

@@ -30,11 +30,11 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.safe_text import encodable
+from rt_robot_os.base.safe_text import safe_text
+from rt_robot_os.messages.quantities import NAME
 from rt_robot_os.monitor.store.robot_clock import RobotClock
 from rt_robot_os.monitor.store.tables import NAME as NAME_LONGEST
-from rt_robot_os.safe_text import encodable
-from rt_robot_os.safe_text import safe_text
-from rt_robot_os.wsn.quantities import NAME
 
 #: The number of a quality in the database is its place here.
 QUALITIES: Final = ('good', 'suspect', 'stale', 'off', 'missing')

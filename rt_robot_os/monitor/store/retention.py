@@ -24,6 +24,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.monitor.store.charts import RAW
 from rt_robot_os.monitor.store.engine import reading
 from rt_robot_os.monitor.store.engine import writing
@@ -39,7 +40,6 @@ from rt_robot_os.monitor.store.tables import SERIES
 from rt_robot_os.monitor.store.tables import UNKNOWN
 from rt_robot_os.monitor.store.thinned import horizon
 from rt_robot_os.monitor.store.thinned import horizon_name
-from rt_robot_os.units import NS_PER_S
 from sqlalchemy import ColumnElement
 from sqlalchemy import Connection
 from sqlalchemy import delete

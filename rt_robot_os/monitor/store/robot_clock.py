@@ -24,7 +24,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from rt_robot_os.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_S
 
 #: A clock that says more or less than this is wrong: a robot that was away for a year is not.
 PAST_NS: Final = 400 * 86400 * NS_PER_S

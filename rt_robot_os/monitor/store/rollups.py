@@ -24,13 +24,13 @@ from __future__ import annotations
 
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.monitor.store.records import MEASURED
 from rt_robot_os.monitor.store.tables import DAYS
 from rt_robot_os.monitor.store.tables import HOURS
 from rt_robot_os.monitor.store.tables import MINUTES
 from rt_robot_os.monitor.store.tables import OBSERVATIONS
 from rt_robot_os.monitor.store.tables import PROGRESS
-from rt_robot_os.units import NS_PER_S
 from sqlalchemy import Connection
 from sqlalchemy import func
 from sqlalchemy import insert

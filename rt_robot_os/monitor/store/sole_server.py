@@ -26,7 +26,7 @@ import time
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import StartError
 from rt_robot_os.linux.lock_file import holder
 from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.monitor.store.engine import POSTGRES

@@ -34,8 +34,8 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.errors import StartError
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StartError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.store import alarm_queries
 from rt_robot_os.monitor.store import queries
 from rt_robot_os.monitor.store.adding import Added

@@ -20,10 +20,10 @@ from __future__ import annotations
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.monitor.store.records import QUALITIES
 from rt_robot_os.monitor.store.tables import PEOPLE
 from rt_robot_os.monitor.store.tables import SERIES
-from rt_robot_os.units import NS_PER_S
 from sqlalchemy import Connection
 from sqlalchemy import select
 from sqlalchemy import text

@@ -27,7 +27,7 @@ from contextlib import contextmanager
 import threading
 from typing import Final
 
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 
 #: Who has waited for so long gives up: the database does not answer who is writing now.
 TURN_S: Final = 30.0

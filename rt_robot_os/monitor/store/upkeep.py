@@ -23,7 +23,7 @@ import sqlite3
 import subprocess
 from typing import Any
 
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.store.engine import SQLITE
 from rt_robot_os.monitor.store.metadata import METADATA
 from rt_robot_os.monitor.store.migrate import version

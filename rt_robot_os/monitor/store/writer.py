@@ -31,13 +31,13 @@ import threading
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
+from rt_robot_os.messages.uplink.importance import Importance
 from rt_robot_os.monitor.store.adding import Added
 from rt_robot_os.monitor.store.adding import Batch
 from rt_robot_os.monitor.store.robot_clock import RobotClock
 from rt_robot_os.monitor.store.store import Hello
 from rt_robot_os.monitor.store.store import Store
-from rt_robot_os.uplink.importance import Importance
 
 _LOG: Final = logging.getLogger(__name__)
 #: Records of one transaction, about: what comes next waits no longer than for these.

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import math
 from typing import Final
 
+from rt_robot_os.base.schema import setting
 from rt_robot_os.motion.controllers.base import Controller
 from rt_robot_os.motion.controllers.base import error_of
 from rt_robot_os.motion.controllers.base import held
@@ -32,7 +33,6 @@ from rt_robot_os.motion.controllers.base import HeldGains
 from rt_robot_os.motion.controllers.base import Velocity
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.reference import Reference
-from rt_robot_os.schema import setting
 
 # The steepest way back to the path is at 45 degrees: beyond a right angle the law runs in circles.
 _STEEPEST: Final = math.sin(math.pi / 4)

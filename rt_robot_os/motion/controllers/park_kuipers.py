@@ -25,12 +25,12 @@ from dataclasses import dataclass
 import math
 from typing import Final
 
+from rt_robot_os.base.schema import setting
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.controllers.base import Controller
 from rt_robot_os.motion.controllers.base import Velocity
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.reference import Reference
-from rt_robot_os.schema import setting
 
 _NEAR_M: Final = 1e-3
 

@@ -26,13 +26,13 @@ from dataclasses import dataclass
 import math
 from typing import Final
 
+from rt_robot_os.base.schema import setting
 from rt_robot_os.motion.controllers.base import Controller
 from rt_robot_os.motion.controllers.base import Velocity
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.reference import Reference
 from rt_robot_os.motion.reference_path import Path
 from rt_robot_os.motion.reference_path import Point
-from rt_robot_os.schema import setting
 
 _CHORD_MINIMUM_M2: Final = 0.001
 _SEARCH_SAMPLES: Final = 200

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 import math
 from typing import Final
 
+from rt_robot_os.base.schema import setting
 from rt_robot_os.motion.controllers.base import Controller
 from rt_robot_os.motion.controllers.base import error_of
 from rt_robot_os.motion.controllers.base import held
@@ -35,7 +36,6 @@ from rt_robot_os.motion.controllers.base import HeldGains
 from rt_robot_os.motion.controllers.base import Velocity
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.reference import Reference
-from rt_robot_os.schema import setting
 
 _STEEPEST_RAD: Final = math.pi / 4
 # A reference at rest still has to be reached along the path.

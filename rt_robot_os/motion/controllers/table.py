@@ -21,14 +21,14 @@ from dataclasses import replace
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.schema import declared
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import made
 from rt_robot_os.motion.controllers.base import Controller
 from rt_robot_os.motion.controllers.kanayama import Kanayama
 from rt_robot_os.motion.controllers.park_kuipers import ParkKuipers
 from rt_robot_os.motion.controllers.regulated_pure_pursuit import RegulatedPurePursuit
 from rt_robot_os.motion.controllers.samson import Samson
-from rt_robot_os.schema import declared
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import made
 
 CONTROLLERS: Final[Mapping[str, type[Controller]]] = {
     law.NAME: law for law in (Kanayama, Samson, RegulatedPurePursuit, ParkKuipers)}

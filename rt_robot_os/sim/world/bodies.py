@@ -31,12 +31,12 @@ from typing import ClassVar
 from typing import Final
 from typing import TypeVar
 
-from rt_robot_os.devices.atmosphere import pressure_pa
-from rt_robot_os.schema import Field
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
+from rt_robot_os.motion.atmosphere import pressure_pa
 from rt_robot_os.sim.base import NOWHERE
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.device import SimulatedDevice
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
 T = TypeVar('T')
 Vector = tuple[float, float, float]

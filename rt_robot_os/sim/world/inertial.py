@@ -26,7 +26,9 @@ from typing import Final
 from typing import Protocol
 from typing import TYPE_CHECKING
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
 from rt_robot_os.motion.angles import roll_pitch_yaw_of
 from rt_robot_os.motion.quaternion import about_up
 from rt_robot_os.motion.quaternion import conjugate
@@ -34,11 +36,9 @@ from rt_robot_os.motion.quaternion import multiply
 from rt_robot_os.motion.quaternion import Quaternion
 from rt_robot_os.motion.quaternion import rotate
 from rt_robot_os.motion.quaternion import Vector
-from rt_robot_os.schema import Field
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.world import bodies
 from rt_robot_os.sim.world.worn import OnPerson
-from rt_robot_os.units import STANDARD_GRAVITY_M_S2
 
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World

@@ -22,13 +22,13 @@ from dataclasses import dataclass
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.messages.survey import node
+from rt_robot_os.messages.survey import numbered
 from rt_robot_os.sim.world.happenings import event
 from rt_robot_os.sim.world.texts import exactly
 from rt_robot_os.sim.world.texts import name_of
 from rt_robot_os.sim.world.texts import numbers_of
-from rt_robot_os.wsn.survey import node
-from rt_robot_os.wsn.survey import numbered
 
 _MOST_POINTS: Final = 1000
 

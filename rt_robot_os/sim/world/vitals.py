@@ -44,7 +44,7 @@ class _Sign(NamedTuple):
     most: float = math.inf
 
 
-#: By the names of :mod:`rt_robot_os.wsn.quantities`.
+#: By the names of :mod:`rt_robot_os.messages.quantities`.
 SIGNS: Final[Mapping[str, _Sign]] = {
     'pulse_per_min': _Sign(72.0, 3.0, 30.0),
     'respiration_per_min': _Sign(15.0, 1.0, 6.0),

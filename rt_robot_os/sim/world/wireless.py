@@ -22,13 +22,13 @@ from collections.abc import Iterator
 from collections.abc import Sequence
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.messages.quantities import ALARMS
+from rt_robot_os.messages.survey import SurveyedNode
 from rt_robot_os.sim.world.happenings import FINE
 from rt_robot_os.sim.world.happenings import Happening
 from rt_robot_os.sim.world.people import Person
 from rt_robot_os.sim.world.vitals import SIGNS
-from rt_robot_os.wsn.simulator.live_readings import ALARMS
-from rt_robot_os.wsn.survey import SurveyedNode
 
 ALARM: Final = 'alarm'
 PRESS: Final = 'press'

@@ -34,7 +34,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.messages.survey import numbered
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.grid_map import GridMap
@@ -62,8 +64,6 @@ from rt_robot_os.sim.world.scene import READERS
 from rt_robot_os.sim.world.wireless import Wireless
 from rt_robot_os.sim.world_settings import OPEN_FLOOR
 from rt_robot_os.sim.world_settings import WorldSettings
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.wsn.survey import numbered
 
 Floats = npt.NDArray[np.float64]
 

@@ -19,8 +19,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from rt_robot_os.health.body_motion import body_motion
-from rt_robot_os.health.body_motion import Felt
 from rt_robot_os.motion.angles import roll_pitch_yaw_of
 from rt_robot_os.motion.mounting import mounting_of
 from rt_robot_os.motion.quaternion import about_up
@@ -31,6 +29,8 @@ from rt_robot_os.motion.quaternion import rotate
 from rt_robot_os.motion.quaternion import Vector
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.world import bodies
+from rt_robot_os.sim.world.body_motion import body_motion
+from rt_robot_os.sim.world.body_motion import Felt
 from rt_robot_os.sim.world.people import Person
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rt_robot_os.compiled import state
-from rt_robot_os.compiled import SWITCH
+from rt_robot_os.base.compiled import state
+from rt_robot_os.base.compiled import SWITCH
 from rt_robot_os.tools.bench.case import COMPILED
 from rt_robot_os.tools.bench.case import PURE
 

@@ -26,11 +26,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.units import NS_PER_S
 
 # The core's own defaults, so that what is measured is what runs.
 FIFO_PRIORITY = 80

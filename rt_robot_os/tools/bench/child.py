@@ -31,10 +31,10 @@ from typing import Any
 
 import numpy as np
 
-from rt_robot_os.errors import RtRobotError
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.needs import remedy
+from rt_robot_os.base.requirements import LIBRARIES
 from rt_robot_os.linux.process import run_child
-from rt_robot_os.needs import remedy
-from rt_robot_os.requirements import LIBRARIES
 from rt_robot_os.tools.bench import builds
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.harness import Harness

@@ -22,10 +22,10 @@ import signal
 from types import FrameType
 from typing import Any
 
-from rt_robot_os.programs import FAILED
-from rt_robot_os.programs import INTERRUPTED
-from rt_robot_os.programs import OK
-from rt_robot_os.programs import tell
+from rt_robot_os.base.programs import FAILED
+from rt_robot_os.base.programs import INTERRUPTED
+from rt_robot_os.base.programs import OK
+from rt_robot_os.base.programs import tell
 from rt_robot_os.tools.bench import expectations
 from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.case import Case

@@ -21,8 +21,8 @@ from pathlib import Path
 import time
 from typing import NoReturn
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.link import LinkClient
-from rt_robot_os.units import NS_PER_S
 
 _BEAT_NS = NS_PER_S // 3
 

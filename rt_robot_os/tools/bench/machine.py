@@ -22,7 +22,7 @@ from pathlib import Path
 import platform
 from typing import Any
 
-from rt_robot_os.compiled import state
+from rt_robot_os.base.compiled import state
 
 _PACKAGES = ('rt-robot-os', 'numpy', 'ros-rclpy', 'ros-rmw-fastrtps-cpp', 'ros-fastrtps',
              'horus-robotics', 'matplotlib')

@@ -22,7 +22,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rt_robot_os.errors import RtRobotError
+from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.blocks import Picture
 from rt_robot_os.tools.bench.case import Case

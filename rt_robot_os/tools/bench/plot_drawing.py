@@ -31,7 +31,7 @@ from pathlib import Path
 import re
 from typing import Any
 
-from rt_robot_os.needs import lacking
+from rt_robot_os.base.needs import lacking
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
 

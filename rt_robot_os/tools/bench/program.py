@@ -23,8 +23,8 @@ from __future__ import annotations
 import sys
 from typing import Final
 
-from rt_robot_os.programs import FAILED
-from rt_robot_os.programs import Program
+from rt_robot_os.base.programs import FAILED
+from rt_robot_os.base.programs import Program
 
 main: Final = Program('bench', 'rt_robot_os.tools.bench.command:run', reader_gone=FAILED)
 

@@ -32,17 +32,17 @@ from typing import Final
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.mapping.slam.finding import Finder
+from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.slam.known_map import KnownMap
+from rt_robot_os.features.mapping.slam.scan import Scan
+from rt_robot_os.features.mapping.slam.transforms import between
+from rt_robot_os.features.mapping.slam.transforms import composed
+from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.walls import disc_distances
 from rt_robot_os.motion.walls import Walls
-from rt_robot_os.slam.finding import Finder
-from rt_robot_os.slam.graph import Graph
-from rt_robot_os.slam.known_map import KnownMap
-from rt_robot_os.slam.scan import Scan
-from rt_robot_os.slam.transforms import between
-from rt_robot_os.slam.transforms import composed
-from rt_robot_os.slam.transforms import Floats
-from rt_robot_os.units import NS_PER_S
 
 _PERIOD_S: Final = 0.1
 _CLEAR_M: Final = 0.25

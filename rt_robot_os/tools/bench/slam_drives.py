@@ -28,15 +28,15 @@ from typing import Final
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.mapping.slam.scan import Scan
+from rt_robot_os.features.mapping.slam.transforms import between
+from rt_robot_os.features.mapping.slam.transforms import composed
+from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.linux.file_urls import path_of
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.walls import disc_distances
 from rt_robot_os.motion.walls import Walls
-from rt_robot_os.slam.scan import Scan
-from rt_robot_os.slam.transforms import between
-from rt_robot_os.slam.transforms import composed
-from rt_robot_os.slam.transforms import Floats
-from rt_robot_os.units import NS_PER_S
 
 Way = tuple[tuple[float, float], ...]
 

@@ -20,13 +20,13 @@ import math
 
 import numpy as np
 
+from rt_robot_os.features.mapping.slam.transforms import between
+from rt_robot_os.features.mapping.slam.transforms import Floats
+from rt_robot_os.features.mapping.slam.transforms import placed
 from rt_robot_os.motion.grid_map import FREE
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.grid_map import Mask
 from rt_robot_os.motion.grid_map import OCCUPIED
-from rt_robot_os.slam.transforms import between
-from rt_robot_os.slam.transforms import Floats
-from rt_robot_os.slam.transforms import placed
 
 #: A cell is right when the true map has the same so near to it.
 NEAR_M = 0.1

@@ -23,7 +23,7 @@ import resource
 import statistics
 import time
 
-from rt_robot_os.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_MS
 
 # Said when the counters name no culprit.
 NOTHING = ('no disturbance from outside was counted, so it is the program itself, the interpreter '

@@ -28,14 +28,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from rt_robot_os.errors import BlackBoxError
+from rt_robot_os.base.errors import BlackBoxError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel.black_box import PUBLISH
 from rt_robot_os.tools.black_box.history import History
 from rt_robot_os.tools.black_box.history import Job
 from rt_robot_os.tools.black_box.history import Outcome
 from rt_robot_os.tools.black_box.text_report import duration
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_US
 
 # A longer way is a circle that feeds itself.
 _MOST_STAGES: Final = 64

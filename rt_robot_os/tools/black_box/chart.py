@@ -20,7 +20,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from dataclasses import field
 
-from rt_robot_os.errors import BlackBoxError
+from rt_robot_os.base.errors import BlackBoxError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import INTERRUPT
 from rt_robot_os.kernel.black_box import MARK
@@ -31,8 +33,6 @@ from rt_robot_os.tools.black_box.history import Job
 from rt_robot_os.tools.black_box.history import Outcome
 from rt_robot_os.tools.black_box.text_report import duration
 from rt_robot_os.tools.black_box.text_report import fault_ns
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 DEFAULT_NS = 50 * NS_PER_MS
 _AFTER_FAULT_NS = 10 * NS_PER_MS

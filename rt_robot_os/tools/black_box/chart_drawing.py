@@ -25,7 +25,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from rt_robot_os.errors import BlackBoxError
+from rt_robot_os.base.errors import BlackBoxError
 from rt_robot_os.tools.black_box.chart import Chart
 from rt_robot_os.tools.black_box.chart import Row
 
@@ -41,7 +41,7 @@ def save(chart: Chart, path: Path) -> None:
     """
     Draw into a file; its ending says the format, one of :data:`FORMATS`.
 
-    matplotlib has to be there: :func:`rt_robot_os.output_files.check_picture`.
+    matplotlib has to be there: :func:`rt_robot_os.base.output_files.check_picture`.
 
     :raises BlackBoxError: the file cannot be written.
     """

@@ -23,12 +23,14 @@ import json
 from pathlib import Path
 import sys
 
-from rt_robot_os.errors import BlackBoxError
+from rt_robot_os.base.errors import BlackBoxError
+from rt_robot_os.base.output_files import check_output
+from rt_robot_os.base.output_files import check_picture
+from rt_robot_os.base.programs import OK
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.link.client import connect
 from rt_robot_os.link.robots import add_robot_option
-from rt_robot_os.output_files import check_output
-from rt_robot_os.output_files import check_picture
-from rt_robot_os.programs import OK
 from rt_robot_os.tools.black_box import chain_text
 from rt_robot_os.tools.black_box import chart_of
 from rt_robot_os.tools.black_box import default_folder
@@ -46,8 +48,6 @@ from rt_robot_os.tools.black_box import understand
 from rt_robot_os.tools.black_box import window
 from rt_robot_os.tools.black_box import write_parts
 from rt_robot_os.tools.black_box.chart_drawing import FORMATS
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 _FILE = 'a dump; without it the newest in the folder'
 

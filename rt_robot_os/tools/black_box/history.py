@@ -27,8 +27,8 @@ from enum import IntEnum
 from operator import attrgetter
 from typing import Any
 
-from rt_robot_os.dumps.dump_parts import kind_name
-from rt_robot_os.dumps.dump_parts import KINDS
+from rt_robot_os.core.dumps.dump_parts import kind_name
+from rt_robot_os.core.dumps.dump_parts import KINDS
 from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import BlackBoxDump
 from rt_robot_os.kernel.black_box import BLOCKED

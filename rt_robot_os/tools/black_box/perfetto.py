@@ -27,6 +27,7 @@ from collections.abc import Iterator
 from collections.abc import Mapping
 from typing import Any
 
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import INTERRUPT
 from rt_robot_os.kernel.black_box import MARK
@@ -36,7 +37,6 @@ from rt_robot_os.kernel.black_box import PUBLISH
 from rt_robot_os.tools.black_box.history import History
 from rt_robot_os.tools.black_box.history import Job
 from rt_robot_os.tools.black_box.history import Moment
-from rt_robot_os.units import NS_PER_US
 
 PROCESS = 1
 # Tracks are ordered by these numbers; 1..99 is 100 less the priority.

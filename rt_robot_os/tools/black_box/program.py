@@ -23,8 +23,8 @@ from __future__ import annotations
 import sys
 from typing import Final
 
-from rt_robot_os.programs import OK
-from rt_robot_os.programs import Program
+from rt_robot_os.base.programs import OK
+from rt_robot_os.base.programs import Program
 
 main: Final = Program('black_box', 'rt_robot_os.tools.black_box.command:run', reader_gone=OK)
 

@@ -16,15 +16,15 @@
 
 from __future__ import annotations
 
-from rt_robot_os.dumps.dump_file import DumpFile
-from rt_robot_os.dumps.dump_file import read_dump
-from rt_robot_os.dumps.dump_file import write_parts
-from rt_robot_os.dumps.dump_parts import join
-from rt_robot_os.dumps.dump_parts import parts
-from rt_robot_os.dumps.folder import default_folder
-from rt_robot_os.dumps.folder import dumps
-from rt_robot_os.dumps.folder import file_name
-from rt_robot_os.dumps.folder import newest
+from rt_robot_os.core.dumps.dump_file import DumpFile
+from rt_robot_os.core.dumps.dump_file import read_dump
+from rt_robot_os.core.dumps.dump_file import write_parts
+from rt_robot_os.core.dumps.dump_parts import join
+from rt_robot_os.core.dumps.dump_parts import parts
+from rt_robot_os.core.dumps.folder import default_folder
+from rt_robot_os.core.dumps.folder import dumps
+from rt_robot_os.core.dumps.folder import file_name
+from rt_robot_os.core.dumps.folder import newest
 from rt_robot_os.tools.black_box.chains import Chain
 from rt_robot_os.tools.black_box.chains import chain_text
 from rt_robot_os.tools.black_box.chains import find_chains

@@ -24,6 +24,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel.black_box import ABORT
 from rt_robot_os.kernel.black_box import INTERRUPT
 from rt_robot_os.kernel.black_box import MISS
@@ -33,9 +36,6 @@ from rt_robot_os.tools.black_box.history import History
 from rt_robot_os.tools.black_box.history import Job
 from rt_robot_os.tools.black_box.history import Moment
 from rt_robot_os.tools.black_box.history import Outcome
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 BEFORE_FAULT_NS = 50 * NS_PER_MS
 # Less is the way from an interrupt to its handler, not somebody's fault; the kernel's own limit.

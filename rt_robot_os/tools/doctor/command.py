@@ -20,9 +20,9 @@ from collections.abc import Sequence
 import io
 import sys
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.programs import INTERRUPTED
-from rt_robot_os.programs import tell
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.programs import INTERRUPTED
+from rt_robot_os.base.programs import tell
 from rt_robot_os.tools.doctor.examination import Doctor
 from rt_robot_os.tools.doctor.options import parse
 from rt_robot_os.tools.doctor.report import FAILED

@@ -24,7 +24,7 @@ import sys
 from typing import NoReturn
 from typing import TYPE_CHECKING
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.tools.doctor.report import FAILED
 from rt_robot_os.tools.doctor.system import Wanted
 
@@ -134,8 +134,8 @@ def _wanted(argv: Sequence[str], files: Sequence[Path], cpu: int | None) -> Want
 
 
 def _journals(settings: RobotSettings) -> tuple[tuple[str, int], ...]:
-    from rt_robot_os.alarms.journal_file import disk_bytes
-    from rt_robot_os.devices.journal.worker import folder_of
+    from rt_robot_os.features.alarms.journal_device.worker import folder_of
+    from rt_robot_os.features.alarms.journal_file import disk_bytes
     return tuple((str(folder_of(device.port)), disk_bytes(device.settings['limit_kb'] << 10))
                  for device in settings.devices if device.type == _JOURNAL
                  and device.sim is None)

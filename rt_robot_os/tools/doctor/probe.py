@@ -134,11 +134,11 @@ def core() -> dict[str, Any]:
 
 def compiled() -> dict[str, Any]:
     """Say which build of the package runs, and why this machine could not compile it."""
-    from rt_robot_os.compiled import state
+    from rt_robot_os.base.compiled import state
     known = state()
     answer: dict[str, Any] = {'compiled': known.compiled, 'text': known.text}
     try:
-        from rt_robot_os.compiled.build import obstacle
+        from rt_robot_os.base.compiled.build import obstacle
         answer['obstacle'] = obstacle() or ''
     except ImportError:  # without setuptools
         answer['obstacle'] = 'no setuptools: sudo apt install python3-setuptools'
@@ -150,7 +150,7 @@ def rclpy() -> dict[str, Any]:
     import importlib
     from importlib import metadata
     try:
-        # By name: only rt_robot_os.clients.ros uses it; this only tells whether it would work.
+        # By name: only rt_robot_os.ros uses it; this only tells whether it would work.
         module = importlib.import_module('rclpy')
         utilities = importlib.import_module('rclpy.utilities')
         rmw = utilities.get_rmw_implementation_identifier()

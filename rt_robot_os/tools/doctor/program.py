@@ -23,7 +23,7 @@ from __future__ import annotations
 import sys
 from typing import Final
 
-from rt_robot_os.programs import Program
+from rt_robot_os.base.programs import Program
 
 main: Final = Program('doctor', 'rt_robot_os.tools.doctor.command:run', reader_gone=3)
 

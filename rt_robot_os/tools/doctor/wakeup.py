@@ -26,6 +26,9 @@ import subprocess
 import time
 from typing import Any
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.tools.doctor.facts import asked_cpu
 from rt_robot_os.tools.doctor.finding import bad
@@ -38,9 +41,6 @@ from rt_robot_os.tools.doctor.lateness import Measured
 from rt_robot_os.tools.doctor.lateness import measured
 from rt_robot_os.tools.doctor.system import ProbeError
 from rt_robot_os.tools.doctor.system import System
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 CHILD = 'rt_robot_os.tools.doctor.wakeup_child'
 # A tenth of the period at 1 kHz. Well set up machines stay below it (PREEMPT_RT: 20 to 80 us), and

@@ -29,6 +29,9 @@ import sys
 import time
 from typing import Any
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux import realtime
 from rt_robot_os.linux.process import run_child
@@ -36,9 +39,6 @@ from rt_robot_os.linux.realtime import HeldCpuLatency
 from rt_robot_os.linux.realtime import hold_cpu_latency
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.doctor.lateness import Lateness
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 PERIOD_NS = NS_PER_MS
 SKIPPED = 100

@@ -24,10 +24,10 @@ import shlex
 import shutil
 import sys
 
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.programs import BAD_USE
-from rt_robot_os.programs import OK
-from rt_robot_os.programs import tell
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.programs import BAD_USE
+from rt_robot_os.base.programs import OK
+from rt_robot_os.base.programs import tell
 from rt_robot_os.tools.new.package import Package
 from rt_robot_os.tools.new.package import problems_of
 

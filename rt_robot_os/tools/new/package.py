@@ -55,7 +55,7 @@ def name_problem(noun: str, name: str, longest: int) -> str:
 
 def _taken() -> set[str]:
     """Return the sections of the configuration that is written."""
-    from rt_robot_os.schema import declared
+    from rt_robot_os.base.schema import declared
     from rt_robot_os.settings.model import RobotSettings
     from rt_robot_os.settings.model import SECTIONS
     return {*(each.name for each in declared(RobotSettings)), *SECTIONS, 'imu', 'imu_data'}

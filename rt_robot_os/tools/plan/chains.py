@@ -32,7 +32,7 @@ from dataclasses import dataclass
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.tools.plan.analysis import busy_until_ns
 from rt_robot_os.tools.plan.given import RobotTasks

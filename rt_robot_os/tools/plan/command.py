@@ -23,12 +23,12 @@ import json
 import os
 from pathlib import Path
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.link.paths import runtime_folder
-from rt_robot_os.output_files import check_output
-from rt_robot_os.programs import BAD_USE
-from rt_robot_os.programs import tell
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.output_files import check_output
+from rt_robot_os.base.programs import BAD_USE
+from rt_robot_os.base.programs import tell
+from rt_robot_os.linux.paths import runtime_folder
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
 from rt_robot_os.settings.load import load_from_arguments

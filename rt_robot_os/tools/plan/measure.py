@@ -24,7 +24,7 @@ import time
 from typing import Any
 from typing import Protocol
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.core_statistics import CoreStatistics
@@ -47,7 +47,7 @@ Longest = Callable[[TaskStatistics], int]
 
 
 class CoreRunner(Protocol):
-    """What runs the core: :class:`~rt_robot_os.clients.ros.core_process.CoreProcess`."""
+    """What runs the core: :class:`~rt_robot_os.ros.core_process.CoreProcess`."""
 
     exit_code: int | None
 

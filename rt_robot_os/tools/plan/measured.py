@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 
 FORMAT: Final = 1
 FILE_BYTES_MAXIMUM: Final = 4 << 20

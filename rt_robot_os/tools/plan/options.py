@@ -21,6 +21,8 @@ from collections.abc import Sequence
 import math
 from pathlib import Path
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.tools.plan.chains import ChainRequest
 from rt_robot_os.tools.plan.given import Given
@@ -28,8 +30,6 @@ from rt_robot_os.tools.plan.given import JOB_OVERHEAD_NS
 from rt_robot_os.tools.plan.given import MARGIN
 from rt_robot_os.tools.plan.given import TICK_OVERHEAD_NS
 from rt_robot_os.tools.plan.typical import shipped
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_US
 
 _EPILOG = """
 Execution times come, for each task, from --execution, else from execution_us in its section, else

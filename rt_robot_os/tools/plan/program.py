@@ -20,12 +20,12 @@ from collections.abc import Sequence
 from functools import partial
 import sys
 
-from rt_robot_os.programs import Run
-from rt_robot_os.programs import run_program
+from rt_robot_os.base.programs import Run
+from rt_robot_os.base.programs import run_program
 
 
 def _load() -> Run:
-    from rt_robot_os.clients.ros.core_process import CoreProcess
+    from rt_robot_os.ros.core_process import CoreProcess
     from rt_robot_os.tools.plan.command import run
     return partial(run, make_core=CoreProcess)
 

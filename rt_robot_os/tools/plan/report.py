@@ -32,7 +32,7 @@ from rt_robot_os.tools.plan.result import Analysis
 from rt_robot_os.tools.plan.sensitivity import load_margins
 from rt_robot_os.tools.plan.sensitivity import Sensitivity
 
-# 2 is for bad use, see rt_robot_os.programs.
+# 2 is for bad use, see rt_robot_os.base.programs.
 SCHEDULABLE, NOT_SCHEDULABLE, NOT_JUDGED = 0, 1, 3
 
 

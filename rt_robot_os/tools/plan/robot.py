@@ -18,8 +18,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
+from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.devices.manager import RECOVERY_RATE_HZ
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.link.server import BEAT_RATE_HZ
 from rt_robot_os.link.server import LIFE
 from rt_robot_os.link.server import LIFE_EXECUTION_NS
@@ -44,10 +48,6 @@ from rt_robot_os.tools.plan.typical import times_of
 from rt_robot_os.tools.plan.typical import TypicalTimes
 from rt_robot_os.tools.plan.wiring import COMMANDS
 from rt_robot_os.tools.plan.wiring import Wiring
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
-from rt_robot_os.units import period_from_rate
 
 # The node's supervisor beats three times in each core.heartbeat_s.
 _BEATS_PER_HEARTBEAT = 3

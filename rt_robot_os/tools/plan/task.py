@@ -24,7 +24,7 @@ from dataclasses import field
 from types import MappingProxyType
 from typing import Any
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 
 
 def _none() -> Mapping[str, int]:

@@ -30,9 +30,9 @@ from pathlib import Path
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.tools.plan.wiring import Wiring
-from rt_robot_os.units import NS_PER_US
 
 FORMAT: Final = 1
 PATH: Final = Path(__file__).with_name('typical.json')

@@ -22,17 +22,17 @@ from dataclasses import dataclass
 from dataclasses import replace
 import math
 
+from rt_robot_os.base.schema import STAR
+from rt_robot_os.base.schema import star_match
+from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.modules.registry import module_class
-from rt_robot_os.schema import STAR
-from rt_robot_os.schema import star_match
 from rt_robot_os.settings import DeviceSettings
 from rt_robot_os.settings import ModuleSettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.tools.plan.task import Event
 from rt_robot_os.topics.ports import PortOwner
 from rt_robot_os.topics.ports import WAKE_ON_ALL
-from rt_robot_os.units import period_from_rate
 
 COMMANDS = 'link/commands'
 

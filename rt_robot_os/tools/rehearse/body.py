@@ -20,11 +20,11 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.sim.world import World
 from rt_robot_os.tools.rehearse.stage import Stage
 from rt_robot_os.tools.rehearse.stage import STEP_NS
-from rt_robot_os.units import NS_PER_S
 
 _SPEED_M_S: Final = 0.4
 _TURN_RAD_S: Final = 0.8

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rt_robot_os.programs import run_command
+from rt_robot_os.base.programs import run_command
 from rt_robot_os.tools.rehearse import emergencies
 from rt_robot_os.tools.rehearse import quiet
 

@@ -22,10 +22,10 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
-from rt_robot_os.agent.edges import Edge
-from rt_robot_os.agent.edges import EDGES
-from rt_robot_os.agent.edges import PAUSES
-from rt_robot_os.agent.edges import State
+from rt_robot_os.features.agent.edges import Edge
+from rt_robot_os.features.agent.edges import EDGES
+from rt_robot_os.features.agent.edges import PAUSES
+from rt_robot_os.features.agent.edges import State
 
 _BY_ENDS: Final[Mapping[tuple[str, str, str], Edge]] = {
     (edge.source.value, edge.event, edge.target.value): edge for edge in EDGES}

@@ -26,6 +26,7 @@ from random import Random
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world.posture import Posture
@@ -43,7 +44,6 @@ from rt_robot_os.tools.rehearse.story import Scene
 from rt_robot_os.tools.rehearse.story import Story
 from rt_robot_os.tools.rehearse.wearables import Wearables
 from rt_robot_os.topics import Subscription
-from rt_robot_os.units import NS_PER_S
 
 # A button is held down that long.
 _PRESS_S: Final = 10.0

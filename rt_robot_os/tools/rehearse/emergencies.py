@@ -29,9 +29,10 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.agent.edges import EDGES
-from rt_robot_os.programs import FAILED
-from rt_robot_os.programs import OK
+from rt_robot_os.base.programs import FAILED
+from rt_robot_os.base.programs import OK
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.agent.edges import EDGES
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
@@ -48,7 +49,6 @@ from rt_robot_os.tools.rehearse.story import draw
 from rt_robot_os.tools.rehearse.story import Story
 from rt_robot_os.tools.rehearse.verdict import judge
 from rt_robot_os.tools.rehearse.verdict import Verdict
-from rt_robot_os.units import NS_PER_S
 
 _PROBLEMS_SHOWN: Final = 20
 # Of a process of the pool.

@@ -21,18 +21,18 @@ import math
 from random import Random
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.wsn.packets.conversions import battery_raw
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.packets.paper import DataMsg
+from rt_robot_os.features.wsn.packets.paper import Kind
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.simulator.live_readings import NodeReadings
+from rt_robot_os.messages.quantities import ALARMS
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world.wireless import WirelessNode
 from rt_robot_os.tools.rehearse.stage import Stage
 from rt_robot_os.topics import Publisher
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.wsn.packets.conversions import battery_raw
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
-from rt_robot_os.wsn.packets.paper import DataMsg
-from rt_robot_os.wsn.packets.paper import Kind
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
-from rt_robot_os.wsn.simulator.live_readings import ALARMS
-from rt_robot_os.wsn.simulator.live_readings import NodeReadings
 
 _UART: Final = 0x7E
 _VOLTS: Final = 3.0

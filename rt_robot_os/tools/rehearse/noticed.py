@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.sim.world import World
 from rt_robot_os.tools.rehearse.story import CALLERS

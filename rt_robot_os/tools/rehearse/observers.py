@@ -21,12 +21,12 @@ import json
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.sim.world import World
 from rt_robot_os.tools.rehearse.office import Later
 from rt_robot_os.tools.rehearse.office import say
 from rt_robot_os.tools.rehearse.office import texts
 from rt_robot_os.tools.rehearse.stage import Stage
-from rt_robot_os.units import NS_PER_S
 
 # A picture is on the disk so much later.
 _PICTURE_NS: Final = NS_PER_S

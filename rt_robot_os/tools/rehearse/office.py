@@ -29,18 +29,18 @@ from random import Random
 from typing import Any
 from typing import Final
 
-from rt_robot_os.alarms.alarm import compact
-from rt_robot_os.alarms.journal_file import JournalFile
-from rt_robot_os.alarms.journal_file import Room
-from rt_robot_os.alarms.store import MemoryStore
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.alarm import compact
+from rt_robot_os.features.alarms.journal_file import JournalFile
+from rt_robot_os.features.alarms.journal_file import Room
+from rt_robot_os.features.alarms.store import MemoryStore
 from rt_robot_os.tools.rehearse.body import Body
 from rt_robot_os.tools.rehearse.stage import Stage
 from rt_robot_os.tools.rehearse.story import CALLERS
 from rt_robot_os.tools.rehearse.story import Carer
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 #: The name under which the carer acknowledges and resolves.
 CARER: Final = 'carer'

@@ -22,8 +22,9 @@ import json
 import time
 from typing import Any
 
-from rt_robot_os.programs import FAILED
-from rt_robot_os.programs import OK
+from rt_robot_os.base.programs import FAILED
+from rt_robot_os.base.programs import OK
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.sim.world import World
 from rt_robot_os.tools.rehearse.director import Director
@@ -31,7 +32,6 @@ from rt_robot_os.tools.rehearse.noticed import nodes_of
 from rt_robot_os.tools.rehearse.options import add_settings
 from rt_robot_os.tools.rehearse.options import settings_of
 from rt_robot_os.tools.rehearse.story import quiet
-from rt_robot_os.units import NS_PER_S
 
 
 def add_to(commands: Any) -> None:

@@ -30,18 +30,18 @@ from typing import Any
 from typing import Final
 from typing import Protocol
 
+from rt_robot_os.base.errors import TopicError
+from rt_robot_os.base.schema import TopicSpec
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.core.app import Core
 from rt_robot_os.devices.registry import DRIVERS
-from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.modules.registry import module_class
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import TopicSettings
 from rt_robot_os.settings import WatchdogSettings
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
-from rt_robot_os.units import NS_PER_S
 
 #: Types of modules that an actor plays: they need a body, or much time.
 PLAYED: Final = frozenset({

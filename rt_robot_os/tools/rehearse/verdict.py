@@ -22,12 +22,12 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.rehearse.director import is_settled
 from rt_robot_os.tools.rehearse.director import Record
 from rt_robot_os.tools.rehearse.story import EMERGENCIES
 from rt_robot_os.tools.rehearse.story import Scene
 from rt_robot_os.tools.rehearse.story import Story
-from rt_robot_os.units import NS_PER_S
 
 # An emergency has become an alarm by then.
 _NOTICED_S: Final = {'fall': 15.0, 'help': 10.0, 'sick': 240.0, 'smoke': 30.0, 'call': 5.0}

@@ -19,14 +19,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.registry import DRIVERS
-from rt_robot_os.health.body_motion import body_motion
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.sim.world import World
+from rt_robot_os.sim.world.body_motion import body_motion
 from rt_robot_os.sim.world.people import Person
 from rt_robot_os.sim.world.vitals import SIGNS
 from rt_robot_os.tools.rehearse.stage import Stage
-from rt_robot_os.units import NS_PER_S
 
 _IMU: Final = 'sensor_msgs/msg/Imu'
 _FLOAT: Final = 'std_msgs/msg/Float64'

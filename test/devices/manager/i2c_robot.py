@@ -19,19 +19,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
+from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.devices.i2c.bus import I2cBuses
+from rt_robot_os.devices.i2c.simulated_bus import LocalTransport
+from rt_robot_os.devices.i2c.simulated_port import I2cPort
 from rt_robot_os.devices.managed import ManagedDevice
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.registry import DRIVERS
+from rt_robot_os.devices.simulators import SIMULATORS
 from rt_robot_os.devices.state import RecoverySettings
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
-from rt_robot_os.schema import REQUIRED
 from rt_robot_os.sim.base import Place
-from rt_robot_os.sim.base import SIMULATORS
-from rt_robot_os.sim.i2c_bus import LocalTransport
 from rt_robot_os.topics import Bus
 
 MS = 1_000_000
@@ -49,7 +50,7 @@ class I2cRobot:
         self.manager = SensorManager(self.kernel, self.bus, self.reports)
         self.place = Place(Path('/nowhere'))
         self.buses = I2cBuses(lambda path: LocalTransport(
-            self.place.i2c().bus, self.kernel.now_ns, self.clock.spend))
+            self.place.shared_port('i2c-sim', I2cPort).bus, self.kernel.now_ns, self.clock.spend))
         self.chips: dict[str, Any] = {}
         self.devices: dict[str, ManagedDevice] = {}
         self.readers: dict[str, Any] = {}

@@ -27,18 +27,18 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
+from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.devices.managed import ManagedDevice
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.serial import device as serial_device
+from rt_robot_os.devices.simulators import SIMULATORS
 from rt_robot_os.devices.state import RecoverySettings
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
-from rt_robot_os.schema import REQUIRED
-from rt_robot_os.sim.base import SIMULATORS
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.topics import Bus
 

@@ -19,15 +19,15 @@ from __future__ import annotations
 
 import pytest
 
+from rt_robot_os.base.errors import TopicError
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.manager import SensorManager
-from rt_robot_os.errors import TopicError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.reports import Reports
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output

@@ -26,13 +26,13 @@ from typing import Any
 
 from i2c_robot import S
 import pytest
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.devices.state import RecoverySettings
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
 from rt_robot_os.testing import settings_of
 from rt_robot_os.topics import Bus
 from took_little import took_little
@@ -47,7 +47,7 @@ def simulator(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """Run three chips on a bus in another process."""
     process = subprocess.Popen(
         [sys.executable, '-c',
-         'import sys; from rt_robot_os.sim.program import main; sys.exit(main())',
+         'import sys; from rt_robot_os.core.simulator_program import main; sys.exit(main())',
          '--dir', str(tmp_path),
          *(f'{name}:{kind}' for name, (kind, _) in CHIPS.items())],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[3])

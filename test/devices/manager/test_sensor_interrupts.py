@@ -24,6 +24,11 @@ from pathlib import Path
 
 import pytest
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
+from rt_robot_os.base.schema import REQUIRED
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.manager import SensorManager
@@ -31,14 +36,9 @@ from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.devices.state import RecoverySettings
 from rt_robot_os.devices.witmotion import wire
 from rt_robot_os.devices.witmotion.driver import WitMotion
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import MonotonicClock
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
-from rt_robot_os.schema import REQUIRED
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.topics import Bus
 

@@ -21,17 +21,17 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.reports import Severity
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.devices.state import RecoverySettings
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.reports import Reports
-from rt_robot_os.reports import Severity
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Bus
 
 pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')

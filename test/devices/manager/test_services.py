@@ -21,17 +21,17 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import DeviceError
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.service import Service
 from rt_robot_os.devices.service import Services
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import DeviceError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.reports import Reports
-from rt_robot_os.schema import TopicSpec
 from rt_robot_os.topics import Bus
 
 CALLS: list[str] = []

@@ -21,7 +21,7 @@ from collections import Counter
 import pytest
 
 from rt_robot_os.devices.state import DeviceState
-from rt_robot_os.wsn.packets.decode import PacketDecoder
+from rt_robot_os.features.wsn.packets.decode import PacketDecoder
 from serial_bench import SerialBench
 
 pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')

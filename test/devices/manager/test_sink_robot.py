@@ -22,23 +22,23 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.base.reports import Reports
 from rt_robot_os.devices.manager import SensorManager
-from rt_robot_os.devices.sink.driver import Sink
 from rt_robot_os.devices.state import DeviceState
 from rt_robot_os.devices.state import RecoverySettings
+from rt_robot_os.features.wsn.packets.framing import frame
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.packets.paper import DataMsg
+from rt_robot_os.features.wsn.packets.paper import Kind
+from rt_robot_os.features.wsn.packets.surge import SurgeCmd
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.sink.driver import Sink
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.reports import Reports
 from rt_robot_os.testing import settings_of
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
-from rt_robot_os.wsn.packets.framing import frame
-from rt_robot_os.wsn.packets.framing import FrameReader
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
-from rt_robot_os.wsn.packets.paper import DataMsg
-from rt_robot_os.wsn.packets.paper import Kind
-from rt_robot_os.wsn.packets.surge import SurgeCmd
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
 from serial_bench import MemoryPort
 from serial_bench import MemorySerial
 

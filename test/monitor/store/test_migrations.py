@@ -24,7 +24,7 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from databases import Databases
 import pytest
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import StartError
 from rt_robot_os.monitor.store import tables
 from rt_robot_os.monitor.store.engine import open_engine
 from rt_robot_os.monitor.store.engine import read_url

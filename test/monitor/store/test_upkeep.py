@@ -27,8 +27,8 @@ from typing import Any
 import databases
 from households import confirm
 import pytest
-from rt_robot_os.errors import RtRobotError
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.command import run
 from rt_robot_os.monitor.store.housekeeping import Housekeeping
 from rt_robot_os.monitor.store.store import Store

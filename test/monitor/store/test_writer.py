@@ -27,7 +27,7 @@ from typing import Any
 
 import databases
 import pytest
-from rt_robot_os.errors import StoreError
+from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.store.adding import Added
 from rt_robot_os.monitor.store.adding import Batch
 from rt_robot_os.monitor.store.store import Store

@@ -24,8 +24,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rt_robot_os.compiled import State
-from rt_robot_os.compiled import SWITCH
+from rt_robot_os.base.compiled import State
+from rt_robot_os.base.compiled import SWITCH
 from rt_robot_os.tools.bench import builds
 from rt_robot_os.tools.bench import processes
 from rt_robot_os.tools.bench.blocks import Grid

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.tools.bench.agreement import sentences
 from rt_robot_os.tools.bench.agreement import transcript
 from rt_robot_os.tools.bench.agreement.files import text_of

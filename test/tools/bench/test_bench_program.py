@@ -26,9 +26,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rt_robot_os.compiled import state
-from rt_robot_os.programs import run_program
-from rt_robot_os.requirements import Library
+from rt_robot_os.base.compiled import state
+from rt_robot_os.base.programs import run_program
+from rt_robot_os.base.requirements import Library
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome

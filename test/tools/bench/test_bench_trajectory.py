@@ -25,6 +25,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.tools.bench.case import Options
@@ -40,8 +42,6 @@ from rt_robot_os.tools.bench.processes import measure
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Verdict
 from rt_robot_os.tools.bench.workers.trajectory import laws
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 BEGIN_NS = 10 * NS_PER_S
 PERIOD_NS = 300 * NS_PER_MS

@@ -25,7 +25,7 @@ import os
 from pathlib import Path
 import random
 
-from rt_robot_os.dumps.dump_parts import parts
+from rt_robot_os.core.dumps.dump_parts import parts
 from rt_robot_os.kernel import BlackBoxDump
 from rt_robot_os.kernel import BudgetPolicy
 from rt_robot_os.kernel import Kernel

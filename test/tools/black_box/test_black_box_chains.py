@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
-from rt_robot_os.errors import BlackBoxError
+from rt_robot_os.base.errors import BlackBoxError
 from rt_robot_os.kernel import BlackBoxDump
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import TaskFacts

@@ -27,7 +27,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.errors import BlackBoxError
+from rt_robot_os.base.errors import BlackBoxError
 from rt_robot_os.tools.black_box import Chart
 from rt_robot_os.tools.black_box import chart_of
 from rt_robot_os.tools.black_box import History

@@ -30,7 +30,7 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
 from rt_robot_os.tools.black_box import dumps
 from rt_robot_os.tools.black_box import Outcome

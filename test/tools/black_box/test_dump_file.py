@@ -34,9 +34,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.dumps.dump_parts import KINDS
-from rt_robot_os.dumps.dump_parts import parts
-from rt_robot_os.errors import BlackBoxError
+from rt_robot_os.base.errors import BlackBoxError
+from rt_robot_os.core.dumps.dump_parts import KINDS
+from rt_robot_os.core.dumps.dump_parts import parts
 from rt_robot_os.kernel import black_box
 from rt_robot_os.kernel import BlackBoxDump
 from rt_robot_os.tools.black_box import join

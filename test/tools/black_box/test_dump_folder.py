@@ -29,10 +29,10 @@ from hypothesis import given
 from hypothesis import settings
 import pytest
 
-from rt_robot_os.dumps.dump_parts import parts
-from rt_robot_os.dumps.folder import keep
-from rt_robot_os.errors import BlackBoxError
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import BlackBoxError
+from rt_robot_os.base.errors import StartError
+from rt_robot_os.core.dumps.dump_parts import parts
+from rt_robot_os.core.dumps.folder import keep
 from rt_robot_os.tools.black_box import default_folder
 from rt_robot_os.tools.black_box import dumps
 from rt_robot_os.tools.black_box import file_name
@@ -126,6 +126,6 @@ def test_two_dumps_in_one_millisecond_are_two_files(
         def now(cls, tz: tzinfo | None = None) -> datetime:  # type: ignore[override]
             return MOMENT
 
-    monkeypatch.setattr('rt_robot_os.dumps.folder.datetime', Frozen)
+    monkeypatch.setattr('rt_robot_os.core.dumps.folder.datetime', Frozen)
     assert len({_keep(tmp_path)[0] for _ in range(3)}) == 3
     assert len(dumps(tmp_path)) == 3

@@ -23,8 +23,8 @@ from at_line import AtLine
 from at_line import of_files
 import pytest
 
-from rt_robot_os.dumps.dump_parts import join
-from rt_robot_os.dumps.dump_parts import live_parts
+from rt_robot_os.core.dumps.dump_parts import join
+from rt_robot_os.core.dumps.dump_parts import live_parts
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.black_box import BlackBoxDump

@@ -23,7 +23,7 @@ from typing import Any
 from plan_tools import random_set
 from plan_tools import UNIT_NS
 import pytest
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.tools.plan.analysis import analyse

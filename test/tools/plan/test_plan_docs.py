@@ -23,7 +23,7 @@ import sys
 
 import pytest
 
-from rt_robot_os.clients.ros.core_process import CoreProcess
+from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.tools.plan.command import run
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 from plan_tools import task
 import pytest
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.tools.plan.analysis import analyse
 from rt_robot_os.tools.plan.measured import Measured
 from rt_robot_os.tools.plan.measured import MeasuredTask

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import pytest
 
-from rt_robot_os.clients.ros.core_process import CoreProcess
+from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.settings import load
 from rt_robot_os.settings import to_json
 from rt_robot_os.tools.plan.analysis import analyse

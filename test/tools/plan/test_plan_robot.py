@@ -21,8 +21,8 @@ from pathlib import Path
 
 import pytest
 
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.core.app import Core
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.settings import load
 from rt_robot_os.settings import RobotSettings

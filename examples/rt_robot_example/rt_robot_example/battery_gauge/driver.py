@@ -23,11 +23,11 @@ from typing import Any
 
 from rt_robot_example.battery_gauge.wire import GaugeDecoder
 from rt_robot_example.battery_gauge.wire import Reading
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.devices import SamplePublisher
 from rt_robot_os.devices import serial_settings
 from rt_robot_os.devices import SerialDevice
-from rt_robot_os.schema import Field
-from rt_robot_os.schema import TopicSpec
 
 
 class BatteryGauge(SerialDevice[Reading]):

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 
 from rt_robot_example.battery_gauge.wire import encode
-from rt_robot_os.schema import Field
+from rt_robot_os.base.schema import Field
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
 

@@ -23,11 +23,11 @@ import re
 import sys
 from typing import Any
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.programs import FAILED
+from rt_robot_os.base.programs import OK
 from rt_robot_os.monitor.security.commands.opening import add_command
 from rt_robot_os.monitor.security.commands.opening import opened
-from rt_robot_os.programs import FAILED
-from rt_robot_os.programs import OK
 
 
 def add_to(commands: Any) -> None:

@@ -22,11 +22,11 @@ from pathlib import Path
 import socket
 from typing import Any
 
+from rt_robot_os.base.programs import FAILED
+from rt_robot_os.base.programs import OK
 from rt_robot_os.monitor.security import certificates
 from rt_robot_os.monitor.security.commands.opening import add_where
 from rt_robot_os.monitor.security.commands.opening import settings_of
-from rt_robot_os.programs import FAILED
-from rt_robot_os.programs import OK
 
 _INSTALL = """Install {authority} on each tablet once, so that it trusts this server:
   iPad      send the file to it, open it, Settings > General > VPN & Device Management > install;

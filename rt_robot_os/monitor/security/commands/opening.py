@@ -25,7 +25,9 @@ import sys
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.needs import require
+from rt_robot_os.base.requirements import EXTRAS
 from rt_robot_os.linux.folders import ros_home
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.audit import Somebody
@@ -33,8 +35,6 @@ from rt_robot_os.monitor.security.users import AccountError
 from rt_robot_os.monitor.settings import load
 from rt_robot_os.monitor.settings import MonitorSettings
 from rt_robot_os.monitor.store.store import Store
-from rt_robot_os.needs import require
-from rt_robot_os.requirements import EXTRAS
 
 _DATABASE: Final = 'monitor.db'
 

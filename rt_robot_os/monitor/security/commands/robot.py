@@ -23,13 +23,13 @@ import os
 from pathlib import Path
 from typing import Any
 
-from rt_robot_os.errors import ConfigError
-from rt_robot_os.errors import StartError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.errors import StartError
+from rt_robot_os.base.programs import OK
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.commands.opening import add_command
 from rt_robot_os.monitor.security.commands.opening import console
 from rt_robot_os.monitor.security.commands.opening import opened
-from rt_robot_os.programs import OK
 
 
 def add_to(commands: Any) -> None:

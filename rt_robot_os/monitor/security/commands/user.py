@@ -20,7 +20,8 @@ import argparse
 import json
 from typing import Any
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.programs import OK
 from rt_robot_os.monitor.api.users import change_user
 from rt_robot_os.monitor.api.users import differences
 from rt_robot_os.monitor.security.accounts import Accounts
@@ -34,7 +35,6 @@ from rt_robot_os.monitor.security.roles import Role
 from rt_robot_os.monitor.security.roles import role_of
 from rt_robot_os.monitor.security.users import shown_people
 from rt_robot_os.monitor.security.users import User
-from rt_robot_os.programs import OK
 
 _ROLES = [role.value for role in Role]
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rt_robot_os.errors import ConfigError
+from rt_robot_os.base.errors import ConfigError
 
 _LARGEST = 64 << 20
 

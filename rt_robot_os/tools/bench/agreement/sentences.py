@@ -26,9 +26,9 @@ from dataclasses import dataclass
 import json
 from typing import Any
 
+from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.stargazer.wire import Mark
 from rt_robot_os.devices.stargazer.wire import StarGazerDecoder
-from rt_robot_os.errors import ConfigError
 
 _FIELDS = 5
 # Noise that a line may have before a sentence.

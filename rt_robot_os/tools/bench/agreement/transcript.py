@@ -28,13 +28,13 @@ import math
 from typing import Any
 from typing import NamedTuple
 
-from rt_robot_os.devices.arduino_bridge.twin import SimulatedArduinoBridge
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.devices.arduino_bridge.simulated import SimulatedArduinoBridge
 from rt_robot_os.devices.arduino_bridge.wire import ReplyDecoder
-from rt_robot_os.errors import ConfigError
 from rt_robot_os.sim.world.drive_base import DriveBase
 from rt_robot_os.sim.world_settings import WorldSettings
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 MOTORS = WorldSettings(motor_lag_s=0.083, coast_s=0.083, motor_speed_rad_s=3000 * math.tau / 1440,
                        motor_acceleration_rad_s2=1e5)

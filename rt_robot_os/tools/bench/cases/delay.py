@@ -21,6 +21,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench import facts
 from rt_robot_os.tools.bench.case import BUILDS
 from rt_robot_os.tools.bench.case import Case
@@ -48,8 +50,6 @@ from rt_robot_os.tools.bench.workers.delay import SLEEPING
 from rt_robot_os.tools.bench.workers.delay import SMALL_BYTES
 from rt_robot_os.tools.bench.workers.delay import WAITING
 from rt_robot_os.tools.bench.workers.delay import WARM
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 PERIOD_NS = 2 * NS_PER_MS
 SIZES = (64, 256, 1024, 2048, 64 * 1024, 1024 * 1024)

@@ -21,6 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import Options
@@ -36,7 +37,6 @@ from rt_robot_os.tools.bench.result import Need
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.units import NS_PER_S
 
 _SAMPLE = 'delay_ns'
 _LIMIT_US = 10_000.0

@@ -21,6 +21,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
@@ -42,8 +44,6 @@ from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.stats import frequencies
 from rt_robot_os.tools.bench.workers.modules import AWAY_CALL
 from rt_robot_os.tools.bench.workers.modules import OWN_CALL
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 RATES_HZ = (2000, 1000, 500, 200)
 _FLOOR_PERCENT = 1e-4

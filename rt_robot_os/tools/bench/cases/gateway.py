@@ -20,6 +20,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
@@ -32,8 +34,6 @@ from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 _WARMUP_NS = 3000 * NS_PER_MS
 _LIMIT = 1.1

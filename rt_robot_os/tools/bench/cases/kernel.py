@@ -20,6 +20,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
@@ -33,8 +35,6 @@ from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 _WARMUP_NS = 200 * NS_PER_MS
 _PERIOD_NS = NS_PER_MS

@@ -20,6 +20,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
@@ -41,8 +43,6 @@ from rt_robot_os.tools.bench.result import quoted
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.stats import frequencies
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 RATE_HZ = 200
 _NOTHING_PERCENT = 0.01

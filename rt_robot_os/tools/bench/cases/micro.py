@@ -19,6 +19,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from collections.abc import Sequence
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench import facts
 from rt_robot_os.tools.bench.case import BUILDS
 from rt_robot_os.tools.bench.case import Case
@@ -32,8 +34,6 @@ from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 _WARMUP_NS = 300 * NS_PER_MS
 _START_S = 1.0

@@ -21,6 +21,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
@@ -37,9 +40,6 @@ from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.stats import percentile
 from rt_robot_os.tools.bench.workers.turns import STRETCH_NS
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 _RATE_HZ = 2000
 _GATHER_MS = 5.0

@@ -19,6 +19,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
@@ -35,9 +38,6 @@ from rt_robot_os.tools.bench.workers.mirror_load import NODE_GAVE_IN
 from rt_robot_os.tools.bench.workers.mirror_load import STEP_NS
 from rt_robot_os.tools.bench.workers.mirror_load import TRIES
 from rt_robot_os.tools.bench.workers.turns import STRETCH_NS
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 _WORKERS = 'rt_robot_os.tools.bench.workers.mirror_load'
 _RATE_HZ = 200

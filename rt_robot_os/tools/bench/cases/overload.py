@@ -17,6 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
@@ -31,8 +33,6 @@ from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.workers.overload import TASKS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 LOADS = (20, 50, 80, 120, 200, 500, 1000)
 _WORK_NS = 100 * NS_PER_US

@@ -23,6 +23,9 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.tools.bench import facts
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
@@ -47,9 +50,6 @@ from rt_robot_os.tools.bench.stats import inside_any
 from rt_robot_os.tools.bench.stats import percentile
 from rt_robot_os.tools.bench.stats import Timing
 from rt_robot_os.tools.bench.stats import timing
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 PERIOD_NS = NS_PER_MS
 BUSY_NS = 20 * NS_PER_MS

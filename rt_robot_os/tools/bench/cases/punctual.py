@@ -18,14 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.stats import percentile
 from rt_robot_os.tools.bench.stats import Timing
 from rt_robot_os.tools.bench.stats import timing
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_US
 
 PERIOD_NS = NS_PER_MS
 COLUMNS = (

@@ -20,6 +20,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import Options
@@ -34,7 +35,6 @@ from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Need
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.units import NS_PER_S
 
 _SAMPLE = 'reaction_ns'
 _LIMIT_US = 5000.0

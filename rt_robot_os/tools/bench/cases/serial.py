@@ -20,6 +20,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import Options
@@ -35,8 +37,6 @@ from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Need
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 _INTERVAL_NS = 10 * NS_PER_MS
 _INTERVAL_FULL_NS = 100 * NS_PER_MS

@@ -21,6 +21,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import Options
@@ -39,8 +41,6 @@ from rt_robot_os.tools.bench.result import quoted
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.workers.sink import CYCLE
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 _WORKERS = 'rt_robot_os.tools.bench.workers'
 # In --full the paper's 100 ms.

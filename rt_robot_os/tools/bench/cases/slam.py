@@ -20,6 +20,8 @@ from collections.abc import Mapping
 from collections.abc import Sequence
 from pathlib import Path
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import LAST_CPU
 from rt_robot_os.tools.bench.case import Options
@@ -33,8 +35,6 @@ from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 _WORKERS = 'rt_robot_os.tools.bench.workers.slam'
 _PEERS = 'rt_robot_os.tools.bench.peers.slam'

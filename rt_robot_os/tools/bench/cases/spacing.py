@@ -19,6 +19,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from collections.abc import Sequence
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.tools.bench import facts
 from rt_robot_os.tools.bench.case import BUILDS
 from rt_robot_os.tools.bench.case import Case
@@ -36,9 +39,6 @@ from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.workers.spacing import tasks_at
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 TASKS, RATE_HZ = 100, 200
 SPACINGS_US = (0, 1, 2, 5, 10, 20, 50, 100, 200, 500)

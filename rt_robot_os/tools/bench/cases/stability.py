@@ -23,6 +23,8 @@ from pathlib import Path
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
@@ -43,8 +45,6 @@ from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.surroundings import away
 from rt_robot_os.tools.bench.workers.stability import measured_s
 from rt_robot_os.tools.bench.workers.stability import read_csv
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 _WARMUP_NS = 600 * NS_PER_MS
 _QUICK_S = 3.0

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
@@ -31,7 +32,6 @@ from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.units import NS_PER_S
 
 _WORKER = 'rt_robot_os.tools.bench.peers.start:robot'
 _START_S = 6.0

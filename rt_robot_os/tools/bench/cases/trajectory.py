@@ -23,6 +23,8 @@ from typing import Final
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.controllers import CONTROLLERS
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
@@ -56,8 +58,6 @@ from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.workers.trajectory import law_key
 from rt_robot_os.tools.bench.workers.trajectory import WORK_NS
 from rt_robot_os.tools.bench.workers.trajectory import WORK_PERIOD_NS
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 LOADS: Final = trajectory_plots.LOADS
 PAPER: Final = trajectory_plots.PAPER

@@ -23,6 +23,8 @@ from typing import Final
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.cases.common import Of
@@ -30,8 +32,6 @@ from rt_robot_os.tools.bench.driving.drives import PAPER_GOAL
 from rt_robot_os.tools.bench.driving.drives import PAPER_START
 from rt_robot_os.tools.bench.stats import percentile
 from rt_robot_os.tools.bench.workers.trajectory import away
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 # The robot begins askew; how it comes to its line is not how well it keeps it.
 _BEGINNING_M: Final = 0.30

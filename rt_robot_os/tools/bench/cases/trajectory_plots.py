@@ -23,6 +23,7 @@ from typing import Final
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.cases.trajectory_figures import cycles_ns
@@ -30,7 +31,6 @@ from rt_robot_os.tools.bench.driving.drives import PAPER_GOAL
 from rt_robot_os.tools.bench.driving.drives import PAPER_START
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
-from rt_robot_os.units import NS_PER_MS
 
 LOADS: Final = (0, 5, 7, 20)
 # Without real time: the first of these that was measured, as a robot's programmer would have it.

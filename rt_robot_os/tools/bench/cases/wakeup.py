@@ -20,6 +20,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.tools.bench import facts
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import Options
@@ -32,9 +35,6 @@ from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 _PERIOD_NS = NS_PER_MS
 _WARMUP_NS = 300 * NS_PER_MS

@@ -20,12 +20,12 @@ from collections.abc import Iterator
 import math
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.follower_tuning import FollowerTuning
 from rt_robot_os.motion.velocity_limits import VelocityLimits
 from rt_robot_os.tools.bench.driving.loop import Drive
 from rt_robot_os.tools.bench.driving.robot import SEPARATION_M
-from rt_robot_os.units import NS_PER_MS
 
 # Paper 2, section 5.4: from (344, 100) to (344, 230) cm, from 120 to 90 degrees, every 300 ms.
 PAPER_START: Final = (3.44, 1.00, math.radians(120))

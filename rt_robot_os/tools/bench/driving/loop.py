@@ -33,6 +33,8 @@ from typing import Final
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.controllers import make_controller
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.follower import Follower
@@ -40,8 +42,6 @@ from rt_robot_os.motion.follower import Phase
 from rt_robot_os.motion.follower_tuning import FollowerTuning
 from rt_robot_os.motion.velocity_limits import VelocityLimits
 from rt_robot_os.tools.bench.driving.robot import Robot
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 # Marks are looked at for so long before the robot drives; after its last command it comes to rest.
 _LOOK_NS: Final = NS_PER_S

@@ -25,6 +25,8 @@ import random
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.differential import wheel_speeds
@@ -35,8 +37,6 @@ from rt_robot_os.motion.wheel_odometry import WheelOdometry
 from rt_robot_os.motion.wheel_odometry import Wheels
 from rt_robot_os.sim.world.drive_base import DriveBase
 from rt_robot_os.sim.world_settings import WorldSettings
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 RADIUS_M: Final = 0.05
 SEPARATION_M: Final = 0.30

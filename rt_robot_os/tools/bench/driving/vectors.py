@@ -39,7 +39,7 @@ from pathlib import Path
 from typing import Any
 from typing import Final
 
-from rt_robot_os.errors import RtRobotError
+from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.motion.controllers.park_kuipers import curvature
 from rt_robot_os.motion.controllers.park_kuipers import ParkKuipers
 from rt_robot_os.motion.controllers.park_kuipers import ParkKuipersGains

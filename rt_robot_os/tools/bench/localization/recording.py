@@ -34,7 +34,7 @@ import json
 from pathlib import Path
 from typing import Final
 
-from rt_robot_os.errors import RtRobotError
+from rt_robot_os.base.errors import RtRobotError
 
 _NUMBERS: Final = {'odom': 9, 'imu': 10, 'fix': 6, 'truth': 3}
 _EXPECTED: Final = '.expected.json'

@@ -23,9 +23,10 @@ import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.navigation.localization import Localization
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.modules.localization import Localization
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.mounting import Mounting
@@ -33,7 +34,6 @@ from rt_robot_os.tools.bench.localization.recording import Line
 from rt_robot_os.tools.bench.localization.recording import RecordingError
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
-from rt_robot_os.units import NS_PER_S
 
 _POSE: Final = 'geometry_msgs/msg/PoseWithCovarianceStamped'
 # The kernel's clock has not begun at 0.

@@ -26,6 +26,7 @@ import math
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.ekf import PoseCovariance
 from rt_robot_os.motion.gyro_turn import GyroTurn
@@ -39,7 +40,6 @@ from rt_robot_os.tools.bench.localization.plant import eight
 from rt_robot_os.tools.bench.localization.plant import RADIUS_M
 from rt_robot_os.tools.bench.localization.plant import Robot
 from rt_robot_os.tools.bench.localization.plant import SEPARATION_M
-from rt_robot_os.units import NS_PER_S
 
 GYRO_NOISE_RAD = 0.001
 WHEEL_NOISE_M = 0.005

@@ -21,6 +21,7 @@ from importlib import import_module
 import time
 from typing import Any
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
@@ -32,7 +33,6 @@ from rt_robot_os.tools.bench.workers.delay import to_the_last
 from rt_robot_os.tools.bench.workers.modules import collect
 from rt_robot_os.tools.bench.workers.modules import make_modules
 from rt_robot_os.tools.bench.workers.preemption import Work
-from rt_robot_os.units import NS_PER_S
 
 _PRIORITY = 80
 # Of its scheduler: the fastest node sets it, and no faster tick than it says it can do.

@@ -29,8 +29,8 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from rt_robot_os.clients.ros.mirrors import OutwardMirror
 from rt_robot_os.link.stamp_mapper import StampMapper
+from rt_robot_os.ros.mirrors import OutwardMirror
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.tools.bench.link_client import connect
 from rt_robot_os.tools.bench.link_client import stay

@@ -28,9 +28,11 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from rt_robot_os.clients.ros.mirrors import OutwardMirror
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.link import TopicInfo
 from rt_robot_os.link.stamp_mapper import StampMapper
+from rt_robot_os.ros.mirrors import OutwardMirror
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
@@ -39,8 +41,6 @@ from rt_robot_os.tools.bench.workers.micro import IMU
 from rt_robot_os.tools.bench.workers.micro import IMU_SHAPE
 from rt_robot_os.topics import Layout
 from rt_robot_os.topics.resolve import message_class
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 _SUBSCRIBER = 'rt_robot_os.tools.bench.peers.mirror:subscriber'
 _MATCH_TIMEOUT_S = 15.0

@@ -29,8 +29,8 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from rt_robot_os.clients.ros.mirrors import Mirrors
 from rt_robot_os.link.stamp_mapper import StampMapper
+from rt_robot_os.ros.mirrors import Mirrors
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured

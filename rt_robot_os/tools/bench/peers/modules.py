@@ -23,6 +23,7 @@ from collections.abc import Callable
 import time
 from typing import Any
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.peers.graph import Graph
@@ -32,7 +33,6 @@ from rt_robot_os.tools.bench.workers.modules import collect
 from rt_robot_os.tools.bench.workers.modules import make_modules
 from rt_robot_os.tools.bench.workers.modules import TOPIC_BYTES
 from rt_robot_os.topics.resolve import message_class
-from rt_robot_os.units import NS_PER_S
 
 _DEPTH = 10
 

@@ -21,9 +21,9 @@ from random import Random
 from time import process_time_ns
 from typing import Any
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
-from rt_robot_os.units import NS_PER_S
 
 
 def simpy_queue(harness: Harness) -> Measured:

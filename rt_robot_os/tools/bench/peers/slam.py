@@ -27,10 +27,11 @@ from typing import Any
 
 import numpy as np
 
-from rt_robot_os.slam.logs import read_log
-from rt_robot_os.slam.scan import Scan
-from rt_robot_os.slam.transforms import between
-from rt_robot_os.slam.transforms import Floats
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.mapping.slam.logs import read_log
+from rt_robot_os.features.mapping.slam.scan import Scan
+from rt_robot_os.features.mapping.slam.transforms import between
+from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.harness import Unavailable
@@ -39,7 +40,6 @@ from rt_robot_os.tools.bench.slam_measures import fitted_error
 from rt_robot_os.tools.bench.slam_measures import way_errors
 from rt_robot_os.tools.bench.workers.slam import drive_of
 from rt_robot_os.tools.bench.workers.slam import errors_of
-from rt_robot_os.units import NS_PER_S
 
 _RANGE_MAX_M = 20.0
 _MAP_M = 120

@@ -23,15 +23,15 @@ from typing import Final
 
 import numpy as np
 
-from rt_robot_os.slam.logs import read_log
-from rt_robot_os.slam.logs import rows
-from rt_robot_os.slam.scan import Scan
-from rt_robot_os.slam.transforms import Floats
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.mapping.slam.logs import read_log
+from rt_robot_os.features.mapping.slam.logs import rows
+from rt_robot_os.features.mapping.slam.scan import Scan
+from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.harness import Unavailable
 from rt_robot_os.tools.bench.workers.slam import errors_of
-from rt_robot_os.units import NS_PER_S
 
 #: What a beam without an echo is given as, and what the laser's reach is said to be.
 _NOTHING_M: Final = 81.0

@@ -22,6 +22,7 @@ from pathlib import Path
 import time
 from typing import Any
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.peers.graph import Graph
@@ -35,7 +36,6 @@ from rt_robot_os.tools.bench.workers.stability import ATTITUDE_HZ
 from rt_robot_os.tools.bench.workers.stability import Notes
 from rt_robot_os.tools.bench.workers.stability import read_csv
 from rt_robot_os.topics.resolve import message_class
-from rt_robot_os.units import NS_PER_S
 
 _DEPTH = 10
 

@@ -34,9 +34,10 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
 
-from rt_robot_os.errors import LinkError
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.paths import socket_path
+from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
@@ -45,7 +46,6 @@ from rt_robot_os.tools.bench.workers.memory import proportional_bytes
 from rt_robot_os.tools.bench.workers.memory import resident_bytes
 from rt_robot_os.tools.bench.workers.micro import IMU
 from rt_robot_os.topics.resolve import message_class
-from rt_robot_os.units import NS_PER_S
 
 TOPIC = '/imu/data'
 _CORE = 'rt_robot_os.core.program'
@@ -57,7 +57,7 @@ _TRY_S = 0.01
 # Ends with us even when nobody can tell it to.
 _PROGRAM = ('import signal, sys; from rt_robot_os.linux.process import die_with_parent; '
             'die_with_parent({parent}, signal.SIGTERM); '
-            'from rt_robot_os.clients.ros.program import main; sys.exit(main())')
+            'from rt_robot_os.ros.program import main; sys.exit(main())')
 
 
 class FirstSample:

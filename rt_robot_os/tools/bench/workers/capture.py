@@ -23,18 +23,18 @@ import select
 import time
 from typing import Any
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.core.app import Core
 from rt_robot_os.devices.capture.host import CaptureHost
 from rt_robot_os.devices.registry import DRIVERS
-from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.protocol import Header
+from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.link_client import connect
 from rt_robot_os.tools.bench.link_client import stay
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.workers.mirror import settings
-from rt_robot_os.units import NS_PER_S
 
 _HOST = 'rt_robot_os.tools.bench.workers.capture:host'
 _VIEWER = 'rt_robot_os.tools.bench.workers.capture:viewer'

@@ -20,9 +20,10 @@ from collections.abc import Callable
 import math
 from pathlib import Path
 
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.navigation.trajectory import Trajectory
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.modules.trajectory import Trajectory
 from rt_robot_os.motion.controllers import make_controller
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
@@ -36,7 +37,6 @@ from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.workers.micro import block_means_ps
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_S
 
 _PERIOD_S = 0.02
 _PERIOD_NS = 20_000_000

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.bench.case import Samples
@@ -33,7 +34,6 @@ from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
-from rt_robot_os.units import NS_PER_S
 
 MESSAGE = 'std_msgs/msg/UInt8MultiArray'
 # Encapsulation, an empty sequence of dimensions, the data's offset and its length.

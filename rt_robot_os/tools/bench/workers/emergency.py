@@ -40,13 +40,19 @@ import tty
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.core.app import Core
 from rt_robot_os.devices.arduino_bridge import wire
-from rt_robot_os.link.paths import socket_path
+from rt_robot_os.features.agent.module import AgentModule
+from rt_robot_os.features.wsn.packets.decode import PacketDecoder
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.framing import TINYOS_1
+from rt_robot_os.features.wsn.packets.paper import Kind
 from rt_robot_os.linux import realtime as linux_realtime
+from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.modules import Module
-from rt_robot_os.modules.agent import AgentModule
 from rt_robot_os.settings import load
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
@@ -59,12 +65,6 @@ from rt_robot_os.tools.bench.workers.sink import reading
 from rt_robot_os.tools.bench.workers.sink import send
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.wsn.packets.decode import PacketDecoder
-from rt_robot_os.wsn.packets.framing import FrameReader
-from rt_robot_os.wsn.packets.framing import TINYOS_1
-from rt_robot_os.wsn.packets.paper import Kind
 
 #: The stages of the chain, by the names of their tasks; devices by their own.
 CHAIN: Final = ('sink', 'dangers', 'smoke', 'alarms', 'agent', 'velocity_mux', 'collision_guard',

@@ -31,6 +31,8 @@ from types import FrameType
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.bench.case import Samples
@@ -43,8 +45,6 @@ from rt_robot_os.tools.bench.workers.modules import make_modules
 from rt_robot_os.tools.bench.workers.modules import TOPIC_BYTES
 from rt_robot_os.tools.bench.workers.preemption import Work
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 _STRETCH_NS = 200 * NS_PER_MS
 Job = Callable[[], object]

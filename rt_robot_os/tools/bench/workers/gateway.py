@@ -24,15 +24,15 @@ from pathlib import Path
 import time
 from typing import Any
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.core.app import Core
-from rt_robot_os.link.paths import socket_path
+from rt_robot_os.linux.paths import socket_path
+from rt_robot_os.messages.uplink.messages import decode
+from rt_robot_os.messages.uplink.messages import encode
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.workers.mirror import settings
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.uplink.messages import decode
-from rt_robot_os.uplink.messages import encode
 
 _CARRIER = 'rt_robot_os.tools.bench.workers.gateway:carrier'
 _SERVER = 'rt_robot_os.tools.bench.workers.gateway:server'
@@ -107,8 +107,8 @@ def _run(harness: Harness, tested: Core, stamps: Stamps) -> Measured:
 
 def carrier(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     """Be the gateway."""
-    from rt_robot_os.clients.gateway.gateway import Gateway
-    from rt_robot_os.clients.gateway.settings import GatewaySettings
+    from rt_robot_os.gateway.gateway import Gateway
+    from rt_robot_os.gateway.settings import GatewaySettings
     folder = Path(arguments['folder'])
     token = folder / 'token'
     token.write_text(_TOKEN)

@@ -20,15 +20,15 @@ import os
 import signal
 import time
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.core.app import Core
-from rt_robot_os.link.paths import socket_path
+from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.workers.micro import IMU
 from rt_robot_os.tools.bench.workers.micro import IMU_SHAPE
 from rt_robot_os.tools.bench.workers.mirror import settings
-from rt_robot_os.units import NS_PER_S
 
 _NODE = 'rt_robot_os.tools.bench.peers.isolation:node'
 _STORM = 'rt_robot_os.tools.bench.peers.isolation:storm'

@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.core.garbage import SlackCollector
 from rt_robot_os.kernel import BudgetPolicy
 from rt_robot_os.kernel import FailurePolicy
@@ -39,7 +40,6 @@ from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.workers.micro import block_means_ps
-from rt_robot_os.units import NS_PER_S
 
 _MOMENT = struct.Struct('<q')
 _WRITER = 'rt_robot_os.tools.bench.workers.kernel:writer'

@@ -25,11 +25,11 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.features.navigation.localization import Localization
+from rt_robot_os.features.navigation.odometry import Odometry
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.modules import Module
-from rt_robot_os.modules.localization import Localization
-from rt_robot_os.modules.odometry import Odometry
 from rt_robot_os.motion.ekf import Ekf
 from rt_robot_os.motion.localizer import Localizer
 from rt_robot_os.motion.mounting import Mounting

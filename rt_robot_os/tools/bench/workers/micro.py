@@ -24,9 +24,10 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.base.logger import Logger
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.logger import Logger
-from rt_robot_os.reports import Reports
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
@@ -34,7 +35,6 @@ from rt_robot_os.tools.bench.workers.delay import MESSAGE
 from rt_robot_os.tools.bench.workers.delay import OVERHEAD_BYTES
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Layout
-from rt_robot_os.units import NS_PER_MS
 
 IMU = 'sensor_msgs/msg/Imu'
 IMU_SHAPE = {'header.frame_id': 'imu_link'}

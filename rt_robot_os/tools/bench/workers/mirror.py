@@ -24,8 +24,8 @@ from typing import Any
 
 from rt_robot_os.core.app import Core
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.link.paths import socket_path
 from rt_robot_os.link.protocol import HEADER_BYTES
+from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.model import TopicSettings
 from rt_robot_os.settings.process_model import CoreSettings

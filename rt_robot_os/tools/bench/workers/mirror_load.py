@@ -23,8 +23,10 @@ from pathlib import Path
 import time
 from typing import Any
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.core.app import Core
-from rt_robot_os.link.paths import socket_path
+from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.link_client import connect
@@ -33,8 +35,6 @@ from rt_robot_os.tools.bench.workers.micro import IMU
 from rt_robot_os.tools.bench.workers.micro import IMU_SHAPE
 from rt_robot_os.tools.bench.workers.mirror import settings
 from rt_robot_os.tools.bench.workers.turns import Turns
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 # Each rate is tried so long, and the next is this much higher.
 STEP_NS = 300 * NS_PER_MS

@@ -27,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.tools.bench.harness import Harness
@@ -36,7 +37,6 @@ from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.workers.compute import compute
 from rt_robot_os.tools.bench.workers.delay import MESSAGE
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_S
 
 TOPIC_BYTES = 64
 # The calls in which a module that is to be late computes, and has its process stopped.

@@ -19,19 +19,19 @@ from __future__ import annotations
 from random import Random
 from time import process_time_ns
 
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.wsn.radio.mac import TINYOS2
+from rt_robot_os.features.wsn.radio.noise import quiet
+from rt_robot_os.features.wsn.radio.path_loss import PathLoss
+from rt_robot_os.features.wsn.routing.multihop_lqi import MultiHopLqi2
+from rt_robot_os.features.wsn.simulator.events import Event
+from rt_robot_os.features.wsn.simulator.events import EventQueue
+from rt_robot_os.features.wsn.simulator.mote import Mote
+from rt_robot_os.features.wsn.simulator.mote import Traffic
+from rt_robot_os.features.wsn.simulator.network import Network
+from rt_robot_os.features.wsn.simulator.path_loss_medium import PathLossMedium
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.wsn.radio.mac import TINYOS2
-from rt_robot_os.wsn.radio.noise import quiet
-from rt_robot_os.wsn.radio.path_loss import PathLoss
-from rt_robot_os.wsn.routing.multihop_lqi import MultiHopLqi2
-from rt_robot_os.wsn.simulator.events import Event
-from rt_robot_os.wsn.simulator.events import EventQueue
-from rt_robot_os.wsn.simulator.mote import Mote
-from rt_robot_os.wsn.simulator.mote import Traffic
-from rt_robot_os.wsn.simulator.network import Network
-from rt_robot_os.wsn.simulator.path_loss_medium import PathLossMedium
 
 _SPACING_M = 35.0
 _NODES_PER_SINK = 1000

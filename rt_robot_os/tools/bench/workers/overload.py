@@ -21,12 +21,12 @@ from collections.abc import Sequence
 import time
 from typing import Any
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.workers.compute import compute
 from rt_robot_os.tools.bench.workers.threads import Threads
-from rt_robot_os.units import NS_PER_S
 
 TASKS = 20
 

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.bench.case import Samples
@@ -31,7 +32,6 @@ from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.workers.compute import compute
 from rt_robot_os.tools.bench.workers.compute import native_call
-from rt_robot_os.units import NS_PER_S
 
 LOAD = 'rt_robot_os.tools.bench.workers.compute:load'
 

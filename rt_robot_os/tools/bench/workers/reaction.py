@@ -38,6 +38,9 @@ import tty
 from typing import Any
 from typing import Final
 
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.actuator import Actuator
 from rt_robot_os.devices.framing import FrameDecoder
 from rt_robot_os.devices.manager import SensorManager
@@ -48,14 +51,13 @@ from rt_robot_os.devices.maxbotix.wire import reading
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.state import RecoverySettings
+from rt_robot_os.features.navigation.collision_guard import CollisionGuard
+from rt_robot_os.features.navigation.velocity_mux import VelocityMux
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux import realtime as linux_realtime
 from rt_robot_os.modules import Module
-from rt_robot_os.modules.collision_guard import CollisionGuard
-from rt_robot_os.modules.velocity_mux import VelocityMux
 from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.motion.mounting import Mounting
-from rt_robot_os.reports import Reports
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.workers import work_queues
@@ -63,8 +65,6 @@ from rt_robot_os.tools.bench.workers.compute import compute
 from rt_robot_os.tools.bench.workers.sine import Moments
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics.ports import Input
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 BUSY_NS: Final = 20 * NS_PER_MS
 # No multiple of the commands' period: obstacles meet every phase of both.

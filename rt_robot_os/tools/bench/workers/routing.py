@@ -25,16 +25,16 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.features.wsn.cli.runs import run_each
+from rt_robot_os.features.wsn.cli.runs import Variant
+from rt_robot_os.features.wsn.cli.runs import with_nodes
+from rt_robot_os.features.wsn.cli.runs import with_sink
+from rt_robot_os.features.wsn.cli.scenario_file import find_scenario
+from rt_robot_os.features.wsn.cli.scenario_file import load_scenario
+from rt_robot_os.features.wsn.simulator.results import Results
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
-from rt_robot_os.tools.wsn.runs import run_each
-from rt_robot_os.tools.wsn.runs import Variant
-from rt_robot_os.tools.wsn.runs import with_nodes
-from rt_robot_os.tools.wsn.runs import with_sink
-from rt_robot_os.tools.wsn.scenario_file import find_scenario
-from rt_robot_os.tools.wsn.scenario_file import load_scenario
-from rt_robot_os.wsn.simulator.results import Results
 
 MILLIONTHS = 1_000_000
 THOUSANDTHS = 1000

@@ -32,8 +32,10 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.core.app import Core
-from rt_robot_os.link.paths import socket_path
+from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.link_client import connect
@@ -44,8 +46,6 @@ from rt_robot_os.tools.bench.workers.mirror import settings
 from rt_robot_os.tools.bench.workers.sine import Decoder
 from rt_robot_os.tools.bench.workers.sine import Moments
 from rt_robot_os.tools.bench.workers.sine import WIRE_NS
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 TOPIC = 'bench/sine'
 MESSAGE = 'geometry_msgs/msg/Point'

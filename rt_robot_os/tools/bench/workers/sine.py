@@ -31,10 +31,10 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.linux.process import die_with_parent
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.bench.case import Samples
-from rt_robot_os.units import NS_PER_S
 
 MAGNITUDE, CYCLE = 4.0, 180
 BAUD = 57_600

@@ -35,29 +35,29 @@ from typing import Final
 
 import numpy as np
 
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.manager import SensorManager
-from rt_robot_os.devices.sink.driver import Sink
+from rt_robot_os.features.wsn.packets.decode import PacketDecoder
+from rt_robot_os.features.wsn.packets.framing import frame
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.framing import TINYOS_1
+from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
+from rt_robot_os.features.wsn.packets.paper import DataMsg
+from rt_robot_os.features.wsn.packets.paper import Kind
+from rt_robot_os.features.wsn.packets.surge import SurgeMsg
+from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.sink.driver import Sink
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux import realtime as linux_realtime
 from rt_robot_os.linux.timer import Sleeper
-from rt_robot_os.reports import Reports
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.workers import work_queues
 from rt_robot_os.tools.bench.workers.compute import compute
 from rt_robot_os.tools.bench.workers.sine import Moments
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.wsn.packets.decode import PacketDecoder
-from rt_robot_os.wsn.packets.framing import frame
-from rt_robot_os.wsn.packets.framing import FrameReader
-from rt_robot_os.wsn.packets.framing import TINYOS_1
-from rt_robot_os.wsn.packets.multihop_lqi import MultihopMsg
-from rt_robot_os.wsn.packets.paper import DataMsg
-from rt_robot_os.wsn.packets.paper import Kind
-from rt_robot_os.wsn.packets.surge import SurgeMsg
-from rt_robot_os.wsn.packets.tos_msg import TelosMsg
 
 BAUD: Final = 57_600
 CYCLE: Final = 180

@@ -24,27 +24,27 @@ from typing import Final
 
 import numpy as np
 
+from rt_robot_os.base.reports import Reports
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.manager import SensorManager
-from rt_robot_os.devices.sink.driver import Sink
-from rt_robot_os.devices.sink.duplicates import Copies
-from rt_robot_os.devices.sink.flow_limit import FlowLimit
-from rt_robot_os.devices.sink.importance import Classifier
-from rt_robot_os.devices.sink.importance import DEFAULT_CLASSES
-from rt_robot_os.devices.sink.importance import DEFAULT_RULES
-from rt_robot_os.devices.sink.look import looker
-from rt_robot_os.devices.sink.sorting import Sorting
+from rt_robot_os.features.wsn.packets.decode import PacketDecoder
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.packets.framing import TINYOS_1
+from rt_robot_os.features.wsn.sink.driver import Sink
+from rt_robot_os.features.wsn.sink.duplicates import Copies
+from rt_robot_os.features.wsn.sink.flow_limit import FlowLimit
+from rt_robot_os.features.wsn.sink.importance import Classifier
+from rt_robot_os.features.wsn.sink.importance import DEFAULT_CLASSES
+from rt_robot_os.features.wsn.sink.importance import DEFAULT_RULES
+from rt_robot_os.features.wsn.sink.look import looker
+from rt_robot_os.features.wsn.sink.sorting import Sorting
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.reports import Reports
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.workers.sink import add_reader
 from rt_robot_os.tools.bench.workers.sink import mixture
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.wsn.packets.decode import PacketDecoder
-from rt_robot_os.wsn.packets.framing import FrameReader
-from rt_robot_os.wsn.packets.framing import TINYOS_1
 
 FRAMES_HZ: Final = 160
 _BATCH: Final = 500

@@ -28,18 +28,19 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.base.errors import StartError
+from rt_robot_os.base.needs import require
+from rt_robot_os.base.requirements import EXTRAS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.core.app import Core
-from rt_robot_os.errors import StartError
-from rt_robot_os.link.paths import socket_path
-from rt_robot_os.needs import require
-from rt_robot_os.requirements import EXTRAS
+from rt_robot_os.features.mapping.slam.relations import compare
+from rt_robot_os.features.mapping.slam.relations import read_relations
+from rt_robot_os.features.mapping.slam.scan import Scan
+from rt_robot_os.features.mapping.slam.transforms import between
+from rt_robot_os.features.mapping.slam.transforms import composed
+from rt_robot_os.features.mapping.slam.transforms import Floats
+from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.settings.model import TopicSettings
-from rt_robot_os.slam.relations import compare
-from rt_robot_os.slam.relations import read_relations
-from rt_robot_os.slam.scan import Scan
-from rt_robot_os.slam.transforms import between
-from rt_robot_os.slam.transforms import composed
-from rt_robot_os.slam.transforms import Floats
 from rt_robot_os.tools.bench import slam_drives
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
@@ -51,7 +52,6 @@ from rt_robot_os.tools.bench.slam_measures import way_errors
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.workers.memory import resident_bytes
 from rt_robot_os.tools.bench.workers.mirror import settings
-from rt_robot_os.units import NS_PER_S
 
 _MAPPER = 'rt_robot_os.tools.bench.workers.slam:mapper'
 _SCAN_HZ, _ODOMETRY_HZ = 10.0, 50.0
@@ -80,8 +80,8 @@ def _libraries() -> None:
 
 def _timed(scans: Iterable[Scan]) -> tuple[Any, Any, dict[str, Any], float]:
     """Map scans and draw them after each; return mapper, grid, times, and CPU seconds."""
-    from rt_robot_os.slam.growing_grid import GrowingGrid
-    from rt_robot_os.slam.mapper import Mapper
+    from rt_robot_os.features.mapping.slam.growing_grid import GrowingGrid
+    from rt_robot_os.features.mapping.slam.mapper import Mapper
     mapper, grid = Mapper(), GrowingGrid()
     adds, updates = [], []
     for scan in scans:
@@ -120,10 +120,10 @@ def log(harness: Harness) -> Measured:
     """Map a log, and hold its way against relations that are known."""
     _libraries()
     harness.prepare()
-    from rt_robot_os.slam.known_lines import load_libraries
-    from rt_robot_os.slam.logs import read_log
+    from rt_robot_os.features.mapping.slam.known_lines import load_libraries
+    from rt_robot_os.features.mapping.slam.logs import read_log
     a = harness.arguments
-    from rt_robot_os.slam.mapper import mapped
+    from rt_robot_os.features.mapping.slam.mapper import mapped
     load_libraries()
     scans = read_log(Path(a['data'])).scans
     begin_ns = time.process_time_ns()  # of all threads
@@ -275,8 +275,8 @@ def _run(harness: Harness, tested: Core, stamps: Stamps, seen: list[int]) -> Mea
 
 def mapper(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     """Be the process that maps."""
-    from rt_robot_os.clients.mapping.live import LiveMapping
-    from rt_robot_os.clients.mapping.settings import MappingSettings
+    from rt_robot_os.features.mapping.process.live import LiveMapping
+    from rt_robot_os.features.mapping.process.settings import MappingSettings
     live = LiveMapping(
         MappingSettings(pose_topic='', fix_topic='', initial_pose_topic='', start='origin',
                         resume=False, mounting_m=(0.1, 0.0, 0.0), mounting_rad=(0.0, 0.0, 0.0)),

@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
@@ -35,7 +36,6 @@ from rt_robot_os.tools.bench.workers.motion import Filter
 from rt_robot_os.tools.bench.workers.motion import Sensor
 from rt_robot_os.tools.bench.workers.motion import truth
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_S
 
 ACQUIRE_HZ, ATTITUDE_HZ, RECEIVE_HZ = 1000, 400, 200
 ATTITUDE = 'geometry_msgs/msg/Vector3'

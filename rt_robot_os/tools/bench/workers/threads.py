@@ -23,6 +23,7 @@ from queue import SimpleQueue
 import threading
 import time
 
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
@@ -35,7 +36,6 @@ from rt_robot_os.tools.bench.workers.delay import to_the_last
 from rt_robot_os.tools.bench.workers.modules import collect
 from rt_robot_os.tools.bench.workers.modules import make_modules
 from rt_robot_os.tools.bench.workers.preemption import Work
-from rt_robot_os.units import NS_PER_S
 
 _LEAD_NS = NS_PER_S // 20
 

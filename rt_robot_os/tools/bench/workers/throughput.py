@@ -21,13 +21,13 @@ import time
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.workers.delay import MESSAGE
 from rt_robot_os.tools.bench.workers.delay import OVERHEAD_BYTES
 from rt_robot_os.topics import Bus
-from rt_robot_os.units import NS_PER_MS
 
 _BLOCK_NS = 2 * NS_PER_MS
 

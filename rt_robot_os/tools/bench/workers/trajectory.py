@@ -27,6 +27,8 @@ from typing import Final
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.motion.spline import spline
 from rt_robot_os.tools.bench.driving.drives import eight
@@ -38,8 +40,6 @@ from rt_robot_os.tools.bench.driving.robot import Robot
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.workers.threads import Threads
-from rt_robot_os.units import NS_PER_MS
-from rt_robot_os.units import NS_PER_S
 
 # Each workload task asks for 4 % of a CPU, twenty of them for 80 %, all at the same moment: less
 # than the 950 ms after which Linux takes the CPU from a real-time process for others.

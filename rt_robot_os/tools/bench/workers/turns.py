@@ -21,9 +21,9 @@ import time
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Measured
-from rt_robot_os.units import NS_PER_MS
 
 STRETCH_NS = 250 * NS_PER_MS
 _SETTLE_NS = 20 * NS_PER_MS

@@ -27,6 +27,8 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
@@ -34,8 +36,6 @@ from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.harness import Unavailable
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.workers.preemption import sleep_loop
-from rt_robot_os.units import NS_PER_S
-from rt_robot_os.units import NS_PER_US
 
 _PATH = os.pathsep.join((os.environ.get('PATH', os.defpath), '/usr/sbin', '/usr/local/bin'))
 _REMEDY = 'cyclictest is not installed (remedy: apt-get install rt-tests)'

@@ -32,13 +32,13 @@ from rt_robot_os.tools.doctor.finding import unknown
 from rt_robot_os.tools.doctor.finding import warn
 from rt_robot_os.tools.doctor.system import System
 
-_MODULES = {'rt_robot_os.clients.recording.record_program': 'record',
-            'rt_robot_os.clients.recording.replay_program': 'replay',
-            'rt_robot_os.clients.ros.program': 'robot',
+_MODULES = {'rt_robot_os.recording.record_program': 'record',
+            'rt_robot_os.recording.replay_program': 'replay',
+            'rt_robot_os.ros.program': 'robot',
             'rt_robot_os.core.program': 'core',
             'rt_robot_os.core.simulator_process': 'simulator',
             'rt_robot_os.sim.player_program': 'player',
-            'rt_robot_os.sim.program': 'simulator',
+            'rt_robot_os.core.simulator_program': 'simulator',
             'rt_robot_os.tools.bench.child': 'bench',
             'rt_robot_os.tools.bench.program': 'bench',
             'rt_robot_os.tools.doctor.wakeup_child': 'doctor'}

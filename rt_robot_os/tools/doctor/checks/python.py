@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rt_robot_os.compiled import SWITCH
+from rt_robot_os.base.compiled import SWITCH
 from rt_robot_os.tools.doctor.facts import container
 from rt_robot_os.tools.doctor.finding import absent
 from rt_robot_os.tools.doctor.finding import bad

@@ -1,0 +1,180 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+The compiled build: whether this process runs the C core, and why not.
+
+Every class is written in Python. Of those that each job and each message touch there is a second
+form in C, in the extension module ``rt_robot_os._core``, which
+:mod:`rt_robot_os.base.compiled.build` makes; at the end of its Python module the C type takes the
+name of the class. Without the extension, or with one that was made of other C sources than those
+beside this package, Python's classes run.
+
+Set to 0, ``RT_ROBOT_OS_COMPILE`` forbids the C core, and 1 demands it, when the package is built
+and when it runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.machinery import ExtensionFileLoader
+from importlib.util import module_from_spec
+from importlib.util import spec_from_file_location
+import os
+from pathlib import Path
+import sys
+from typing import Any
+from typing import Final
+from typing import NamedTuple
+
+PACKAGE: Final = 'rt_robot_os'
+EXTENSION: Final = f'{PACKAGE}._core'
+SWITCH: Final = 'RT_ROBOT_OS_COMPILE'
+
+# What the extension is made of; the header is read by the others.
+C_SOURCES: Final = ('base/compiled/_module.c', 'kernel/_core.c', 'kernel/_task.c',
+                    'linux/_timer.c', 'topics/_ring.c')
+C_HEADERS: Final = ('kernel/_core.h',)
+
+#: The extension module, or None; decided when it is first asked for (``__getattr__``).
+NATIVE: Any
+
+
+@dataclass(frozen=True)
+class State:
+    """
+    Which build runs.
+
+    :ivar compiled: the C core.
+    :ivar text: the same in one line, with the reason and the remedy.
+    :ivar stale: there is a C core, but of other sources than these.
+    """
+
+    compiled: bool
+    text: str
+    stale: bool = False
+
+
+class _Decision(NamedTuple):
+    native: Any
+    state: State
+
+
+def wanted() -> bool | None:
+    """
+    Return what the user said: True demands the C core, False forbids it.
+
+    :raises ImportError: the environment variable has another value than 0 or 1.
+    """
+    value = os.environ.get(SWITCH, '')
+    if value not in ('', '0', '1'):
+        raise ImportError(f'{SWITCH}={value!r} must be 0 (pure Python) or 1 (compiled), or unset',
+                          name=EXTENSION)
+    return {'': None, '0': False, '1': True}[value]
+
+
+def sources_digest(package: Path) -> str:
+    """Return the hash of the C sources beside a package; empty when it has none."""
+    paths = [package / name for name in (*C_SOURCES, *C_HEADERS)]
+    texts = [path.read_bytes() if path.is_file() else b'' for path in paths]
+    if not any(texts):
+        return ''
+    return sha256(b'\0'.join(sha256(text).digest() for text in texts)).hexdigest()
+
+
+def is_made_of(binary: Path, digest: str) -> bool:
+    """Tell whether a binary was made of the sources with this hash, without loading it."""
+    try:
+        return digest.encode() in binary.read_bytes()
+    except OSError:
+        return False
+
+
+def _binaries(package: Path) -> Iterator[Path]:
+    """
+    Yield the binaries for this Python: of the package, then of its other installations.
+
+    Tests run the sources of a workspace, and colcon may have built elsewhere: what it has made of
+    these very sources is used, wherever it is.
+    """
+    # A binary for the stable ABI is made for Python 3.11 and later.
+    suffixes = [suffix for suffix in EXTENSION_SUFFIXES
+                if sys.version_info >= (3, 11) or 'abi3' not in suffix]
+    places = [package, *(Path(place, PACKAGE) for place in sys.path if place)]
+    for place in dict.fromkeys(places):
+        for suffix in suffixes:
+            path = place / f'_core{suffix}'
+            if path.is_file():
+                yield path
+
+
+def _load(path: Path) -> Any:
+    loader = ExtensionFileLoader(EXTENSION, str(path))
+    spec = spec_from_file_location(EXTENSION, path, loader=loader)
+    assert spec is not None
+    module = module_from_spec(spec)
+    loader.exec_module(module)
+    return module
+
+
+def _decide(package: Path) -> _Decision:
+    """Load the C core if that is allowed and there is one that fits."""
+    if wanted() is False:
+        return _Decision(None, State(False, f'pure Python: {SWITCH}=0'))
+    digest = sources_digest(package)
+    why, stale = 'it was not compiled; with a C compiler `colcon build` does that', False
+    for path in _binaries(package):
+        if is_made_of(path, digest):
+            try:
+                native = _load(path)
+            except ImportError as error:  # of another processor or C library
+                why = f'{path} cannot be loaded: {error}; `colcon build` compiles it again'
+                continue
+            return _Decision(native, State(True, f'compiled with {native.BUILD}'))
+        if not stale:
+            why, stale = ('its C sources changed after it was compiled; `colcon build` compiles '
+                          'it again'), True
+    if wanted():
+        raise ImportError(f'{SWITCH}=1, but pure Python: {why}', name=EXTENSION)
+    return _Decision(None, State(False, f'pure Python: {why}', stale))
+
+
+_decision: _Decision | None = None
+
+
+def _decided() -> _Decision:
+    global _decision
+    if _decision is None:
+        _decision = _decide(Path(__file__).parents[2])
+    return _decision
+
+
+def state() -> State:
+    """
+    Say which build runs.
+
+    :raises ImportError: the C core is demanded, and there is none that fits the sources.
+    """
+    return _decided().state
+
+
+def __getattr__(name: str) -> Any:
+    """Decide late: a program can say in one line what is wrong, and setup.py needs none."""
+    if name == 'NATIVE':
+        return _decided().native
+    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

@@ -1,0 +1,338 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The agent: what happens becomes events, and the table of edges says what follows.
+
+No kernel and no topics: whoever has those keeps :class:`rt_robot_os.features.agent.senses.Senses`
+up to date, hands in what alarms, people and operators say, calls :meth:`Agent.tick` on a grid of
+times, and carries out the orders. All times are handed in, so that the same input gives the same
+transitions at the same times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import dataclass
+import math
+from typing import Final
+
+from rt_robot_os.features.agent.beside import Beside
+from rt_robot_os.features.agent.body import Body
+from rt_robot_os.features.agent.dialogue import answer_of
+from rt_robot_os.features.agent.dialogue import Dialogue
+from rt_robot_os.features.agent.edges import PAUSES
+from rt_robot_os.features.agent.edges import SERVING
+from rt_robot_os.features.agent.edges import State
+from rt_robot_os.features.agent.emergencies import ACKNOWLEDGED
+from rt_robot_os.features.agent.emergencies import Emergencies
+from rt_robot_os.features.agent.emergencies import Emergency
+from rt_robot_os.features.agent.machine import Machine
+from rt_robot_os.features.agent.machine import Transition
+from rt_robot_os.features.agent.operator import Operator
+from rt_robot_os.features.agent.senses import Command
+from rt_robot_os.features.agent.senses import Order
+from rt_robot_os.features.agent.senses import Place
+from rt_robot_os.features.agent.senses import Senses
+from rt_robot_os.features.agent.tuning import AgentTuning
+from rt_robot_os.features.agent.tuning import GIVES_UP
+from rt_robot_os.features.agent.tuning import LEAVES
+from rt_robot_os.features.agent.work import Work
+from rt_robot_os.messages.cause import LEVELS
+from rt_robot_os.motion.differential import Pose
+
+_ORDERS: Final = ('abort', 'stay', 'return')
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """
+    What the agent is told once of where it is.
+
+    :ivar beside: chooses where to stand.
+    :ivar nodes: where each sensor node is, by its name.
+    :ivar wearers: who wears a node, by its name.
+    :ivar home: where the robot returns to; None: to where it came from.
+    :ivar operators: who steers by hand, as the multiplexer has them.
+    :ivar orders: what is looked and listened for.
+    :ivar ignored: kinds of causes that are no emergency by themselves.
+    :ivar name: under which it speaks to the alarms.
+    """
+
+    beside: Beside
+    nodes: Mapping[str, Place]
+    wearers: Mapping[str, str]
+    home: Pose | None = None
+    operators: tuple[str, ...] = ('teleop',)
+    orders: tuple[str, ...] = ('picture', 'clip', 'sound')
+    ignored: tuple[str, ...] = ('test',)
+    name: str = 'robot'
+
+
+class Agent:
+    """
+    The agent; safe in the real-time loop.
+
+    :param emit: takes each order and each transition, in order.
+    :param period_ns: of the grid on which :meth:`tick` is called.
+    :ivar senses: what it knows; kept up to date by whoever has the topics.
+    :ivar emergencies: all that there are.
+    :ivar refused: commands and answers that it could not use.
+    """
+
+    def __init__(self, tuning: AgentTuning, around: Surroundings,
+                 emit: Callable[[Order | Transition], None], period_ns: int) -> None:
+        self.tuning = tuning
+        self.senses = Senses()
+        self.emergencies = Emergencies(LEVELS[tuning.least_level], around.ignored)
+        self.refused = 0
+        self._around = around
+        self._emit = emit
+        self._why = ''
+        self._chosen: Emergency | None = None
+        self._machine = Machine({
+            'there': lambda: self._work.is_there(),
+            'leaves': lambda: self.tuning.when_acknowledged == LEAVES,
+            'tries left': lambda: self._work.may_retry(),
+            'aborted': lambda: self._work.is_aborted,
+            'driven': lambda: self._is_driven,
+            'gives up': lambda: self.tuning.after_operator == GIVES_UP})
+        self._is_driven = False
+        self._operator = Operator(around.operators, tuning)
+        self._dialogue = Dialogue(tuning, emit)
+        self._body = Body(tuning, around.beside, self.senses, emit, period_ns)
+        self._work = Work(tuning, self._body, self._dialogue, emit, self._where, around.orders,
+                          around.home)
+        self._actions: Mapping[str, Callable[[int], None]] = {
+            'take': self._take, 'leave': self._leave, 'cancel': self._cancel,
+            'confirm': self._confirm, 'abort': self._abort, 'stop': self._stop,
+            'settle': self._settle, 'try': self._try}
+
+    def retune(self, tuning: AgentTuning) -> None:
+        """Take settings over while it runs."""
+        self.tuning = self._dialogue.tuning = self._work.tuning = tuning
+        self._operator.tuning = tuning
+        self._body.take(tuning)
+
+    # ---- what can be asked ------------------------------------------------------------------
+
+    @property
+    def state(self) -> State:
+        """Return what it does."""
+        return self._machine.state
+
+    @property
+    def text(self) -> str:
+        """Return what it does, for people; the first word is the state."""
+        emergency, state = self._work.emergency, self.state
+        if emergency is None or state is State.IDLE:
+            return state.value
+        why = f': {self._why}' if self._why and state in (State.GIVE_UP, *PAUSES) else ''
+        what = emergency.what(self._around.wearers)
+        return f'{state.value} {emergency.subject or "?"}: {what}{why}'
+
+    @property
+    def ignored(self) -> int:
+        """Return how many events no edge was for."""
+        return self._machine.ignored
+
+    # ---- what is told -----------------------------------------------------------------------
+
+    def alarm(self, text: str, t_ns: int) -> None:
+        """Take an event of an alarm's life, the JSON of ``alarms/events``."""
+        found = self.emergencies.take(text, t_ns)
+        if found is None:
+            return
+        alarm, meaning = found
+        served = self._work.emergency
+        if served is not None and served.alarm == alarm and meaning in (
+                'over', 'acknowledged', 'confirmed'):
+            self._fire(meaning, f'alarm {alarm}', t_ns)
+        self._see_who_has_it(t_ns)
+        self._choose(t_ns)
+        self._look_who_has_it(t_ns)
+
+    def remember(self, texts: list[str], t_ns: int) -> None:
+        """Take events of before, after a restart: all of them, then the one that matters."""
+        for text in texts:
+            self.emergencies.take(text, t_ns)
+        self._choose(t_ns)
+        self._look_who_has_it(t_ns)
+
+    def answer(self, text: str, stamp_ns: int, t_ns: int) -> None:
+        """Take what somebody says of how they are: ``anna fine``, ``anna help``."""
+        found, served = answer_of(text), self._work.emergency
+        if found is None or served is None or self._working is not State.CONFIRM or (
+                found[0] not in ('', served.subject)) or not self._dialogue.counts(stamp_ns):
+            self.refused += 1
+            return
+        self._fire(found[1], f'{served.subject or "somebody"} says so', t_ns)
+        self._choose(t_ns)
+
+    def command(self, text: str, t_ns: int) -> None:
+        """Take a command of an operator: ``abort``, ``stay``, ``return``, ``go ALARM``."""
+        words = text.split()
+        if words and words[0] in _ORDERS and len(words) == 1:
+            self._fire(words[0], 'an operator says so', t_ns)
+        elif len(words) == 2 and words[0] == 'go' and self.emergencies.prefer(words[1]):
+            self._choose(t_ns)
+        else:
+            self.refused += 1
+
+    def observed(self, alarm: str, kind: str, text: str) -> None:
+        """Take what came of an order to look or to listen."""
+        self._work.observed(alarm, kind, text)
+
+    def tick(self, t_ns: int) -> None:
+        """Go on at a point of the grid."""
+        if self.state is State.IDLE:
+            return
+        self._look_who_has_it(t_ns)
+        if self.state not in PAUSES:
+            self._body.tick(t_ns)
+            best = self.emergencies.best(self._work.emergency)
+            self._work.others_wait = best is not None
+            happened = self._work.tick(self.state, t_ns)
+            if happened is not None:
+                self._fire(*happened, t_ns)
+            self._choose(t_ns)
+            if self.state in SERVING:
+                self._body.limit(self._work.place())
+        self.senses.planner_new = self.senses.other_goal = False
+
+    # ---- events -----------------------------------------------------------------------------
+
+    @property
+    def _working(self) -> State:
+        """Return what it does, or will do after the pause."""
+        return self._machine.before if self.state in PAUSES else self.state
+
+    def _choose(self, t_ns: int) -> None:
+        """Turn to the most important emergency, if it is another one and may be served now."""
+        served, working = self._work.emergency, self._working
+        best = self.emergencies.best(served)
+        if best is None:
+            return
+        # Whoever is served is left for something worse only; help that failed or is over is not.
+        if served is not None and working in SERVING and working is not State.GIVE_UP and not (
+                best.first or best.level > served.level and not served.first
+                or working is State.STAY and served.state == ACKNOWLEDGED):
+            return
+        self._chosen = best
+        name = best.subject or best.alarm
+        self._fire(best.state if best.state != ACKNOWLEDGED else 'raised',
+                   f'{name}: {best.what(self._around.wearers)}', t_ns)
+
+    def _see_who_has_it(self, t_ns: int) -> bool:
+        """Return whether the e-stop has the robot; note whether an operator does."""
+        if self.state is State.IDLE:
+            self._operator.forget()
+            self.senses.other_goal = False  # an errand: an emergency comes first
+        held = self._operator.is_held(self.senses)
+        if self.senses.other_goal:
+            self._body.drive.stop()
+            self._body.drive.is_open = False  # to cancel it now would cancel the other one
+        self._is_driven = self._operator.drives(self.senses, t_ns)
+        self._body.is_free = not held and not self._is_driven
+        return held
+
+    def _look_who_has_it(self, t_ns: int) -> None:
+        """See whether the e-stop or an operator has the robot, or gave it back."""
+        if self.state is State.IDLE:
+            return
+        held = self._see_who_has_it(t_ns)
+        if held and self.state is not State.HELD:
+            self._fire('estop', self._operator.why_held(self.senses), t_ns)
+        elif self._is_driven and self.state not in PAUSES:
+            self._fire('operator', self._operator.why_driven(self.senses), t_ns)
+        elif self.state is State.HELD and not held:
+            self._fire('released', 'nobody holds the e-stop any more', t_ns)
+        elif self.state is State.OPERATOR and not self._is_driven:
+            self._fire('released', 'the operator has let go', t_ns)
+
+    def _fire(self, event: str, why: str, t_ns: int) -> None:
+        """Let something happen."""
+        found = self._machine.find(event)
+        if found is None:
+            return
+        edge, target = found
+        served = self._work.emergency
+        self._why = f'{event}: {why}' if why else event
+        if edge.action:
+            self._actions[edge.action](t_ns)
+        source = self.state
+        changes = self._machine.go(edge, target)
+        served = self._work.emergency or served
+        alarm = served.alarm if served is not None else ''
+        if changes:
+            self._work.begin(target, t_ns, self._why)
+        else:
+            why = f'{why}; {target.value} afterwards'
+        self._emit(Transition(edge, source, self.state, why, alarm, t_ns))
+
+    # ---- actions of edges -------------------------------------------------------------------
+
+    def _take(self, t_ns: int) -> None:
+        work = self._work
+        if self.state is State.IDLE:
+            work.origin = self.senses.pose
+        if self._working is State.GIVE_UP and work.emergency is not None:
+            work.emergency.is_done = True
+        work.emergency, work.tries = self._chosen, 0
+        work.is_aborted = work.stays_put = False
+        self._body.forget()
+
+    def _leave(self, t_ns: int) -> None:
+        if self._work.emergency is not None:
+            self._work.emergency.is_done = True
+        self._work.emergency = None
+
+    def _cancel(self, t_ns: int) -> None:
+        served = self._work.emergency
+        if served is not None:
+            self._emit(Command(f'cancel {served.alarm} by {served.subject or self._around.name}'))
+            self._dialogue.speak(self.tuning.fine, t_ns)
+        self._leave(t_ns)
+
+    def _confirm(self, t_ns: int) -> None:
+        served = self._work.emergency
+        if served is not None:
+            self._emit(Command(f'confirm {served.alarm} by {self._around.name} {self._why}'))
+
+    def _abort(self, t_ns: int) -> None:
+        self._work.is_aborted = True
+
+    def _stop(self, t_ns: int) -> None:
+        self._body.halt()
+
+    def _settle(self, t_ns: int) -> None:
+        self._body.halt()
+        self._work.stays_put = True
+
+    def _try(self, t_ns: int) -> None:
+        self._work.tries += 1
+
+    # ---- places -----------------------------------------------------------------------------
+
+    def _where(self, emergency: Emergency) -> Place | None:
+        """Return where an emergency is: the person, what its cause said, or the node."""
+        around, people = self._around, self.senses.people
+        person = people.get(emergency.subject) or people.get(
+            around.wearers.get(emergency.node, ''))
+        if person is not None:
+            return person
+        if math.isfinite(emergency.x) and math.isfinite(emergency.y):
+            return Place(emergency.x, emergency.y, 'cause')
+        return around.nodes.get(emergency.node)

@@ -1,0 +1,231 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The robot as the agent has it: turn towards somebody, drive beside them, drive home, stop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import math
+from typing import Final
+
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.agent.beside import Beside
+from rt_robot_os.features.agent.drive import Drive
+from rt_robot_os.features.agent.senses import Goal
+from rt_robot_os.features.agent.senses import Limit
+from rt_robot_os.features.agent.senses import Order
+from rt_robot_os.features.agent.senses import Place
+from rt_robot_os.features.agent.senses import Senses
+from rt_robot_os.features.agent.senses import Spin
+from rt_robot_os.features.agent.tuning import AgentTuning
+from rt_robot_os.features.agent.turn import Turn
+from rt_robot_os.motion.differential import Pose
+
+# A pose that is older says nothing about where a turn is.
+_POSE_NS: Final = NS_PER_S
+# Home is where it is already.
+_HOME_M: Final = 0.3
+# So many times the tolerance off, a robot that stands turns again.
+_LOOKS_AWAY: Final = 4.0
+# Somebody who has moved less towards the robot did not mean to.
+_STEP_M: Final = 0.2
+
+
+class Body:
+    """
+    What moves; safe in the real-time loop.
+
+    :param emit: takes each order.
+    :param period_ns: of the grid on which :meth:`tick` is called.
+    :ivar drive: the way to where it is to be.
+    :ivar is_aligned: it has turned to where it was to look.
+    :ivar is_free: neither e-stop nor operator has the robot.
+    """
+
+    def __init__(self, tuning: AgentTuning, beside: Beside, senses: Senses,
+                 emit: Callable[[Order], None], period_ns: int) -> None:
+        self.senses = senses
+        self.is_aligned = False
+        self.is_free = True
+        self._beside = beside
+        self._emit = emit
+        self._period_s = period_ns / NS_PER_S
+        self._facing: Place | None = None
+        self._spins = False
+        self._goal_place: Place | None = None
+        self._limit_m_s = 0.0
+        self.take(tuning)
+
+    def take(self, tuning: AgentTuning) -> None:
+        """Take settings over, now or while it runs."""
+        self.tuning = tuning
+        t = tuning
+        self._turn = Turn(t.turn_rad_s, t.turn_rad_s2, t.aligned_rad)
+        limits = (t.places, _ns(t.answer_s), _ns(t.waiting_s), _ns(t.pause_s))
+        if not hasattr(self, 'drive'):
+            self.drive = Drive(*limits)
+        _, self.drive.answer_ns, self.drive.waiting_ns, self.drive.pause_ns = limits
+
+    # ---- turning -----------------------------------------------------------------------------
+
+    def face(self, place: Place | None, t_ns: int) -> None:
+        """Begin to turn towards a place, with a command at once; None: there is none."""
+        self._facing, self.is_aligned = place, place is None
+        if self.is_free:
+            self._turn_on(t_ns)
+
+    def _turn_on(self, t_ns: int) -> None:
+        """Command the next piece of a turn; once it stands, nothing, so that others may steer."""
+        place, pose = self._facing, self.senses.pose
+        is_fresh = pose is not None and t_ns - self.senses.pose_ns <= _POSE_NS
+        if place is not None and pose is not None and is_fresh:
+            rate, stands = self._turn.towards(pose, place.x, place.y, self.tuning.camera_rad,
+                                              self._period_s)
+            if stands:
+                self.is_aligned, self._facing = True, None
+        else:
+            rate, _ = self._turn.rest(self._period_s)
+        if rate or self._spins:
+            self._emit(Spin(rate))
+        self._spins = rate != 0.0
+
+    # ---- driving -----------------------------------------------------------------------------
+
+    def has_left(self, place: Place) -> bool:
+        """Return whether somebody is elsewhere now than where the robot went for."""
+        if self._goal_place is None:
+            return not self.is_beside(place)
+        moved_m = math.dist(place.point, self._goal_place.point)
+        return moved_m > self.tuning.follow_m or moved_m > _STEP_M and self._would_hinder(place)
+
+    def _would_hinder(self, place: Place) -> bool:
+        """Return whether the robot is on the way to where it would be too near to somebody."""
+        goal, t = self.drive.goal, self.tuning
+        return goal is not None and self.drive.is_under_way and (
+            math.dist(goal[:2], place.point) < t.standoff_m - t.spread_m)
+
+    def go_beside(self, place: Place, t_ns: int) -> None:
+        """Drive beside a place, and follow when it moves."""
+        if self._goal_place is not None and not self.has_left(place):
+            return
+        self._goal_place = place
+        if self.is_beside(place):
+            self._cancel()  # else it drives on to where they are not
+            self.drive.stop()
+            self.drive.arrived = True
+        else:
+            pose = self.senses.pose
+            self.drive.begin(self._beside.places(
+                place.point, pose[:2] if pose else place.point, self.tuning.places), t_ns)
+
+    def go_to(self, pose: Pose, t_ns: int) -> None:
+        """Drive to a pose; one where the robot is already is reached."""
+        self._goal_place = None
+        now = self.senses.pose
+        if now is not None and math.dist(now[:2], pose[:2]) <= _HOME_M:
+            self.drive.stop()
+            self.drive.arrived = True
+        else:
+            self.drive.begin([pose], t_ns)
+
+    def keep_beside(self, place: Place, t_ns: int) -> None:
+        """Stay beside somebody: follow, back off and turn as they move."""
+        t, pose, drive = self.tuning, self.senses.pose, self.drive
+        if pose is None:
+            return
+        away_m = math.dist(pose[:2], place.point)
+        is_too_near = away_m < t.standoff_m - t.spread_m - 0.2 and not drive.is_under_way
+        if is_too_near and self._goal_place is not None and (
+                math.dist(place.point, self._goal_place.point) > _STEP_M):
+            self._goal_place = None
+        self.go_beside(place, t_ns)
+        self.look_at(place, t_ns)
+
+    def look_at(self, place: Place, t_ns: int) -> None:
+        """Turn to somebody when the robot stands and looks elsewhere."""
+        pose = self.senses.pose
+        if pose is None or self.drive.is_under_way or self._facing is not None:
+            return
+        if self._off(place, pose) > _LOOKS_AWAY * self.tuning.aligned_rad:
+            self.face(place, t_ns)
+
+    def is_beside(self, place: Place) -> bool:
+        """Return whether the robot stands there, at its distance."""
+        pose, t = self.senses.pose, self.tuning
+        return pose is not None and (
+            t.standoff_m - t.spread_m <= math.dist(pose[:2], place.point)
+            <= t.standoff_m + t.spread_m) and self._beside.sees(pose[:2], place.point)
+
+    def _off(self, place: Place, pose: Pose) -> float:
+        bearing = math.atan2(place.y - pose[1], place.x - pose[0]) - self.tuning.camera_rad
+        return abs(math.remainder(bearing - pose[2], math.tau))
+
+    def forget(self) -> None:
+        """Want nothing any more; what is driven goes on until somebody says another goal."""
+        self.drive.stop()
+        self._goal_place = self._facing = None
+        self.is_aligned = False
+
+    def halt(self) -> None:
+        """Stop, and want nothing any more."""
+        self._cancel()
+        self.forget()
+        self._turn.stop()
+        if self._spins:
+            self._spins = False
+            self._emit(Spin(0.0))
+
+    def _cancel(self) -> None:
+        """Take back what is driven, or would be when the way becomes free."""
+        if self.drive.is_open:
+            self.drive.is_open = False
+            self._emit(Goal(None))
+
+    # ---- time --------------------------------------------------------------------------------
+
+    def tick(self, t_ns: int) -> None:
+        """Go on with what is driven and turned."""
+        senses, drive = self.senses, self.drive
+        if senses.planner_new:
+            drive.told(senses.planner, t_ns, senses.pose)
+        drive.tick(t_ns)
+        goal = drive.next_goal(t_ns)
+        if goal is not None:
+            self._emit(Goal(goal))
+        if drive.has_way and drive.is_under_way:
+            self._facing = None  # whoever has the way turns by himself
+        self._turn_on(t_ns)
+
+    def limit(self, place: Place | None) -> None:
+        """Drive slowly near somebody, and not otherwise."""
+        t, pose = self.tuning, self.senses.pose
+        is_near = place is not None and pose is not None and (
+            math.dist(pose[:2], place.point) < t.near_m)
+        limit_m_s = t.near_m_s if is_near else 0.0
+        if limit_m_s != self._limit_m_s:
+            self._limit_m_s = limit_m_s
+            self._emit(Limit(limit_m_s))
+
+    def is_lost(self, since_ns: int, t_ns: int) -> bool:
+        """Return whether nobody has known for a while, or since a moment, where the robot is."""
+        return t_ns - max(self.senses.pose_good_ns, since_ns) > _ns(self.tuning.lost_s)
+
+    def is_flat(self) -> bool:
+        """Return whether the battery is low; one that is not known is not."""
+        return self.senses.battery < self.tuning.battery_low and not self.senses.charging
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * NS_PER_S)

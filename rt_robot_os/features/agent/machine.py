@@ -1,0 +1,117 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Follow the table of edges: which state, and by what each change came about."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+import json
+from typing import Final
+from typing import NamedTuple
+
+from rt_robot_os.features.agent.edges import Edge
+from rt_robot_os.features.agent.edges import EDGES
+from rt_robot_os.features.agent.edges import PAUSES
+from rt_robot_os.features.agent.edges import State
+
+_LONGEST: Final = 200
+
+Guard = Callable[[], bool]
+
+
+class Transition(NamedTuple):
+    """
+    A change of state that was made.
+
+    :ivar edge: of the table.
+    :ivar source: the state that it led from; in a pause that is not the one of the edge.
+    :ivar target: the state that it led to.
+    :ivar why: what happened, for people.
+    :ivar alarm: the alarm that is served; empty without.
+    :ivar t_ns: when, by the samples and deadlines that led to it.
+    """
+
+    edge: Edge
+    source: State
+    target: State
+    why: str
+    alarm: str
+    t_ns: int
+
+    def to_text(self) -> str:
+        """Return it as JSON; safe in the real-time loop."""
+        return json.dumps({
+            'from': self.source.value, 'to': self.target.value,
+            'cause': f'{self.edge.event}: {self.why}'[:_LONGEST] if self.why else self.edge.event,
+            'alarm': self.alarm, 't_ns': self.t_ns}, ensure_ascii=False, separators=(',', ':'))
+
+
+class Machine:
+    """
+    A state, and the edges that lead from it; safe in the real-time loop.
+
+    :param guards: what they are, by the names that the table uses.
+    :ivar state: now.
+    :ivar before: what is resumed after ``held`` or ``operator``. What happens meanwhile leads on
+        from there, as far as it needs no robot.
+    :ivar ignored: events that the state has no edge for.
+    """
+
+    def __init__(self, guards: Mapping[str, Guard]) -> None:
+        self._guards = guards
+        self.state = State.IDLE
+        self.before = State.IDLE
+        self.ignored = 0
+        self._by_key: dict[tuple[State, str], tuple[Edge, ...]] = {}
+        for edge in EDGES:
+            key = edge.source, edge.event
+            self._by_key[key] = (*self._by_key.get(key, ()), edge)
+
+    def find(self, event: str) -> tuple[Edge, State] | None:
+        """
+        Return the edge that an event leads along now, and the state at its end; None without one.
+
+        In a pause it is one from the state that will be resumed, when the pause has none itself.
+        """
+        found = self._edge(self.state, event)
+        if found is None and self.state in PAUSES and self.before not in PAUSES:
+            found = self._edge(self.before, event)
+        if found is None:
+            self.ignored += 1
+            return None
+        return found, self.before if found.target is State.BEFORE else found.target
+
+    def go(self, edge: Edge, target: State) -> bool:
+        """
+        Take an edge that was found.
+
+        :return: whether the state has changed, or begins anew; in a pause only what is resumed
+            changes.
+        """
+        if self.state in PAUSES and edge.source is not self.state:
+            if target not in PAUSES:
+                self.before = target
+            return False
+        if target in PAUSES and edge.source not in PAUSES:
+            self.before = edge.source
+        self.state = target
+        return True
+
+    def _edge(self, state: State, event: str) -> Edge | None:
+        for edge in self._by_key.get((state, event), ()):
+            if not edge.guard or self._guards[edge.guard]():
+                return edge
+        return None

@@ -1,0 +1,278 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Observation on order: pictures and clips of cameras, and how loud it is.
+
+An order goes to every camera that is listed; what each says comes out as one answer. An order that
+a camera does not answer in time is answered here: who waits for pictures is never left waiting.
+With a microphone each answer says how loud it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+import json
+import math
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.agent.observer.levels import Levels
+from rt_robot_os.features.agent.observer.levels import Loudness
+from rt_robot_os.modules.base import Module
+from rt_robot_os.modules.wake_up import WakeUp
+from rt_robot_os.topics.ports import Input
+from rt_robot_os.topics.ports import Output
+
+_TEXT: Final = 'std_msgs/msg/String'
+_ORDERS: Final = ('picture', 'clip', 'sound')
+_ORDER_BYTES: Final = 800
+_OBSERVED_BYTES: Final = 2400
+_OPEN_MOST: Final = 32
+_LONGEST: Final = 64
+_SPAN_MOST_S: Final = 60.0
+# Around a picture, which itself takes no time.
+_AROUND_NS: Final = 2 * NS_PER_S
+
+
+@dataclass
+class _Open:
+    """An order that somebody waits for."""
+
+    number: int
+    order: str
+    alarm: str
+    subject: str
+    from_ns: int
+    until_ns: int
+    due_ns: int
+    #: Cameras that have not answered yet, by the topics of their answers.
+    waits_for: set[str]
+
+
+class Observer(Module):
+    """Have the cameras take pictures and clips, and say how loud it is."""
+
+    order = Input('agent/observe', wake=True, message=_TEXT)
+    level = Input('', message='std_msgs/msg/Float32')
+    camera_order = Output('camera/observe', _TEXT, tail=_ORDER_BYTES, depth=16)
+    observed = Output('agent/observed', _TEXT, tail=_OBSERVED_BYTES, depth=16)
+
+    SETTINGS = (
+        Field('observed_topics', list, ['camera/observed'], 'What the cameras answer on, one '
+              'topic each (their setting observed_topic); empty: there is no camera'),
+        Field('timeout_s', float, 8.0, 'So long after the end of an observation a camera may '
+              'answer; then the answer is that it did not', 's', 0.5, 120.0),
+        Field('level_topic', str, '', 'Level of a microphone, in dB below full scale, such as '
+              'sound/level; empty: none. It needs a rate_hz, so that none is overwritten'),
+        Field('sound_s', float, 30.0, 'So much of the past can be listened to', 's', 1.0, 120.0),
+    )
+
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+        """
+        Keep the settings.
+
+        :raises ConfigError: there is nothing to observe with.
+        """
+        super().__init__(name, settings)
+        if not settings['observed_topics'] and not settings['level_topic']:
+            raise ConfigError([f'{name}: neither observed_topics nor level_topic names anything: '
+                               'there is nothing to observe with'])
+        self._levels = Levels(settings['sound_s'])
+        self._open: list[_Open] = []
+        self._number = 0
+        self._orders = self._refused = self._answers = self._problems = self._unanswered = 0
+        self._unreadable = 0
+        self._problem = ''
+
+    # ---- ports -------------------------------------------------------------------------------
+
+    def connected(self, attribute: str) -> bool:
+        """Leave alone what has no topic."""
+        if attribute == 'camera_order' and not self.settings['observed_topics']:
+            return False
+        return bool(self.topic_of(attribute))
+
+    def listed_inputs(self) -> Mapping[str, Input]:
+        """Return an input for each camera."""
+        return {topic: Input(topic, wake=True, message=_TEXT)
+                for topic in self.settings['observed_topics']}
+
+    # ---- life --------------------------------------------------------------------------------
+
+    def configure(self) -> None:
+        """Prepare."""
+        self._wake_up = WakeUp(self.kernel, self.task)
+
+    def step(self) -> None:
+        """Listen, take orders and answers, and see who is late."""
+        now_ns = self.observed.topic.kernel.now_ns()
+        if self.connected('level'):
+            while self.level.take():
+                self._levels.add(self.level.stamp_ns, float(self.level.msg.data))
+        while self.order.take():
+            self._take_order(str(self.order.msg.data), self.order.stamp_ns)
+        for topic, told in self.listed.items():
+            while told.take():
+                self._take_answer(topic, str(told.msg.data), told.stamp_ns)
+        for one in [each for each in self._open if each.due_ns <= now_ns]:
+            self._end(one)
+        self._wake_up.no_later_than(min((each.due_ns for each in self._open), default=math.inf))
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Tell what was ordered, and what became of it."""
+        return {'warning': self._problem, 'orders': self._orders, 'orders_refused': self._refused,
+                'answers': self._answers, 'problems': self._problems,
+                'unanswered': self._unanswered, 'unreadable': self._unreadable,
+                'open': len(self._open),
+                'levels_lost': self.level.lost if self.connected('level') else 0}
+
+    # ---- orders ------------------------------------------------------------------------------
+
+    def _take_order(self, text: str, stamp_ns: int) -> None:
+        self._orders += 1
+        try:
+            kind, alarm, subject, before_s, after_s = _order_of(text)
+        except ValueError as error:
+            self._refused += 1
+            self._answer({'alarm': '', 'kind': '', 'problem': str(error)}, stamp_ns)
+            return
+        self._number += 1
+        before_ns, after_ns = round(before_s * NS_PER_S), round(after_s * NS_PER_S)
+        one = _Open(self._number, kind, alarm, subject, stamp_ns - before_ns, stamp_ns + after_ns,
+                    stamp_ns + after_ns, set())
+        if kind == 'picture':
+            one.from_ns, one.until_ns = stamp_ns - _AROUND_NS, stamp_ns
+        problem = self._cannot(kind)
+        if problem:
+            self._answer({**_names(one), 'problem': problem}, stamp_ns)
+            return
+        if len(self._open) >= _OPEN_MOST:
+            self._refused += 1
+            self._answer({**_names(one), 'problem': f'{_OPEN_MOST} orders are open already'},
+                         stamp_ns)
+            return
+        self._open.append(one)
+        if kind != 'sound':
+            one.waits_for = set(self.listed)
+            if kind == 'picture':
+                one.due_ns = stamp_ns
+            one.due_ns += round(self.settings['timeout_s'] * NS_PER_S)
+            self.camera_order.msg.data = json.dumps({
+                'id': one.number, 'order': kind, 'alarm': alarm, 'subject': subject,
+                'before_s': before_s, 'after_s': after_s})
+            self.camera_order.publish(stamp_ns)
+
+    def _cannot(self, kind: str) -> str:
+        if kind == 'sound':
+            return '' if self.connected('level') else 'there is no microphone (level_topic)'
+        return '' if self.listed else 'there is no camera (observed_topics)'
+
+    # ---- answers -----------------------------------------------------------------------------
+
+    def _take_answer(self, topic: str, text: str, stamp_ns: int) -> None:
+        try:
+            told = json.loads(text)
+            number = told.get('id', 0)
+        except (ValueError, AttributeError, RecursionError):
+            self._unreadable += 1
+            return
+        one = next((each for each in self._open if each.number == number), None)
+        if one is None or topic not in one.waits_for:
+            self._unreadable += 1  # long given up, or nobody's order
+            return
+        one.waits_for.discard(topic)
+        if not one.waits_for:
+            self._open.remove(one)
+        told = {key: value for key, value in told.items() if key != 'id'}
+        self._answer({**told, **_names(one), **self._heard(one)}, stamp_ns)
+
+    def _end(self, one: _Open) -> None:
+        """Answer for those that have not."""
+        self._open.remove(one)
+        if one.order == 'sound':
+            heard = self._levels.between(one.from_ns, one.until_ns)
+            if heard is None:
+                told: dict[str, Any] = {'problem': f'{self.topic_of("level")} has said nothing: '
+                                        'is the microphone there?'}
+            else:
+                told = {'text': _sound_text(heard, one), 't_ns': one.until_ns, **_sound(heard)}
+            self._answer({**_names(one), **told}, one.due_ns)
+            return
+        for topic in sorted(one.waits_for):
+            self._unanswered += 1
+            self._answer({**_names(one), **self._heard(one), 'problem':
+                          f'{topic} has not answered for {self.settings["timeout_s"]:g} s: look '
+                          'whether the camera is there'}, one.due_ns)
+
+    def _heard(self, one: _Open) -> dict[str, Any]:
+        heard = self._levels.between(one.from_ns, one.until_ns)
+        return {} if heard is None else _sound(heard)
+
+    def _answer(self, told: Mapping[str, Any], stamp_ns: int) -> None:
+        problem = str(told.get('problem', ''))
+        self._answers += 1
+        self._problems += bool(problem)
+        self._problem = problem
+        if problem:
+            self.log.warn('%s', problem, throttle_s=1.0)
+        text = json.dumps({key: value for key, value in told.items() if value != ''},
+                          separators=(',', ':'))
+        if len(text) > _OBSERVED_BYTES:
+            text = json.dumps({'alarm': told.get('alarm', ''), 'kind': told.get('kind', ''),
+                               'problem': 'the answer is too long'})
+        self.observed.msg.data = text
+        self.observed.publish(stamp_ns)
+
+
+def _order_of(text: str) -> tuple[str, str, str, float, float]:
+    """
+    Read an order: what, alarm, subject, seconds before and after.
+
+    :raises ValueError: it is none.
+    """
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f'{text[:60]!r} is no order in JSON: {error}') from None
+    if not isinstance(found, dict) or found.get('order') not in _ORDERS:
+        raise ValueError(f'{text[:60]!r} is no order: order must be one of {", ".join(_ORDERS)}')
+    spans = []
+    for key in ('before_s', 'after_s'):
+        value = found.get(key, 0.0)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not (
+                0.0 <= value <= _SPAN_MOST_S):
+            raise ValueError(f'{key} {str(value)[:20]!r}: it must be a number of seconds from 0 '
+                             f'to {_SPAN_MOST_S:g}')
+        spans.append(float(value))
+    alarm, subject = (str(found.get(key, ''))[:_LONGEST] for key in ('alarm', 'subject'))
+    return found['order'], alarm, subject, spans[0], spans[1]
+
+
+def _names(one: _Open) -> dict[str, Any]:
+    return {'alarm': one.alarm, 'subject': one.subject, 'kind': one.order}
+
+
+def _sound(heard: Loudness) -> dict[str, Any]:
+    return {'level_db': round(heard.mean_db, 1), 'loudest_db': round(heard.loudest_db, 1)}
+
+
+def _sound_text(heard: Loudness, one: _Open) -> str:
+    lasts_s = (one.until_ns - one.from_ns) / NS_PER_S
+    return (f'sound over {lasts_s:.0f} s: {heard.mean_db:.0f} dB in the mean, '
+            f'{heard.loudest_db:.0f} dB at the loudest, of full scale')

@@ -1,0 +1,300 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the agent does in each state: how it begins, what it does at each tick, when it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+from collections.abc import Sequence
+import math
+from typing import Final
+
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.agent.body import Body
+from rt_robot_os.features.agent.dialogue import Dialogue
+from rt_robot_os.features.agent.edges import State
+from rt_robot_os.features.agent.emergencies import clean
+from rt_robot_os.features.agent.emergencies import Emergency
+from rt_robot_os.features.agent.senses import Note
+from rt_robot_os.features.agent.senses import Observe
+from rt_robot_os.features.agent.senses import Order
+from rt_robot_os.features.agent.senses import Place
+from rt_robot_os.features.agent.senses import Trouble
+from rt_robot_os.features.agent.tuning import AgentTuning
+from rt_robot_os.motion.differential import Pose
+
+Happening = tuple[str, str]
+
+_NEVER: Final = -1
+
+
+class Work:
+    """
+    The work on one emergency after the other; safe in the real-time loop.
+
+    :param emit: takes each order.
+    :param where: finds the place of an emergency; None when nobody knows it.
+    :param orders: what is looked and listened for: ``picture``, ``clip``, ``sound``.
+    :param home: where it returns to; None: to where it came from.
+    :ivar emergency: which is served; None without.
+    :ivar others_wait: another emergency waits to be served.
+    :ivar is_aborted: an operator said so.
+    :ivar stays_put: an operator said that it is to stay where it is.
+    :ivar origin: where the robot was when it set out.
+    """
+
+    def __init__(self, tuning: AgentTuning, body: Body, dialogue: Dialogue,
+                 emit: Callable[[Order], None], where: Callable[[Emergency], Place | None],
+                 orders: Sequence[str], home: Pose | None) -> None:
+        self.tuning = tuning
+        self.body = body
+        self.dialogue = dialogue
+        self.emergency: Emergency | None = None
+        self.others_wait = self.is_aborted = self.stays_put = False
+        self.origin: Pose | None = None
+        self.tries = 0
+        self._emit = emit
+        self._where = where
+        self._orders = tuple(orders)
+        self._home = home
+        self._since_ns = self._deadline_ns = self._ordered_ns = self._speak_ns = _NEVER
+        self._found: dict[str, str] = {}
+        self._is_told = False
+        self._begin: Mapping[State, Callable[[int, str], None]] = {
+            State.IDLE: self._begin_idle, State.CONFIRM: self._begin_confirm,
+            State.APPROACH: self._begin_approach, State.OBSERVE: self._begin_observe,
+            State.REPORT: self._begin_report, State.STAY: self._begin_stay,
+            State.RETURN: self._begin_return, State.GIVE_UP: self._begin_give_up}
+        self._tick: Mapping[State, Callable[[int], Happening | None]] = {
+            State.CONFIRM: self._tick_confirm, State.APPROACH: self._tick_approach,
+            State.OBSERVE: self._tick_observe, State.REPORT: self._tick_report,
+            State.STAY: self._tick_stay, State.RETURN: self._tick_return,
+            State.GIVE_UP: self._tick_give_up}
+
+    # ---- what others ask ------------------------------------------------------------------
+
+    def place(self) -> Place | None:
+        """Return where the emergency is."""
+        return self._where(self.emergency) if self.emergency is not None else None
+
+    def is_there(self) -> bool:
+        """Return whether the robot is beside the place."""
+        return self.body.drive.arrived
+
+    def observed(self, alarm: str, kind: str, text: str) -> None:
+        """Take what came of an order."""
+        if self.emergency is not None and self.emergency.alarm == alarm and kind in self._orders:
+            self._found[kind] = clean(text, 80)
+
+    def begin(self, state: State, t_ns: int, why: str) -> None:
+        """Begin the work of a state; in a pause there is none."""
+        self._since_ns, self._deadline_ns = t_ns, _NEVER
+        begin = self._begin.get(state)
+        if begin is not None:
+            begin(t_ns, why)
+
+    def tick(self, state: State, t_ns: int) -> Happening | None:
+        """Go on; return what happened, and why, if something did."""
+        tick = self._tick.get(state)
+        found = tick(t_ns) if tick is not None else None
+        if found is None and 0 <= self._deadline_ns <= t_ns:
+            self._deadline_ns = _NEVER
+            seconds = (t_ns - self._since_ns) / NS_PER_S
+            return ('silence' if state is State.CONFIRM else 'timeout'), f'after {seconds:.0f} s'
+        return found
+
+    # ---- asking and driving -----------------------------------------------------------------
+
+    def _begin_idle(self, t_ns: int, why: str) -> None:
+        self.body.forget()
+        self.body.limit(None)
+        self._clear()
+        self.origin = self.emergency = None
+
+    def _begin_confirm(self, t_ns: int, why: str) -> None:
+        self._set_out(t_ns)
+        self._until(t_ns, self.tuning.confirm_s)
+        self.dialogue.begin(self._person(), t_ns)
+
+    def _tick_confirm(self, t_ns: int) -> Happening | None:
+        self.dialogue.tick(self.body.senses.voice, t_ns)
+        place = self.place()
+        if place is not None and not self.body.is_flat():
+            self.body.go_beside(place, t_ns)
+        return None
+
+    def _begin_approach(self, t_ns: int, why: str) -> None:
+        drive = self.body.drive
+        self.stays_put = False
+        if not drive.is_under_way:
+            self._set_out(t_ns)
+            self.dialogue.speak(self.tuning.coming, t_ns, self._person())
+        self._until(t_ns, self.tuning.approach_s)
+
+    def _set_out(self, t_ns: int) -> None:
+        """Begin to move at once: what takes longer is for the next tick."""
+        place = self.place()
+        if place is None:
+            self.body.halt()
+        else:
+            self.body.forget()
+        self.body.face(place, t_ns)
+
+    def _tick_approach(self, t_ns: int) -> Happening | None:
+        body, place = self.body, self.place()
+        if body.is_flat():
+            return 'battery_low', f'{100 * body.senses.battery:.0f} %'
+        if body.is_lost(self._since_ns, t_ns):
+            return 'lost_position', f'no good pose for {self.tuning.lost_s:g} s'
+        if body.drive.arrived:
+            return 'arrived', ''
+        if body.drive.problem:
+            return 'blocked', body.drive.problem
+        if place is not None:
+            body.go_beside(place, t_ns)
+        elif t_ns - self._since_ns >= round(self.tuning.place_s * NS_PER_S):
+            return 'no_place', 'nobody knows where it is'
+        return None
+
+    # ---- being there ------------------------------------------------------------------------
+
+    def _begin_observe(self, t_ns: int, why: str) -> None:
+        self.body.face(self.place(), t_ns)
+        self._clear()
+        self._found.clear()
+        self._ordered_ns = _NEVER
+
+    def _tick_observe(self, t_ns: int) -> Happening | None:
+        place, t = self.place(), self.tuning
+        if place is not None and self.body.has_left(place):
+            return 'moved', f'to {place.x:.1f}, {place.y:.1f}'
+        if self._ordered_ns < 0:
+            if self.body.is_aligned or t_ns - self._since_ns >= round(t.look_s * NS_PER_S):
+                self._ordered_ns = t_ns
+                self._until(t_ns, t.observe_s)
+                self._order()
+        elif len(self._found) == len(self._orders):
+            return 'observed', ', '.join(self._found)
+        return None
+
+    def _order(self) -> None:
+        emergency = self.emergency
+        if emergency is not None:
+            for order in self._orders:
+                self._emit(Observe(order, emergency.alarm, emergency.subject))
+
+    def _begin_report(self, t_ns: int, why: str) -> None:
+        self._until(t_ns, self.tuning.report_s)
+        if self.emergency is not None:
+            self._emit(Note(self.emergency.alarm, self._finding()))
+        self.dialogue.speak(self.tuning.comfort, t_ns, self._person())
+
+    def _tick_report(self, t_ns: int) -> Happening | None:
+        return None
+
+    def _finding(self) -> str:
+        """Return in words what was found."""
+        pose, place = self.body.senses.pose, self.place()
+        parts = ['robot is there']
+        if pose is not None and place is not None:
+            away_m = math.dist(pose[:2], place.point)
+            parts = [f'robot is {away_m:.1f} m from {self._person() or "the place"}']
+        for kind in self._orders:
+            text = self._found.get(kind)
+            parts.append(f'no {kind}' if text is None else f'{kind}: {text}' if text else kind)
+        if self.dialogue.heard:
+            parts.append(f'heard something {self.dialogue.heard} times')
+        return ', '.join(parts)
+
+    def _begin_stay(self, t_ns: int, why: str) -> None:
+        self._until(t_ns, self.tuning.stay_s)
+        self._speak_ns = t_ns + round(self.tuning.comfort_s * NS_PER_S)
+
+    def _tick_stay(self, t_ns: int) -> Happening | None:
+        t, emergency, place = self.tuning, self.emergency, self.place()
+        if self.body.is_flat():
+            return 'battery_low', f'{100 * self.body.senses.battery:.0f} %'
+        if place is not None and self.stays_put:
+            self.body.look_at(place, t_ns)
+        elif place is not None:
+            self.body.keep_beside(place, t_ns)
+        if t_ns >= self._speak_ns and emergency is not None:
+            self._speak_ns = t_ns + round(t.comfort_s * NS_PER_S)
+            self.dialogue.speak(t.comfort, t_ns, self._person())
+        if self.others_wait and t_ns - self._since_ns >= round(t.company_s * NS_PER_S):
+            return 'timeout', 'another emergency waits'
+        return None
+
+    # ---- leaving ----------------------------------------------------------------------------
+
+    def _begin_return(self, t_ns: int, why: str) -> None:
+        self.body.halt()
+        self._clear()
+        self._until(t_ns, self.tuning.return_s)
+        target = self._home or self.origin
+        if target is not None:
+            self.body.go_to(target, t_ns)
+
+    def _tick_return(self, t_ns: int) -> Happening | None:
+        drive = self.body.drive
+        if drive.arrived:
+            return 'arrived', ''
+        if drive.problem:
+            return 'blocked', drive.problem
+        if (self._home or self.origin) is None:
+            return 'no_place', 'it never knew where it was, and home is not set'
+        if self.body.is_lost(self._since_ns, t_ns):
+            return 'lost_position', f'no good pose for {self.tuning.lost_s:g} s'
+        return None
+
+    def _begin_give_up(self, t_ns: int, why: str) -> None:
+        t, emergency = self.tuning, self.emergency
+        self.body.halt()
+        wait_s = t.retry_s if self.may_retry() else t.give_up_s
+        self._until(t_ns, wait_s)
+        if emergency is not None:
+            whom = emergency.subject or 'the place'
+            self._tell(f'robot could not reach {whom}: {why}')
+            self._emit(Note(emergency.alarm, f'robot could not reach {whom}: {why}'))
+            self.dialogue.speak(t.unreachable, t_ns, self._person())
+
+    def _tick_give_up(self, t_ns: int) -> Happening | None:
+        if self.may_retry() and 0 <= self._deadline_ns <= t_ns and not self.body.is_flat():
+            self._deadline_ns = _NEVER
+            return 'retry', f'{self.tries + 1} of {self.tuning.retries}'
+        return None
+
+    def may_retry(self) -> bool:
+        """Return whether it has tries left, and an emergency to try them for."""
+        return (not self.is_aborted and self.emergency is not None
+                and self.tries < self.tuning.retries)
+
+    def _tell(self, text: str) -> None:
+        self._is_told = True
+        self._emit(Trouble(True, text))
+
+    def _clear(self) -> None:
+        if self._is_told:
+            self._is_told = False
+            self._emit(Trouble(False))
+
+    # ---- helpers ----------------------------------------------------------------------------
+
+    def _until(self, t_ns: int, seconds: float) -> None:
+        self._deadline_ns = t_ns + round(seconds * NS_PER_S)
+
+    def _person(self) -> str:
+        return self.emergency.subject if self.emergency is not None else ''

@@ -1,0 +1,338 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+An alarm: what it is about, its state, how far its escalation has come, and all of it as JSON.
+
+All times are in ns of the core's clock; 0 is none. In a record of the journal they are those of
+the core that wrote it, and :meth:`Alarm.shift` moves them to the clock of the one that reads it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from dataclasses import field
+from dataclasses import fields
+from enum import Enum
+import json
+import math
+from typing import Any
+from typing import Final
+from typing import NamedTuple
+
+from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.cause import LEVELS
+
+#: Kinds of causes and pictures that one alarm keeps.
+KINDS_MOST: Final = 12
+PICTURES_MOST: Final = 4
+REASON_TEXT: Final = 80
+TEST: Final = 'test'
+
+
+class State(Enum):
+    """Where an alarm is in its life."""
+
+    SUSPECTED = 'suspected'
+    RAISED = 'raised'
+    ACKNOWLEDGED = 'acknowledged'
+    RESOLVED = 'resolved'
+    CANCELLED = 'cancelled'
+
+    @property
+    def is_open(self) -> bool:
+        """Return whether something may still become of it."""
+        return self not in (State.RESOLVED, State.CANCELLED)
+
+
+class Event(NamedTuple):
+    """
+    A moment in an alarm's life.
+
+    :ivar seq: counts all events, also over restarts.
+    :ivar event: what happened: ``raised``, ``acknowledged``, ``escalated`` ...
+    :ivar by: who did it; empty when it came by itself.
+    :ivar restored: it tells what was so before a restart.
+    """
+
+    seq: int
+    t_ns: int
+    alarm: str
+    event: str
+    state: str
+    level: str
+    subject: str
+    kinds: tuple[str, ...]
+    text: str
+    by: str = ''
+    why: str = ''
+    node: str = ''
+    x: float = math.nan
+    y: float = math.nan
+    restored: bool = False
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as it is in JSON; what is not known is left out."""
+        return _finite({**self._asdict(), 'kinds': list(self.kinds)},
+                       optional=('node', 'restored'))
+
+    def to_text(self) -> str:
+        """Return it as JSON."""
+        return compact(self.as_dict())
+
+
+@dataclass
+class Reason:
+    """
+    What is known of one kind of cause of an alarm.
+
+    :ivar count: how often it began.
+    :ivar since_ns: when it began last.
+    :ivar heard_ns: when it was told last.
+    :ivar over_ns: when it ended; 0 while it lasts.
+    """
+
+    kind: str
+    level: Level
+    active: bool = True
+    count: int = 1
+    since_ns: int = 0
+    heard_ns: int = 0
+    over_ns: int = 0
+    text: str = ''
+    source: str = ''
+
+    @classmethod
+    def of(cls, cause: Cause, t_ns: int) -> Reason:
+        """Make it of the first cause of its kind."""
+        return cls(cause.kind, cause.level, True, 1, t_ns, t_ns, 0, cause.text[:REASON_TEXT],
+                   cause.source)
+
+    def hear(self, cause: Cause, t_ns: int, again_ns: int) -> tuple[bool, bool | None]:
+        """
+        Take a cause of its kind once more.
+
+        :param again_ns: what comes back or rises sooner is flapping.
+        :return: whether it has begun anew; and whether it has begun or risen so that it is news,
+            False when that is flapping, None when it only lasts.
+        """
+        # Told by a person, without a module behind, it has begun each time.
+        began = not self.active or not cause.source
+        rises = cause.level > self.level
+        since_ns = self.over_ns or (self.since_ns if rises else self.heard_ns)
+        if began:
+            self.count += 1
+        if began or cause.level != self.level:
+            self.since_ns, self.active, self.over_ns = t_ns, True, 0
+        self.heard_ns, self.text = t_ns, cause.text[:REASON_TEXT] or self.text
+        self.level, self.source = cause.level, cause.source
+        return began, t_ns - since_ns >= again_ns if began or rises else None
+
+
+@dataclass
+class Delivery:
+    """
+    A notification that was made.
+
+    :ivar key: tells it from all others; the same when it is sent again after a restart.
+    :ivar due_ns: without a report until then it has failed; 0 when that is decided.
+    :ivar ok: what was reported; None as long as nothing was.
+    :ivar again: it was sent before a restart, too.
+    """
+
+    key: str
+    channel: str
+    step: int
+    due_ns: int = 0
+    ok: bool | None = None
+    again: bool = False
+
+
+@dataclass
+class Alarm:
+    """
+    One alarm.
+
+    :ivar id: what people name it by.
+    :ivar level: the worst so far; it never becomes less.
+    :ivar state_ns: since when it is in its state.
+    :ivar confirm_ns: when a suspicion is raised.
+    :ivar by: who acknowledged it.
+    :ivar remark: what somebody noted, for whoever is told of it.
+    :ivar over_ns: since when all causes are over; 0 while one lasts.
+    :ivar round: how often its escalation began.
+    :ivar step: of the escalation; -1 before the first.
+    :ivar sent: how many times the channels of this step were told.
+    :ivar next_ns: when the next step comes.
+    :ivar repeat_ns: when this step is repeated.
+    :ivar top: the last step has been reached in this round.
+    :ivar reasons: its causes, by kind, in the order in which they came.
+    :ivar deliveries: the notifications of this round, by key.
+    """
+
+    id: str  # noqa: A003
+    subject: str
+    level: Level
+    state: State
+    opened_ns: int
+    state_ns: int
+    confirm_ns: int = 0
+    text: str = ''
+    node: str = ''
+    x: float = math.nan
+    y: float = math.nan
+    by: str = ''
+    why: str = ''
+    remark: str = ''
+    over_ns: int = 0
+    remind_ns: int = 0
+    round: int = 0  # noqa: A003
+    step: int = -1
+    sent: int = 0
+    next_ns: int = 0
+    repeat_ns: int = 0
+    top: bool = False
+    reasons: dict[str, Reason] = field(default_factory=dict)
+    deliveries: dict[str, Delivery] = field(default_factory=dict)
+    pictures: list[str] = field(default_factory=list)
+
+    @property
+    def technical(self) -> bool:
+        """Return whether it is of ours that something is broken."""
+        return self.level is Level.TECHNICAL
+
+    @property
+    def is_test(self) -> bool:
+        """Return whether it is a test and nothing else."""
+        return set(self.reasons) == {TEST}
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Return the kinds of its causes, the first one first."""
+        return tuple(self.reasons)
+
+    def order(self) -> tuple[int, int, str]:
+        """Return what sorts alarms: the worst first, then the oldest."""
+        return -self.level, self.opened_ns, self.id
+
+    def see(self, cause: Cause) -> None:
+        """Keep what the newest cause says, if it is not less than what was said before."""
+        worst = max((each.level for each in self.reasons.values()), default=cause.level)
+        if cause.level >= worst or not self.text:
+            self.text = cause.text or self.text
+        if cause.node:
+            self.node = cause.node
+        if math.isfinite(cause.x) and math.isfinite(cause.y):
+            self.x, self.y = cause.x, cause.y
+
+    def shift(self, by_ns: int) -> None:
+        """Move all its times."""
+        for each in (self, *self.reasons.values(), *self.deliveries.values()):
+            for name in _TIMES[type(each)]:
+                if getattr(each, name):
+                    # 0 is none, whatever clock it is.
+                    setattr(each, name, getattr(each, name) + by_ns or 1)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as it is in JSON."""
+        return _finite({
+            **{name: getattr(self, name) for name in _PLAIN[Alarm]},
+            'level': self.level.name.lower(), 'state': self.state.value,
+            'reasons': [_plain(each) for each in self.reasons.values()],
+            'deliveries': [_plain(each) for each in self.deliveries.values()],
+            'pictures': self.pictures})
+
+    @classmethod
+    def from_dict(cls, found: dict[str, Any]) -> Alarm:
+        """
+        Read what :meth:`as_dict` gave.
+
+        :raises ValueError: it is something else.
+        """
+        try:
+            made = cls(str(found['id']), str(found['subject']), LEVELS[found['level']],
+                       State(found['state']), int(found['opened_ns']), int(found['state_ns']))
+            _set(made, found)
+            for each in found['reasons'][:KINDS_MOST]:
+                reason = Reason(str(each['kind']), LEVELS[each['level']])
+                _set(reason, each)
+                made.reasons[reason.kind] = reason
+            for each in found['deliveries']:
+                delivery = Delivery(str(each['key']), str(each['channel']), int(each['step']))
+                _set(delivery, each)
+                made.deliveries[delivery.key] = delivery
+            made.pictures = [str(each) for each in found['pictures'][:PICTURES_MOST]]
+        except (KeyError, TypeError, AttributeError) as error:
+            raise ValueError(f'no alarm: {type(error).__name__} {error}') from error
+        if not made.reasons:
+            raise ValueError(f'alarm {made.id} has no cause')
+        return made
+
+
+class Change(NamedTuple):
+    """
+    What happened to one alarm, to be kept before anybody is told.
+
+    :ivar alarm: as it is now.
+    :ivar events: what happened, in order; may be none.
+    :ivar sends: notifications to be made of it.
+    """
+
+    alarm: Alarm
+    events: tuple[Event, ...]
+    sends: tuple[Delivery, ...]
+
+
+def compact(found: object) -> str:
+    """Write JSON without blanks."""
+    return json.dumps(found, ensure_ascii=False, separators=(',', ':'))
+
+
+_KINDS: Final = {'str': str, 'int': int, 'bool': bool, 'float': float}
+# Fields of each class that are plain values, and those of them that are times.
+_PLAIN: Final[dict[type, tuple[str, ...]]] = {
+    cls: tuple(each.name for each in fields(cls) if each.type in _KINDS or each.name == 'ok')
+    for cls in (Alarm, Reason, Delivery)}
+_TIMES: Final[dict[type, tuple[str, ...]]] = {
+    cls: tuple(name for name in names if name.endswith('_ns')) for cls, names in _PLAIN.items()}
+_TYPES: Final[dict[type, dict[str, type]]] = {
+    cls: {each.name: _KINDS[str(each.type)] for each in fields(cls) if each.type in _KINDS}
+    for cls in (Alarm, Reason, Delivery)}
+
+
+def _plain(each: Reason | Delivery) -> dict[str, Any]:
+    found = {name: getattr(each, name) for name in _PLAIN[type(each)]}
+    if isinstance(each, Reason):
+        found['level'] = each.level.name.lower()
+    return found
+
+
+def _set(made: Alarm | Reason | Delivery, found: dict[str, Any]) -> None:
+    """Take over the plain values that are of the right type."""
+    for name, kind in _TYPES[type(made)].items():
+        value = found.get(name)
+        if isinstance(value, bool) is (kind is bool) and isinstance(
+                value, (int, float) if kind is float else kind):
+            setattr(made, name, kind(value))
+    if isinstance(made, Delivery) and isinstance(found.get('ok'), bool):
+        made.ok = found['ok']
+
+
+def _finite(found: dict[str, Any], optional: Iterable[str] = ()) -> dict[str, Any]:
+    """Leave out numbers that are none, and the optional values that say nothing."""
+    empty = {name for name in optional if not found[name]}
+    return {name: value for name, value in found.items()
+            if name not in empty and not (isinstance(value, float) and not math.isfinite(value))}

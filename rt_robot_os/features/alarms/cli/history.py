@@ -1,0 +1,87 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the journal of a robot holds, for people and as JSON; it may be written meanwhile."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.cli.shown import event_line
+from rt_robot_os.features.alarms.journal import decode
+from rt_robot_os.features.alarms.journal_device.folder import Folder
+from rt_robot_os.features.alarms.journal_file import Found
+from rt_robot_os.features.alarms.journal_file import NAME
+from rt_robot_os.features.alarms.journal_file import OLDER
+from rt_robot_os.features.alarms.journal_file import read_journal
+from rt_robot_os.linux.folders import read_file
+from rt_robot_os.linux.folders import ros_home
+
+#: The folder of a device of type journal, unless it says another.
+DEFAULT_FOLDER = 'alarms'
+_LARGEST_BYTES = 256 << 20
+
+
+def find(name: str) -> Found:
+    """
+    Read a journal.
+
+    :param name: its folder, or one of its files; empty: that of ROS's folder of this user.
+    :raises ConfigError: there is none.
+    """
+    path = Path(name).expanduser() if name else ros_home() / DEFAULT_FOLDER
+    try:
+        if path.is_dir():
+            if not any((path / each).exists() for each in (NAME, OLDER)):
+                raise ConfigError([f'{path} holds no journal of alarms ({NAME})'])
+            return read_journal(Folder(path))
+        contents = decode(read_file(path, _LARGEST_BYTES))
+    except OSError as error:
+        raise ConfigError([f'{path}: {error.strerror}: name the folder of a device of type '
+                           'journal']) from error
+    return Found(contents.records, contents.torn_bytes, contents.damaged,
+                 contents.beginning.generation if contents.beginning else 0)
+
+
+def as_dict(found: Found) -> dict[str, Any]:
+    """Return all of it for JSON."""
+    return {'generation': found.generation, 'torn_bytes': found.torn_bytes,
+            'damaged': found.damaged,
+            'open': [each.record['state'] for each in found.living() if each.record.get('state')],
+            'records': [{'at_ns': each.at_ns, **each.record} for each in found.records]}
+
+
+def lines(found: Found) -> list[str]:
+    """Return an event a line, then what is open and what was damaged."""
+    told = []
+    for each in found.records:
+        events = each.record.get('events')
+        day = datetime.fromtimestamp(each.at_ns / NS_PER_S).strftime('%Y-%m-%d')
+        for event in events if isinstance(events, list) else ():
+            if isinstance(event, dict) and isinstance(event.get('t_ns'), int):
+                # The clock of the core that wrote it, by when the record was stored.
+                written_ns = each.record.get('t_ns')
+                behind_ns = each.at_ns - (written_ns if isinstance(written_ns, int)
+                                          else event['t_ns'])
+                told.append(f'{day} {event_line(event, behind_ns)}')
+    count = sum(bool(each.record.get('state')) for each in found.living())
+    told.append(f'{len(found.records)} records, {count} alarms open')
+    if found.torn_bytes or found.damaged:
+        told.append(f'{found.torn_bytes} bytes cut off at the end, {found.damaged} damaged '
+                    'places: what was whole is above')
+    return told

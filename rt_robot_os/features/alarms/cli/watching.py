@@ -1,0 +1,74 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Follow what happens to the alarms of a core, from one core to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import json
+from pathlib import Path
+import sys
+import time
+from typing import Any
+
+from rt_robot_os.base.programs import tell
+from rt_robot_os.features.alarms.cli.desk import check_topics
+from rt_robot_os.features.alarms.cli.desk import EVENTS
+from rt_robot_os.features.alarms.cli.shown import event_line
+from rt_robot_os.link.cdr import string_in
+from rt_robot_os.link.client import LinkClient
+from rt_robot_os.link.lasting_client import LastingClient
+
+_PUMP_S = 0.2
+
+
+def watch(path: Path, as_json: bool, stopping: Callable[[], bool] = lambda: False) -> None:
+    """
+    Print an event a line until somebody stops it.
+
+    :param path: of the core's socket.
+    :param as_json: as they come; else in words.
+    """
+    behind_ns = time.time_ns() - time.monotonic_ns()
+
+    def take(stamp_ns: int, missed: int, cdr: memoryview) -> None:
+        text = string_in(cdr)
+        print(json.dumps(_object(text)) if as_json else event_line(_object(text), behind_ns),
+              flush=True)
+
+    def connect(client: LinkClient) -> None:
+        check_topics(client, EVENTS)
+        client.carriers[client.topics[EVENTS].channel] = take
+        # What was kept before the first look is history; what a new core tells at once is not.
+        client.mirror(EVENTS, patient=True, oldest=connection.connections > 0)
+
+    def say(text: str) -> None:
+        tell('alarms', text)
+
+    connection = LastingClient(path, 'alarms', connect, say)
+    try:
+        while not stopping():
+            connection.pump(_PUMP_S)
+            sys.stdout.flush()
+    finally:
+        connection.close()
+
+
+def _object(text: str) -> dict[str, Any]:
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        found = None
+    return found if isinstance(found, dict) else {'event': 'unreadable', 'why': text[:60]}

@@ -1,0 +1,255 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Alarms with a life of their own: raised, told, acknowledged, escalated, resolved.
+
+All causes come together here. What follows of them is decided by the book in
+:mod:`rt_robot_os.features.alarms`, from the stamps of samples and from deadlines alone, so a
+replay comes to the same. Each change is kept by the journal before anybody outside is told of it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from collections.abc import Iterable
+from collections.abc import Mapping
+from functools import partial
+import json
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.desk import Desk
+from rt_robot_os.features.alarms.desk import RECORD_BYTES
+from rt_robot_os.features.alarms.escalation import ROBOT
+from rt_robot_os.features.alarms.listing import LIST_BYTES
+from rt_robot_os.features.alarms.listing import list_text
+from rt_robot_os.features.alarms.notification import Notification
+from rt_robot_os.features.alarms.notification import parse_report
+from rt_robot_os.features.alarms.settings import rules_of
+from rt_robot_os.features.alarms.settings import SETTINGS
+from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.cause import CAUSES_MESSAGE
+from rt_robot_os.messages.cause import CAUSES_TOPIC
+from rt_robot_os.modules.base import Module
+from rt_robot_os.topics import Bus
+from rt_robot_os.topics import MAX_SUBSCRIBERS
+from rt_robot_os.topics import Publisher
+from rt_robot_os.topics import Subscription
+from rt_robot_os.topics.ports import Input
+from rt_robot_os.topics.ports import Output
+
+_TEXT: Final = CAUSES_MESSAGE
+_EVENT_BYTES: Final = 6000
+_ANSWER_BYTES: Final = 2000
+_SAY_BYTES: Final = 1000
+# Inputs of one topic that one job takes, and records that it sends; the next takes the others.
+_A_JOB: Final = 16
+_RECORDS_A_JOB: Final = 16
+_LIST_PERIOD_NS: Final = 5 * NS_PER_S
+# What happened that long ago needs no warning any more; the counters keep it.
+_TOLD_NS: Final = 60 * NS_PER_S
+
+
+class Alarms(Module):
+    """Keep all alarms of the robot, and see to it that each is told until somebody comes."""
+
+    causes = Input(CAUSES_TOPIC, wake=True, message=CAUSES_MESSAGE)
+    command = Input('alarms/command', wake=True, message=_TEXT)
+    report = Input('alarms/report', wake=True, message=_TEXT)
+    stored = Input('alarms/stored', wake=True, message=_TEXT)
+    observed = Input('', wake=True, message=_TEXT)
+    events = Output('alarms/events', _TEXT, tail=_EVENT_BYTES, depth=64, most_hz=5.0)
+    list = Output('alarms/list', _TEXT, tail=LIST_BYTES, depth=4, rate_hz=0.2,  # noqa: A003
+                  most_hz=1.0)
+    notify = Output('alarms/notify', _TEXT, tail=_EVENT_BYTES, depth=64, most_hz=2.0)
+    answer = Output('alarms/answer', _TEXT, tail=_ANSWER_BYTES, depth=64, most_hz=1.0)
+    journal = Output('alarms/journal', _TEXT, tail=RECORD_BYTES, depth=32, most_hz=5.0)
+    say = Output('agent/say', _TEXT, tail=_SAY_BYTES, depth=16, most_hz=1.0)
+
+    SETTINGS = SETTINGS
+
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+        """
+        Read the rules.
+
+        :raises ConfigError: steps or kinds are wrong.
+        """
+        super().__init__(name, settings)
+        self._desk = Desk(rules_of(name, settings), journal=bool(settings['stored_topic']),
+                          wait_ns=round(settings['journal_wait_s'] * NS_PER_S))
+        self._counters: Counter[str] = Counter()
+        self._records: list[str] = []
+        self._last_ns = self._list_ns = 0
+        self._refused = ''
+        self._refused_ns = 0
+
+    # ---- life --------------------------------------------------------------------------------
+
+    def declare(self, bus: Bus, rate_hz: float, max_subscribers: int = MAX_SUBSCRIBERS) -> None:
+        """
+        Declare the outputs.
+
+        :raises ConfigError: it has no rate.
+        """
+        if not rate_hz:
+            # Not timers of its own: jobs at a rate are released in a replay as they were.
+            raise ConfigError([f'{self.name}.rate_hz is missing: it looks so often whether the '
+                               'time of something has come; write rate_hz: 10.0'])
+        super().declare(bus, rate_hz, max_subscribers)
+
+    def connected(self, attribute: str) -> bool:
+        """Leave alone what has no topic; without answers of a journal there is none."""
+        if attribute == 'journal' and not self.topic_of('stored'):
+            return False
+        return bool(self.topic_of(attribute))
+
+    def step(self) -> None:
+        """Take what came in the order in which it was said, do what is due, tell of it."""
+        now_ns = self.events.topic.kernel.now_ns()
+        desk = self._desk
+        if not self._last_ns:
+            # A whole second: the same in a replay, whose job looks at the clock a little sooner.
+            self._last_ns = self._list_ns = now_ns - now_ns % NS_PER_S
+            desk.start(self._last_ns)
+        for stamp_ns, take in self._inputs(now_ns):
+            self._pass(stamp_ns)
+            self._last_ns = max(stamp_ns, self._last_ns)
+            self._try(take, self._last_ns)
+            self._tell()
+        self._pass(now_ns)
+        self._publish_records()
+        if now_ns >= self._list_ns:
+            self._last_ns = max(self._list_ns, self._last_ns)
+            self._publish_list()
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Tell how many alarms there are, what came and went, and what is wrong."""
+        now_ns = self.kernel.now_ns() if self.kernel else 0
+        warnings = [self._desk.warning]
+        if not self.settings['stored_topic']:
+            warnings.append('there is no journal: a restart forgets all alarms')
+        if self._refused and now_ns - self._refused_ns < _TOLD_NS:
+            warnings.append(self._refused)
+        found = self._desk.statistics()
+        return {'warning': '; '.join(filter(None, warnings)), **found, **self._counters,
+                'causes_lost': self.causes.lost, 'reports_lost': self.report.lost}
+
+    # ---- what comes in -----------------------------------------------------------------------
+
+    def _pass(self, until_ns: int) -> None:
+        """Do what was due, each thing at its own time and told by itself."""
+        while (due_ns := self._desk.next_ns) and due_ns <= until_ns:
+            self._last_ns = max(due_ns, self._last_ns)
+            self._desk.advance(due_ns)
+            self._tell()
+
+    def _inputs(self, now_ns: int) -> Iterable[tuple[int, Callable[[int], None]]]:
+        """Take some of what came, in the order in which it was said."""
+        found: list[tuple[int, int, Callable[[int], None]]] = []
+        takers: tuple[tuple[str, Callable[[str, int], None]], ...] = (
+            ('stored', self._take_stored), ('causes', self._take_cause),
+            ('command', self._desk.take_command), ('report', self._take_report),
+            ('observed', self._take_observed))
+        for attribute, take in takers:
+            if not self.connected(attribute):
+                continue
+            said: Subscription = getattr(self, attribute)
+            # What is there at the beginning: to ask where nothing is lets time pass in a replay.
+            for _ in range(min(_A_JOB, said.unread)):
+                if not said.take():
+                    break
+                found.append((min(said.stamp_ns, now_ns), len(found),
+                              partial(take, str(said.msg.data))))
+        return [(stamp_ns, take) for stamp_ns, _, take in sorted(
+            found, key=lambda each: each[:2])]
+
+    def _try(self, take: Callable[[int], None], stamp_ns: int) -> None:
+        try:
+            take(stamp_ns)
+        except ValueError as error:
+            self._counters['refused'] += 1
+            self._refused, self._refused_ns = f'refused: {error}', stamp_ns
+            self.log.warn('refused: %s', str(error), throttle_s=1.0)
+
+    def _take_cause(self, text: str, stamp_ns: int) -> None:
+        self._desk.take_cause(cause_of(text), stamp_ns)
+
+    def _take_report(self, text: str, stamp_ns: int) -> None:
+        self._desk.take_report(*parse_report(text), stamp_ns)
+
+    def _take_stored(self, text: str, stamp_ns: int) -> None:
+        self._desk.take_stored(_object(text), stamp_ns)
+
+    def _take_observed(self, text: str, stamp_ns: int) -> None:
+        found = _object(text)
+        if not found.get('problem'):
+            self._desk.take_picture(str(found.get('alarm', '')), str(found.get('file', '')),
+                                    stamp_ns)
+
+    # ---- what goes out -----------------------------------------------------------------------
+
+    def _tell(self) -> None:
+        """Publish what has come of one input or deadline."""
+        desk, stamp_ns = self._desk, self._last_ns
+        self._records += desk.take_records()
+        events = desk.take_events()
+        for event in events:
+            self._publish(self.events, event.to_text(), stamp_ns)
+        for answer in desk.take_answers():
+            self._publish(self.answer, answer.to_text(), stamp_ns)
+        for each in desk.take_notifications():
+            if each.channel == ROBOT:
+                self._speak(each)
+            else:
+                self._publish(self.notify, each.to_text(), stamp_ns)
+        if events:
+            self._publish_list()
+
+    def _speak(self, each: Notification) -> None:
+        stamp_ns = self._last_ns
+        silent = stamp_ns < self._desk.book.silent_until_ns
+        if not silent:
+            self._publish(self.say, each.text, stamp_ns)
+        self._desk.take_report(each.key, True, 'silenced' if silent else '', stamp_ns)
+        self._tell()
+
+    def _publish_records(self) -> None:
+        if not self._records:
+            return
+        some, self._records = self._records[:_RECORDS_A_JOB], self._records[_RECORDS_A_JOB:]
+        for text in some:
+            self._publish(self.journal, text, self._last_ns)
+
+    def _publish_list(self) -> None:
+        stamp_ns = self._last_ns
+        self._publish(self.list, list_text(self._desk.book.in_order(), stamp_ns), stamp_ns)
+        self._list_ns = stamp_ns + _LIST_PERIOD_NS
+
+    def _publish(self, output: Publisher, text: str, stamp_ns: int) -> None:
+        output.msg.data = text
+        output.publish(stamp_ns)
+
+
+def _object(text: str) -> dict[str, Any]:
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f'{text[:60]!r} is no JSON: {error}') from None
+    if not isinstance(found, dict):
+        raise ValueError(f'{text[:60]!r} is no object')
+    return found

@@ -1,0 +1,118 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Couriers: each channel has a thread and a queue of its own, so that none waits for another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import queue
+import threading
+import time
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.notifier.channel import DeliveryError
+from rt_robot_os.features.alarms.notifier.ledger import Report
+from rt_robot_os.features.alarms.notifier.ledger import TEXT_LETTERS
+from rt_robot_os.features.alarms.notifier.notification import Notification
+from rt_robot_os.features.alarms.notifier.settings import ChannelSettings
+
+_END: Final = None
+
+
+class Courier:
+    """
+    Delivers by one channel, one notification after the other.
+
+    :param begin: called by its thread before each delivery, with the notification.
+    :param end: called by its thread with what became of it.
+    :param expires_s: what has waited longer is not delivered any more.
+    :ivar delivered: so far.
+    :ivar failed: so far.
+    :ivar problem: why the last delivery failed; empty when it went well.
+    :ivar busy_since_ns: when the present delivery began, on CLOCK_MONOTONIC; 0 without.
+    """
+
+    def __init__(self, settings: ChannelSettings, begin: Callable[[Notification], None],
+                 end: Callable[[Report], None], expires_s: float) -> None:
+        self.settings = settings
+        self.delivered = self.failed = 0
+        self.problem = ''
+        self.busy_since_ns = 0
+        self._begin = begin
+        self._end = end
+        self._expires_ns = round(expires_s * NS_PER_S)
+        self._queue: queue.Queue[tuple[Notification, bool, int] | None] = queue.Queue(
+            settings.queue)
+        self._thread = threading.Thread(
+            target=self._run, name=f'courier {settings.name}', daemon=True)
+        self._thread.start()
+
+    def send(self, notification: Notification, again: bool, stamp_ns: int) -> bool:
+        """
+        Queue a notification; False when too many wait already.
+
+        :param stamp_ns: when it was made, on CLOCK_MONOTONIC.
+        """
+        try:
+            self._queue.put_nowait((notification, again, stamp_ns))
+        except queue.Full:
+            return False
+        return True
+
+    def stop(self, timeout_s: float) -> bool:
+        """Take no more, and wait for the delivery that runs; return whether it is done."""
+        while True:
+            try:
+                self._queue.put_nowait(_END)
+                break
+            except queue.Full:
+                try:
+                    self._queue.get_nowait()  # it is not begun, and comes again after a restart
+                except queue.Empty:
+                    pass
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def statistics(self) -> dict[str, Any]:
+        """Return its counters."""
+        busy_ns = self.busy_since_ns and time.monotonic_ns() - self.busy_since_ns
+        return {'type': self.settings.type, 'waiting': self._queue.qsize(),
+                'delivered': self.delivered, 'failed': self.failed,
+                'busy_s': round(busy_ns / NS_PER_S, 1), 'problem': self.problem}
+
+    def _run(self) -> None:
+        while (item := self._queue.get()) is not _END:
+            notification, again, stamp_ns = item
+            self.busy_since_ns = time.monotonic_ns()
+            ok, text = self._deliver(notification, again, self.busy_since_ns - stamp_ns)
+            self.busy_since_ns = 0
+            self.delivered += ok
+            self.failed += not ok
+            text = text[:TEXT_LETTERS]
+            self.problem = '' if ok else text
+            self._end(Report(notification.key, notification.channel, ok, text))
+
+    def _deliver(self, notification: Notification, again: bool, age_ns: int) -> tuple[bool, str]:
+        if age_ns > self._expires_ns:
+            return False, f'was {age_ns / NS_PER_S:.0f} s old when its turn came'
+        try:
+            self._begin(notification)
+            return True, self.settings.channel.deliver(notification, again)
+        except DeliveryError as error:
+            return False, str(error)
+        except Exception as error:  # the thread has to go on, whatever a channel does
+            return False, f'{type(error).__name__} in the channel'

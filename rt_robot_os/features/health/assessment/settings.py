@@ -1,0 +1,93 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The settings of the assessment of a person, and what its texts mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.features.health.limit_text import Limit
+from rt_robot_os.features.health.limit_text import LIMIT_FORM
+from rt_robot_os.features.health.limit_text import limit_of
+from rt_robot_os.features.health.limit_text import TREND_FORM
+from rt_robot_os.features.health.limit_text import TrendLimit
+from rt_robot_os.features.health.news2 import SCALES
+from rt_robot_os.features.health.vital_signs.settings import PERSON
+
+#: Of one person.
+MOST_LIMITS: Final = 64
+#: Characters of limits that are published: those of the first ones that fit.
+SHOWN_CHARACTERS: Final = 1000
+AIR: Final = 'air'
+OXYGEN: Final = 'oxygen'
+REPORTED: Final = 'reported'
+
+SETTINGS: Final = (
+    PERSON,
+    Field('spo2_scale', int, 1, 'The scale of SpO2: 2 only for who has hypercapnic respiratory '
+          'failure by the decision of a clinician', choices=SCALES),
+    Field('oxygen', str, REPORTED, 'What is breathed: as the vital signs report it, or always '
+          'the same, by prescription', choices=(REPORTED, AIR, OXYGEN)),
+    Field('news2', bool, True, 'A high score is a reason for an alarm'),
+    Field('news2_for_s', float, 60.0, 'The score has to be so high for that long', 's', 0.0,
+          3600.0),
+    Field('news2_clear_s', float, 120.0, 'It has to be lower for that long before the alarm is '
+          'over', 's', 0.0, 86_400.0),
+    Field('limits', list, [], f'Personal limits and trends: {LIMIT_FORM}, or {TREND_FORM}; '
+          'without a level it is warning'),
+    Field('signs_topic', str, '', 'The vital signs; empty: health/PERSON/signs'),
+    Field('news2_topic', str, '', 'Topic of the score, -1 while it is incomplete; empty: '
+          'health/PERSON/news2'),
+    Field('details_topic', str, '', 'Topic of how it came about; empty: '
+          'health/PERSON/news2_details'),
+    Field('silent_s', float, 10.0, 'Silence of the topic of vital signs after which nothing is '
+          'known any more, and that is told', 's', 2.0, 600.0),
+)
+
+
+def limits_of(name: str, settings: Mapping[str, Any]) -> list[Limit | TrendLimit]:
+    """
+    Read the limits.
+
+    :param name: of the module, for errors.
+    :raises ConfigError: with all that is wrong.
+    """
+    found, problems = [], []
+    for text in settings['limits']:
+        try:
+            found.append(limit_of(text))
+        except ValueError as error:
+            problems.append(f'{name}.limits: {text[:80]!r}: {error}')
+    if len(found) > MOST_LIMITS:
+        problems.append(f'{name}.limits: {len(found)} limits: {MOST_LIMITS} are the most')
+    if problems:
+        raise ConfigError(problems)
+    return found
+
+
+def limits_text(texts: Sequence[str]) -> str:
+    """Return limits for who shows them, divided by semicolons; the last may be left out."""
+    found = ''
+    for text in texts:
+        more = f'{found}; {text}' if found else text
+        if len(more) > SHOWN_CHARACTERS:
+            break
+        found = more
+    return found

@@ -1,0 +1,45 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the program `health` does with its command line.
+
+Each command is a module beside this one with ``add_to``, which adds its parser and what runs it.
+What takes long to import it imports only then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rt_robot_os.base.programs import run_command
+from rt_robot_os.features.health.cli import falls
+from rt_robot_os.features.health.cli import news2
+from rt_robot_os.features.health.cli import pulse
+from rt_robot_os.features.health.cli import vitals
+
+_COMMANDS = (falls, news2, pulse, vitals)
+
+
+def run(argv: Sequence[str]) -> int:
+    """
+    Run one command.
+
+    :param argv: without the program's name.
+    :return: the exit code.
+    :raises RtRobotError: it failed.
+    """
+    return run_command(
+        'health', "People's health: score cases, and see what the modules of the robot make of "
+        'recordings. No medical device.', _COMMANDS, argv)

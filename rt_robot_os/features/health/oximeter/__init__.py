@@ -1,0 +1,29 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Pulse oximeters with Nonin's serial data formats 2 and 7."""
+
+from rt_robot_os.devices.parts import DeviceParts
+from rt_robot_os.devices.parts import Recogniser
+
+PARTS = DeviceParts(
+    driver='.driver:Oximeter',
+    twin='.simulated:SimulatedOximeter',
+    recognisers=(
+        Recogniser("a pulse oximeter's packets (data format 7)", '.wire:is_format_7',
+                   'set type: oximeter with data_format: 7, or swap the ports'),
+        Recogniser("a pulse oximeter's packets (data format 2)", '.wire:is_format_2',
+                   'set type: oximeter with data_format: 2, or swap the ports'),
+    ),
+)

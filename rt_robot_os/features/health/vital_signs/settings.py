@@ -1,0 +1,167 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The settings of the module of vital signs, and what its texts mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import re
+from typing import Any
+from typing import Final
+from typing import NamedTuple
+
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import REQUIRED
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.health.duration import duration_ns
+from rt_robot_os.features.health.sensor_source import Times
+from rt_robot_os.messages.signs import checked_sign
+from rt_robot_os.messages.signs import SIGNS
+
+#: Of one person; each is a topic that is read.
+MOST_SOURCES: Final = 32
+_FORM: Final = ('must be TOPIC, SIGN TOPIC or SIGN TOPIC.FIELD, and perhaps "as NAME", such as '
+                'wsn/wrist/pulse_per_min or "systolic_mmhg cuff/pressure.data as cuff"')
+_NAME: Final = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,31}', re.ASCII)
+_TOPIC: Final = re.compile(r'[A-Za-z_][\w/]*', re.ASCII)
+
+PERSON: Final = Field(
+    'person', str, REQUIRED, 'Whose: a pseudonym of letters, digits and _; it is in topics, logs '
+    'and recordings')
+SETTINGS: Final = (
+    PERSON,
+    Field('sources', list, REQUIRED, 'Sensors, of each sign the preferred first: TOPIC, when its '
+          'last part names the sign, else SIGN TOPIC.FIELD, then "as NAME" where the part before '
+          'that is not what the sensor should be called'),
+    Field('stale_limits', list, [], 'Ages from which values say nothing, other than the usual: '
+          'SIGN TIME, such as body_temperature 8 h'),
+    Field('off_s', float, 60.0, 'A sensor that says for so long that it measures nothing, or what '
+          'nobody can have, is off, and that is told', 's', 1.0, 3600.0),
+    Field('back_s', float, 10.0, 'It is back when it has said nothing but values for so long', 's',
+          0.0, 3600.0),
+)
+
+
+class SourceText(NamedTuple):
+    """
+    A sensor as a text names it.
+
+    :ivar sign: of which it tells.
+    :ivar topic: that it is read from.
+    :ivar field: of the message; empty for that which its type has.
+    :ivar name: of the sensor.
+    """
+
+    sign: str
+    topic: str
+    field: str
+    name: str
+
+
+def checked_person(name: str, settings: Mapping[str, Any]) -> str:
+    """
+    Return the person of the settings.
+
+    :param name: of the module, for errors.
+    :raises ConfigError: it cannot be part of a topic's name.
+    """
+    person = str(settings['person'])
+    if not _NAME.fullmatch(person):
+        raise ConfigError([f'{name}.person = {person[:40]!r}: must be a letter, then at most 31 '
+                           'letters, digits and _, such as anna'])
+    return person
+
+
+def check_rate(name: str, period_ns: int) -> None:
+    """
+    Check that a module which has to notice silence is released in it.
+
+    :raises ConfigError: it has no rate.
+    """
+    if not period_ns:
+        raise ConfigError([f'{name}.rate_hz is 0: nothing would release it when its inputs fall '
+                           'silent, and that is what it has to tell; write rate_hz: 1.0'])
+
+
+def sources_of(name: str, settings: Mapping[str, Any]) -> dict[str, list[SourceText]]:
+    """
+    Read the sensors, by sign in the order of the table of signs.
+
+    :param name: of the module, for errors.
+    :raises ConfigError: with all that is wrong.
+    """
+    found: list[SourceText] = []
+    problems: list[str] = []
+    for text in settings['sources']:
+        try:
+            each = _source(text)
+            if any((other.sign, other.topic, other.field) == each[:3] for other in found):
+                raise ValueError('it is there twice')
+            found.append(each)
+        except ValueError as error:
+            problems.append(f'{name}.sources: {text[:80]!r}: {error}')
+    if not settings['sources']:
+        problems.append(f'{name}.sources is empty: name a topic such as wsn/wrist/pulse_per_min')
+    if len(found) > MOST_SOURCES:
+        problems.append(f'{name}.sources: {len(found)} sensors: {MOST_SOURCES} are the most')
+    if problems:
+        raise ConfigError(problems)
+    return {sign: sensors for sign in SIGNS
+            if (sensors := [each for each in found if each.sign == sign])}
+
+
+def times_of(name: str, settings: Mapping[str, Any]) -> dict[str, Times]:
+    """
+    Read how long things may last, for each sign.
+
+    :param name: of the module, for errors.
+    :raises ConfigError: with all that is wrong.
+    """
+    limits = {sign.name: round(sign.stale_s * NS_PER_S) for sign in SIGNS.values()}
+    problems = []
+    for text in settings['stale_limits']:
+        sign, _, said = text.strip().partition(' ')
+        try:
+            limits[checked_sign(sign)] = limit_ns = duration_ns(said)
+            if limit_ns < NS_PER_S:
+                raise ValueError('must be 1 s at least')
+        except ValueError as error:
+            problems.append(f'{name}.stale_limits: {text[:80]!r}: {error}')
+    if problems:
+        raise ConfigError(problems)
+    off_ns, back_ns = (round(settings[key] * NS_PER_S) for key in ('off_s', 'back_s'))
+    return {sign: Times(limit_ns, off_ns, back_ns) for sign, limit_ns in limits.items()}
+
+
+def _source(text: str) -> SourceText:
+    words = text.split()
+    name = ''
+    if len(words) > 2 and words[-2] == 'as':
+        name = words[-1]
+        if not _NAME.fullmatch(name):
+            raise ValueError(f'{name[:40]!r} is no name: letters, digits and _')
+        words = words[:-2]
+    if len(words) not in (1, 2):
+        raise ValueError(_FORM)
+    topic, _, field = words[-1].partition('.')
+    if not _TOPIC.fullmatch(topic) or (field and not re.fullmatch(r'\w+(\.\w+)*', field)):
+        raise ValueError(_FORM)
+    parts = topic.rstrip('/').split('/')
+    sign = checked_sign(words[0] if len(words) == 2 else parts[-1])
+    if parts[-1] in SIGNS and parts[-1] != sign:
+        raise ValueError(f'{topic} is by its name {parts[-1]}, not {sign}: write "{topic}", or '
+                         'rename the topic')
+    return SourceText(sign, topic, field, name or parts[-2 if len(parts) > 1 else -1])

@@ -1,0 +1,224 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Recorded waveforms of monitors: WFDB records as PhysioNet has them, of one segment.
+
+A record is a header, a text ``NAME.hea``, and a file of samples beside it. Format 16, the usual
+one, is pairs of bytes, little-endian, the signals in turn; ``16+24`` passes over 24 bytes first,
+which is how MATLAB files of version 4 (``NAME.mat``) are read; ``212x4`` has four samples of the
+signal in each frame, and ``16:3`` a signal whose samples stand three frames late. The header has a
+checksum of each signal, so a file that is cut short or damaged is not taken for a patient.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+import re
+from typing import Final
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.health.wfdb_formats import FORMATS
+from rt_robot_os.features.health.wfdb_formats import Integers
+
+Floats = npt.NDArray[np.float64]
+
+DEFAULT_RATE_HZ: Final = 250.0
+DEFAULT_GAIN: Final = 200.0
+
+_FORMAT: Final = re.compile(r'(\d+)(?:x(\d+))?(?::(\d+))?(?:\+(\d+))?').fullmatch
+_GAIN: Final = re.compile(r'([-+.\deE]+)(?:\((-?\d+)\))?(?:/(\S+))?').fullmatch
+_MOST_SIGNALS: Final = 64
+# More samples in a frame than any monitor has: such a header is damaged.
+_MOST_IN_FRAME: Final = 10_000
+
+
+class Signal(NamedTuple):
+    """
+    One signal of a record.
+
+    :ivar name: as its header says: ``II``, ``PLETH``.
+    :ivar unit: of the samples.
+    :ivar samples: shape (n,), in the unit; NaN where the monitor had none.
+    """
+
+    name: str
+    unit: str
+    samples: Floats
+
+
+class Record(NamedTuple):
+    """
+    A record.
+
+    :ivar name: its own.
+    :ivar rate_hz: samples a second of each signal. Where they differ it is the highest; of the
+        slower signals each sample stands several times.
+    :ivar signals: in the order of the header.
+    :ivar comments: the lines of the header that begin with ``#``, without that.
+    """
+
+    name: str
+    rate_hz: float
+    signals: tuple[Signal, ...]
+    comments: tuple[str, ...]
+
+    def signal(self, *names: str) -> Signal | None:
+        """Return the first signal that has one of these names, whatever the case; else None."""
+        wanted = [name.lower() for name in names]
+        return next((each for each in self.signals if each.name.lower() in wanted), None)
+
+
+class _Line(NamedTuple):
+    """What a header says of one signal."""
+
+    file: str
+    form: str
+    in_frame: int
+    skew_frames: int
+    offset: int
+    gain: float
+    baseline: int
+    unit: str
+    checksum: int | None
+    name: str
+
+
+def read_record(path: str | Path) -> Record:
+    """
+    Read a record.
+
+    :param path: of its header; without an ending or with that of its samples is as well.
+    :raises ConfigError: it cannot be read, is damaged or has another format; the text says which.
+    """
+    header = Path(path).with_suffix('.hea')
+    try:
+        text = header.read_text(encoding='utf-8', errors='replace')
+    except OSError as error:
+        raise ConfigError([f'{header}: {error.strerror}: name the header of a WFDB record, '
+                           'NAME.hea']) from error
+    lines = [line.strip() for line in text.splitlines()]
+    comments = tuple(line[1:].strip() for line in lines if line.startswith('#'))
+    facts = [line for line in lines if line and not line.startswith('#')]
+    try:
+        name, rate_hz, count, length = _first(facts[0] if facts else '')
+        signals = [_signal_line(line) for line in facts[1:1 + count]]
+        if len(signals) != count:
+            raise ValueError(f'it announces {count} signals and describes {len(signals)}')
+    except ValueError as error:
+        raise ConfigError([f'{header}: {error}']) from None
+    fastest = max(each.in_frame for each in signals)
+    return Record(name, rate_hz * fastest, _samples(header, signals, length), comments)
+
+
+def _first(line: str) -> tuple[str, float, int, int | None]:
+    words = line.split()
+    if len(words) < 2 or not words[1].isdigit():
+        raise ValueError('its first line must be "name signals rate samples"')
+    if '/' in words[0]:
+        raise ValueError('it is of several segments, which are not read here: name one of them')
+    count = int(words[1])
+    if not 0 < count <= _MOST_SIGNALS:
+        raise ValueError(f'{count} signals: there must be 1 to {_MOST_SIGNALS}')
+    try:
+        # What may stand behind a stroke or in brackets is a counter of its own.
+        rate_hz = float(re.split('[/(]', words[2])[0]) if len(words) > 2 else DEFAULT_RATE_HZ
+        length = int(words[3]) if len(words) > 3 else None
+    except ValueError:
+        raise ValueError(f'rate and samples {" ".join(words[2:4])[:40]!r} are no numbers'
+                         ) from None
+    if not 0.001 <= rate_hz <= 100_000.0:
+        raise ValueError(f'its rate {rate_hz:g} Hz cannot be')
+    return words[0], rate_hz, count, length or None
+
+
+def _signal_line(line: str) -> _Line:
+    words = line.split(maxsplit=8)
+    form = _FORMAT(words[1]) if len(words) > 1 else None
+    if form is None:
+        raise ValueError(f'{line[:60]!r} describes no signal')
+    in_frame = int(form[2] or 1) or 1  # 0 stands for 1 there
+    if form[1] not in FORMATS:
+        raise ValueError(f'{words[0]} has signal format {words[1][:20]}: only '
+                         f'{", ".join(FORMATS)} are read here; convert it (xform of the WFDB '
+                         'software)')
+    if in_frame > _MOST_IN_FRAME:
+        raise ValueError(f'{words[0]} has signal format {words[1][:20]}: {in_frame} samples in a '
+                         f'frame are more than {_MOST_IN_FRAME}')
+    gain, baseline, unit = DEFAULT_GAIN, None, 'mV'
+    if len(words) > 2 and (told := _GAIN(words[2])):
+        gain = float(told[1]) or DEFAULT_GAIN
+        baseline = int(told[2]) if told[2] else None
+        unit = told[3] or unit
+    numbers = [int(word) for word in words[3:8] if re.fullmatch(r'-?\d+', word)]
+    zero = numbers[1] if len(numbers) > 1 else 0
+    return _Line(words[0], form[1], in_frame, int(form[3] or 0), int(form[4] or 0), gain,
+                 zero if baseline is None else baseline, unit,
+                 numbers[3] if len(numbers) > 3 else None, words[8] if len(words) > 8 else '')
+
+
+def _samples(header: Path, signals: list[_Line], length: int | None) -> tuple[Signal, ...]:
+    found = []
+    for file in dict.fromkeys(each.file for each in signals):
+        inside = [each for each in signals if each.file == file]
+        place = header.parent / Path(file).name
+        try:
+            octets = np.fromfile(place, dtype=np.uint8, offset=inside[0].offset)
+        except OSError as error:
+            raise ConfigError([f'{place}: {error.strerror}: the samples of {header.name} belong '
+                               'beside it']) from error
+        if len({each.form for each in inside}) > 1:
+            raise ConfigError([f'{header}: signals in {file} have several formats'])
+        data = FORMATS[inside[0].form].decode(octets)
+        width = sum(each.in_frame for each in inside)
+        frames = data.size // width
+        if length is not None and frames < length:
+            raise ConfigError([f'{place} holds {frames} samples of each signal and {header.name} '
+                               f'says {length}: it is cut short'])
+        table = data[:(length or frames) * width].reshape(-1, width)
+        begin = 0
+        for each in inside:
+            raw = table[:, begin:begin + each.in_frame]
+            begin += each.in_frame
+            found.append((each, _aligned(each, _checked(each, raw.ravel(), place), signals)))
+    order = [each for each, _ in found]
+    by_line = {id(each): samples for each, samples in found}
+    return tuple(Signal(each.name, each.unit, by_line[id(each)])
+                 for each in signals if each in order)
+
+
+def _checked(line: _Line, raw: Integers, place: Path) -> Floats:
+    total = int(raw.sum()) & 0xFFFF
+    if line.checksum is not None and total != line.checksum & 0xFFFF:
+        raise ConfigError([f'{place}: signal {line.name or "?"} has the checksum {total} and its '
+                           f'header says {line.checksum & 0xFFFF}: it is damaged'])
+    samples: Floats = (raw.astype(np.float64) - line.baseline) / line.gain
+    samples[raw == FORMATS[line.form].missing] = np.nan
+    return samples
+
+
+def _aligned(line: _Line, samples: Floats, signals: list[_Line]) -> Floats:
+    """Undo the skew, and bring a signal to the rate of the fastest one of its record."""
+    skew = min(line.skew_frames * line.in_frame, samples.size)
+    if skew:
+        samples = np.concatenate((samples[skew:], np.full(skew, np.nan)))
+    fastest = max(each.in_frame for each in signals)
+    if line.in_frame == fastest:
+        return samples
+    frames = samples.size // line.in_frame
+    inside = np.arange(fastest) * line.in_frame // fastest
+    return samples.reshape(frames, line.in_frame)[:, inside].ravel()

@@ -1,0 +1,161 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The settings of a person's whereabouts, and what is read out of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from collections.abc import Mapping
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.schema import Field
+from rt_robot_os.base.schema import REQUIRED
+from rt_robot_os.base.schema import STAR
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.health.activity import ActivityLimits
+from rt_robot_os.features.health.activity import OUTSIDE
+from rt_robot_os.features.health.duration import duration_ns
+from rt_robot_os.features.health.place import Room
+from rt_robot_os.features.health.place import room_of
+from rt_robot_os.features.health.rule.fields import lines_of
+from rt_robot_os.features.health.rule_terms import Rule
+from rt_robot_os.features.health.rule_text import read_rule
+from rt_robot_os.features.health.rule_text import RuleError
+from rt_robot_os.features.wsn.sensor_packets import PACKET_SETTINGS
+from rt_robot_os.messages.cause import LEVELS
+from rt_robot_os.messages.survey import SurveyedNode
+
+_LONGEST_S: Final = 31 * 86_400.0
+
+SETTINGS: Final = (
+    Field('person', str, REQUIRED, 'Who; part of the names of topics'),
+    *(each for each in PACKET_SETTINGS if each.name in ('nodes_file', 'nodes')),
+    Field('prefix', str, 'wsn', 'Beginning of the topics of readings, as of sensor_readings'),
+    Field('pose_topic', str, '', 'Where a localisation of ROS says the person is, a '
+          'geometry_msgs/msg/PoseStamped in the map; empty: there is none'),
+    Field('pose_uncertainty_m', float, 0.5, 'How far off that is', 'm', 0.01, 100.0),
+    Field('seen_topic', str, '', 'Where the robot sees the person, such as health/anna/seen of a '
+          'person_finder, a geometry_msgs/msg/PoseStamped in the map; empty: there is none'),
+    Field('seen_uncertainty_m', float, 0.5, 'How far off that is', 'm', 0.01, 100.0),
+    Field('network_topic', str, '', 'The model of the sensor network, such as wsn/nodes: where '
+          'the worn node is, or whom it sends to; empty: not used'),
+    Field('others', list, [], 'Other people who have a module of this type: what a sensor of '
+          'presence sees may be one of them'),
+    Field('node_uncertainty_m', float, 3.0, 'How far a person is from the node that the worn one '
+          'hears best', 'm', 0.1, 100.0),
+    Field('presence_range_m', float, 5.0, 'How far sensors of presence see', 'm', 0.1, 100.0),
+    Field('timeout_s', float, 900.0, 'Age at which a place is not known any more', 's', 1.0,
+          _LONGEST_S),
+    Field('rooms', list, [], "Rooms, 'kitchen 0 0 3.5 4': a name and two corners in m; of "
+          f'several the smallest that has the person counts. {OUTSIDE} is not the home'),
+    Field('movement', list, [], 'Rules: while one of them is true the person moves, such as '
+          "'wsn/anna/acceleration_g.data moves 0.1 within 10 s'; a change of place, and presence, "
+          'always count'),
+    Field('still_s', float, 0.0, 'No movement for so long is a cause; 0: never', 's', 0.0,
+          _LONGEST_S),
+    Field('still', list, [], "The same by room, 'bed 12 h'"),
+    Field('still_level', str, 'urgent', 'How much that matters', choices=tuple(LEVELS)),
+    Field('stay', list, [], "So long in a room is a cause, 'bath 1 h'"),
+    Field('stay_level', str, 'warning', 'How much that matters', choices=tuple(LEVELS)),
+    Field('exits', list, [], 'Nodes at ways out: who is seen there last, and then no more, has '
+          'left'),
+    Field('away_s', float, 0.0, 'Having left for so long is a cause; 0: never', 's', 0.0,
+          _LONGEST_S),
+    Field('away_level', str, 'urgent', 'How much that matters, and being outside for too long',
+          choices=tuple(LEVELS)),
+    Field('blind_s', float, 600.0, 'Silence of all sensors after which nothing is known, so that '
+          'nothing is a cause', 's', 1.0, _LONGEST_S),
+)
+
+
+def rooms_from(name: str, settings: Mapping[str, Any]) -> list[Room]:
+    """
+    Read the rooms.
+
+    :param name: of the module, for errors.
+    :raises ConfigError: with all that are none.
+    """
+    found, problems = [], []
+    for text in settings['rooms']:
+        try:
+            found.append(room_of(text))
+        except ValueError as error:
+            problems.append(f'{name}.rooms: {error}')
+    if problems:
+        raise ConfigError(problems)
+    return found
+
+
+def limits_from(name: str, settings: Mapping[str, Any], rooms: Iterable[Room]) -> ActivityLimits:
+    """
+    Read how long is too long.
+
+    :raises ConfigError: with all texts that cannot be read.
+    """
+    known = {room.name for room in rooms}
+    problems: list[str] = []
+    by_room: dict[str, dict[str, int]] = {'still': {}, 'stay': {}}
+    for key, times in by_room.items():
+        for text in settings[key]:
+            room, _, length = text.strip().partition(' ')
+            try:
+                if room not in known:
+                    raise ValueError(f'{room[:40]!r} is none of the rooms, '
+                                     f'{", ".join(sorted(known)) or "of which there are none"}')
+                times[room] = duration_ns(length)
+            except ValueError as error:
+                problems.append(f'{name}.{key}: {error}; write a room and a time, bed 12 h')
+    if problems:
+        raise ConfigError(problems)
+    return ActivityLimits(
+        round(settings['still_s'] * NS_PER_S), by_room['still'], by_room['stay'],
+        round(settings['away_s'] * NS_PER_S), round(settings['blind_s'] * NS_PER_S))
+
+
+def movement_from(name: str, settings: Mapping[str, Any]) -> dict[str, Rule]:
+    """
+    Read the rules that say that somebody moves, by their text.
+
+    :raises ConfigError: one of them is none.
+    """
+    found = {}
+    for text in settings['movement']:
+        try:
+            found[' '.join(text.split())] = read_rule(' '.join(text.split()))
+        except RuleError as error:
+            raise ConfigError(lines_of(f'{name}.movement', error)) from None
+    return found
+
+
+def check_names(name: str, settings: Mapping[str, Any], survey: Iterable[SurveyedNode]) -> None:
+    """
+    Look at names of nodes and people.
+
+    :raises ConfigError: with all that are none.
+    """
+    nodes = {node.token for node in survey}
+    problems = [f'{name}.exits: {each[:40]!r} is none of the nodes, {", ".join(sorted(nodes))}'
+                for each in settings['exits'] if each not in nodes]
+    if settings['person'] in settings['others']:
+        problems.append(f'{name}.others has {settings["person"]}, who is the person: take it out')
+    if settings['away_s'] and not settings['exits']:
+        problems.append(f'{name}.away_s: name the nodes at the ways out in exits')
+    if STAR in settings['prefix']:
+        problems.append(f'{name}.prefix: there may be no {STAR}')
+    if problems:
+        raise ConfigError(problems)

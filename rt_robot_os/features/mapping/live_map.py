@@ -1,0 +1,155 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The map that a module works with: of a file, of a topic, or of both.
+
+A map on a topic grows while somebody makes it. What comes is checked and copied in pieces; one
+that is none is refused, which is told, and the last good one is kept. With a file as well, what
+nobody has seen yet is as it is there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from collections.abc import Mapping
+from typing import Any
+
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.logger import Logger
+from rt_robot_os.motion.grid_map import GridMap
+from rt_robot_os.motion.map_below import MapBelow
+from rt_robot_os.motion.map_message import grid_of
+from rt_robot_os.topics.subscription import Subscription
+
+MAP_MESSAGE = 'nav_msgs/msg/OccupancyGrid'
+
+
+class LiveMap:
+    """
+    The newest good map.
+
+    :param path: of the YAML file with what is not on the topic's maps yet; empty: none.
+    :param source: where maps come, with the newest only; None: the file is all there is.
+    :param frame_id: of what is placed on the map.
+    :param owner: name of the module, for errors.
+    :raises ConfigError: the file cannot be read, or the frames differ.
+    :ivar grid: None before the first.
+    :ivar stamp_ns: moment of the last one of the topic; 0 before that.
+    :ivar seq: its number on the topic; -1 before that.
+    :ivar count: good maps of the topic.
+    :ivar refused: those that were none.
+    :ivar why: the last one was refused for this; empty when it was good.
+    """
+
+    def __init__(self, path: str, source: Subscription | None, frame_id: str, owner: str,
+                 log: Logger) -> None:
+        if source is not None and source.msg.header.frame_id != frame_id:
+            raise ConfigError([
+                f'{owner}: {source.topic.name} is in the frame {source.msg.header.frame_id!r}, '
+                f'but what is placed on it in {frame_id!r}: declare both in the frame of the map'])
+        self.grid = GridMap.load(path) if path else None
+        self._below = MapBelow(self.grid) if self.grid is not None else None
+        self.stamp_ns, self.seq = 0, -1
+        self.count = self.refused = 0
+        self.why = ''
+        self._source = source
+        self._log = log
+        self._work: Generator[None, None, GridMap | None] | None = None
+
+    @property
+    def is_live(self) -> bool:
+        """Return whether maps come on a topic."""
+        return self._source is not None
+
+    @property
+    def published(self) -> int:
+        """Return how many maps have come on the topic, taken or not."""
+        return self._source.topic.head if self._source is not None else 0
+
+    def newest(self) -> Generator[None, None, GridMap | None]:
+        """
+        Take the newest map, if there is one; yields after each bounded piece of work.
+
+        :return: the map; None when there is no new one that is good.
+        """
+        source = self._source
+        # A copy of a large sample is made in pieces; what comes meanwhile changes nothing in it.
+        if source is None or not source.latest():
+            return None
+        yield
+        try:
+            grid = yield from grid_of(source.msg)
+            stamp_ns, seq = source.stamp_ns, source.seq
+            if self._below is not None:
+                grid = yield from self._below.filled(grid)
+        except ConfigError as error:
+            self.refused += 1
+            self.why = '; '.join(error.problems)
+            self._log.warn('a map on %s was refused, the one before is kept: %s',
+                           source.topic.name, self.why, throttle_s=10.0)
+            return None
+        self.grid, self.stamp_ns, self.seq, self.why = grid, stamp_ns, seq, ''
+        self.count += 1
+        return grid
+
+    def go_on(self, pieces: int) -> bool:
+        """
+        Do some pieces of taking the newest map; safe in the real-time loop.
+
+        :return: whether :attr:`grid` is another one now.
+        """
+        if self._work is None:
+            self._work = self.newest()
+        try:
+            for _ in range(pieces):
+                next(self._work)
+        except StopIteration as ended:
+            self._work = None
+            return ended.value is not None
+        return False
+
+    @property
+    def is_underway(self) -> bool:
+        """Return whether a map is being taken."""
+        return self._work is not None
+
+    @property
+    def is_behind(self) -> bool:
+        """Return whether there is a map that was not taken yet, or not wholly."""
+        return self._work is not None or (self._source is not None and self._source.unread > 0)
+
+    def warning(self) -> str:
+        """Say what is wrong with the maps that come; empty when nothing is."""
+        if self.why:
+            return f'the last map was refused: {self.why}'
+        return '' if self.grid is not None or self._source is None else (
+            f'no map yet on {self._source.topic.name}')
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Tell which map it is, and what came."""
+        grid = self.grid
+        size = f'{grid.columns} x {grid.rows} of {grid.resolution_m:g} m' if grid else ''
+        return {'map': size, 'maps': self.count, 'maps_refused': self.refused}
+
+
+def check_map(path: str, is_live: bool, owner: str) -> None:
+    """
+    See whether there is a map at all.
+
+    :raises ConfigError: there is none.
+    """
+    if not path and not is_live:
+        raise ConfigError([f'{owner}: map and map_topic are both empty: there is no map; set one '
+                           'of them'])

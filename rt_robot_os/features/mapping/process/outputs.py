@@ -1,0 +1,167 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What mapping publishes: where the robot is, the map, its graph, and how it fares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+import json
+from typing import Any
+from typing import Final
+from typing import Protocol
+
+import numpy as np
+
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.mapping.process.messages import grid_message
+from rt_robot_os.features.mapping.process.messages import numbers_message
+from rt_robot_os.features.mapping.process.messages import pose_message
+from rt_robot_os.features.mapping.process.places import Place
+from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.slam.transforms import Floats
+from rt_robot_os.link.cdr import string_message
+from rt_robot_os.link.graph_markers import EdgeKind
+from rt_robot_os.link.graph_markers import graph_numbers
+from rt_robot_os.motion.grid_map import GridMap
+
+POSE: Final = 'slam/pose'
+CORRECTION: Final = 'slam/correction'
+MAP: Final = 'map'
+PATH: Final = 'slam/path'
+GRAPH: Final = 'slam/graph'
+STATE: Final = 'mapping/state'
+STATUS: Final = 'mapping/status'
+ANSWER: Final = 'mapping/answer'
+TOPICS: Final = (POSE, CORRECTION, MAP, PATH, GRAPH, STATE, STATUS, ANSWER)
+
+_STATE_LETTERS: Final = 199
+_ANSWER_LETTERS: Final = 1500
+_STATUS_NS: Final = NS_PER_S
+_PATH_POSES: Final = 1000
+#: At most so often, beside the period of the map.
+_GRAPH_NS: Final = 2 * NS_PER_S
+
+
+class Port(Protocol):
+    """Who takes samples to the core."""
+
+    def publish(self, topic: str, cdr: bytes, stamp_ns: int = 0) -> bool:
+        """Publish a sample; False when nobody took it."""
+
+    def has(self, topic: str) -> bool:
+        """Return whether somebody would get it."""
+
+
+class Outputs:
+    """
+    Publish what is new, as often as it is wanted.
+
+    :param map_period_ns: of the map at most.
+    """
+
+    def __init__(self, port: Port, map_period_ns: int) -> None:
+        self._port = port
+        self._map_period_ns = map_period_ns
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Publish everything again: there is another core."""
+        self._state = ''
+        self._status_ns = self._map_ns = self._graph_ns = -(1 << 62)
+        self._map_version = self._graph_version = -1
+
+    def place(self, place: Place) -> None:
+        """Publish where the robot is, and before that how the map moved under it."""
+        if place.correction is not None:
+            self._port.publish(CORRECTION, pose_message(place.correction, place.covariance),
+                               place.stamp_ns)
+        if place.is_sure:
+            self._port.publish(POSE, pose_message(place.pose, place.covariance), place.stamp_ns)
+
+    def relocation(self, topic: str, place: Place) -> Floats | None:
+        """
+        Tell localization that the robot is somewhere else on the map, which it takes over at once.
+
+        :return: what was published, for who reads that topic as well; None when nobody took it.
+        """
+        is_taken = self._port.publish(topic, pose_message(place.pose, place.covariance),
+                                      place.stamp_ns)
+        return place.pose if is_taken else None
+
+    def grid(self, now_ns: int, version: int, grid: GridMap, drawn_ns: int) -> None:
+        """
+        Publish the map when it is another one and its time has come.
+
+        :param drawn_ns: stamp of the newest scan on it; 0 when it is of no scan.
+        """
+        if (version == self._map_version or not version
+                or now_ns - self._map_ns < self._map_period_ns):
+            return
+        self._map_ns = now_ns
+        if self._port.publish(MAP, grid_message(grid), drawn_ns):
+            self._map_version = version
+
+    def graph(self, now_ns: int, version: int, poses: Floats, graph: Graph | None) -> None:
+        """
+        Publish the way of the keyframes, and what is known between them.
+
+        :param poses: shape (n, 3): of ``base_link``.
+        """
+        if (version == self._graph_version or graph is None or not len(poses)
+                or now_ns - self._graph_ns < _GRAPH_NS):
+            return
+        self._graph_ns = now_ns
+        step = -(-len(poses) // _PATH_POSES) or 1
+        shown = poses[::-1][::step][::-1]  # the newest is among them
+        if self._port.publish(PATH, numbers_message(np.ravel(shown))):
+            self._graph_version = version
+        edges = [(each.first, each.second, EdgeKind.LOOP if each.is_loop else EdgeKind.NEIGHBOUR)
+                 for each in graph.edges]
+        edges += [(each.keyframe, each.keyframe, EdgeKind.FIX) for each in graph.fixes]
+        self._port.publish(GRAPH, numbers_message(graph_numbers(poses[:, :2].tolist(), edges)))
+
+    def state(self, text: str) -> None:
+        """Publish what goes on when it is something else."""
+        text = text.encode()[:_STATE_LETTERS].decode(errors='ignore')
+        if text != self._state and self._port.publish(STATE, string_message(text)):
+            self._state = text
+
+    def is_status_due(self, now_ns: int) -> bool:
+        """Return whether it is time to say how mapping fares."""
+        return now_ns - self._status_ns >= _STATUS_NS
+
+    def status(self, now_ns: int, level: int, message: str, values: Mapping[str, Any]) -> None:
+        """Publish how mapping fares."""
+        self._status_ns = now_ns
+        self._port.publish(STATUS, string_message(json.dumps({'status': [{
+            'level': level, 'name': 'robot: mapping', 'message': message,
+            'values': {key: _plain(value) for key, value in values.items()}}]})))
+
+    def answer(self, command: str, is_ok: bool, text: str) -> None:
+        """Answer a command."""
+        self._port.publish(ANSWER, string_message(json.dumps({
+            'command': command[:_ANSWER_LETTERS // 2], 'ok': is_ok,
+            'text': text[:_ANSWER_LETTERS // 2]})))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bool):
+        return 'yes' if value else 'no'
+    if isinstance(value, int | str):
+        return value
+    if isinstance(value, float):
+        return round(value, 4)
+    return ', '.join(map(str, value)) if isinstance(value, Sequence) else str(value)

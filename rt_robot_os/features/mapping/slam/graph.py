@@ -1,0 +1,46 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a map is made of: scans that were kept, and what is known between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from dataclasses import field
+
+from rt_robot_os.features.mapping.slam.keyframes import Keyframe
+from rt_robot_os.features.mapping.slam.pose_graph import Edge
+from rt_robot_os.features.mapping.slam.pose_graph import Edges
+from rt_robot_os.features.mapping.slam.pose_graph import Fix
+
+
+@dataclass
+class Graph:
+    """
+    A map as it is kept: a grid is drawn of it, and mapping goes on from it.
+
+    :ivar keyframes: in the order in which they were kept.
+    :ivar edges: between them, by their places in that list.
+    :ivar fixes: what absolute sources say of some of them.
+    """
+
+    keyframes: list[Keyframe] = field(default_factory=list)
+    edges: list[Edge] = field(default_factory=list)
+    fixes: list[Fix] = field(default_factory=list)
+    _arrays: Edges = field(default_factory=Edges, init=False, repr=False, compare=False)
+
+    def edge_arrays(self) -> Edges:
+        """Return the edges as they are now, as arrays; they change with the next call."""
+        self._arrays.follow(self.edges)
+        return self._arrays

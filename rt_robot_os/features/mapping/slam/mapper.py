@@ -1,0 +1,417 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Make a map of scans, and say where each was taken.
+
+Each scan is matched with what is known around, beginning where odometry says; one that adds
+something is kept as a keyframe; when the robot comes back to a place all of them are moved until
+they agree. What is no longer there is taken out, so that a robot may go round for ever.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+
+from rt_robot_os.features.mapping.slam.absolute import Absolute
+from rt_robot_os.features.mapping.slam.afterthought import Afterthought
+from rt_robot_os.features.mapping.slam.closing import Closing
+from rt_robot_os.features.mapping.slam.elsewhere import Elsewhere
+from rt_robot_os.features.mapping.slam.finding import Found
+from rt_robot_os.features.mapping.slam.forgetting import forget
+from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.slam.joining import edge_of_odometry
+from rt_robot_os.features.mapping.slam.joining import edges_of_match
+from rt_robot_os.features.mapping.slam.keeping import crowded
+from rt_robot_os.features.mapping.slam.keeping import OutOfDate
+from rt_robot_os.features.mapping.slam.keyframes import Keyframe
+from rt_robot_os.features.mapping.slam.keyframes import LocalMap
+from rt_robot_os.features.mapping.slam.keyframes import Match
+from rt_robot_os.features.mapping.slam.located import Located
+from rt_robot_os.features.mapping.slam.loops import Verdict
+from rt_robot_os.features.mapping.slam.matching import Certainty
+from rt_robot_os.features.mapping.slam.matching import Matcher
+from rt_robot_os.features.mapping.slam.matching import Way
+from rt_robot_os.features.mapping.slam.novelty import Novelty
+from rt_robot_os.features.mapping.slam.scan import Scan
+from rt_robot_os.features.mapping.slam.scan import Surface
+from rt_robot_os.features.mapping.slam.scan import surface_of
+from rt_robot_os.features.mapping.slam.surroundings import Surroundings
+from rt_robot_os.features.mapping.slam.trajectory import Trajectory
+from rt_robot_os.features.mapping.slam.transforms import between
+from rt_robot_os.features.mapping.slam.transforms import composed
+from rt_robot_os.features.mapping.slam.transforms import Floats
+from rt_robot_os.features.mapping.slam.transforms import moved_by
+from rt_robot_os.features.mapping.slam.tuning import Tuning
+
+_RAD_AS_M: Final = 0.5
+#: What is matched with is chosen anew after this way.
+_CHOSEN_M: Final = 0.5
+#: Odometry that jumps further from scan to scan has not measured a way.
+_JUMP_M: Final = 5.0
+#: Who says where the robot is may be wrong as odometry is after so much of a way.
+_UNSURE_M: Final = 1.0
+_UNSURE_RAD: Final = 0.5
+#: Lost, scans are kept again after this way, if many come.
+_LOST_M: Final = 0.5
+#: A map that moved by so much is drawn anew.
+_CELL_M: Final = 0.05
+_STILL: Final = np.zeros(3)
+#: After steps longer than this all that waits is done at once: such logs are thinned out.
+_THINNED_M: Final = 0.25
+
+
+class Mapper:
+    """
+    A map that grows, and stays as it is where nothing is new.
+
+    :param start: shape (3,): where the laser is on the map at the first scan; None: at 0.
+    :ivar graph: the map.
+    :ivar keyframes: what it is made of.
+    :ivar edges: between them.
+    :ivar version: another number when keyframes came, went or moved by a cell.
+    :ivar counts: ``scans``, ``keyframes`` (kept, ever), ``searched`` (a window was), ``lost``
+        (odometry was followed, since the scan fitted nowhere), ``loops``, ``refused`` (a loop
+        that odometry and other loops contradict), ``near_misses`` (places that fitted nearly, or
+        that no second keyframe confirmed), ``empty`` (scans without a point), ``jumps``
+        (of odometry, taken for no movement), ``crowded`` (keyframes that gave way to newer ones of
+        the same place), ``outdated`` (of which too little is still there), ``points_gone``
+        (that were seen through), ``skipped`` (places that were not looked at: newer ones came
+        first), ``fixes``, ``fixes_left`` (not used: too near to another, too late),
+        ``forgotten`` (poses of scans), ``found`` (a robot that was carried away).
+    """
+
+    _odometry: Floats | None
+    _correction: Floats | None
+    _local: LocalMap | None
+
+    def __init__(self, tuning: Tuning | None = None, start: Floats | None = None) -> None:
+        self.tuning = tuning or Tuning()
+        self.graph = Graph()
+        self.version = 0
+        self.counts = dict.fromkeys((
+            'scans', 'keyframes', 'searched', 'lost', 'loops', 'refused', 'near_misses', 'empty',
+            'jumps', 'crowded', 'outdated', 'points_gone', 'skipped', 'fixes', 'fixes_left',
+            'forgotten', 'found'), 0)
+        self._begin(np.zeros(3) if start is None else np.asarray(start, dtype=np.float64), True)
+
+    @classmethod
+    def of_graph(cls, graph: Graph, tuning: Tuning | None = None) -> Mapper:
+        """
+        Go on with a map that was made before.
+
+        Until :meth:`relocated` says where the robot is, each scan is looked for on the whole map,
+        nothing is kept, and ``Located.is_lost`` says so.
+
+        :param graph: it grows from now on; one without keyframes is begun.
+        """
+        mapper = cls(tuning)
+        mapper.graph = graph
+        mapper._begin(graph.keyframes[-1].pose if graph.keyframes else np.zeros(3),
+                      not graph.keyframes)
+        mapper._anchor = max(0, len(graph.keyframes) - 1)
+        mapper._travelled_m = 2.0 * mapper.tuning.loop_apart_m + max(
+            (each.travelled_m for each in graph.keyframes), default=0.0)
+        mapper._novelty.is_known()
+        return mapper
+
+    def relocated(self, pose: Floats, odometry: Floats) -> None:
+        """
+        Take it that the robot is somewhere else on the map; the map stays as it is.
+
+        :param pose: shape (3,): of the laser.
+        :param odometry: shape (3,): of the laser, at that moment.
+        :raises ValueError: one of them is not finite.
+        """
+        pose, odometry = np.asarray(pose, np.float64), np.asarray(odometry, np.float64)
+        if not (np.isfinite(pose).all() and np.isfinite(odometry).all()):
+            raise ValueError(f'the robot is at {pose.tolist()}, its odometry at '
+                             f'{odometry.tolist()}: both must be finite')
+        self._pose, self._odometry = pose, odometry
+        self._correction = None
+        self._way = Way(_UNSURE_M, _UNSURE_RAD)
+        self._certainty.begin(np.diag((0.1 ** 2, 0.1 ** 2, 0.05 ** 2)))
+        self._elsewhere.placed()
+        self._absolute.restart()
+        self._local = None
+        if self.keyframes:
+            poses = np.array([each.pose for each in self.keyframes])
+            self._stand_on(int(np.hypot(*(poses[:, :2] - pose[:2]).T).argmin()))
+            self._novelty.is_known()
+
+    def _begin(self, pose: Floats, is_placed: bool) -> None:
+        self.keyframes, self.edges = self.graph.keyframes, self.graph.edges
+        self._matcher = Matcher(self.tuning)
+        self._certainty = Certainty(self.tuning)
+        self._closing = Closing(self.graph, self.tuning, self.counts)
+        self._absolute = Absolute(self.graph, self.counts)
+        self._elsewhere = Elsewhere(self.graph, self.tuning, is_placed)
+        self._out_of_date = OutOfDate()
+        self._novelty = Novelty(self.keyframes, self.tuning)
+        self._way = Way()
+        self._track = Trajectory(self.tuning.trajectory_most)
+        self._afterthought = Afterthought()
+        self._local = None
+        self._members: list[int] = []  # of what scans are matched with
+        self._chosen = np.full(2, np.inf)  # where they were chosen
+        self._anchor, self._relative = 0, _STILL  # where the robot is, seen from a keyframe
+        self._travelled_m = 0.0
+        self._odometry = None
+        self._pose = pose
+        self._correction = None
+        self._unseen_m = 0.0  # movements of the map that did not make another version
+        self._has_help = False  # somebody works between scans
+
+    def add(self, scan: Scan) -> Located:
+        """
+        Take the next scan.
+
+        :raises ValueError: odometry is not finite.
+        """
+        if not np.isfinite(scan.odometry).all():
+            raise ValueError(f'odometry says {scan.odometry.tolist()} at {scan.stamp_ns} ns')
+        surface = surface_of(scan, self.tuning.range_max_m)
+        self.counts['scans'] += 1
+        self.counts['empty'] += not len(surface)
+        if not self.keyframes:
+            return self._first(scan, surface)
+        step = self._step(scan.odometry)
+        guess = composed(self._pose, step)
+        self._way.add(step)
+        self._certainty.moved(step, float(self._pose[2]))
+        match = (None if self._elsewhere.is_anywhere else self._matcher.match(
+            self._local_map(guess), surface, guess, self._way, self._elsewhere.is_looking))
+        self.counts['searched'] = self._matcher.searched
+        self._pose = guess if match is None else match.aligned.pose
+        if match is None:
+            self.counts['lost'] += 1
+            found = self._elsewhere.missed(scan, self._way.way_m)
+            if found is not None:
+                return self._found(scan, found)
+        else:
+            self._certainty.matched(match.aligned)
+            self._elsewhere.placed()
+            self._novelty.seen(self._local_map(guess).unknown(surface, self._pose), len(surface))
+        is_kept = self._adds(match)
+        if is_kept:
+            self._keep(scan, surface, match)
+        elif match is None:
+            self._afterthought.missed(self._track.forgotten + len(self._track), surface)
+        else:
+            self._stand_on(self._nearest())
+            if self._matcher.is_sure(match):
+                self._take_out(surface)
+        if match is not None:
+            self._way = Way()
+        self._relative = between(self.keyframes[self._anchor].pose, self._pose)
+        self._passed(scan)
+        self._work(1 if np.hypot(step[0], step[1]) < _THINNED_M else None)
+        correction, self._correction = self._correction, None
+        return Located(self._pose, self._certainty.on_map(self._pose, self.keyframes[0].pose),
+                       0.0 if match is None else match.aligned.share, match is None, is_kept,
+                       correction)
+
+    def _first(self, scan: Scan, surface: Surface) -> Located:
+        self._odometry = scan.odometry
+        self._append(Keyframe(scan.stamp_ns, self._pose, scan.odometry, surface, 0.0))
+        self._passed(scan)
+        return Located(self._pose, self._certainty.on_map(self._pose, self._pose), is_kept=True)
+
+    def _found(self, scan: Scan, found: Found) -> Located:
+        """Go on from where the robot was found."""
+        self.relocated(found.pose, scan.odometry)
+        self.counts['found'] += 1
+        self._passed(scan)
+        return Located(found.pose, found.covariance, found.share)
+
+    def _passed(self, scan: Scan) -> None:
+        """Remember where a scan was taken."""
+        if self._absolute.passed(scan.stamp_ns, scan.odometry, self._anchor, self._relative):
+            self._closing.changed()
+        self._track.append(self._anchor, self._relative)
+        self.counts['forgotten'] = self._track.forgotten
+
+    def _step(self, odometry: Floats) -> Floats:
+        step = _STILL if self._odometry is None else between(self._odometry, odometry)
+        self._odometry = odometry
+        way = float(np.hypot(step[0], step[1]))
+        if way > _JUMP_M:
+            self.counts['jumps'] += 1
+            return _STILL
+        self._travelled_m += way + _RAD_AS_M * abs(float(step[2]))
+        return step
+
+    # ---- what a scan is matched with -----------------------------------------------------------
+
+    def _local_map(self, guess: Floats) -> LocalMap:
+        moved = float(np.hypot(*(guess[:2] - self._chosen)))
+        if self._local is None or moved > _CHOSEN_M:
+            around = Surroundings(self.graph)
+            members = around.near(guess, self._anchor, self._travelled_m, self.tuning)
+            if self._local is None or members != self._members:
+                self._local = LocalMap([self.keyframes[index] for index in members])
+            self._members, self._chosen = members, guess[:2]
+        return self._local
+
+    def _nearest(self) -> int:
+        """Return which of the keyframes that the scan was matched with is nearest."""
+        poses = np.array([self.keyframes[index].pose[:2] for index in self._members])
+        return self._members[int(np.hypot(*(poses - self._pose[:2]).T).argmin())]
+
+    def _stand_on(self, anchor: int) -> None:
+        self._anchor = anchor
+        self._relative = between(self.keyframes[anchor].pose, self._pose)
+
+    # ---- how the map grows ---------------------------------------------------------------------
+
+    def _adds(self, match: Match | None) -> bool:
+        """Return whether a scan adds something to the map."""
+        if self._elsewhere.is_looking or (
+                match is None and self._way.is_dense and self._way.way_m < _LOST_M):
+            return False  # it is not sure where that would be
+        near = self._members if match is not None else [self._anchor]
+        return self._novelty.adds(match, self._pose, near, self._travelled_m)
+
+    def _keep(self, scan: Scan, surface: Surface, match: Match | None) -> None:
+        """Keep a scan."""
+        index = len(self.keyframes)
+        if match is None:
+            self.edges.append(edge_of_odometry(self.keyframes, self._anchor, self._pose,
+                                               self._way))
+        else:
+            bases = {self._nearest(), *({index - 1} & set(self._members))}
+            self.edges.extend(edges_of_match(self.keyframes, sorted(bases), match, self._way,
+                                             self.tuning))
+        self._append(Keyframe(scan.stamp_ns, self._pose, scan.odometry, surface,
+                              self._travelled_m))
+        self._novelty.kept(self._members, self._travelled_m)
+        self._anchor, self._relative = index, _STILL
+        self._closing.look(index)
+        for gone in crowded(self.keyframes, index, self.tuning):
+            self.counts['crowded'] += 1
+            self._forget(gone)
+
+    def _append(self, keyframe: Keyframe) -> None:
+        self.keyframes.append(keyframe)
+        self.counts['keyframes'] += 1
+        self._changed()
+
+    def _changed(self) -> None:
+        self.version += 1
+        self._local = None
+
+    # ---- how it is kept up to date -------------------------------------------------------------
+
+    def _take_out(self, surface: Surface) -> None:
+        """Take out what the scan sees through."""
+        gone = self._out_of_date.look(self.keyframes, self._members, self._pose, surface)
+        if not gone.points:
+            return
+        self.counts['points_gone'] += gone.points
+        self._changed()
+        for index in sorted(gone.keyframes, reverse=True):
+            if index != self._anchor and len(self.keyframes) > 1:
+                self.counts['outdated'] += 1
+                self._forget(index)
+
+    def _forget(self, index: int) -> None:
+        """Take a keyframe out of everything that knows of it."""
+        seen = [each.pose for each in self.keyframes]
+        heir = forget(self.graph, index)
+        relative = between(seen[heir], seen[index])
+        self._track.removed(index, heir, relative)
+        self._absolute.removed(index, heir, relative)
+        self._closing.removed(index)
+        if self._anchor == index:
+            self._anchor, self._relative = heir, between(seen[heir], self._pose)
+        self._anchor -= self._anchor > index
+        self._members = [each - (each > index) for each in self._members if each != index]
+        self._changed()
+
+    # ---- loops and absolute poses --------------------------------------------------------------
+
+    def think(self) -> bool:
+        """
+        Do one piece of what waits, of some 10 ms: look at a place, or move the keyframes.
+
+        Who calls it between scans has short pieces only; else :meth:`add` looks at whole places.
+
+        :return: whether there is more.
+        """
+        self._has_help = True
+        return self._think(False)
+
+    def _think(self, whole: bool) -> bool:
+        if self._closing.is_busy:
+            if self._closing.work(whole):
+                self._moved()
+            return self._closing.is_busy
+        return self._elsewhere.work()
+
+    def _work(self, pieces: int | None) -> None:
+        while self._closing.is_busy and (pieces is None or pieces > 0):
+            self._think(pieces is None or not self._has_help)
+            pieces = None if pieces is None else pieces - 1
+
+    def _moved(self) -> None:
+        """Follow the keyframes, which have been moved."""
+        was, self._pose = self._pose, composed(self.keyframes[self._anchor].pose, self._relative)
+        movement = moved_by(was, self._pose)
+        self._correction = (movement if self._correction is None
+                            else composed(movement, self._correction))
+        self._local = None
+        self._unseen_m += self._closing.moved_m
+        if self._unseen_m > _CELL_M:
+            self.version += 1
+            self._unseen_m = 0.0
+
+    def fix(self, stamp_ns: int, pose: Floats, covariance: Floats) -> None:
+        """
+        Take an absolute pose of the laser, which the map then follows.
+
+        :param stamp_ns: when, on the clock of the scans; it may lie between scans or be late.
+        :param pose: shape (3,), on the map.
+        :param covariance: shape (3, 3), in m and rad, along the axes of the map.
+        :raises ValueError: that is no pose, or its covariance none.
+        """
+        if self._absolute.take(stamp_ns, pose, covariance):
+            self._closing.changed()
+
+    def finish(self) -> None:
+        """Look at all that waits, move all keyframes until they agree, and what was lost."""
+        self._work(None)
+        self._closing.settle()
+        self._moved()
+        self.counts['lost'] -= self._afterthought.look_again(self.keyframes, self._track,
+                                                             self._matcher)
+
+    @property
+    def near_misses(self) -> list[Verdict]:
+        """Return the last places that fitted nearly, and why no loop was closed there."""
+        return list(self._closing.near_misses)
+
+    def trajectory(self) -> Floats:
+        """Return the poses of the scans on the map as it is now; shape (scans, 3)."""
+        return self._track.poses([each.pose for each in self.keyframes])
+
+
+def mapped(scans: Iterable[Scan], tuning: Tuning | None = None) -> Mapper:
+    """Map a whole log."""
+    mapper = Mapper(tuning)
+    for scan in scans:
+        mapper.add(scan)
+    mapper.finish()
+    return mapper

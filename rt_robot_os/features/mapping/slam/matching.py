@@ -1,0 +1,261 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Match a scan with what is known around, beginning where odometry says.
+
+The window is as large as odometry may be wrong since a scan fitted last, so that it grows while
+none does. Odometry is part of the match: where a scan says nothing, along a corridor, it decides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rt_robot_os.features.mapping.slam.alignment import Aligned
+from rt_robot_os.features.mapping.slam.correlation import best_fit
+from rt_robot_os.features.mapping.slam.correlation import Window
+from rt_robot_os.features.mapping.slam.keyframes import LocalMap
+from rt_robot_os.features.mapping.slam.keyframes import Match
+from rt_robot_os.features.mapping.slam.scan import Surface
+from rt_robot_os.features.mapping.slam.transforms import Floats
+from rt_robot_os.features.mapping.slam.tuning import Tuning
+
+#: Steps shorter than this need no search: odometry is near enough.
+_SHORT_M: Final = 0.3
+_SHORT_RAD: Final = 0.15
+#: After less than this a scan is first aligned from there as well, and a window is looked through
+#: unless so many of its points lie on lines.
+_NEAR_M: Final = 1.5
+_NEAR_RAD: Final = 1.0
+_CONVINCING: Final = 0.75
+_DENSE_M: Final = 0.15
+_DENSE_RAD: Final = 0.15
+#: Standard deviations of odometry within which a scan is looked for, at first.
+_WITHIN: Final = 3.0
+#: Nothing is looked for further away: that takes another search.
+_REACH_MOST_M: Final = 3.0
+_REACH_MOST_RAD: Final = 2.6
+#: Where a scan fits nowhere it is looked for at all headings, so near: the robot was turned, and
+#: nobody counted its wheels. Elsewhere it has to fit that much worse.
+_TURNED_M: Final = 0.6
+_TURNED_STEP_RAD: Final = float(np.radians(1.0))
+_APART_RAD: Final = 0.3
+_CLEARLY: Final = 0.15
+#: A scan that fits by less than this part of what is usual has lost its place; what is usual
+#: follows by so much from scan to scan, and is forgotten while nothing fits.
+_SUDDEN: Final = 0.7
+_AS_EVER: Final = 0.9
+_SURE: Final = 0.85
+_USUAL: Final = 0.1
+_FORGOTTEN: Final = 0.995
+#: Steps of odometry are wrong in the same way for so long.
+_TOGETHER_M: Final = 1.0
+_TOGETHER_RAD: Final = 1.0
+_PER_M_RAD: Final = 0.02
+_ARM_M: Final = 3.0
+#: The keyframes are in place to that, seen from each other,
+_MAP: Final = np.diag((0.015 ** 2, 0.015 ** 2, 0.003 ** 2))
+#: and the map as a whole is bent and stretched: so much for each metre from where it begins.
+_BENT: Final = 0.001
+
+
+@dataclass
+class Way:
+    """
+    What odometry says since a scan fitted last.
+
+    :ivar way_m: how far, and how far it turned,
+    :ivar steps: in so many steps.
+    """
+
+    way_m: float = 0.0
+    turn_rad: float = 0.0
+    steps: int = 0
+
+    def add(self, step: Floats) -> None:
+        """Add a step; shape (3,)."""
+        self.way_m += float(np.hypot(step[0], step[1]))
+        self.turn_rad += abs(float(step[2]))
+        self.steps += 1
+
+    def sigmas(self, tuning: Tuning) -> tuple[float, float]:
+        """Return how wrong that may be, in m and rad."""
+        return (tuning.odometry_m + tuning.odometry_per_m * self.way_m,
+                tuning.odometry_rad + tuning.odometry_per_rad * self.turn_rad)
+
+    @property
+    def is_dense(self) -> bool:
+        """Return whether scans come so fast that one looks much like the next."""
+        return (self.way_m < _DENSE_M * self.steps) and (self.turn_rad < _DENSE_RAD * self.steps)
+
+    @property
+    def is_near(self) -> bool:
+        """Return whether it is worth while to begin with odometry."""
+        return self.way_m < _NEAR_M and self.turn_rad < _NEAR_RAD
+
+    @property
+    def is_short(self) -> bool:
+        """Return whether odometry is near enough to begin with."""
+        return self.way_m < _SHORT_M and self.turn_rad < _SHORT_RAD
+
+
+def prior_of(sigmas: tuple[float, float], tuning: Tuning) -> Floats:
+    """Return the information of odometry in units of a point's own; shape (3, 3)."""
+    noise = tuning.match_noise_m ** 2
+    of_place = noise / sigmas[0] ** 2
+    return np.diag((of_place, of_place, noise / sigmas[1] ** 2))
+
+
+class Matcher:
+    """
+    Where scans lie.
+
+    :ivar searched: how often a whole window was looked through.
+    """
+
+    def __init__(self, tuning: Tuning) -> None:
+        self._tuning = tuning
+        self.searched = 0
+        self._usual = 0.0  # share of points on lines
+
+    def match(self, local: LocalMap, surface: Surface, guess: Floats, way: Way,
+              is_astray: bool = False) -> Match | None:
+        """
+        Match a scan; None when it fits nowhere.
+
+        A scan that comes soon must fit about as well as those before: where it suddenly fits
+        much worse the robot may have been carried away, and it is better lost than astray.
+
+        :param guess: shape (3,): where odometry says.
+        :param is_astray: the robot was carried away, it seems: to be here after all a scan must
+            fit as well as ever.
+        """
+        found = self._match(local, surface, guess, way)
+        if found is None and not way.is_dense and not local.is_empty and len(surface):
+            found = self.turned(local, surface, guess)
+        share = 0.0 if found is None else found.aligned.share
+        if is_astray and share < _AS_EVER * self._usual:
+            return None
+        if way.is_dense and share < _SUDDEN * self._usual:
+            self._usual *= _FORGOTTEN
+            return None
+        self._usual += (share - self._usual) * _USUAL
+        return found
+
+    def is_sure(self, match: Match) -> bool:
+        """Return whether a scan fits so well that what contradicts it is gone."""
+        return match.aligned.share > max(self._tuning.loop_share, _SURE * self._usual)
+
+    def _match(self, local: LocalMap, surface: Surface, guess: Floats, way: Way) -> Match | None:
+        if local.is_empty or not len(surface):
+            return None
+        t = self._tuning
+        sigmas = way.sigmas(t)
+        best: Match | None = None
+        if way.is_near:
+            best = Match(local.lines.align(surface.points, guess, guess, prior_of(sigmas, t),
+                                           normals=surface.normals), 0.0)
+            if best.aligned.share >= (t.share_good if way.is_short else _CONVINCING):
+                return best
+        self.searched += 1
+        for factor in (1.0, 2.0):
+            wide = (factor * sigmas[0], factor * sigmas[1])
+            window = Window(guess, min(_REACH_MOST_M, _WITHIN * wide[0]),
+                            min(_REACH_MOST_RAD, _WITHIN * wide[1]), *wide)
+            found = local.search(surface, window, prior_of(wide, t))
+            if best is None or found.aligned.share > best.aligned.share:
+                best = found
+            if best.aligned.share >= t.share_good:
+                break
+        return best if best is not None and best.aligned.share >= t.share_least else None
+
+    def turned(self, local: LocalMap, surface: Surface, guess: Floats) -> Match | None:
+        """
+        Look for a scan at all headings, near a pose.
+
+        :return: None unless it fits at one as well as a loop has to, and at no other.
+        """
+        t = self._tuning
+        window = Window(guess, _TURNED_M, np.pi, step_rad=_TURNED_STEP_RAD)
+        found = local.search(surface, window, None)
+        self.searched += 1
+        if found.aligned.share < t.loop_share or found.score < t.loop_score:
+            return None
+        others = Window(found.aligned.pose + (0.0, 0.0, np.pi), _TURNED_M, np.pi - _APART_RAD,
+                        step_rad=_TURNED_STEP_RAD)
+        _, score = best_fit(local.field, surface.points, others)
+        return found if score < found.score - _CLEARLY else None
+
+
+class Certainty:
+    """
+    How surely the pose on the map is known, from scan to scan.
+
+    Each direction is as sure as the last scan makes it; what that says nothing of, as sure as it
+    was before and odometry makes it since. Matches with one map have its errors in common, so
+    that they do not add up to more than one of them.
+    """
+
+    def __init__(self, tuning: Tuning) -> None:
+        self._tuning = tuning
+        self._covariance: Floats = np.zeros((3, 3))
+
+    def begin(self, covariance: Floats) -> None:
+        """Begin anew; shape (3, 3)."""
+        self._covariance = covariance
+
+    def moved(self, step: Floats, heading: float) -> None:
+        """
+        Add what odometry may be wrong by.
+
+        :param heading: of the robot on the map before the step.
+        """
+        t = self._tuning
+        x, y = step[:2].tolist()
+        cosine, sine = float(np.cos(heading)), float(np.sin(heading))
+        turn = np.eye(3)
+        turn[0, 2], turn[1, 2] = -(sine * x + cosine * y), cosine * x - sine * y
+        way, turned = float(np.hypot(x, y)), abs(float(step[2]))
+        more = (t.odometry_per_m ** 2 * way * _TOGETHER_M, ) * 2 + (
+            t.odometry_per_rad ** 2 * turned * _TOGETHER_RAD + _PER_M_RAD ** 2 * way,)
+        self._covariance = turn @ self._covariance @ turn.T + np.diag(more)
+
+    def matched(self, aligned: Aligned) -> None:
+        """Take what a scan says of where it lies."""
+        known = aligned.information / self._tuning.point_noise_m ** 2
+        scale = np.diag((1.0, 1.0, _ARM_M))  # an angle counts as a way at this arm
+        values, vectors = np.linalg.eigh(np.linalg.inv(scale) @ known @ np.linalg.inv(scale))
+        vectors = np.linalg.inv(scale) @ vectors
+        before = scale @ self._covariance @ scale
+        basis = scale @ vectors
+        said = np.einsum('ik,ij,jk->k', basis, before, basis)
+        variance = np.minimum(1.0 / np.maximum(values, 1e-9), said)
+        self._covariance = (vectors * variance) @ vectors.T
+
+    def on_map(self, pose: Floats, begin: Floats) -> Floats:
+        """
+        Return the covariance of a pose with what the map itself may be wrong by; shape (3, 3).
+
+        :param pose: shape (3,): where the robot is.
+        :param begin: shape (3,): where the map begins.
+        """
+        x, y = (pose - begin)[:2].tolist()
+        # Bent moves it across the way from there, stretched along it: alike in all directions.
+        far = np.diag((x * x + y * y, x * x + y * y, 1.0)) * _BENT ** 2
+        far[0, 2] = far[2, 0] = -y * _BENT ** 2
+        far[1, 2] = far[2, 1] = x * _BENT ** 2
+        return self._covariance + _MAP + far

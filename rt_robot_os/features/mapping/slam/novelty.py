@@ -1,0 +1,98 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Whether a scan adds something to the map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from rt_robot_os.features.mapping.slam.keyframes import Keyframe
+from rt_robot_os.features.mapping.slam.keyframes import Match
+from rt_robot_os.features.mapping.slam.transforms import between
+from rt_robot_os.features.mapping.slam.transforms import Floats
+from rt_robot_os.features.mapping.slam.tuning import Tuning
+
+#: Something new is a part of the points, in so many scans: who walks by is not.
+_NEW_SHARE: Final = 0.04
+_NEW_SCANS: Final = 8
+#: Where the robot was before so many scans are kept that add nothing: one loop may be wrong.
+_AGAIN: Final = 6
+
+
+class Novelty:
+    """
+    What is new in the scans of late.
+
+    :param keyframes: the map's, as they are at any time.
+    """
+
+    def __init__(self, keyframes: Sequence[Keyframe], tuning: Tuning) -> None:
+        self._keyframes, self._tuning = keyframes, tuning
+        self._news = 0  # scans in a row that see something new
+        self._again = 0  # keyframes kept since the robot is where it was before
+
+    def is_known(self) -> None:
+        """Notice that the robot is where it was before, and that this is sure."""
+        self._again = _AGAIN
+
+    def seen(self, unknown: int, points: int) -> None:
+        """
+        Notice what a scan that fits sees.
+
+        :param unknown: points of it that are far from all that is known, of all its ``points``.
+        """
+        self._news = self._news + 1 if unknown > _NEW_SHARE * points else 0
+
+    def adds(self, match: Match | None, pose: Floats, near: list[int], travelled_m: float) -> bool:
+        """
+        Return whether a scan adds something.
+
+        :param match: None when it fitted nowhere.
+        :param pose: shape (3,): of the scan.
+        :param near: the keyframes that it was matched with; of one that fitted nowhere the one
+            that it would be joined to.
+        :param travelled_m: the way until now.
+        """
+        t = self._tuning
+        recent = [index for index in near if not self._is_old(index, travelled_m)]
+        is_back = len(recent) < len(near)
+        if not is_back:
+            self._again = 0
+        elif self._again < _AGAIN:
+            near = recent or [len(self._keyframes) - 1]
+        apart = between(np.broadcast_to(pose, (len(near), 3)),
+                        np.array([self._keyframes[index].pose for index in near]))
+        far, turned = np.hypot(apart[:, 0], apart[:, 1]), np.abs(apart[:, 2])
+        if ((far <= t.keyframe_m) & (turned <= t.keyframe_rad)).any():
+            return False
+        if match is None or is_back and self._again < _AGAIN:
+            return True
+        return (match.aligned.share < t.keep_share or self._news >= _NEW_SCANS
+                or bool(far.min() > t.cover_m))
+
+    def kept(self, members: Sequence[int], travelled_m: float) -> None:
+        """
+        Notice that a scan was kept.
+
+        :param members: keyframes that the next ones are matched with.
+        """
+        self._again += any(self._is_old(each, travelled_m) for each in members)
+        self._news = 0
+
+    def _is_old(self, index: int, travelled_m: float) -> bool:
+        """Return whether a keyframe is of another visit to this place."""
+        return travelled_m - self._keyframes[index].travelled_m > self._tuning.loop_apart_m

@@ -1,0 +1,262 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Poses and what is known between them, put into agreement: Gauss-Newton on a sparse graph.
+
+G. Grisetti and others, A tutorial on graph-based SLAM, 2010. The edges of loops are robust: one
+that no others agree with loses its weight (Cauchy) instead of bending the map. So are absolute
+poses, of which a wrong one counts still less (Geman and McClure): nothing chains them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import is_
+from typing import Any
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from rt_robot_os.features.mapping.slam.transforms import between
+from rt_robot_os.features.mapping.slam.transforms import composed
+from rt_robot_os.features.mapping.slam.transforms import Floats
+from rt_robot_os.features.mapping.slam.transforms import moved_by
+from rt_robot_os.features.mapping.slam.transforms import wrapped
+
+_SMALL: Final = 1e-4
+#: Squared error, in variances, at which the edge of a loop counts half.
+_SOFT_CHI2: Final = 9.0
+#: Squared error up to which an absolute pose agrees, when the whole map is put where most do.
+_AGREES_CHI2: Final = 16.0
+#: So many absolute poses can move a whole map, and so many of them are tried.
+_FIXES_MOVE: Final = 3
+_TRIED_MOST: Final = 50
+#: What holds the first pose when absolute ones are there: nearly nothing.
+_HELD: Final = np.diag((1e-2, 1e-2, 1e-2))
+
+
+@dataclass(frozen=True)
+class Edge:
+    """
+    What is known between two poses.
+
+    :ivar first: index of a pose; ``second`` is in its frame at ``relative``.
+    :ivar relative: shape (3,).
+    :ivar information: shape (3, 3): the inverse of the covariance, in the frame of the first.
+    :ivar is_loop: it may be wrong.
+    """
+
+    first: int
+    second: int
+    relative: Floats
+    information: Floats
+    is_loop: bool = False
+
+
+@dataclass(frozen=True)
+class Fix:
+    """
+    What an absolute source says of a pose: an edge from the origin.
+
+    :ivar keyframe: index of the pose.
+    :ivar pose: shape (3,): where it is on the map.
+    :ivar information: shape (3, 3): the inverse of the covariance, along the axes of the map.
+    """
+
+    keyframe: int
+    pose: Floats
+    information: Floats
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """
+    The poses at which all edges agree best.
+
+    :ivar poses: shape (n, 3); without fixes the first is where it was.
+    :ivar weights: shape (edges,): how much each edge counts; 1 for all but those of loops.
+    :ivar fix_weights: shape (fixes,).
+    :ivar step: by how much a pose moved in the last step, at most, in m or rad.
+    """
+
+    poses: Floats
+    weights: Floats
+    fix_weights: Floats
+    step: float = 0.0
+
+
+class Edges:
+    """
+    Edges as arrays.
+
+    :ivar first: shape (edges,), as ``second`` and ``is_loop``.
+    :ivar relative: shape (edges, 3).
+    :ivar information: shape (edges, 3, 3), as its inverse, ``covariances``.
+    """
+
+    first: npt.NDArray[np.int64]
+    second: npt.NDArray[np.int64]
+    is_loop: npt.NDArray[np.bool_]
+    relative: Floats
+    information: Floats
+    covariances: Floats
+
+    def __init__(self, edges: Sequence[Edge] = ()) -> None:
+        self._clear()
+        self.follow(edges)
+
+    def _clear(self) -> None:
+        self._edges: list[Edge] = []
+        self.first, self.second = np.zeros(0, np.int64), np.zeros(0, np.int64)
+        self.is_loop, self.relative = np.zeros(0, np.bool_), np.zeros((0, 3))
+        self.information = self.covariances = np.zeros((0, 3, 3))
+
+    def __len__(self) -> int:
+        return len(self._edges)
+
+    def follow(self, edges: Sequence[Edge]) -> None:
+        """Hold other edges; where they begin with those that are held, only new ones are read."""
+        if len(edges) < len(self) or not all(map(is_, self._edges, edges)):
+            self._clear()
+        new = edges[len(self):]
+        if not new:
+            return
+        information = np.array([each.information for each in new])
+        self._edges.extend(new)
+        self.first = np.append(self.first, [each.first for each in new])
+        self.second = np.append(self.second, [each.second for each in new])
+        self.is_loop = np.append(self.is_loop, [each.is_loop for each in new])
+        self.relative = np.concatenate((self.relative, [each.relative for each in new]))
+        self.information = np.concatenate((self.information, information))
+        self.covariances = np.concatenate((self.covariances, np.linalg.inv(information)))
+
+    def errors(self, poses: Floats) -> tuple[Floats, Floats]:
+        """Return how far poses are from what edges say, and how much each of them counts."""
+        errors = between(poses[self.first], poses[self.second]) - self.relative
+        errors[:, 2] = wrapped(errors[:, 2])
+        chi2 = np.einsum('ni,nij,nj->n', errors, self.information, errors)
+        return errors, np.where(self.is_loop, 1.0 / (1.0 + chi2 / _SOFT_CHI2), 1.0)
+
+
+def agree(poses: Floats, edges: Sequence[Edge] | Edges, steps: int = 10, fixes: Sequence[Fix] = (),
+          small: float = _SMALL) -> Agreement:
+    """
+    Move poses so that edges agree.
+
+    :param poses: shape (n, 3); each is joined to the first over edges.
+    :param steps: the most.
+    :param fixes: absolute poses. Where most of them contradict the map, and agree with each
+        other, the map is moved as a whole first.
+    :param small: a step that moves no pose by more, in m or rad, is the last.
+    """
+    known = edges if isinstance(edges, Edges) else Edges(edges)
+    poses, weights = _where_most_agree(poses, fixes), np.ones(len(edges))
+    absolute = _Absolute(fixes)
+    moved = 0.0
+    for _ in range(steps if len(poses) > 1 and len(edges) or fixes else 0):
+        errors, weights = known.errors(poses)
+        step = _solve(poses, (known.first, known.second), errors,
+                      known.information * weights[:, None, None], absolute)
+        poses += step
+        poses[:, 2] = wrapped(poses[:, 2])
+        moved = float(np.abs(step).max())
+        if moved < small:
+            break
+    return Agreement(poses, weights, absolute.weights, moved)
+
+
+class _Absolute:
+    """Absolute poses as arrays."""
+
+    def __init__(self, fixes: Sequence[Fix]) -> None:
+        self.at = np.array([each.keyframe for each in fixes], dtype=np.int64)
+        self.poses = np.array([each.pose for each in fixes]).reshape(-1, 3)
+        self.information = np.array([each.information for each in fixes]).reshape(-1, 3, 3)
+        self.weights = np.ones(len(self.at))
+
+    def errors(self, poses: Floats) -> tuple[Floats, Floats]:
+        """Return how far poses are from them, and that in variances."""
+        errors = poses[self.at] - self.poses
+        errors[:, 2] = wrapped(errors[:, 2])
+        return errors, np.einsum('ni,nij,nj->n', errors, self.information, errors)
+
+
+def _where_most_agree(poses: Floats, fixes: Sequence[Fix]) -> Floats:
+    """Move the whole map where most absolute poses say that it is, if that is not here."""
+    if len(fixes) < _FIXES_MOVE:
+        return poses.copy()
+    absolute = _Absolute(fixes)
+    most = int((absolute.errors(poses)[1] < _AGREES_CHI2).sum())
+    if 2 * most >= len(fixes):
+        return poses.copy()
+    best = poses
+    for fix in fixes[::-(-len(fixes) // _TRIED_MOST)]:
+        movement = moved_by(poses[fix.keyframe], fix.pose)
+        there = composed(np.broadcast_to(movement, poses.shape), poses)
+        agreeing = int((absolute.errors(there)[1] < _AGREES_CHI2).sum())
+        if agreeing > most and 2 * agreeing > len(fixes):
+            best, most = there, agreeing
+    return best.copy()
+
+
+def _solve(poses: Floats, ends: tuple[Any, Any], errors: Floats, information: Floats,
+           absolute: _Absolute) -> Floats:
+    """Return the step of all poses; shape (n, 3)."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.linalg import splu
+    first, second = ends
+    of_first, of_second = _jacobians(poses, first, second)
+    left = np.swapaxes(of_first, 1, 2) @ information
+    right = np.swapaxes(of_second, 1, 2) @ information
+    gradient = np.zeros((len(poses), 3))
+    np.add.at(gradient, first, np.einsum('nij,nj->ni', left, errors))
+    np.add.at(gradient, second, np.einsum('nij,nj->ni', right, errors))
+    blocks = [(first, first, left @ of_first), (first, second, left @ of_second),
+              (second, first, right @ of_first), (second, second, right @ of_second)]
+    if len(absolute.at):
+        off, chi2 = absolute.errors(poses)
+        absolute.weights = 1.0 / (1.0 + chi2 / _SOFT_CHI2) ** 2
+        held = absolute.information * absolute.weights[:, None, None]
+        np.add.at(gradient, absolute.at, np.einsum('nij,nj->ni', held, off))
+        blocks += [(absolute.at, absolute.at, held), (np.zeros(1, np.int64),) * 2 + (_HELD[None],)]
+    three = np.arange(3)
+    rows = [np.broadcast_to((a[:, None] * 3 + three)[:, :, None], m.shape) for a, _, m in blocks]
+    columns = [np.broadcast_to((b[:, None] * 3 + three)[:, None, :], m.shape)
+               for _, b, m in blocks]
+    size = 3 * len(poses)
+    matrix = coo_matrix(
+        (np.concatenate([m.ravel() for _, _, m in blocks]),
+         (np.concatenate([each.ravel() for each in rows]),
+          np.concatenate([each.ravel() for each in columns]))), (size, size)).tocsc()
+    free = 0 if len(absolute.at) else 3  # without absolute poses the first stays
+    step = np.zeros(size)
+    step[free:] = splu(matrix[free:, free:], permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0,
+                       options={'SymmetricMode': True}).solve(-gradient.ravel()[free:])
+    return step.reshape(-1, 3)
+
+
+def _jacobians(poses: Floats, first: Any, second: Any) -> tuple[Floats, Floats]:
+    cosine, sine = np.cos(poses[first, 2]), np.sin(poses[first, 2])
+    local = between(poses[first], poses[second])
+    of_first, of_second = np.zeros((len(first), 3, 3)), np.zeros((len(first), 3, 3))
+    of_second[:, 0, 0], of_second[:, 0, 1] = cosine, sine
+    of_second[:, 1, 0], of_second[:, 1, 1] = -sine, cosine
+    of_second[:, 2, 2] = 1.0
+    of_first[:, :2, :2] = -of_second[:, :2, :2]
+    of_first[:, 0, 2], of_first[:, 1, 2] = local[:, 1], -local[:, 0]
+    of_first[:, 2, 2] = -1.0
+    return of_first, of_second

@@ -1,0 +1,418 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Plan ways on a map to goals, and plan anew when something stands in the way.
+
+Planning takes from milliseconds to seconds. It is done in pieces that more important tasks
+preempt, a few in each job, with pauses in which less important ones run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from collections.abc import Mapping
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.mapping.live_map import check_map
+from rt_robot_os.features.mapping.live_map import LiveMap
+from rt_robot_os.features.mapping.live_map import MAP_MESSAGE
+from rt_robot_os.features.navigation.collision_guard.sensors import place_of
+from rt_robot_os.features.navigation.planner.corrections import Corrections
+from rt_robot_os.features.navigation.planner.ground import Ground
+from rt_robot_os.features.navigation.planner.ground import POSES_MAXIMUM
+from rt_robot_os.features.navigation.planner.settings import SETTINGS
+from rt_robot_os.features.navigation.planner.strangers import Strangers
+from rt_robot_os.features.navigation.planner.way import ahead_on
+from rt_robot_os.features.navigation.planner.way import moved_with
+from rt_robot_os.features.navigation.planner.way import Progress
+from rt_robot_os.features.navigation.trajectory.whereabouts import planar
+from rt_robot_os.modules.base import Module
+from rt_robot_os.modules.order_age import why_too_old
+from rt_robot_os.modules.wake_up import WakeUp
+from rt_robot_os.motion.differential import Pose
+from rt_robot_os.motion.route import Route
+from rt_robot_os.motion.route import RouteError
+from rt_robot_os.topics.ports import Input
+from rt_robot_os.topics.ports import Output
+
+_TEXT: Final = 'std_msgs/msg/String'
+_TEXT_LENGTH: Final = 200
+# Pieces of planning in a job, some 3 ms, and of a new map, some 1 ms, and the pause after them.
+_PIECES: Final = 40
+_MAP_PIECES: Final = 15
+_PAUSE_NS: Final = 3 * NS_PER_MS
+# Whoever follows the plan repeats its state that often, so that an old one is no answer.
+_ANSWER_NS: Final = NS_PER_S
+_AHEAD_M: Final = 3.0
+
+
+class Planner(Module):
+    """Plan ways to goals."""
+
+    goal = Input('goal_pose', wake=True, message='geometry_msgs/msg/PoseStamped')
+    pose = Input('pose', message='geometry_msgs/msg/PoseWithCovarianceStamped')
+    followed = Input('trajectory/state', wake=True, message=_TEXT)
+    map = Input('', message=MAP_MESSAGE, initial=True, newest=True)  # noqa: A003
+    cancel = Input('', message='std_msgs/msg/Bool', wake=True)
+    correction = Input('', message='geometry_msgs/msg/PoseWithCovarianceStamped', wake=True)
+    plan = Output('plan', 'std_msgs/msg/Float64MultiArray', depth=2, tail=3 * POSES_MAXIMUM)
+    state = Output('planner/state', _TEXT, tail=_TEXT_LENGTH)
+
+    SETTINGS = SETTINGS
+
+    def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
+        """
+        Keep the settings; the map is read later.
+
+        :raises ConfigError: there is no map.
+        """
+        super().__init__(name, settings)
+        check_map(settings['map'], bool(settings['map_topic']), name)
+        self._pose: Pose = (0.0, 0.0, 0.0)
+        self._pose_ns = -1
+        self._goal: Pose | None = None
+        self._is_wanted = False
+        self._job: Generator[None, None, Route] | None = None
+        self._route: Route | None = None
+        self._route_ns = self._begun_ns = 0
+        self._is_followed = False
+        self._is_given = False  # a plan that may still be driven
+        self._is_of_before = False  # and leads to the goal before
+        self._is_possible = False  # there is a way when nothing stands in it
+        self._in_the_way = ''  # why there is none beside what stands there
+        self._obstacles: list[int] = []
+        self._progress = Progress()
+        self._retry_ns = self._look_ns = 0
+        self._is_held = False  # whoever follows says that something is in the way
+        self._goals = self._plans = self._refused = self._expanded = self._closed = 0
+        self._took_ms = 0.0
+        self._told = ''
+
+    # ---- ports -------------------------------------------------------------------------------
+
+    def connected(self, attribute: str) -> bool:
+        """Leave alone what has no topic."""
+        return bool(self.topic_of(attribute))
+
+    def listed_inputs(self) -> Mapping[str, Input]:
+        """Return an input for each scanner; they release nothing."""
+        return {topic: Input(topic, message='sensor_msgs/msg/LaserScan')
+                for topic in self.settings['scan_topics']}
+
+    # ---- life --------------------------------------------------------------------------------
+
+    def configure(self) -> None:
+        """
+        Read the map.
+
+        :raises ConfigError: it cannot be read, or poses, goals and maps are in different frames.
+        """
+        s = self.settings
+        frames = {self.topic_of(port): str(getattr(self, port).msg.header.frame_id)
+                  for port in ('goal', 'pose')}
+        if len(set(frames.values())) > 1:
+            told = ', '.join(f'{topic} in {frame!r}' for topic, frame in frames.items())
+            raise ConfigError([f'{self.name}: {told}: declare both in the frame of the map'])
+        self._radius_m = s['robot_radius_m'] + s['clearance_m']
+        self._ground = Ground(LiveMap(
+            s['map'], self.map if self.connected('map') else None, frames[self.topic_of('pose')],
+            self.name, self.log), s)
+        self._corrections = Corrections(
+            self.correction if self.connected('correction') else None, self._ground.map)
+        self._strangers = Strangers(
+            [(read, place_of(read, self.mountings, self.name)) for read in self.listed.values()],
+            s)
+        self._strangers.terrain = self._ground.terrain
+        self._wake_up = WakeUp(self.kernel, self.task)
+
+    def activate(self) -> None:
+        """Begin without a goal, also after a failure."""
+        self._goal = self._job = self._route = None
+        self._is_wanted = False
+
+    def changed(self, name: str) -> None:
+        """Take over a setting: whether unknown ground may be entered changes all of it."""
+        if name == 'unknown_is_free':
+            self._ground.unknown_is_free = self.settings[name]
+
+    def step(self) -> None:
+        """Take what came, and plan on."""
+        now_ns = self.plan.topic.kernel.now_ns()
+        self._take_pose(now_ns)
+        if is_new := self.goal.latest():
+            self._take_goal(now_ns)
+        self._take_cancels(is_new, now_ns)
+        self._take_corrections(now_ns)
+        if self._corrections.pending:
+            self._wake_up.no_later_than(now_ns + _PAUSE_NS)
+            return
+        if self.connected('followed'):
+            while self.followed.take():
+                self._take_state(str(self.followed.msg.data), self.followed.stamp_ns, now_ns)
+        awaits_map = self._corrections.awaits_map(now_ns)
+        if self._pose_is_fresh(now_ns) and not awaits_map:
+            self._strangers.look(self._pose, now_ns)
+        if self._job is None and self._ground.is_behind:
+            self._renew_ground(now_ns)
+        if self._goal is None:
+            return
+        if self._pose_is_fresh(now_ns):
+            self._look_ahead(now_ns)
+        if self._is_wanted and now_ns >= self._retry_ns and not awaits_map:
+            self._begin(now_ns)
+        if self._job is not None:
+            self._go_on(now_ns)
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Tell what is planned, how long it took, and what is in the way."""
+        if not hasattr(self, '_ground'):
+            return {}
+        no_way = self._told.startswith(('refused: ', 'waiting: '))
+        return {'warning': self._told if no_way else self._ground.warning(), 'state': self._told,
+                'goals': self._goals, 'goals_refused': self._refused, 'plans': self._plans,
+                'ways_closed_by_map': self._closed,
+                'planned_in_ms': self._took_ms, 'cells_expanded': self._expanded,
+                'obstacle_cells': len(self._strangers),
+                'length_m': self._route.length_m if self._route else 0.0,
+                'corrections': self._corrections.count, **self._ground.statistics()}
+
+    # ---- what comes --------------------------------------------------------------------------
+
+    def _take_pose(self, now_ns: int) -> None:
+        if self.pose.latest():
+            pose = planar(self.pose.msg.pose.pose)
+            if pose is not None:
+                self._pose, self._pose_ns = pose, min(self.pose.stamp_ns, now_ns)
+
+    def _pose_is_fresh(self, now_ns: int) -> bool:
+        return self._pose_ns >= 0 and (
+            now_ns - self._pose_ns <= self.settings['pose_timeout_s'] * NS_PER_S)
+
+    def _take_goal(self, now_ns: int) -> None:
+        goal = planar(self.goal.msg.pose)
+        self._goals += 1
+        self._goal, self._job, self._route = goal, None, None
+        self._told = ''  # whoever gave it waits for a word, also for one that was said before
+        self._progress.begin()
+        self._retry_ns = self._look_ns = now_ns
+        self._is_held = self._is_possible = False
+        self._is_of_before = self._is_given
+        self._is_wanted = goal is not None
+        why = ('the goal is no pose' if goal is None else
+               why_too_old(self.goal.stamp_ns, now_ns, self.settings))
+        if why:
+            self._refuse(why, now_ns)
+
+    def _take_cancels(self, is_new: bool, now_ns: int) -> None:
+        """
+        Give the goal up; who follows the plan hears it, too, unless the plan came later.
+
+        :param is_new: the goal has just come: a cancellation that is older is not meant for it.
+        """
+        while self.connected('cancel') and self.cancel.take():
+            stamp_ns = self.cancel.stamp_ns
+            is_for_it = not is_new or stamp_ns >= self.goal.stamp_ns
+            if self.cancel.msg.data and self._goal is not None and is_for_it:
+                if self._is_given and self._route_ns >= stamp_ns:
+                    self._give(None, now_ns)
+                self._is_given = False
+                self._end('stopped: cancelled', now_ns)
+
+    def _take_state(self, state: str, stamp_ns: int, now_ns: int) -> None:
+        """Take how it goes with whoever follows the plan."""
+        if self._goal is None or self._route is None or stamp_ns < self._route_ns:
+            return
+        if state in ('driving', 'turning'):
+            self._is_followed = True
+            return
+        if not self._is_followed and stamp_ns < self._route_ns + _ANSWER_NS:
+            return  # that was said of what was before
+        if state == 'done':
+            self._is_given = False
+            self._end('done', now_ns)
+        elif state.startswith('stopped: off the path') and self._ground.map.is_live:
+            self._is_followed = False  # maps that are being made move under the robot
+            self._ask_again(now_ns)
+        elif state.startswith('stopped: blocked'):
+            if self._is_followed:
+                self._is_followed = False
+                self._is_held = True
+                self._ask_again(now_ns)
+        elif state.startswith('stopped: '):
+            self._is_given = False
+            self._end(state, now_ns)
+
+    def _take_corrections(self, now_ns: int) -> None:
+        """Let the plan move with the map, and plan anew on the map that has moved."""
+        self._corrections.take(now_ns)
+        movement = self._corrections.settled(self._pose, self._pose_ns, now_ns)
+        if movement is None:
+            return
+        self._strangers.onto(self._ground.terrain, movement.moved)
+        if self._goal is None:
+            return
+        self._job, self._is_wanted = None, True
+        self._retry_ns = now_ns
+        if self._route is not None and movement.is_little:
+            # Beside the robot all is where it was: it drives on as if nothing had happened.
+            self._route, self._route_ns = moved_with(movement.moved, self._route), now_ns
+            self._is_followed = False
+            self._give(self._route, now_ns)
+            self._is_of_before = True
+        elif self._is_given:
+            self._is_of_before = True
+            self._wait(f'the map moved by {movement.by_m:.2f} m', now_ns)
+
+    def _look_ahead(self, now_ns: int) -> None:
+        """Plan anew when something has stood in the way for a while."""
+        if self._route is None or self._is_wanted or self._job is not None:
+            return
+        if now_ns >= self._look_ns and self._strangers.is_on(
+                ahead_on(self._route.poses, self._pose, self._radius_m, _AHEAD_M),
+                self._radius_m, now_ns, round(self.settings['blocked_s'] * NS_PER_S)):
+            self._look_ns = now_ns + round(self.settings['retry_s'] * NS_PER_S)
+            self._ask_again(now_ns)
+
+    def _renew_ground(self, now_ns: int) -> None:
+        """Take the newest map; a way that it leaves open is driven on."""
+        ground = self._ground
+        if not ground.go_on(_MAP_PIECES):
+            if ground.is_behind:
+                self._wake_up.no_later_than(self.plan.topic.kernel.now_ns() + _PAUSE_NS)
+            return
+        self._strangers.onto(ground.terrain)
+        if self._is_wanted:
+            self._retry_ns = now_ns
+        elif self._route is not None and (
+                place := ground.closed_at(self._route.poses, self._pose)) is not None:
+            self._closed += 1
+            self.log.info('the map closes the way at %.2f, %.2f: another one is looked for',
+                          *place)
+            self._is_of_before = True
+            self._ask_again(now_ns)
+
+    # ---- planning ----------------------------------------------------------------------------
+
+    def _ask_again(self, now_ns: int) -> None:
+        held_ns = self._progress.held_ns(self._pose, now_ns)
+        if held_ns > self.settings['patience_s'] * NS_PER_S:
+            self._refuse(f'blocked for {self.settings["patience_s"]:g} s', now_ns)
+            return
+        self._is_wanted = True
+
+    def _begin(self, now_ns: int) -> None:
+        if self._goal is None:
+            return
+        if self._ground.planner is None:
+            self._wait('no map yet', now_ns)
+            return
+        if not self._pose_is_fresh(now_ns):
+            self._wait('no pose' + (' yet' if self._pose_ns < 0 else ' any more'), now_ns)
+            return
+        self._is_wanted = False
+        self._in_the_way = ''
+        self._begun_ns = now_ns
+        self._obstacles = self._strangers.standing(
+            now_ns, 0 if self._is_held else round(self.settings['blocked_s'] * NS_PER_S))
+        self._is_held = False
+        self._job = self._ground.planner.plan(self._pose, self._goal, self._obstacles)
+        self._tell('planning', now_ns)
+
+    def _go_on(self, now_ns: int) -> None:
+        """Do some pieces of the planning."""
+        job = self._job
+        try:
+            for _ in range(_PIECES):
+                if job is not None:
+                    next(job)
+        except StopIteration as ended:
+            self._job = None
+            self._planned(ended.value)
+        except RouteError as error:
+            self._job = None
+            self._failed(str(error), now_ns)
+        else:
+            self._wake_up.no_later_than(self.plan.topic.kernel.now_ns() + _PAUSE_NS)
+
+    def _planned(self, route: Route) -> None:
+        now_ns = self.plan.topic.kernel.now_ns()
+        self._is_possible = True
+        if self._in_the_way:
+            self._try_later(self._in_the_way, now_ns)
+            return
+        self._route, self._route_ns = route, now_ns
+        self._is_followed = False
+        self._plans += 1
+        self._took_ms = (now_ns - self._begun_ns) / NS_PER_MS
+        if self._ground.planner is not None:
+            self._expanded = self._ground.planner.search.expanded
+        self._give(route, now_ns)
+        moved = f', goal moved by {route.moved_m:.2f} m' if route.moved_m > 0.0 else ''
+        self._tell(f'planned: {route.length_m:.2f} m{moved}', now_ns)
+
+    def _failed(self, why: str, now_ns: int) -> None:
+        """Wait for what stands in the way to go; refuse what the map forbids."""
+        if self._is_possible and (self._obstacles or self._ground.map.is_live):
+            self._try_later(why, now_ns)  # maps change, too
+        elif not self._obstacles or self._in_the_way:
+            self._refuse(why, now_ns)
+        elif self._ground.planner is not None and self._goal is not None:
+            # Whether waiting helps is seen on the map alone.
+            self._in_the_way = why
+            self._job = self._ground.planner.plan(self._pose, self._goal, ())
+            self._wake_up.no_later_than(now_ns + _PAUSE_NS)
+
+    def _try_later(self, why: str, now_ns: int) -> None:
+        self._ask_again(now_ns)
+        if self._goal is not None:
+            self._retry_ns = now_ns + round(self.settings['retry_s'] * NS_PER_S)
+            self._wake_up.no_later_than(self._retry_ns)
+            self._wait(why, now_ns)
+
+    def _wait(self, why: str, now_ns: int) -> None:
+        """Say why there is no plan; nobody drives on to the goal before."""
+        if self._is_of_before:
+            self._route = None
+            self._give(None, now_ns)
+        self._tell(f'waiting: {why}', now_ns)
+
+    def _give(self, route: Route | None, now_ns: int) -> None:
+        """Publish a plan; an empty one stops whoever follows the one before."""
+        self._is_given, self._is_of_before = route is not None, False
+        self.plan.msg.data = [number for pose in route.poses for number in pose] if route else []
+        self.plan.publish(now_ns)
+
+    def _refuse(self, why: str, now_ns: int) -> None:
+        self._refused += 1
+        self.log.warn('goal refused: %s', why)
+        if self._is_given:
+            self._give(None, now_ns)
+        self._end(f'refused: {why}', now_ns)
+
+    def _end(self, state: str, now_ns: int) -> None:
+        self._goal = self._route = self._job = None
+        self._is_wanted = False
+        self._tell(state, now_ns)
+
+    def _tell(self, state: str, now_ns: int) -> None:
+        if state == self._told:
+            return
+        self._told = state
+        self.state.msg.data = state[:_TEXT_LENGTH]
+        self.state.publish(now_ns)

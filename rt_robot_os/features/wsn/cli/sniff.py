@@ -1,0 +1,179 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Decode the packets of a recorded or a live line."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from collections.abc import Iterator
+from contextlib import closing
+from contextlib import contextmanager
+from functools import partial
+import json
+import signal
+import sys
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.errors import RtRobotError
+from rt_robot_os.base.programs import FAILED
+from rt_robot_os.base.programs import OK
+from rt_robot_os.base.programs import tell
+from rt_robot_os.features.wsn.cli.heard import AIR
+from rt_robot_os.features.wsn.cli.heard import Heard
+from rt_robot_os.features.wsn.cli.line import listen
+from rt_robot_os.features.wsn.cli.line import open_line
+from rt_robot_os.features.wsn.cli.options import add_baud
+from rt_robot_os.features.wsn.cli.options import add_stack
+from rt_robot_os.features.wsn.cli.options import payloads_of
+from rt_robot_os.features.wsn.cli.options import seconds
+from rt_robot_os.features.wsn.cli.options import whole_number
+from rt_robot_os.features.wsn.cli.record import line_of
+from rt_robot_os.features.wsn.cli.record import record_of
+from rt_robot_os.features.wsn.cli.recordings import is_recording
+from rt_robot_os.features.wsn.cli.recordings import Recording
+from rt_robot_os.features.wsn.cli.tally import Tally
+from rt_robot_os.features.wsn.packets.decode import Packet
+from rt_robot_os.features.wsn.packets.decode import PacketDecoder
+from rt_robot_os.features.wsn.packets.framing import Frame
+from rt_robot_os.features.wsn.packets.framing import FrameReader
+
+_EPILOG: Final = """
+A FILE is what it looks like, whatever its name: the bytes of a serial line, frames or air as CSV,
+a pcap of 802.15.4; gzipped or not; - is the standard input. The summary goes to standard error.
+
+  wsn sniff /dev/ttyUSB0 --baud 57600
+  wsn sniff sf://localhost:9002 --json | jq .readings
+  wsn sniff night.serial.bin --payload 'soil 0x42 wet:H[%]=soil_moisture_percent,0.1'
+
+The exit code is 0 when the file or the time is over and after Ctrl-C, 1 when no packet came,
+or the port or the file cannot be read or is gone, 2 for a wrong command line.
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser of the program."""
+    parser = commands.add_parser(
+        'sniff', allow_abbrev=False, help='decode the packets of a recorded or a live line',
+        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('where', metavar='FILE|PORT|sf://HOST:PORT',
+                        help='a recording, a serial port, or a serial forwarder')
+    parser.add_argument('--json', action='store_true', help='write an object a packet')
+    add_stack(parser)
+    parser.add_argument('--group', type=whole_number(0, 255), metavar='N',
+                        help='AM group of the network; packets of others are named')
+    add_baud(parser)
+    parser.add_argument('--payload', action='append', default=[], metavar='TEXT|FILE.yaml',
+                        help='a payload of your own, or a file with some; may be repeated')
+    parser.add_argument('--seconds', type=seconds, default=0.0, metavar='S',
+                        help='end a live line after so long')
+    parser.add_argument('--quiet', action='store_true', help='write the summary alone')
+    parser.set_defaults(run=run)
+
+
+class Sniffer:
+    """
+    Decodes and writes what is heard.
+
+    :param decoder: for the packets.
+    :param reader: has the counters of what was no frame.
+    """
+
+    def __init__(self, arguments: argparse.Namespace, decoder: PacketDecoder,
+                 reader: FrameReader) -> None:
+        self._arguments = arguments
+        self._decoder = decoder
+        self._reader = reader
+        self._tally = Tally()
+
+    @property
+    def packets(self) -> int:
+        """Return how many packets were decoded."""
+        return self._decoder.packets
+
+    def run(self, heard: Iterable[Heard], flush: bool) -> None:
+        """Write each packet, a line each."""
+        for each in heard:
+            packet = self._decode(each)
+            again = self._tally.take(packet, each.time_s)
+            if self._arguments.quiet:
+                continue
+            record = record_of(each, packet, again)
+            print(json.dumps(record) if self._arguments.json else line_of(record), flush=flush)
+
+    def summary(self) -> None:
+        """Write what it came to, on standard error."""
+        sys.stdout.flush()
+        for line in self._tally.lines(self._decoder, self._reader):
+            print(line, file=sys.stderr)
+
+    def _decode(self, heard: Heard) -> Packet:
+        if heard.medium == AIR:
+            return self._decoder.decode_air(heard.data)
+        return self._decoder.decode_frame(
+            Frame(heard.protocol, heard.token, heard.data, 0, 0))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """
+    Decode until the end, or until Ctrl-C.
+
+    :return: the exit code.
+    :raises RtRobotError: there is nothing to read.
+    """
+    decoder = PacketDecoder(arguments.stack, payloads_of(arguments.payload), arguments.platform,
+                            arguments.group)
+    if is_recording(arguments.where):
+        with closing(Recording(arguments.where)) as recording:
+            sniffer = Sniffer(arguments, decoder, recording.reader)
+            code = _sniff(sniffer, recording, False)
+            if recording.bad_lines:
+                tell('wsn', f'{arguments.where}: {recording.bad_lines} lines hold no frame')
+            if not decoder.packets and recording.reader.rejected_bytes:
+                tell('wsn', f"{arguments.where} holds no frame of TinyOS' serial line: is it a "
+                     'recording of something else, or at a wrong baud rate?')
+            return code
+    platform = '' if arguments.platform == 'auto' else arguments.platform
+    with _ended_like_ctrl_c(), closing(open_line(
+            arguments.where, arguments.stack, platform, arguments.baud)) as line:
+        sniffer = Sniffer(arguments, decoder, line.reader)
+        return _sniff(sniffer, listen(line, arguments.seconds, partial(tell, 'wsn')), True)
+
+
+def _sniff(sniffer: Sniffer, heard: Iterable[Heard], flush: bool) -> int:
+    code, interrupted = OK, False
+    try:
+        sniffer.run(heard, flush)
+    except KeyboardInterrupt:
+        interrupted = True
+    except BrokenPipeError:
+        raise  # nobody reads: no summary either
+    except RtRobotError as error:
+        # A driver would open the port again.
+        tell('wsn', str(error).partition('; it will be')[0])
+        code = FAILED
+    sniffer.summary()
+    return code if sniffer.packets or interrupted else FAILED
+
+
+@contextmanager
+def _ended_like_ctrl_c() -> Iterator[None]:
+    """Have SIGTERM end a live line as Ctrl-C does, with its summary."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

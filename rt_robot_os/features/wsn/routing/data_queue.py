@@ -1,0 +1,148 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A node's data packets on their way to the sink: kept until the next node has them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+from typing import NamedTuple
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rt_robot_os.features.wsn.routing.protocol import Node
+
+#: Between two tries, drawn evenly; grows with the tries up to so many times.
+_PAUSE_NS: Final = (4_000_000, 12_000_000)
+_MOST_PAUSES: Final = 6
+#: Until the route is asked for again, when there was none.
+_NO_ROUTE_PAUSE_NS: Final = 250_000_000
+
+
+class Waiting(NamedTuple):
+    """
+    A packet in the queue.
+
+    :ivar am_type: of the active message.
+    :ivar payload: of the active message.
+    :ivar since_ns: when it came, on the node's clock.
+    """
+
+    am_type: int
+    payload: bytes
+    since_ns: int
+
+
+class DataQueue:
+    """
+    Sends the packets in the order in which they came, each until it is acknowledged or too old.
+
+    Counted are ``queue_full``, ``resends`` and ``given_up``.
+
+    :param next_hop: whom to send to now; None when there is no route.
+    :param through: told after each try to whom it went and whether it was acknowledged.
+    :param size: so many packets wait at most.
+    :param lifetime_ns: a packet that is older is given up.
+    """
+
+    def __init__(self, node: Node, next_hop: Callable[[], int | None],
+                 through: Callable[[int, bool], None], size: int, lifetime_ns: int,
+                 counters: dict[str, int]) -> None:
+        self._node = node
+        self._next_hop = next_hop
+        self._through = through
+        self._size = size
+        self._lifetime_ns = lifetime_ns
+        self._counters = counters
+        self._packets: deque[Waiting] = deque()
+        self._sender = node.sender(self._done)
+        self._timer = node.timer(self.go_on)
+        self._sent_to: int | None = None
+        self._tries = 0
+        self._pausing = False
+
+    def __len__(self) -> int:
+        """Return how many packets wait."""
+        return len(self._packets)
+
+    def push(self, am_type: int, payload: bytes) -> bool:
+        """
+        Send a packet.
+
+        :return: False when there is no room; it is lost.
+        """
+        if len(self._packets) >= self._size:
+            self._count('queue_full')
+            return False
+        self._packets.append(Waiting(am_type, payload, self._node.now_ns()))
+        if not self._pausing:
+            self.go_on()
+        return True
+
+    def clear(self) -> None:
+        """Forget all packets."""
+        self._packets.clear()
+        self._timer.stop()
+        self._sent_to = None
+        self._tries = 0
+        self._pausing = False
+
+    def go_on(self) -> None:
+        """Send the next packet, if there is one and a way for it."""
+        if self._sent_to is not None:
+            return
+        self._pausing = False
+        self._drop_old()
+        if not self._packets:
+            return
+        to = self._next_hop()
+        packet = self._packets[0]
+        if to is not None and self._sender.send(to, packet.am_type, packet.payload, True):
+            self._sent_to = to
+            if self._tries:
+                self._count('resends')
+        else:
+            self._pause(_NO_ROUTE_PAUSE_NS)
+
+    def _done(self, acknowledged: bool) -> None:
+        to = self._sent_to
+        if to is None:
+            return
+        self._sent_to = None
+        if acknowledged:
+            self._packets.popleft()
+            self._tries = 0
+            self._through(to, True)
+            self.go_on()
+            return
+        self._tries += 1
+        self._through(to, False)
+        pause_ns = self._node.random.randint(*_PAUSE_NS)
+        self._pause(pause_ns * min(self._tries, _MOST_PAUSES))
+
+    def _pause(self, duration_ns: int) -> None:
+        self._pausing = True
+        self._timer.start(duration_ns)
+
+    def _drop_old(self) -> None:
+        born_ns = self._node.now_ns() - self._lifetime_ns
+        while self._packets and self._packets[0].since_ns < born_ns:
+            self._packets.popleft()
+            self._tries = 0
+            self._count('given_up')
+
+    def _count(self, name: str) -> None:
+        self._counters[name] = self._counters.get(name, 0) + 1

@@ -1,0 +1,243 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the nodes of a simulated house measure, in its unit and as their sensors give it.
+
+Warmth, light and who moves about are those of the place, what a body says that of who wears the
+node; of a body that nobody has it is made up, plausible and slow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+import math
+from random import Random
+from typing import Final
+from typing import NamedTuple
+from typing import Protocol
+
+from rt_robot_os.features.wsn.packets.conversions import battery_raw
+from rt_robot_os.features.wsn.packets.conversions import centikelvin_raw
+from rt_robot_os.features.wsn.packets.conversions import par_illuminance_raw
+from rt_robot_os.features.wsn.packets.conversions import same_raw
+from rt_robot_os.features.wsn.packets.conversions import sht1x_humidity_raw
+from rt_robot_os.features.wsn.packets.conversions import sht1x_temperature_raw
+from rt_robot_os.features.wsn.packets.paper import Kind
+from rt_robot_os.messages.quantities import ALARMS
+from rt_robot_os.messages.survey import SurveyedNode
+
+# Warm air takes up more water: so much of the humidity for each degree.
+_HUMIDITY: Final = 0.45
+_AT_DEG_C: Final = 21.0
+_HUMIDITY_PER_DEG: Final = -0.025
+_EXCITED_PER_MIN: Final = 25.0
+
+
+class Surroundings(Protocol):
+    """What a place is like."""
+
+    def temperature_c(self, x: float, y: float) -> float:
+        """Return the temperature at a place."""
+
+    def light_lux(self, x: float, y: float) -> float:
+        """Return the light at a place."""
+
+    def noticed(self, x: float, y: float) -> bool:
+        """Return whether a motion detector at a place sees somebody move."""
+
+
+class LiveNode(Protocol):
+    """A node as it is now; whoever owns it may change it at any time."""
+
+    @property
+    def surveyed(self) -> SurveyedNode:
+        """Return its number, its name, what it measures."""
+
+    @property
+    def on(self) -> bool:
+        """Return whether it has power."""
+
+    @property
+    def boots(self) -> int:
+        """Return how often it was switched on."""
+
+    @property
+    def alarms(self) -> Mapping[str, int]:
+        """Return what its button or its sensors of dangers say, of those that say something."""
+
+    @property
+    def worn(self) -> bool:
+        """Return whether somebody wears it."""
+
+    def vital(self, sign: str) -> float | None:
+        """Return a sign of life of who wears it; None when nobody does, or of no such sign."""
+
+    @property
+    def position_m(self) -> tuple[float, float, float]:
+        """Return where it is."""
+
+
+class _Slow(NamedTuple):
+    """
+    A number that wanders about its mean.
+
+    :ivar spread: its standard deviation.
+    :ivar time_s: it has forgotten after so long.
+    """
+
+    mean: float
+    spread: float
+    time_s: float
+
+
+_SLOW: Final[Mapping[str, _Slow]] = {
+    'temperature': _Slow(0.0, 0.15, 300.0), 'humidity': _Slow(0.0, 0.01, 300.0),
+    'light': _Slow(1.0, 0.03, 20.0), 'pulse_per_min': _Slow(72.0, 4.0, 60.0),
+    'respiration_per_min': _Slow(15.0, 1.5, 60.0), 'spo2_percent': _Slow(97.0, 0.7, 60.0),
+    'body_temperature': _Slow(36.8, 0.15, 1800.0), 'systolic_mmhg': _Slow(126.0, 6.0, 600.0),
+    'diastolic_mmhg': _Slow(78.0, 4.0, 600.0)}
+# Of a quantity of somebody's own.
+_ANY: Final = _Slow(50.0, 5.0, 60.0)
+
+
+class NodeReadings:
+    """
+    The sensors of one node.
+
+    :param node: whose they are.
+    :param surroundings: what its place is like.
+    :param random: for noise.
+    :param nearest: tells the number of the node whose radio is the strongest here.
+    """
+
+    def __init__(self, node: LiveNode, surroundings: Surroundings, random: Random,
+                 nearest: Callable[[], int] = lambda: 0) -> None:
+        self._node = node
+        self._nearest = nearest
+        self._surroundings = surroundings
+        self._random = random
+        # Quantity -> when it was looked at, and how far from its mean it was, in deviations.
+        self._wandering: dict[str, tuple[float, float]] = {}
+        self._was_at: tuple[float, float, float] = (0.0, *node.position_m[:2])
+
+    def value(self, quantity: str, now_s: float, battery_v: float) -> float:
+        """
+        Measure, in the unit of the quantity.
+
+        :param battery_v: of the node's battery.
+        :return: of a quantity that nobody knows here, what wanders about 50.
+        """
+        if quantity == 'battery':
+            return battery_v
+        if quantity in ALARMS:
+            return float(self._node.alarms.get(quantity, 0))
+        vital = self._node.vital(quantity)
+        if vital is not None:
+            return vital
+        measure = _MEASURES.get(quantity)
+        return self._slow(quantity, now_s) if measure is None else measure(self, now_s)
+
+    def raw(self, quantity: str, now_s: float, battery_v: float) -> tuple[Kind, int]:
+        """
+        Measure, as the number that the sensor gives.
+
+        :return: what it is, and the number; ``Kind.NONE`` and 0 for what the paper has no kind of.
+        """
+        kind, convert = _SENSORS.get(quantity, (Kind.NONE, None))
+        if convert is None:
+            return Kind.NONE, 0
+        return kind, convert(self.value(quantity, now_s, battery_v))
+
+    def _slow(self, quantity: str, now_s: float) -> float:
+        """Return a number that wanders, by a random walk that returns to its mean."""
+        slow = _SLOW.get(quantity, _ANY)
+        before = self._wandering.get(quantity)
+        if before is None:
+            away = self._random.gauss(0.0, 1.0)
+        else:
+            kept = math.exp(-(now_s - before[0]) / slow.time_s)
+            away = kept * before[1] + math.sqrt(1 - kept * kept) * self._random.gauss(0.0, 1.0)
+        self._wandering[quantity] = now_s, away
+        return slow.mean + slow.spread * away
+
+    def _temperature_c(self, now_s: float) -> float:
+        x, y, _ = self._node.position_m
+        return self._surroundings.temperature_c(x, y) + self._slow('temperature', now_s)
+
+    def _humidity(self, now_s: float) -> float:
+        fraction = (_HUMIDITY + _HUMIDITY_PER_DEG * (self._temperature_c(now_s) - _AT_DEG_C)
+                    + self._slow('humidity', now_s))
+        return min(max(fraction, 0.0), 1.0)
+
+    def _light_lx(self, now_s: float) -> float:
+        x, y, _ = self._node.position_m
+        return max(self._surroundings.light_lux(x, y) * self._slow('light', now_s), 0.0)
+
+    def _pulse_per_min(self, now_s: float) -> float:
+        excited = _EXCITED_PER_MIN if self._node.alarms else 0.0
+        return self._slow('pulse_per_min', now_s) + excited
+
+    def _spo2_percent(self, now_s: float) -> float:
+        return min(self._slow('spo2_percent', now_s), 100.0)
+
+    def _acceleration_g(self, now_s: float) -> float:
+        """Return 1 g, and more or less of it while somebody walks about with the node."""
+        x, y, _ = self._node.position_m
+        before_s, before_x, before_y = self._was_at
+        self._was_at = now_s, x, y
+        took_s = now_s - before_s
+        speed = math.hypot(x - before_x, y - before_y) / took_s if took_s > 0.0 else 0.0
+        return 1.0 + self._random.gauss(0.0, 0.01 + 0.2 * min(speed, 1.5))
+
+    def _nothing(self, now_s: float) -> float:
+        """Return 0: air, alert."""
+        return 0.0
+
+    def _presence(self, now_s: float) -> float:
+        return float(self._surroundings.noticed(*self._node.position_m[:2]))
+
+    def _nearest_node(self, now_s: float) -> float:
+        return float(self._nearest())
+
+
+def _milli_raw(value: float) -> int:
+    return same_raw(1000.0 * value)
+
+
+def _tenths_raw(value: float) -> int:
+    return same_raw(10.0 * value)
+
+
+# What is not there is only what wanders.
+_MEASURES: Final[Mapping[str, Callable[[NodeReadings, float], float]]] = {
+    'temperature': NodeReadings._temperature_c, 'humidity': NodeReadings._humidity,
+    'light': NodeReadings._light_lx, 'pulse_per_min': NodeReadings._pulse_per_min,
+    'spo2_percent': NodeReadings._spo2_percent, 'acceleration_g': NodeReadings._acceleration_g,
+    'presence': NodeReadings._presence, 'nearest_node': NodeReadings._nearest_node,
+    **dict.fromkeys(('oxygen_l_per_min', 'consciousness'), NodeReadings._nothing)}
+# Quantity -> how the paper calls it, and what the sensor gives of it.
+_SENSORS: Final[Mapping[str, tuple[Kind, Callable[[float], int]]]] = {
+    'temperature': (Kind.TEMPERATURE, sht1x_temperature_raw),
+    'humidity': (Kind.HUMIDITY, sht1x_humidity_raw), 'light': (Kind.LIGHT, par_illuminance_raw),
+    'battery': (Kind.BATTERY, battery_raw), 'pulse_per_min': (Kind.PULSE, same_raw),
+    'respiration_per_min': (Kind.RESPIRATION, same_raw), 'spo2_percent': (Kind.SPO2, same_raw),
+    'body_temperature': (Kind.BODY_TEMPERATURE, centikelvin_raw),
+    'acceleration_g': (Kind.ACCELERATION, _milli_raw), 'alarm': (Kind.ALARM, same_raw),
+    'smoke': (Kind.SMOKE, same_raw), 'water': (Kind.WATER, same_raw),
+    'systolic_mmhg': (Kind.SYSTOLIC, same_raw), 'diastolic_mmhg': (Kind.DIASTOLIC, same_raw),
+    'oxygen_l_per_min': (Kind.OXYGEN, _tenths_raw),
+    'consciousness': (Kind.CONSCIOUSNESS, same_raw), 'presence': (Kind.PRESENCE, same_raw),
+    'nearest_node': (Kind.NEAREST_NODE, same_raw)}

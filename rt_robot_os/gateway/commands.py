@@ -1,0 +1,351 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Commands of people at the server, done once each, with an answer: what the robot says to it.
+
+``stop`` and ``release`` of the e-stop, ``goal`` and ``cancel``, ``alarm`` (in the words of
+docs/alarms.md), ``agent``, ``answer``, ``say`` and ``snapshot``. Who asked is known at the server.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import OrderedDict
+from collections.abc import Awaitable
+from collections.abc import Callable
+from collections.abc import Mapping
+from collections.abc import Sequence
+import json
+import math
+import time
+from typing import Any
+from typing import Final
+from typing import NamedTuple
+
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.base.safe_text import safe_line
+from rt_robot_os.gateway.part import Part
+from rt_robot_os.gateway.part import Ways
+from rt_robot_os.gateway.reading import Reads
+from rt_robot_os.gateway.reading import Sample
+from rt_robot_os.link.answers import answer_of
+from rt_robot_os.link.cdr import LITTLE_ENDIAN
+from rt_robot_os.link.cdr import string_in
+from rt_robot_os.link.cdr import string_message
+from rt_robot_os.link.conversions import pose_message
+from rt_robot_os.messages.texts.coded import codes_of
+
+#: Commands that are remembered, so that none is done twice.
+REMEMBERED: Final = 512
+#: Commands that may be under way.
+RUNNING_MOST: Final = 32
+_TEXT_MOST: Final = 400
+_STATE_S: Final = 1.5
+_BOOL: Final = {False: LITTLE_ENDIAN + b'\0', True: LITTLE_ENDIAN + b'\1'}
+_ALARM: Final = 'alarms/command'
+_ANSWER: Final = 'alarms/answer'
+_GOAL: Final = 'goal_pose'
+_CANCEL: Final = 'trajectory_cancel'
+_STOP: Final = 'estop'
+_RELEASE: Final = 'estop_release'
+_AGENT: Final = 'agent/command'
+_PERSON: Final = 'agent/answer'
+_SAY: Final = 'agent/say'
+_OBSERVE: Final = 'agent/observe'
+_OBSERVED: Final = 'agent/observed'
+_STEERING: Final = 'steering'
+_PLANNER: Final = 'planner/state'
+_HELD: Final = 'e-stop'
+_FAR_M: Final = 10_000.0
+_PLANNED: Final = ('planned', 'done')
+_REFUSED: Final = ('refused', 'waiting')
+
+
+class Heard(NamedTuple):
+    """A text of the robot that somebody may wait for."""
+
+    topic: str
+    stamp_ns: int
+    text: str
+
+
+class Answer(NamedTuple):
+    """What became of a command."""
+
+    ok: bool
+    text: str
+
+
+class Commands(Part):
+    """
+    Do commands.
+
+    :ivar done: so far.
+    :ivar repeated: that came again, and were not done again.
+    """
+
+    kinds = frozenset({'command'})
+
+    def __init__(self, ways: Ways) -> None:
+        super().__init__(ways)
+        self.done = self.repeated = self.refused = 0
+        self._answers: OrderedDict[str, Answer | None] = OrderedDict()
+        self._running: set[asyncio.Task[None]] = set()
+        self._waiting: set[tuple[Callable[[Heard], Answer | None], asyncio.Future[Answer]]] = set()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._do: dict[str, Callable[[Mapping[str, Any], str], Awaitable[Answer]]] = {
+            'alarm': self._alarm, 'goal': self._goal, 'cancel': self._cancel, 'stop': self._stop,
+            'release': self._release, 'agent': self._agent, 'answer': self._answer,
+            'say': self._say, 'snapshot': self._snapshot}
+
+    def reads(self) -> Sequence[Reads]:
+        """Read what the robot says to commands."""
+        return (Reads(_ANSWER, self._take, every=True), Reads(_OBSERVED, self._take, every=True),
+                Reads(_STEERING, self._take), Reads(_PLANNER, self._take))
+
+    def publishes(self) -> Sequence[str]:
+        """Publish what commands come to."""
+        return (_ALARM, _GOAL, _CANCEL, _STOP, _RELEASE, _AGENT, _PERSON, _SAY, _OBSERVE)
+
+    def hello(self) -> Mapping[str, Any]:
+        """Name the commands that this robot has topics for."""
+        needed = {'alarm': _ALARM, 'goal': _GOAL, 'cancel': _CANCEL, 'stop': _STOP,
+                  'release': _RELEASE, 'agent': _AGENT, 'answer': _PERSON, 'say': _SAY,
+                  'snapshot': _OBSERVE}
+        return {'capabilities': [do for do, topic in needed.items()
+                                 if self.ways.robot.has(topic)]}
+
+    async def run(self) -> None:
+        """Note the loop; commands are done as they come."""
+        self._loop = asyncio.get_running_loop()
+        try:
+            await asyncio.Event().wait()
+        finally:
+            for each in list(self._running):
+                each.cancel()
+
+    # ---- from the server ---------------------------------------------------------------------
+
+    def hear(self, message: Mapping[str, Any]) -> None:
+        """Take a command; one that comes again gets its answer again."""
+        number, do, by = message.get('id'), message.get('do'), message.get('by', '')
+        args = message.get('args') or {}
+        if not isinstance(number, str | int) or not isinstance(args, Mapping):
+            raise ValueError(f'no command: id = {str(number)[:20]}')
+        key = str(number)[:100]
+        if key in self._answers:
+            self.repeated += 1
+            answer = self._answers[key]
+            if answer is not None:
+                self._say_answer(key, answer)
+            return
+        self._answers[key] = None
+        while len(self._answers) > REMEMBERED:
+            self._answers.popitem(last=False)
+        if len(self._running) >= RUNNING_MOST:
+            self._end(key, Answer(False, 'too many commands at a time'))
+            return
+        task = asyncio.ensure_future(self._run(key, str(do), args, safe_line(str(by))[:80]))
+        self._running.add(task)
+        task.add_done_callback(self._running.discard)
+
+    async def _run(self, key: str, do: str, args: Mapping[str, Any], by: str) -> None:
+        work = self._do.get(do)
+        try:
+            if work is None:
+                raise ValueError(f'this robot has no command {do[:40]!r}; it has '
+                                 f'{", ".join(self._do)}')
+            answer = await work(args, by)
+        except (LinkError, ValueError) as error:
+            answer = Answer(False, str(error))
+        self._end(key, answer)
+
+    def _end(self, key: str, answer: Answer) -> None:
+        self.done += answer.ok
+        self.refused += not answer.ok
+        if key in self._answers:
+            self._answers[key] = answer
+        self._say_answer(key, answer)
+
+    def _say_answer(self, key: str, answer: Answer) -> None:
+        said = {'id': key, 'ok': answer.ok, 'text': answer.text}
+        self.ways.server.send('answer', {**said, 'codes': codes_of(said, ('text',))})
+
+    # ---- from the robot ----------------------------------------------------------------------
+
+    def _take(self, sample: Sample) -> None:
+        loop = self._loop
+        if loop is not None and self._waiting:
+            loop.call_soon_threadsafe(self._heard, Heard(
+                sample.topic, sample.stamp_ns, string_in(sample.cdr)))
+
+    def _heard(self, heard: Heard) -> None:
+        for check, future in list(self._waiting):
+            answer = check(heard)
+            if answer is not None and not future.done():
+                future.set_result(answer)
+
+    async def _await(self, publish: Callable[[], None],
+                     check: Callable[[Heard], Answer | None], timeout_s: float) -> Answer | None:
+        """Publish, and wait for what answers it; None when nothing does in time."""
+        future: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
+        entry = check, future
+        self._waiting.add(entry)
+        try:
+            publish()
+            return await asyncio.wait_for(future, timeout_s)
+        except (TimeoutError, asyncio.TimeoutError):
+            return None
+        finally:
+            self._waiting.discard(entry)
+
+    # ---- the commands ------------------------------------------------------------------------
+
+    async def _alarm(self, args: Mapping[str, Any], by: str) -> Answer:
+        text = _text(args)
+        await self._check(_ALARM)
+        asked_ns = time.monotonic_ns()
+
+        def check(heard: Heard) -> Answer | None:
+            if heard.topic != _ANSWER or heard.stamp_ns < asked_ns:
+                return None
+            try:
+                found = answer_of(string_message(heard.text))
+            except ValueError:
+                return None
+            return Answer(found.ok, found.text) if found.is_to(text) else None
+
+        answer = await self._await(lambda: self._publish(_ALARM, string_message(text)), check,
+                                   self.ways.settings.command_s)
+        return answer or Answer(False, 'the robot does not answer; it may have been done all the '
+                                       'same: look at the alarm')
+
+    async def _goal(self, args: Mapping[str, Any], by: str) -> Answer:
+        x, y, yaw = (_number(args, key) for key in ('x', 'y', 'yaw'))
+        await self._check(_GOAL)
+        asked_ns = time.monotonic_ns()
+
+        def check(heard: Heard) -> Answer | None:
+            if heard.topic != _PLANNER or heard.stamp_ns < asked_ns:
+                return None
+            if heard.text.startswith(_PLANNED):
+                return Answer(True, heard.text)
+            return Answer(False, heard.text) if heard.text.startswith(_REFUSED) else None
+
+        message = pose_message('map', (x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)),
+                               time.time_ns())
+        if _PLANNER not in self.ways.robot.topics:
+            self._publish(_GOAL, message)
+            return Answer(True, 'the goal is given')
+        answer = await self._await(lambda: self._publish(_GOAL, message), check,
+                                   self.ways.settings.command_s)
+        return answer or Answer(True, 'the goal is given; the planner has not said yet whether '
+                                      'there is a way')
+
+    async def _cancel(self, args: Mapping[str, Any], by: str) -> Answer:
+        await self._check(_CANCEL)
+        self._publish(_CANCEL, _BOOL[True])
+        return Answer(True, 'the goal is given up')
+
+    async def _stop(self, args: Mapping[str, Any], by: str) -> Answer:
+        answer = await self._await(
+            lambda: self._publish(_STOP, _BOOL[True]),
+            lambda heard: Answer(True, heard.text) if (
+                heard.topic == _STEERING and _HELD in heard.text) else None, _STATE_S)
+        return answer or Answer(True, 'the e-stop is pressed')
+
+    async def _release(self, args: Mapping[str, Any], by: str) -> Answer:
+        if not self.ways.robot.has(_RELEASE):
+            raise LinkError(f'this robot has no topic {_RELEASE}: its e-stop is released at the '
+                            'robot')
+        self._publish(_STOP, _BOOL[False])
+        answer = await self._await(
+            lambda: self._publish(_RELEASE, _BOOL[True]),
+            lambda heard: Answer(_HELD not in heard.text, heard.text or 'released') if (
+                heard.topic == _STEERING) else None, _STATE_S)
+        return answer or Answer(True, 'the e-stop is released')
+
+    async def _agent(self, args: Mapping[str, Any], by: str) -> Answer:
+        text = _text(args)
+        await self._check(_AGENT)
+        self._publish(_AGENT, string_message(text))
+        return Answer(True, 'the agent is told')
+
+    async def _answer(self, args: Mapping[str, Any], by: str) -> Answer:
+        text = _text(args)
+        await self._check(_PERSON)
+        self._publish(_PERSON, string_message(text))
+        return Answer(True, 'the agent is told')
+
+    async def _say(self, args: Mapping[str, Any], by: str) -> Answer:
+        text = _text(args)
+        await self._check(_SAY)
+        self._publish(_SAY, string_message(text))
+        return Answer(True, 'the robot says it')
+
+    async def _snapshot(self, args: Mapping[str, Any], by: str) -> Answer:
+        await self._check(_OBSERVE)
+        asked_ns = time.monotonic_ns()
+        order = json.dumps({'order': 'picture', 'alarm': 'asked', 'subject': ''})
+
+        def check(heard: Heard) -> Answer | None:
+            if heard.topic != _OBSERVED or heard.stamp_ns < asked_ns:
+                return None
+            try:
+                found = json.loads(heard.text)
+            except ValueError:
+                return None
+            if not isinstance(found, dict) or found.get('alarm') != 'asked':
+                return None
+            problem = found.get('problem')
+            return Answer(not problem, str(problem or found.get('file', 'taken'))[:_TEXT_MOST])
+
+        answer = await self._await(lambda: self._publish(_OBSERVE, string_message(order)), check,
+                                   self.ways.settings.command_s)
+        return answer or Answer(False, 'the camera has not answered')
+
+    async def _check(self, topic: str) -> None:
+        """
+        Make sure that a command is read. The e-stop is not checked: it waits for nothing.
+
+        :raises LinkError: nothing reads it.
+        """
+        robot = self.ways.robot
+        if robot.has(topic) and not await asyncio.to_thread(robot.is_read, topic):
+            raise LinkError(f'nothing in this robot or connected to it reads {topic}: nothing '
+                            'was done')
+
+    def _publish(self, topic: str, cdr: bytes) -> None:
+        self.ways.robot.publish(topic, cdr)
+
+    def statistics(self) -> dict[str, Any]:
+        """Return its counters."""
+        return {'commands': self.done, 'commands_refused': self.refused,
+                'commands_repeated': self.repeated}
+
+
+def _text(args: Mapping[str, Any]) -> str:
+    text = args.get('text')
+    if not isinstance(text, str) or not text.strip() or len(text) > _TEXT_MOST or '\0' in text:
+        raise ValueError(f'text must be a text of 1 to {_TEXT_MOST} letters')
+    return text.encode(errors='replace').decode()
+
+
+def _number(args: Mapping[str, Any], key: str) -> float:
+    value = args.get(key, 0.0 if key == 'yaw' else None)
+    if (not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value)
+            or abs(value) > _FAR_M):
+        raise ValueError(f'{key} = {str(value)[:20]}: it must be a number')
+    return float(value)

@@ -1,0 +1,239 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Tele-operation: from the server's connection to the topic that the multiplexer of velocities hears.
+
+:class:`Driving` is the gateway's part; :class:`Drive`, which knows no gateway, does the work, in
+the gateway's event loop. What may move the robot decides :mod:`rt_robot_os.gateway.pilot`;
+docs/teleoperation.md says what stops it when.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from collections.abc import Mapping
+from collections.abc import Sequence
+from functools import partial
+import struct
+import time
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.errors import LayoutError
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.gateway.convert import value_of
+from rt_robot_os.gateway.drive_limits import BEAT_HZ
+from rt_robot_os.gateway.drive_limits import CANCEL_TOPIC
+from rt_robot_os.gateway.drive_limits import Limits
+from rt_robot_os.gateway.drive_limits import TOPIC
+from rt_robot_os.gateway.part import Part
+from rt_robot_os.gateway.part import Ways
+from rt_robot_os.gateway.pilot import Order
+from rt_robot_os.gateway.pilot import Pilot
+from rt_robot_os.gateway.reading import Reads
+from rt_robot_os.gateway.reading import Sample
+from rt_robot_os.link.cdr import LITTLE_ENDIAN
+
+#: Publishes a sample at once: topic, CDR, stamp on CLOCK_MONOTONIC (0: now); False when it cannot.
+Publish = Callable[[str, bytes, int], bool]
+#: Sends a message to the server before all else; lost when there is no connection.
+Send = Callable[[str, Mapping[str, Any]], object]
+#: Returns the newest value of a signal; None without.
+Last = Callable[[str], Any]
+
+#: The kinds of messages that are for it.
+KINDS: Final = frozenset({'drive_begin', 'drive', 'drive_end'})
+_TWIST: Final = struct.Struct('<6d')
+_TRUE: Final = LITTLE_ENDIAN + b'\x01'
+#: What goes with a beat, and of which topic it is.
+_SHOWN: Final = {'speed': 'odom', 'stop_reason': 'stop_reason', 'steering': 'steering'}
+_SHOWN_HZ: Final = 20.0
+
+
+def twist(linear_m_s: float, angular_rad_s: float) -> bytes:
+    """Write a ``geometry_msgs/msg/Twist`` of a robot on wheels."""
+    return LITTLE_ENDIAN + _TWIST.pack(linear_m_s, 0.0, 0.0, 0.0, 0.0, angular_rad_s)
+
+
+class Drive:
+    """
+    Let somebody drive from afar.
+
+    All methods are for the event loop.
+
+    :param publish: onto the core's bus.
+    :param send: to the server.
+    :param last: what the robot showed last.
+    :param clock: CLOCK_MONOTONIC in ns, but for tests.
+    :ivar pilot: decides.
+    """
+
+    def __init__(self, limits: Limits, publish: Publish, send: Send, last: Last = lambda _: None,
+                 clock: Callable[[], int] = time.monotonic_ns) -> None:
+        self.pilot = Pilot(limits)
+        self.unpublished = 0
+        self._limits = limits
+        self._publish = publish
+        self._send = send
+        self._last = last
+        self._clock = clock
+        self._end_of_hold: asyncio.TimerHandle | None = None
+        self._driven = False
+
+    @property
+    def driver(self) -> str:
+        """Return the name of the one who drives, hand closed; empty when nobody does."""
+        return self.pilot.driver if self._driven else ''
+
+    def take(self, message: Mapping[str, Any]) -> None:
+        """Do what a message of :data:`KINDS` says."""
+        kind = message.get('kind')
+        if kind == 'drive':
+            self._carry_out(self.pilot.take(message, self._clock()))
+        elif kind == 'drive_begin':
+            self._carry_out(self.pilot.begin(message))
+            self.beat()  # the first ticket, at once
+        elif kind == 'drive_end':
+            self._carry_out(self.pilot.end(message.get('lease')))
+
+    def lost(self) -> None:
+        """Take note that the server is gone: nobody drives."""
+        self._carry_out(self.pilot.end())
+
+    async def run(self) -> None:
+        """Give out tickets while somebody may drive; to cancel it stops the robot."""
+        period_s = 1.0 / BEAT_HZ
+        due_s = time.monotonic()
+        try:
+            while True:
+                now_s = time.monotonic()
+                # After a time without the processor: no beats to make up for.
+                due_s = max(due_s + period_s, now_s)
+                await asyncio.sleep(due_s - now_s)
+                self.check_hold()
+                self.beat()
+        finally:
+            self.lost()
+
+    def beat(self) -> None:
+        """Send a ticket, and what the robot does, when somebody may drive."""
+        pilot = self.pilot
+        if not pilot.lease or not self._limits.may_drive:
+            return
+        shown = {name: value for name in (*_SHOWN, 'runs')
+                 if (value := self._last(name)) is not None}
+        self._send('beat', {
+            'n': pilot.beat(self._clock()), 'utc_ns': time.time_ns(), 'lease': pilot.lease,
+            'seq': pilot.seq, 'armed': pilot.is_armed, 'moves': pilot.moves,
+            'rtt_ms': None if pilot.rtt_ms is None else round(pilot.rtt_ms, 1), **shown})
+
+    def check_hold(self) -> None:
+        """Tell the robot to stand when the last command no longer holds."""
+        self._carry_out(self.pilot.hold_ended(self._clock()))
+
+    def statistics(self) -> dict[str, Any]:
+        """Return who may drive, and what became of commands."""
+        return {'driver': self.pilot.driver, 'unpublished': self.unpublished,
+                **self.pilot.counters}
+
+    def _carry_out(self, order: Order | None) -> None:
+        if order is not None:
+            self.unpublished += not self._publish(
+                TOPIC, twist(order.linear_m_s, order.angular_rad_s), order.stamp_ns)
+            self._set_timer()
+        if self.pilot.grips != self._driven:
+            # When the hand closes the goal is given up, so that the robot does not go on to it
+            # when the hand opens; and then once more, since others may have given one meanwhile.
+            self._driven = self.pilot.grips
+            self._publish(CANCEL_TOPIC, _TRUE, 0)
+
+    def _set_timer(self) -> None:
+        """Be there when the hold ends."""
+        if self._end_of_hold is not None:
+            self._end_of_hold.cancel()
+            self._end_of_hold = None
+        until_ns = self.pilot.until_ns
+        if until_ns:
+            # A millisecond more, so that it is over when the timer says so.
+            after_s = (until_ns - self._clock() + NS_PER_MS) / NS_PER_S
+            self._end_of_hold = asyncio.get_running_loop().call_later(
+                max(0.0, after_s), self.check_hold)
+
+
+class Driving(Part):
+    """The part of the gateway that lets somebody drive."""
+
+    kinds = KINDS
+
+    def __init__(self, ways: Ways) -> None:
+        super().__init__(ways)
+        settings = ways.settings
+        self._limits = Limits(settings.drive_linear_m_s, settings.drive_angular_rad_s,
+                              settings.drive_hold_s)
+        self.drive = Drive(self._limits, self._publish, ways.server.send_newest, self._last)
+        # By signal; written by the link's thread, read by the loop.
+        self._shown: dict[str, tuple[str, bytes]] = {}
+
+    def reads(self) -> Sequence[Reads]:
+        """Read what whoever drives wants to see at once."""
+        return [Reads(topic, partial(self._take, signal), rate_hz=_SHOWN_HZ)
+                for signal, topic in _SHOWN.items()]
+
+    def publishes(self) -> Sequence[str]:
+        """Publish commands, and that a goal is given up."""
+        return (TOPIC, CANCEL_TOPIC)
+
+    def hello(self) -> Mapping[str, Any]:
+        """Tell how fast one may drive."""
+        told = self._limits.told()
+        return {'limits': told, 'capabilities': ['drive'] if told else []}
+
+    def hear(self, message: Mapping[str, Any]) -> None:
+        """Take a message of the one who drives."""
+        self.drive.take(message)
+
+    def lost_server(self) -> None:
+        """Let nobody drive."""
+        self.drive.lost()
+
+    async def run(self) -> None:
+        """Give out tickets."""
+        await self.drive.run()
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Return the counters."""
+        return {'drive': self.drive.statistics()}
+
+    def _take(self, signal: str, sample: Sample) -> None:
+        self._shown[signal] = sample.type, bytes(sample.cdr)
+
+    def _last(self, signal: str) -> Any:
+        found = self._shown.get(signal)
+        if signal == 'runs' or found is None:
+            return self.ways.robot.has(TOPIC) if signal == 'runs' else None
+        try:
+            return value_of(_SHOWN[signal], *found)
+        except (LayoutError, ValueError):
+            return None
+
+    def _publish(self, topic: str, cdr: bytes, stamp_ns: int) -> bool:
+        try:
+            self.ways.robot.publish(topic, cdr, stamp_ns)
+        except LinkError:
+            return False
+        return True

@@ -1,0 +1,73 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How fast somebody may drive the robot from afar, and how long what they say holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.messages.uplink.speed_limit import bounded
+
+#: Where the commands go, a ``geometry_msgs/msg/Twist``.
+TOPIC: Final = 'cmd_vel_teleop'
+#: Told true when a hand closes: the robot must not go on to its goal when it opens again.
+CANCEL_TOPIC: Final = 'trajectory_cancel'
+#: How often a ticket is given out while somebody may drive.
+BEAT_HZ: Final = 20.0
+
+
+@dataclass(frozen=True)
+class Limits:
+    """
+    What the robot allows, whatever it is told.
+
+    :ivar linear_m_s: fastest speed; 0: nobody may drive it.
+    :ivar angular_rad_s: fastest turn.
+    :ivar hold_s: a command holds for so long, then the robot is told to stand; shorter than the
+        time-out of ``teleop`` in the multiplexer of velocities.
+    :ivar ticket_s: no command has any effect later than this after its ticket was given out.
+    """
+
+    linear_m_s: float = 0.3
+    angular_rad_s: float = 0.8
+    hold_s: float = 0.1
+    ticket_s: float = 0.3
+
+    @property
+    def may_drive(self) -> bool:
+        """Return whether anybody may."""
+        return self.linear_m_s > 0.0
+
+    @property
+    def hold_ns(self) -> int:
+        """Return how long a command holds."""
+        return round(self.hold_s * NS_PER_S)
+
+    @property
+    def ticket_ns(self) -> int:
+        """Return how long a ticket is worth something."""
+        return round(self.ticket_s * NS_PER_S)
+
+    def told(self) -> dict[str, float]:
+        """Return what a server is told of them; nothing when nobody may drive."""
+        if not self.may_drive:
+            return {}
+        return {'linear_m_s': self.linear_m_s, 'angular_rad_s': self.angular_rad_s}
+
+    def bounded(self, linear_m_s: float, angular_rad_s: float) -> tuple[float, float]:
+        """Return a command within the limits; its curve stays the same."""
+        return bounded(linear_m_s, angular_rad_s, self.linear_m_s, self.angular_rad_s)

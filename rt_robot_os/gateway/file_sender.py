@@ -1,0 +1,143 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Send files in parts: offered, then sent from where the server is, until it has them whole."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable
+from collections.abc import Callable
+from collections.abc import Mapping
+import time
+from typing import Any
+from typing import Final
+
+from rt_robot_os.gateway.spool import Spool
+from rt_robot_os.messages.uplink.frames import encode_frame
+from rt_robot_os.messages.uplink.frames import PART_BYTES
+from rt_robot_os.messages.uplink.messages import encode
+
+Send = Callable[[str | bytes], Awaitable[None]]
+_ANSWER_S: Final = 30.0
+_TRIES: Final = 4
+_WAIT_MOST_S: Final = 300.0
+
+
+class FileSender:
+    """
+    Send what waits, one file after the other.
+
+    :param tell: takes lines for people.
+    :ivar sent: files that the server has.
+    """
+
+    def __init__(self, spool: Spool, tell: Callable[[str], None]) -> None:
+        self.sent = 0
+        self._spool = spool
+        self._tell = tell
+        self._new = asyncio.Event()
+        self._answers: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue(16)
+        self._not_before: dict[str, float] = {}
+        self._tries: dict[str, int] = {}
+
+    def wake(self) -> None:
+        """Look for files that are new."""
+        self._new.set()
+
+    def begin(self) -> None:
+        """Note that there is a new connection: answers of the last one count no more."""
+        while not self._answers.empty():
+            self._answers.get_nowait()
+
+    def hear(self, message: Mapping[str, Any]) -> None:
+        """Take an answer of the server."""
+        if self._answers.full():
+            self._answers.get_nowait()
+        self._answers.put_nowait(message)
+
+    async def run(self, send: Send) -> None:
+        """
+        Send until cancelled.
+
+        :raises ConnectionError: the server does not answer.
+        """
+        while True:
+            self._new.clear()
+            now_s = time.monotonic()
+            due = [item for item in self._spool.waiting()
+                   if self._not_before.get(item['id'], 0.0) <= now_s]
+            if due:
+                await self._send_file(send, due[0])
+                continue
+            later = [self._not_before.get(item['id'], 0.0) for item in self._spool.waiting()]
+            try:
+                await asyncio.wait_for(self._new.wait(),
+                                       max(0.1, min(later) - now_s) if later else None)
+            except (asyncio.TimeoutError, TimeoutError):
+                pass
+
+    async def _send_file(self, send: Send, item: Mapping[str, Any]) -> None:
+        name, size = item['id'], item['size']
+        await send(encode('offer', {key: item[key] for key in ('id', 'sha256', 'size')}))
+        while True:
+            answer = await self._answer(name)
+            if answer['kind'] == 'refused':
+                self._refused(name, item, answer)
+                return
+            offset = int(answer['offset'])
+            if offset >= size:
+                self._forget(name)
+                self.sent += 1
+                await asyncio.to_thread(self._spool.done, name)
+                return
+            try:
+                part = await asyncio.to_thread(self._spool.part, item, offset, PART_BYTES)
+            except OSError:
+                part = b''
+            if not part:
+                self._tell(f'{item["file"]} is gone before it was sent')
+                self._forget(name)
+                self._spool.done(name, given_up=True)
+                return
+            await send(encode_frame('part', {'id': name, 'offset': offset}, part))
+
+    async def _answer(self, name: str) -> Mapping[str, Any]:
+        while True:
+            try:
+                answer = await asyncio.wait_for(self._answers.get(), _ANSWER_S)
+            except (asyncio.TimeoutError, TimeoutError):
+                raise ConnectionResetError(
+                    f'the server does not say what it has of a file for {_ANSWER_S:g} s'
+                ) from None
+            if answer.get('id') == name:
+                return answer
+
+    def _refused(self, name: str, item: Mapping[str, Any], answer: Mapping[str, Any]) -> None:
+        retry_s = min(_WAIT_MOST_S, float(answer.get('retry_s', 0.0)))
+        tries = self._tries[name] = self._tries.get(name, 0) + 1
+        # A full disk of the server is waited for as long as it takes; a hash that is wrong again
+        # and again is not.
+        if retry_s <= 0 or (retry_s < 5.0 and tries >= _TRIES):
+            self._tell(f'{item["file"]} is not taken by the server: {answer.get("text")}')
+            self._forget(name)
+            self._spool.done(name, given_up=True)
+            return
+        if tries == 1:
+            self._tell(f'{item["file"]} is to wait {retry_s:g} s: {answer.get("text")}')
+        self._not_before[name] = time.monotonic() + retry_s
+
+    def _forget(self, name: str) -> None:
+        self._tries.pop(name, None)
+        self._not_before.pop(name, None)

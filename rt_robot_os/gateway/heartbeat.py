@@ -1,0 +1,68 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The heart-beat on the bus of the robot: somebody who watches hears this robot."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from collections.abc import Mapping
+from collections.abc import Sequence
+import json
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.gateway.part import Part
+from rt_robot_os.gateway.part import Ways
+from rt_robot_os.link.cdr import string_message
+
+HEARTBEAT: Final = 'monitor/heartbeat'
+_LETTERS: Final = 3900
+_LEAST: Final = ('connected', 'waiting', 'kept', 'stored')
+
+
+class Heartbeat(Part):
+    """
+    Publish the counters while the server is heard; a rule on silence tells when it is not.
+
+    :param counters: of the whole gateway.
+    """
+
+    def __init__(self, ways: Ways, counters: Callable[[], Mapping[str, Any]]) -> None:
+        super().__init__(ways)
+        self._counters = counters
+
+    def publishes(self) -> Sequence[str]:
+        """Publish it where the robot lists it."""
+        return (HEARTBEAT,)
+
+    def _text(self) -> str:
+        counters = self._counters()
+        text = json.dumps(counters, separators=(',', ':'))
+        if len(text.encode()) > _LETTERS:  # of the topic; half a text would be no JSON
+            text = json.dumps({key: counters.get(key) for key in _LEAST})
+        return text
+
+    async def run(self) -> None:
+        """Publish now and then."""
+        while True:
+            if self.ways.server.connected and self.ways.robot.has(HEARTBEAT):
+                text = self._text()
+                try:
+                    self.ways.robot.publish(HEARTBEAT, string_message(text))
+                except LinkError:
+                    pass  # the next one says as much
+            await asyncio.sleep(self.ways.settings.heartbeat_s)

@@ -1,0 +1,321 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Records to the disk and from there to the sender, by a thread of its own: a disk may be slow.
+
+What cannot wait is on the disk at once, the rest a moment later together. A disk that is full or
+broken stops nothing: records are held in memory, sent from there, and written when it works again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+import json
+import queue
+import sqlite3
+import threading
+import time
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.safe_text import safe_line
+from rt_robot_os.gateway.dispatch import Dispatch
+from rt_robot_os.gateway.dispatch import URGENT
+from rt_robot_os.gateway.outbox import Mark
+from rt_robot_os.gateway.outbox import Outbox
+from rt_robot_os.gateway.outbox import Row
+from rt_robot_os.gateway.part import Part
+from rt_robot_os.gateway.part import Record
+from rt_robot_os.gateway.part import Ways
+from rt_robot_os.gateway.spare import Spare
+from rt_robot_os.messages.uplink.importance import Importance
+from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
+
+FILE: Final = 'outbox.sqlite3'
+#: The longest record; what is longer is replaced by a line that says so.
+RECORD_BYTES: Final = MESSAGE_BYTES // 4
+#: Records that may wait for the thread.
+QUEUE: Final = 20_000
+_GATHER_S: Final = 0.5
+_GATHER_MOST: Final = 1000
+_LOOK_S: Final = 0.25
+_AGAIN_S: Final = 1.0
+_OLD_S: Final = 60.0
+_BYTES_PER_MB: Final = 1_000_000
+_S_PER_DAY: Final = 86400.0
+_REASON: Final = 200
+
+
+class Keeper(Part):
+    """
+    Keep records until the server has them.
+
+    :param boot: of this start.
+    :param clock_s: CLOCK_MONOTONIC, in s.
+    :ivar kept: records so far.
+    :ivar problem: what is wrong with the disk; empty when nothing is.
+    :ivar flooded: records for which there was no room in the queue to the disk.
+    :raises StartError: the folder cannot be used.
+    """
+
+    kinds = frozenset({'stored', 'refused'})
+
+    def __init__(self, ways: Ways, boot: str, clock_s: Callable[[], float] = time.monotonic
+                 ) -> None:
+        super().__init__(ways)
+        settings = ways.settings
+        self.outbox = Outbox(ways.folder / FILE, boot,
+                             round(settings.outbox_mb * _BYTES_PER_MB),
+                             settings.outbox_days * _S_PER_DAY)
+        self.spare = Spare()
+        self.dispatch = Dispatch(self.outbox, self.spare)
+        self.kept = self.flooded = self.too_long = 0
+        self.problem = ''
+        self._clock_s = clock_s
+        self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._ready: list[tuple[Importance, int, str]] = []
+        self._lock = threading.Lock()
+        self._connection = 0
+        self._sending = 0
+        self._seq = 0
+        self._base_s = self.outbox.lived_s - clock_s()
+        self._gathered: list[Row] = []
+        self._marks: dict[str, Mark] = {}
+        self._since_s = self._tried_s = 0.0
+        self._old_s = clock_s()
+        self._thread: threading.Thread | None = None
+        if self.outbox.damaged is not None:
+            ways.tell(f'{self.outbox.path} could not be read and is now {self.outbox.damaged}: '
+                      'what was in it is not sent')
+
+    # ---- any thread --------------------------------------------------------------------------
+
+    def keep(self, record: Record, mark: Mark | None = None) -> None:
+        """
+        Keep a record.
+
+        :param mark: how far its topic is recorded with it; it is written together with it.
+        """
+        if self._queue.qsize() >= QUEUE and record.importance not in URGENT:
+            self.flooded += 1
+            return
+        self._queue.put((record, mark))
+
+    def next_text(self) -> str | None:
+        """Return the next batch, for the sender."""
+        with self._lock:
+            while self._ready:
+                _, connection, text = self._ready.pop(0)
+                if connection == self._connection:
+                    return text
+        return None
+
+    def met_server(self) -> None:
+        """Send from the beginning: what was on its way may be lost."""
+        self._connection += 1
+        self._queue.put(('met', self._connection))
+
+    def lost_server(self) -> None:
+        """Send nothing more."""
+        self._connection += 1
+        self._queue.put(('lost', self._connection))
+
+    def hear(self, message: Mapping[str, Any]) -> None:
+        """Take what became of a batch."""
+        batch = message.get('batch')
+        if not isinstance(batch, int):
+            raise ValueError(f'{message["kind"]}: batch = {str(batch)[:20]}')
+        if message['kind'] == 'stored':
+            self._queue.put(('stored', batch, self._connection))
+            return
+        retry_s = message.get('retry_s', 0.0)
+        if not isinstance(retry_s, int | float) or isinstance(retry_s, bool):
+            retry_s = 0.0
+        self._queue.put(('refused', batch, self._connection, float(retry_s),
+                         safe_line(str(message.get('text', '')))[:_REASON]))
+
+    def statistics(self) -> dict[str, Any]:
+        """Return its counters."""
+        box, dispatch = self.outbox, self.dispatch
+        return {'kept': self.kept, 'waiting': sum(box.rows.values()) + len(self.spare),
+                'waiting_mb': round(sum(box.nbytes.values()) / _BYTES_PER_MB, 3),
+                'waiting_by_class': {each.name.lower(): n for each, n in box.rows.items() if n},
+                'gave_way': {each.name.lower(): n for each, n in box.lost.items() if n},
+                'stored': dispatch.stored, 'sent_again': dispatch.again,
+                'refusals': dispatch.refusals, 'set_aside': box.refused,
+                'unkept': len(self.spare), 'flooded': self.flooded, 'too_long': self.too_long,
+                'disk_problem': self.problem}
+
+    def marks(self) -> dict[str, Mark]:
+        """Return how far topics were recorded; before :meth:`start`."""
+        return self.outbox.marks()
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread = threading.Thread(target=self._run, name='records', daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Write what there is, and end."""
+        if self._thread is not None:
+            self._queue.put(None)
+            self._thread.join()
+            self._thread = None
+        self.outbox.close()
+
+    # ---- its thread --------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while True:
+            try:
+                item = self._queue.get(timeout=_LOOK_S)
+            except queue.Empty:
+                self.step(())
+                continue
+            items = [item]
+            while len(items) < _GATHER_MOST and not self._queue.empty():
+                items.append(self._queue.get())
+            self.step([each for each in items if each is not None])
+            if None in items:
+                self._write()
+                return
+
+    def step(self, items: Any) -> None:
+        """Take what has come, write what is due, make what may go next."""
+        now_s = self._clock_s()
+        self.outbox.lived_s = round(self._base_s + now_s)
+        for item in items:
+            if isinstance(item[0], Record):
+                self._gather(item[0], item[1], now_s)
+            else:
+                self._take(item, now_s)
+        if self._gathered and (
+                len(self._gathered) >= _GATHER_MOST or now_s - self._since_s >= _GATHER_S
+                or any(row.importance in URGENT for row in self._gathered)):
+            self._write()
+        self._tidy(now_s)
+        self._prepare(now_s)
+
+    def _gather(self, record: Record, mark: Mark | None, now_s: float) -> None:
+        self._seq += 1
+        text = record_text(self._seq, record)
+        if text is None:
+            self.too_long += 1
+            text = record_text(self._seq, Record(record.importance, 'log', {
+                'text': f'a record of type {record.type[:40]} was too long or no JSON'},
+                record.utc_ns)) or ''
+        if not self._gathered:
+            self._since_s = now_s
+        self._gathered.append(Row(record.importance, self.outbox.boot, self._seq,
+                                  self.outbox.lived_s, text))
+        if mark is not None:
+            self._marks[mark.topic] = mark
+        self.kept += 1
+
+    def _take(self, item: tuple[Any, ...], now_s: float) -> None:
+        what = item[0]
+        if what in ('met', 'lost'):
+            self.dispatch.reset()
+            self._sending = item[1] if what == 'met' else 0
+            return
+        if item[2] != self._sending:
+            return  # about a connection that is gone
+        try:
+            if what == 'stored':
+                self.dispatch.take_stored(item[1], now_s)
+                return
+            _, number, _, retry_s, why = item
+            row = self.dispatch.take_refused(number, why, retry_s, now_s)
+            if row is not None:
+                self.ways.tell(f'the server never takes record {row.seq}: {why}; it is set aside '
+                               f'in {self.outbox.path}')
+        except sqlite3.Error as error:
+            self._note(error)
+
+    def _write(self) -> None:
+        rows, marks = self._gathered, list(self._marks.values())
+        self._gathered, self._marks = [], {}
+        try:
+            if len(self.spare):
+                raise sqlite3.OperationalError(self.problem or 'the disk did not work before')
+            self.outbox.add(rows, marks)
+            self.problem = ''
+        except sqlite3.Error as error:
+            self._note(error)
+            for row in self.spare.add(rows, marks):
+                self.outbox.lost[Importance(row.importance)] += 1
+
+    def _tidy(self, now_s: float) -> None:
+        """Give room: to the limit, to the disk; and write what it did not take before."""
+        try:
+            if len(self.spare) and now_s - self._tried_s >= _AGAIN_S:
+                self._tried_s = now_s
+                self._write_spare()
+            while self.outbox.over() and self.outbox.give_way(self.dispatch.protected):
+                pass
+            if now_s - self._old_s >= _OLD_S:
+                self._old_s = now_s
+                while self.outbox.forget_old(self.dispatch.protected):
+                    pass
+                self.outbox.shrink()
+        except sqlite3.Error as error:
+            self._note(error)
+
+    def _write_spare(self) -> None:
+        rows = self.spare.rows()
+        try:
+            self.outbox.add(rows, list(self.spare.marks.values()))
+        except sqlite3.Error:
+            # Pages that become free in the file need nothing of the disk.
+            least = max(rows[0].importance + 1, Importance.MEDIA)
+            if not self.outbox.give_way(self.dispatch.protected, least):
+                raise
+            self.outbox.add(rows, list(self.spare.marks.values()))
+        self.spare.clear()
+        self.problem = ''
+        self.ways.tell(f'{self.outbox.path} can be written again')
+
+    def _note(self, error: sqlite3.Error) -> None:
+        text = str(error)
+        if not self.problem:
+            self.ways.tell(f'{self.outbox.path} cannot be written ({text}): make room on the '
+                           'disk; meanwhile records are only in memory')
+        self.problem = text
+
+    def _prepare(self, now_s: float) -> None:
+        if not self._sending:
+            return
+        try:
+            while (made := self.dispatch.next_batch(now_s)) is not None:
+                importance, text = made
+                with self._lock:  # there are three at most
+                    at = sum(each[0] <= importance for each in self._ready)
+                    self._ready.insert(at, (importance, self._sending, text))
+                self.ways.server.wake()
+        except sqlite3.Error as error:
+            self._note(error)
+
+
+def record_text(seq: int, record: Record) -> str | None:
+    """Write a record as it is sent; None when it is too long, or JSON cannot hold it."""
+    try:
+        text = json.dumps(
+            {'seq': seq, 'importance': int(record.importance), 'type': record.type,
+             'utc_ns': record.utc_ns, 'content': dict(record.content)},
+            ensure_ascii=False, allow_nan=False, separators=(',', ':'))
+        return text if len(text.encode()) <= RECORD_BYTES else None
+    except (TypeError, ValueError, RecursionError):
+        return None

@@ -1,0 +1,178 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Signals as they are now: of each the newest counts, and only what has changed is sent.
+
+The server says by ``taken`` that the last message has gone on; until then what is newer takes the
+place of what is older. So a poor network makes signals fewer, never older.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from functools import partial
+import threading
+import time
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.errors import LayoutError
+from rt_robot_os.base.schema import star_match
+from rt_robot_os.gateway.convert import value_of
+from rt_robot_os.gateway.part import Part
+from rt_robot_os.gateway.part import Ways
+from rt_robot_os.gateway.reading import Reads
+from rt_robot_os.gateway.reading import Sample
+from rt_robot_os.gateway.robot_link import utc_of
+from rt_robot_os.messages.texts.signals import codes_of_signals
+from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
+
+#: Messages that may be on their way at a time.
+CREDIT: Final = 2
+#: With no ``taken`` for so long one more goes out: a server that forgot one is not waited for.
+PATIENCE_S: Final = 5.0
+FASTEST_HZ: Final = 30.0
+_SIGNALS_MOST: Final = 1024
+_BYTES_MOST: Final = MESSAGE_BYTES // 4
+#: Where the topic has another name than the signal.
+_NAMES: Final = {'odom': 'speed'}
+#: What is large, and sent only to who looks.
+_ON_DEMAND: Final = frozenset({'scan'})
+
+
+class Live(Part):
+    """
+    The table of signals, thinned to what the network takes.
+
+    :ivar sent: messages.
+    :ivar passed_over: samples that a newer one replaced before they were sent.
+    """
+
+    kinds = frozenset({'taken', 'want'})
+
+    def __init__(self, ways: Ways) -> None:
+        super().__init__(ways)
+        self.sent = self.passed_over = self.faulty = 0
+        self._rates = ways.settings.live_rates()
+        self._hz = ways.settings.idle_hz
+        self._wanted: tuple[str, ...] | None = None
+        self._lock = threading.Lock()
+        self._new: dict[str, tuple[str, str, int, bytes]] = {}
+        self._known: dict[str, tuple[str, str, int, bytes]] = {}
+        self._n = self._taken = 0
+        self._sent_s = 0.0
+        ways.robot.limit_hz = self._hz
+
+    # ---- from the robot ----------------------------------------------------------------------
+
+    def reads(self) -> Sequence[Reads]:
+        """Read what is shown; the first that fits says how often."""
+        return [Reads(topic, partial(self._take, at), rate_hz=rate, shown=True)
+                for at, (topic, rate) in enumerate(self._rates) if rate]
+
+    def _take(self, at: int, sample: Sample) -> None:
+        if any(star_match(topic, sample.topic) is not None for topic, _ in self._rates[:at]):
+            return  # an earlier line says how often, or never
+        name = _NAMES.get(sample.topic, sample.topic)
+        with self._lock:
+            self.passed_over += name in self._new
+            if name in self._known or len(self._known) < _SIGNALS_MOST:
+                self._new[name] = self._known[name] = (
+                    sample.topic, sample.type, utc_of(sample.stamp_ns), bytes(sample.cdr))
+
+    # ---- to the server -----------------------------------------------------------------------
+
+    def met_server(self) -> None:
+        """Begin with all that is known."""
+        self._taken = self._n
+        with self._lock:
+            self._new = dict(self._known)
+        self._set_rate(self.ways.settings.idle_hz, None)
+
+    def lost_server(self) -> None:
+        """Nobody looks."""
+        self._set_rate(self.ways.settings.idle_hz, None)
+
+    def hear(self, message: Mapping[str, Any]) -> None:
+        """Take a credit, or how often somebody wants to see what."""
+        if message['kind'] == 'taken':
+            n = message.get('n')
+            if not isinstance(n, int) or not self._taken <= n <= self._n:
+                raise ValueError(f'taken: n = {str(n)[:20]}, where {self._n} was the last')
+            self._taken = n
+            return
+        hz, names = message.get('signals_hz'), message.get('signals')
+        if not isinstance(hz, int | float) or isinstance(hz, bool) or not 0 <= hz < 1e6:
+            raise ValueError(f'want: signals_hz = {str(hz)[:20]}')
+        wanted = None
+        if isinstance(names, list):
+            wanted = tuple(str(each)[:200] for each in names[:_SIGNALS_MOST])
+        self._set_rate(max(self.ways.settings.idle_hz, min(float(hz), FASTEST_HZ)), wanted)
+
+    def _set_rate(self, hz: float, wanted: tuple[str, ...] | None) -> None:
+        self._hz, self._wanted = hz, wanted
+        self.ways.robot.limit_hz = hz  # the core need not carry what nobody sees
+
+    def next_message(self) -> dict[str, Any] | None:
+        """
+        Make the next message when one is due, wanted and taken; for the sender.
+
+        :return: its content; None when there is nothing.
+        """
+        now_s = time.monotonic()
+        if now_s - self._sent_s < 1.0 / self._hz:
+            return None
+        if self._n - self._taken >= CREDIT and now_s - self._sent_s < PATIENCE_S:
+            return None
+        with self._lock:
+            found = {name: each for name, each in self._new.items() if self._is_wanted(name)}
+            room = _BYTES_MOST
+            for name, each in found.items():
+                room -= len(each[3])
+                if room >= 0 or len(each[3]) > _BYTES_MOST:
+                    del self._new[name]
+        signals = {name: made for name, each in found.items()
+                   if name not in self._new and (made := self._signal(each)) is not None}
+        if not signals:
+            return None
+        signals.update(codes_of_signals(signals))
+        self._n += 1
+        self.sent += 1
+        self._sent_s = now_s
+        return {'n': self._n, 'utc_ns': time.time_ns(), 'signals': signals}
+
+    def _is_wanted(self, name: str) -> bool:
+        if name not in _ON_DEMAND:
+            return True
+        if self._wanted is None:
+            return self._hz > self.ways.settings.idle_hz
+        return any(fnmatchcase(name, each) for each in self._wanted)
+
+    def _signal(self, new: tuple[str, str, int, bytes]) -> list[Any] | None:
+        topic, type_name, utc_ns, cdr = new
+        try:
+            return [utc_ns, value_of(topic, type_name, cdr)]
+        except (ValueError, LayoutError, LookupError, TypeError) as error:
+            self.faulty += 1
+            if self.faulty == 1:
+                self.ways.tell(f'{topic}: {error}')
+            return None
+
+    def statistics(self) -> dict[str, Any]:
+        """Return its counters."""
+        return {'live_sent': self.sent, 'live_passed_over': self.passed_over,
+                'live_hz': self._hz, 'live_faulty': self.faulty}

@@ -1,0 +1,155 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the gateway is made of: parts, each with its topics of the robot and its kinds of messages.
+
+A part says which topics it reads and publishes, which kinds of messages of the server are for it,
+and what it adds to the greeting. The gateway has one object of each, made with :class:`Ways`, and
+calls it as written here::
+
+    class Horn(Part):
+        kinds = frozenset({'honk'})
+
+        def publishes(self) -> tuple[str, ...]:
+            return ('horn',)
+
+        def hear(self, message):
+            self.ways.robot.publish('horn', string_message(str(message.get('how', 'short'))))
+
+Two threads call a part: the link's (``take`` of :class:`~.reading.Reads` and
+:meth:`Part.met_robot`), and the network's, an asyncio loop (all others). What waits, for a disk or
+a device, belongs in neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from typing import NamedTuple
+from typing import Protocol
+
+from rt_robot_os.gateway.connection import Talk
+from rt_robot_os.gateway.reading import Reads
+from rt_robot_os.gateway.robot_link import RobotLink
+from rt_robot_os.gateway.settings import GatewaySettings
+from rt_robot_os.link.client import TopicInfo
+from rt_robot_os.messages.uplink.importance import Importance
+
+
+class Record(NamedTuple):
+    """
+    What has to arrive, once.
+
+    :ivar type: such as ``alarm_event``.
+    :ivar content: JSON.
+    :ivar utc_ns: when it was, by this machine's clock.
+    """
+
+    importance: Importance
+    type: str  # noqa: A003
+    content: Mapping[str, Any]
+    utc_ns: int
+
+
+class Sending(Protocol):
+    """The connection ``/robot/state``, as parts see it. Any thread may call it."""
+
+    @property
+    def connected(self) -> bool:
+        """Whether the server has greeted back and is heard."""
+
+    def send(self, kind: str, content: Mapping[str, Any]) -> bool:
+        """Queue a message ahead of records and signals; False when too many wait already."""
+
+    def wake(self) -> None:
+        """Have the sender look for what is new."""
+
+    def send_newest(self, kind: str, content: Mapping[str, Any]) -> None:
+        """Queue a message in the place of the one of this kind that still waits."""
+
+
+@dataclass(frozen=True)
+class Ways:
+    """
+    What a part can reach.
+
+    :ivar robot: topics of the core.
+    :ivar server: the connection for state.
+    :ivar keep: takes a record; it is on the disk soon, and at the server once. Any thread.
+    :ivar connect: opens one more lasting connection: takes a path such as ``/robot/media`` and
+        what talks on it, as :class:`~rt_robot_os.gateway.connection.Connection` does.
+    :ivar tell: takes a line of text about what goes wrong.
+    :ivar folder: of the gateway's files.
+    """
+
+    robot: RobotLink
+    server: Sending
+    settings: GatewaySettings
+    keep: Callable[[Record], None]
+    connect: Callable[[str, Talk], Any]
+    tell: Callable[[str], None]
+    folder: Path
+
+
+class Part:
+    """
+    One part; see the module. A part overrides what it needs.
+
+    :ivar kinds: of the messages that are for it; each kind is for one part.
+    """
+
+    kinds: frozenset[str] = frozenset()
+
+    def __init__(self, ways: Ways) -> None:
+        self.ways = ways
+
+    def reads(self) -> Sequence[Reads]:
+        """Return the topics that it reads; those that the robot lacks are passed over."""
+        return ()
+
+    def publishes(self) -> Sequence[str]:
+        """Return the topics that it publishes; those that the robot lacks are passed over."""
+        return ()
+
+    def hello(self) -> Mapping[str, Any]:
+        """Return what it adds to the greeting; ``capabilities`` of all parts are joined."""
+        return {}
+
+    def met_robot(self, topics: Mapping[str, TopicInfo]) -> None:
+        """Note that there is a core, perhaps a new one, with these topics. Link's thread."""
+
+    def met_server(self) -> None:
+        """Note that the server has greeted back."""
+
+    def lost_server(self) -> None:
+        """Note that the connection is gone."""
+
+    def hear(self, message: Mapping[str, Any]) -> None:
+        """
+        Take a message of one of its kinds.
+
+        :raises ValueError: it makes no sense; counted and told, nothing else.
+        """
+
+    async def run(self) -> None:
+        """Work until cancelled."""
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Return its counters. Any thread."""
+        return {}

@@ -1,0 +1,203 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Who drives the robot from afar, whether what they say is young enough, and for how long it holds.
+
+Pure decisions with a clock that is handed in; :mod:`rt_robot_os.gateway.drive` connects
+them. What moves the robot has to pass all of this, in this order: it belongs to the lease of the
+moment; its number rises; its ticket is at most ``ticket_s`` old; it is a number; the hand was seen
+open since the lease began, and since the last gap. Then it holds for ``hold_s``, but never longer
+than ``ticket_s`` after its ticket was given out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+from typing import Any
+from typing import Final
+from typing import NamedTuple
+
+from rt_robot_os.base.units import NS_PER_MS
+from rt_robot_os.gateway.drive_limits import Limits
+from rt_robot_os.gateway.tickets import Tickets
+
+#: Why a command was not taken, each with its counter.
+FOREIGN: Final = 'foreign'
+DISORDERED: Final = 'disordered'
+STALE: Final = 'stale'
+MALFORMED: Final = 'malformed'
+NOT_ARMED: Final = 'not_armed'
+_TAKEN: Final = 'taken'
+_NAME_LETTERS: Final = 80
+
+
+class Order(NamedTuple):
+    """
+    What the robot is told.
+
+    :ivar stamp_ns: from when on its age counts, on CLOCK_MONOTONIC.
+    """
+
+    linear_m_s: float
+    angular_rad_s: float
+    stamp_ns: int
+
+
+class Pilot:
+    """
+    Decide what the one who drives may do.
+
+    :param now_ns: on CLOCK_MONOTONIC.
+    :ivar lease: of the one who may drive; empty when nobody may.
+    :ivar driver: their name.
+    :ivar is_armed: the hand was seen open, so that closing it counts.
+    :ivar grips: the hand is closed, and counts.
+    :ivar moves: the last order was to move.
+    :ivar rtt_ms: to the sender and back, by the last command, without the time that its ticket lay
+        there; None before.
+    :ivar seq: of that command.
+    :ivar counters: what became of commands.
+    """
+
+    def __init__(self, limits: Limits) -> None:
+        self.limits = limits
+        self.tickets = Tickets()
+        self.lease = self.driver = ''
+        self.seq = 0
+        self.is_armed = self.grips = self.moves = False
+        self.rtt_ms: float | None = None
+        self.counters = {name: 0 for name in (
+            _TAKEN, FOREIGN, DISORDERED, STALE, MALFORMED, NOT_ARMED, 'leases', 'holds_ended')}
+        self._until_ns = 0
+        self._gap_ns = 0
+
+    def begin(self, message: Mapping[str, Any]) -> Order | None:
+        """Let somebody drive from now on; whoever did stands."""
+        lease, by = message.get('lease'), message.get('by')
+        if not isinstance(lease, str) or not lease or not isinstance(by, str):
+            self.counters[MALFORMED] += 1
+            return None
+        if lease == self.lease:
+            return None  # told again, after the server was away for a moment
+        order = self.stop()
+        self.tickets.forget()
+        self.lease, self.driver = lease, by[:_NAME_LETTERS]
+        self.seq = 0
+        self.is_armed = False
+        self.rtt_ms = None
+        self.counters['leases'] += self.limits.may_drive
+        return order
+
+    def end(self, lease: object = None) -> Order | None:
+        """
+        Let nobody drive any more.
+
+        :param lease: the one that ends; None: whichever there is.
+        """
+        if lease is not None and lease != self.lease:
+            return None
+        self.lease = self.driver = ''
+        self.is_armed = False
+        self.tickets.forget()
+        return self.stop()
+
+    def stop(self) -> Order | None:
+        """Return the order to stand, if it moves; the hand no longer counts."""
+        self.grips = False
+        if not self.moves:
+            return None
+        self.moves = False
+        return Order(0.0, 0.0, 0)
+
+    def beat(self, now_ns: int) -> int:
+        """Return a new ticket."""
+        return self.tickets.give(now_ns)
+
+    def take(self, message: Mapping[str, Any], now_ns: int) -> Order | None:
+        """Return what a command makes the robot do; None when it changes nothing."""
+        try:
+            order = self._take(message, now_ns)
+        except _NotTaken as error:
+            self.counters[str(error)] += 1
+            return None
+        self.counters[_TAKEN] += 1
+        return order
+
+    def hold_ended(self, now_ns: int) -> Order | None:
+        """Return the order to stand, if the last command no longer holds."""
+        if not self.moves or now_ns < self._until_ns:
+            return None
+        self.counters['holds_ended'] += 1
+        return self.stop()
+
+    @property
+    def until_ns(self) -> int:
+        """Return how long the last command holds; 0 when the robot is not told to move."""
+        return self._until_ns if self.moves else 0
+
+    def _take(self, message: Mapping[str, Any], now_ns: int) -> Order | None:
+        seq = message.get('seq')
+        if not self.lease or message.get('lease') != self.lease or not self.limits.may_drive:
+            raise _NotTaken(FOREIGN)
+        if not isinstance(seq, int) or isinstance(seq, bool):
+            raise _NotTaken(MALFORMED)
+        if seq <= self.seq:
+            raise _NotTaken(DISORDERED)
+        self.seq = seq
+        given_ns = self.tickets.given_ns(message.get('beat'))
+        if given_ns is None:
+            raise _NotTaken(STALE)
+        linear, angular, held_ms = (_number(message, name) for name in (
+            'linear_m_s', 'angular_rad_s', 'held_ms'))
+        age_ms = (now_ns - given_ns) / NS_PER_MS
+        self.rtt_ms = age_ms - min(max(held_ms, 0.0), age_ms)
+        if now_ns - given_ns > self.limits.ticket_ns:
+            raise _NotTaken(STALE)
+        return self._hold(message.get('grip') is True, linear, angular, given_ns, now_ns)
+
+    def _hold(self, grips: bool, linear: float, angular: float, given_ns: int, now_ns: int
+              ) -> Order | None:
+        if not grips:
+            self.is_armed = True
+            self._gap_ns = 0
+            return self.stop()
+        if self._gap_ns and now_ns - self._gap_ns > self.limits.ticket_ns:
+            # It has stood meanwhile: it does not start under a hand that does not expect it.
+            self.is_armed = False
+        if not self.is_armed:
+            raise _NotTaken(NOT_ARMED)
+        self._gap_ns = now_ns
+        self.grips = True
+        linear, angular = self.limits.bounded(linear, angular)
+        self._until_ns = min(now_ns + self.limits.hold_ns, given_ns + self.limits.ticket_ns)
+        if not linear and not angular:
+            # In force like any other: whoever holds the stick in its middle steers.
+            self.moves = False
+            return Order(0.0, 0.0, now_ns)
+        self.moves = True
+        # The end of a hold that the ticket shortens is told to the core by an older stamp.
+        return Order(linear, angular, self._until_ns - self.limits.hold_ns)
+
+
+class _NotTaken(Exception):  # noqa: N818 - it is an answer
+    """A command that changes nothing; its text is the counter's name."""
+
+
+def _number(message: Mapping[str, Any], name: str) -> float:
+    value = message.get(name, 0.0)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise _NotTaken(MALFORMED)
+    return float(value)

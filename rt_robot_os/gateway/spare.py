@@ -1,0 +1,87 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Rows that the disk did not take: in memory, until it does; they can be sent all the same."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from rt_robot_os.gateway.outbox import Mark
+from rt_robot_os.gateway.outbox import Place
+from rt_robot_os.gateway.outbox import Row
+from rt_robot_os.messages.uplink.importance import Importance
+
+#: Rows that are held; of more the oldest of what is least important gives way.
+ROWS_MOST: Final = 4096
+
+
+class Spare:
+    """
+    A bounded table in memory.
+
+    :ivar marks: how far topics have been recorded, to be written with the rows.
+    """
+
+    def __init__(self) -> None:
+        self.marks: dict[str, Mark] = {}
+        self._rows: dict[tuple[int, int, int], Row] = {}
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def add(self, rows: Sequence[Row], marks: Sequence[Mark]) -> list[Row]:
+        """
+        Hold rows.
+
+        :return: those that gave way for them.
+        """
+        for row in rows:
+            self._rows[row[:3]] = row
+        self.marks.update((mark.topic, mark) for mark in marks)
+        gone = []
+        while len(self._rows) > ROWS_MOST:
+            worst = max(key[0] for key in self._rows)
+            gone.append(self._rows.pop(min(key for key in self._rows if key[0] == worst)))
+        return gone
+
+    def rows(self) -> list[Row]:
+        """Return all rows, the most important and oldest first."""
+        return [self._rows[key] for key in sorted(self._rows)]
+
+    def after(self, importance: Importance, place: Place, most: int, most_bytes: int
+              ) -> list[Row]:
+        """Return the oldest rows behind a place, as :meth:`.outbox.Outbox.after` does."""
+        found: list[Row] = []
+        size = 0
+        for key in sorted(key for key in self._rows if key[0] == importance and key[1:] > place):
+            size += self._rows[key].nbytes
+            if found and (size > most_bytes or key[1] != found[0].boot):
+                break
+            found.append(self._rows[key])
+            if len(found) == most:
+                break
+        return found
+
+    def done(self, rows: Sequence[Row]) -> None:
+        """Let go of rows."""
+        if self._rows:
+            for row in rows:
+                self._rows.pop(row[:3], None)
+
+    def clear(self) -> None:
+        """Let go of everything: the disk has it."""
+        self._rows.clear()
+        self.marks.clear()

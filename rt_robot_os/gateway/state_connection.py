@@ -1,0 +1,232 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The connection ``/robot/state``: greeting, then what waits, the most important first.
+
+One task sends. Each time it takes what has waited for people (answers, beats), then records, then
+signals, so that no alarm is behind a number; of records and signals so little is on its way at a
+time that what comes new has to wait for no more than a moment.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from collections.abc import Iterable
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+from typing import Final
+from typing import Protocol
+
+from rt_robot_os.gateway.connection import ClientConnection
+from rt_robot_os.gateway.connection import Connection
+from rt_robot_os.gateway.connection import keep_alive
+from rt_robot_os.gateway.connection import Renewal
+from rt_robot_os.gateway.part import Part
+from rt_robot_os.gateway.settings import GatewaySettings
+from rt_robot_os.messages.uplink.messages import decode
+from rt_robot_os.messages.uplink.messages import encode
+from rt_robot_os.messages.uplink.messages import VERSION
+from rt_robot_os.messages.uplink.tasks import end
+
+PATH: Final = '/robot/state'
+#: Messages of parts that may wait.
+QUEUE: Final = 256
+_LOOK_S: Final = 0.02
+# Of the greeting: another map is sent by itself.
+_CHANGING: Final = frozenset({'utc_ns', 'map'})
+_ALIVE_S: Final = 1.0
+_WELCOME_S: Final = 5.0
+
+
+class Source(Protocol):
+    """Where the sender takes records or signals from."""
+
+    def next_text(self) -> str | None:
+        """Return the next message, None when there is none that may go now."""
+
+
+class StateConnection:
+    """
+    Talk with the server about state.
+
+    :param hello: makes the content of the greeting.
+    :param tell: takes a line of text about what goes wrong.
+    :ivar connected: whether the server has greeted back.
+    :ivar sent: messages.
+    :ivar heard: messages.
+    :ivar unknown: messages of a kind that nobody here knows.
+    :ivar malformed: messages that made no sense.
+    :ivar full: messages of parts for which there was no room.
+    """
+
+    def __init__(self, settings: GatewaySettings, hello: Callable[[], Mapping[str, Any]],
+                 tell: Callable[[str], None]) -> None:
+        self.connected = False
+        self.sent = self.heard = self.unknown = self.malformed = self.full = 0
+        self.connection = Connection(settings, PATH, self._talk, tell)
+        self._settings = settings
+        self._hello = hello
+        self._tell = tell
+        self._parts: tuple[Part, ...] = ()
+        self._by_kind: dict[str, Part] = {}
+        self._sources: tuple[Source, ...] = ()
+        self._queue: deque[str] = deque()
+        self._newest: dict[str, str] = {}
+        self._wake: asyncio.Event | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._told: set[str] = set()
+
+    # ---- for parts ---------------------------------------------------------------------------
+
+    def send(self, kind: str, content: Mapping[str, Any]) -> bool:
+        """Queue a message ahead of records and signals; False when it is not taken. Any thread."""
+        if not self.connected:
+            return False
+        if len(self._queue) >= QUEUE:
+            self.full += 1
+            return False
+        self._queue.append(encode(kind, content))
+        self.wake()
+        return True
+
+    def send_newest(self, kind: str, content: Mapping[str, Any]) -> None:
+        """Queue a message in the place of the one of its kind that still waits. Any thread."""
+        if self.connected:
+            self._newest[kind] = encode(kind, content)
+            self.wake()
+
+    def wake(self) -> None:
+        """Have the sender look at once. Any thread."""
+        loop, wake = self._loop, self._wake
+        if loop is not None and wake is not None:
+            with suppress(RuntimeError):  # it has ended
+                loop.call_soon_threadsafe(wake.set)
+
+    # ---- in the loop -------------------------------------------------------------------------
+
+    async def run(self, parts: Iterable[Part], sources: Iterable[Source]) -> None:
+        """Stay connected until cancelled."""
+        self._parts = tuple(parts)
+        self._by_kind = {kind: part for part in self._parts for kind in part.kinds}
+        self._sources = tuple(sources)
+        self._loop, self._wake = asyncio.get_running_loop(), asyncio.Event()
+        await self.connection.run()
+
+    async def _talk(self, socket: ClientConnection) -> None:
+        hello = dict(self._hello())
+        await socket.send(encode('hello', {'version': VERSION, **hello}))
+        try:
+            await asyncio.wait_for(self._await_welcome(socket), _WELCOME_S)
+        except asyncio.TimeoutError:
+            raise TimeoutError from None  # before Python 3.11 another
+        self.connected = True
+        for part in self._parts:
+            part.met_server()
+        tasks = [asyncio.ensure_future(each) for each in (
+            self._send(socket), self._hear(socket),
+            keep_alive(socket, _ALIVE_S, self._settings.silence_s), self._watch(hello))]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for each in done:
+                each.result()
+        finally:
+            self.connected = False
+            await end(tasks)
+            self._queue.clear()
+            self._newest.clear()
+            for part in self._parts:
+                part.lost_server()
+
+    async def _await_welcome(self, socket: ClientConnection) -> None:
+        while True:
+            message = self._decode(await socket.recv())
+            if message is not None and message['kind'] == 'welcome':
+                self._hand_over(message)
+                return
+
+    async def _watch(self, hello: Mapping[str, Any]) -> None:
+        """
+        End when the robot has become another: the server is greeted anew.
+
+        :raises Renewal: always.
+        """
+        while all(self._hello().get(key) == value for key, value in hello.items()
+                  if key not in _CHANGING):
+            await asyncio.sleep(_ALIVE_S)
+        raise Renewal
+
+    async def _send(self, socket: ClientConnection) -> None:
+        wake = self._wake
+        assert wake is not None  # run() made it
+        while True:
+            text = self._next()
+            if text is not None:
+                await socket.send(text)
+                self.sent += 1
+                continue
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(wake.wait(), _LOOK_S)
+            wake.clear()
+
+    def _next(self) -> str | None:
+        if self._queue:
+            return self._queue.popleft()
+        if self._newest:
+            return self._newest.pop(next(iter(self._newest)))
+        for source in self._sources:
+            text = source.next_text()
+            if text is not None:
+                return text
+        return None
+
+    async def _hear(self, socket: ClientConnection) -> None:
+        async for packet in socket:
+            message = self._decode(packet)
+            if message is not None:
+                self._hand_over(message)
+
+    def _decode(self, packet: str | bytes) -> dict[str, Any] | None:
+        self.heard += 1
+        try:
+            return decode(packet)
+        except ValueError as error:
+            self._refuse(str(error))
+            return None
+
+    def _hand_over(self, message: dict[str, Any]) -> None:
+        part = self._by_kind.get(message['kind'])
+        if part is None:
+            self.unknown += message['kind'] != 'welcome'
+            return
+        try:
+            part.hear(message)
+        except (ValueError, LookupError, TypeError, AttributeError) as error:
+            self._refuse(f'{message["kind"][:40]}: {error}')
+
+    def _refuse(self, why: str) -> None:
+        self.malformed += 1
+        if why not in self._told and len(self._told) < QUEUE:
+            self._told.add(why)
+            self._tell(f'from the server: {why[:200]}')
+
+    def statistics(self) -> dict[str, Any]:
+        """Return its counters."""
+        return {'connected': self.connected, 'connections': self.connection.connections,
+                'attempts': self.connection.attempts, 'problem': self.connection.problem,
+                'sent': self.sent, 'heard': self.heard, 'unknown': self.unknown,
+                'malformed': self.malformed, 'full': self.full}

@@ -1,0 +1,147 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where the robot is: the map, as it stays or as it grows, and the nodes of its network."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from collections.abc import Sequence
+from pathlib import Path
+import time
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.features.wsn.survey_files import load_survey
+from rt_robot_os.gateway.map_topic import MAP_MESSAGE
+from rt_robot_os.gateway.map_topic import message_of
+from rt_robot_os.gateway.part import Part
+from rt_robot_os.gateway.part import Ways
+from rt_robot_os.gateway.reading import Reads
+from rt_robot_os.gateway.reading import Sample
+from rt_robot_os.messages.uplink.maps import map_message
+from rt_robot_os.motion.grid_map import GridMap
+
+TOPIC: Final = 'map'
+#: From one map that grows to the next.
+MAP_S: Final = 5.0
+_LOOK_S: Final = 0.1
+
+
+class Surroundings(Part):
+    """
+    Name map and nodes in the greeting; send the map when the server has not got it.
+
+    The map of the file is shown until the robot has one on its topic ``map``.
+
+    :ivar maps_sent: maps that the server was sent.
+    :ivar maps_refused: messages of the topic that were no map.
+    """
+
+    kinds = frozenset({'welcome'})
+
+    def __init__(self, ways: Ways) -> None:
+        super().__init__(ways)
+        self._map = self._read_map(ways.settings.map)
+        self._nodes = self._read_nodes(ways.settings.nodes_file)
+        self._wanted = False
+        self._is_sent = True
+        self._next_s = 0.0
+        self._new: bytes | None = None
+        self._told: set[str] = set()
+        self.maps_sent = self.maps_refused = 0
+
+    def _read_map(self, path: str) -> dict[str, Any]:
+        if not path:
+            return {}
+        try:
+            grid = GridMap.load(Path(path).expanduser())
+            rows, columns = grid.cells.shape
+            x, y, yaw = grid.origin
+            return map_message(columns, rows, grid.resolution_m, (x, y, yaw), grid.cells.tobytes())
+        except (ConfigError, ValueError, OSError) as error:
+            self.ways.tell(f'map {path}: {error}; the page shows none')
+            return {}
+
+    def _read_nodes(self, path: str) -> list[dict[str, Any]]:
+        if not path:
+            return []
+        try:
+            return [{'id': each.id, 'name': each.token, 'x': each.x, 'y': each.y, 'z': each.z,
+                     'person': each.person} for each in load_survey(path, 'nodes_file')]
+        except ConfigError as error:
+            self.ways.tell(f'nodes_file {path}: {error}; the page shows none where it hangs')
+            return []
+
+    def hello(self) -> Mapping[str, Any]:
+        """Say which map it is, and where the nodes are."""
+        return {'map': self._digest, 'nodes': self._nodes}
+
+    @property
+    def _digest(self) -> str:
+        return str(self._map.get('sha256', ''))
+
+    def reads(self) -> Sequence[Reads]:
+        """Read the map that grows."""
+        return [Reads(TOPIC, self._take, rate_hz=1.0 / MAP_S)]
+
+    def _take(self, sample: Sample) -> None:
+        if sample.type == MAP_MESSAGE:
+            self._new = bytes(sample.cdr)
+
+    async def run(self) -> None:
+        """Send each map that is another than the one before, when its time has come."""
+        while True:
+            await asyncio.sleep(_LOOK_S)
+            new, self._new = self._new, None
+            if new is not None and await self._become(new):
+                self._is_sent = False
+            if (not self._is_sent and self.ways.server.connected
+                    and time.monotonic() >= self._next_s):
+                self._send()
+
+    def _send(self) -> None:
+        self._is_sent = True
+        self._next_s = time.monotonic() + MAP_S
+        self.maps_sent += 1
+        self.ways.server.send_newest('map', self._map)
+
+    async def _become(self, cdr: bytes) -> bool:
+        """Take a map of the topic; return whether it is another one."""
+        try:
+            made = await asyncio.to_thread(message_of, cdr)
+        except (ConfigError, ValueError) as error:
+            self.maps_refused += 1
+            if str(error) not in self._told and len(self._told) < 10:
+                self._told.add(str(error))
+                self.ways.tell(f'topic {TOPIC}: {error}; the page shows the one before')
+            return False
+        is_new: bool = made['sha256'] != self._digest
+        self._map = made
+        return is_new
+
+    def hear(self, message: Mapping[str, Any]) -> None:
+        """Note whether the server wants the map."""
+        self._wanted = message.get('want_map') is True and bool(self._map)
+
+    def met_server(self) -> None:
+        """Send the map to who wants it."""
+        if self._wanted:
+            self._send()
+
+    def statistics(self) -> Mapping[str, Any]:
+        """Return its counters. Any thread."""
+        return {'maps_sent': self.maps_sent, 'maps_refused': self.maps_refused}

@@ -1,0 +1,63 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Tickets: what tells the robot how old a command is that comes from afar.
+
+The robot gives one out with each beat, and a command brings the newest one that its sender has
+seen. How old it is says the robot's own monotonic clock alone: no clock is compared with another,
+and no clock that is set makes anything younger. Whatever waited anywhere on the way, in a queue, a
+socket or a process that was stopped, comes back with an old ticket.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+import secrets
+from typing import Final
+
+from rt_robot_os.base.units import NS_PER_S
+
+# Kept longer than they are worth anything: how slow a link is says a ticket that comes too late.
+_KEPT_NS: Final = 5 * NS_PER_S
+_MOST: Final = 256
+# A number that JavaScript holds exactly, with room for years of beats above it.
+_BITS: Final = 48
+
+
+class Tickets:
+    """The tickets that were given out in the last seconds."""
+
+    def __init__(self) -> None:
+        # Not from 1: a command that waited while the robot began anew would find its number again.
+        self._number = secrets.randbits(_BITS)
+        self._given: OrderedDict[int, int] = OrderedDict()
+
+    def give(self, now_ns: int) -> int:
+        """Return a new one; ``now_ns`` is on CLOCK_MONOTONIC."""
+        self._number += 1
+        self._given[self._number] = now_ns
+        while len(self._given) > _MOST or now_ns - next(iter(self._given.values())) > _KEPT_NS:
+            self._given.popitem(last=False)
+        return self._number
+
+    def given_ns(self, number: object) -> int | None:
+        """Return when a ticket was given out; None when it is none, or forgotten."""
+        if not isinstance(number, int) or isinstance(number, bool):
+            return None
+        return self._given.get(number)
+
+    def forget(self) -> None:
+        """Let none be worth anything any more."""
+        self._given.clear()

@@ -1,0 +1,293 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The recorder: a client of the link that writes what it gets.
+
+Two threads: this one receives, in batches, so that the sockets stay empty; the other compresses
+and writes, so that a slow disk costs memory, up to a limit, and no samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Collection
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+import queue
+import struct
+import threading
+import time
+from typing import Any
+from typing import Final
+
+from rt_robot_os.base.errors import LinkError
+from rt_robot_os.base.errors import RecordingError
+from rt_robot_os.base.safe_text import safe_line
+from rt_robot_os.base.safe_text import safe_text
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.core.tap_format import is_tap
+from rt_robot_os.core.tap_format import SCHEDULE_TOPIC
+from rt_robot_os.link import LinkClient
+from rt_robot_os.link.log_message import log_message
+from rt_robot_os.link.log_message import nearest_severity
+from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import VERSION
+from rt_robot_os.recording.bag import Bag
+from rt_robot_os.recording.bag import LOG_CHANNEL
+from rt_robot_os.recording.bag import Packet
+from rt_robot_os.recording.graph import read_graph
+from rt_robot_os.recording.selection import Selection
+from rt_robot_os.recording.selection import Wanted
+from rt_robot_os.recording.session import Session
+
+# Packets that arrive within this wait for each other: one wake-up for all of them. A socket of
+# the usual size holds three times as many at 10 000 a second, and the rings of the topics more.
+_BATCH_S: Final = 0.01
+_LOOK_S: Final = 0.1
+_RETRY_S: Final = 0.2
+_QUEUE_BYTES: Final = 64 << 20
+_BEAT_NS: Final = NS_PER_S // 2
+# A sample is on its way for the interval in which the link gathers, and the recorder's own.
+_ON_ITS_WAY_NS: Final = NS_PER_S // 20
+# The core notes ten times a second what its tasks did, when nothing else has to run.
+_SCHEDULE_NS_MOST: Final = 2 * NS_PER_S
+_FILLED: Final = 0.9
+
+
+@dataclass(frozen=True)
+class Status:
+    """The state of a recording, once a second."""
+
+    elapsed_ns: int
+    messages: int
+    size: int
+    lost: dict[str, int]
+    connected: bool
+
+
+class Recorder:
+    """
+    Record a robot until stopped.
+
+    :param path: of the core's socket.
+    :param tell: called with lines for people.
+    :param show: called once a second with the status.
+    :ivar stopping: set it to end.
+    """
+
+    def __init__(self, path: Path, bag: Bag, wanted: Wanted, tell: Callable[[str], None],
+                 show: Callable[[Status], None]) -> None:
+        self.stopping = False
+        self._asked_ns = time.monotonic_ns()
+        self._path = path
+        self._robot = path.stem
+        self._bag = bag
+        self._wanted = wanted
+        self._tell = tell
+        self._show = show
+        self._sessions = 0
+        self._batch: list[Packet] = []
+        self._queue: queue.SimpleQueue[Session | list[Packet] | None] = queue.SimpleQueue()
+        self._queued = self._written = self._dropped = 0
+        self._error: Exception | None = None
+        self._begin_ns = self._shown_ns = 0
+        self._schedule = -1
+        self._schedule_ns = 0
+        self._logger: Callable[[str], str] = str
+        self._reports = 0
+
+    # ---- receiving ---------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """
+        Record; returns when stopped, or when the time is over.
+
+        :raises RecordingError: it cannot be written any more; what was written is closed.
+        """
+        writer = threading.Thread(target=self._write, name='writer')
+        writer.start()
+        try:
+            waiting = False
+            while not self._over():
+                try:
+                    client = LinkClient(self._path, 'record')
+                except LinkError as error:
+                    if not waiting:
+                        self._tell(f'waiting for a core: {error}' if not self._sessions else
+                                   'the core is gone; waiting for it to come back')
+                    waiting = True
+                    time.sleep(_RETRY_S)
+                    self._report(False)
+                    continue
+                waiting = False
+                with client:
+                    self._record(client)
+        finally:
+            self._queue.put(None)
+            writer.join()
+        self._report(False, last=True)
+        if self._error is not None:
+            what = (self._error.strerror if isinstance(self._error, OSError)
+                    and self._error.strerror else str(self._error))
+            raise RecordingError(f'recording stopped: {what}; {self._bag.rescue()}')
+
+    def _over(self) -> bool:
+        wanted_ns = self._wanted.duration_ns
+        return self.stopping or self._error is not None or (
+            wanted_ns > 0 and self._begin_ns > 0
+            and time.monotonic_ns() - self._begin_ns >= wanted_ns + _ON_ITS_WAY_NS)
+
+    def _record(self, client: LinkClient) -> None:
+        """Record one core until it is gone."""
+        try:
+            session = self._session(client)
+            client.on_data = self._take
+            self._queue.put(session)
+            self._mirror(client, session)
+            beat_ns = 0
+            while not self._over():
+                client.pump(_LOOK_S)
+                self._hand_over()
+                now_ns = time.monotonic_ns()
+                if now_ns - beat_ns > _BEAT_NS:
+                    beat_ns = now_ns
+                    client.beat()
+                self._report(True)
+                time.sleep(_BATCH_S)
+            self._await_schedule(client)
+            client.pump(0.0)
+        except LinkError as error:
+            if not self.stopping:
+                self._tell(f'{error}; what it sent is kept')
+        finally:
+            self._hand_over()
+
+    def _await_schedule(self, client: LinkClient) -> None:
+        """Take the schedule up to now, so that a replay goes as far as what was recorded."""
+        now_ns = time.monotonic_ns()
+        while (self._error is None and self._schedule >= 0 and self._schedule_ns < now_ns
+               and time.monotonic_ns() < now_ns + _SCHEDULE_NS_MOST):
+            client.pump(_LOOK_S)
+            self._hand_over()
+
+    def _mirror(self, client: LinkClient, session: Session) -> None:
+        """Begin with what the rings still hold only where somebody has a use for it."""
+        from_start = not session.begin_ns or (
+            session.tapped and bool(session.taps) and _is_all_there(client, session.taps))
+        latched = {info.name for info, shown in session.shown.items()
+                   if any(each.latched for each in shown)}
+        names = dict.fromkeys(info.name for info in (*session.shown, *session.kept))
+        # The schedule comes last: a reader has met the samples that it refers to.
+        for name in sorted(names, key=lambda name: name == SCHEDULE_TOPIC):
+            client.mirror(name, oldest=from_start, initial=name in latched, patient=True)
+
+    def _session(self, client: LinkClient) -> Session:
+        settings = ''.join(str(part['text']) for part in client.request_all('settings'))
+        was_tapped = any(map(is_tap, client.topics))
+        taps = client.tap() if self._wanted.replay else ()
+        self._schedule = client.topics[SCHEDULE_TOPIC].channel if SCHEDULE_TOPIC in taps else -1
+        graph, problem = read_graph(settings, self._robot, self._wanted.core_names)
+        chosen = Selection(client.topics, taps, self._wanted, graph)
+        if chosen.missing and not self._sessions:
+            raise UnknownTopicError(chosen.missing)
+        for line in filter(None, (problem, chosen.missing, *chosen.unknown_types)):
+            self._tell(line)
+        start_ns, now_ns = int(client.core['start_ns']), time.monotonic_ns()
+        cold = start_ns >= self._asked_ns
+        self._begin_ns = self._begin_ns or (start_ns if cold else now_ns)
+        session = Session(
+            self._sessions, int(client.core['pid']), start_ns, was_tapped,
+            tuple(client.core['tasks']), tuple(client.topics), chosen.shown, chosen.kept, taps,
+            settings, self._robot, 0 if cold else now_ns,
+            self._wanted.duration_ns and self._begin_ns + self._wanted.duration_ns,
+            chosen.frames, chosen.logs)
+        self._sessions += 1
+        if session.logs:
+            self._logger, self._reports = graph.logger, 0
+            client.on_report = self._take_report
+        count = len(chosen.names)
+        topics = '1 topic' if count == 1 else f'{count} topics'
+        self._tell(f'connected to the core (pid {session.pid}): recording {topics} '
+                   f'to {self._bag.folder}')
+        return session
+
+    def _take(self, head: Header, cdr: memoryview) -> None:
+        self._batch.append((head, bytearray(cdr)))
+        if head.channel == self._schedule:
+            self._schedule_ns = head.stamp_ns
+
+    def _take_report(self, report: Mapping[str, Any]) -> None:
+        """Take a report of the core; one that is malformed is left out."""
+        with suppress(KeyError, TypeError, ValueError, struct.error):
+            self._reports += int(report.get('dropped') or 0)
+            message = log_message(
+                0, nearest_severity(int(report['severity'])),
+                self._logger(safe_line(str(report['source']))), safe_text(str(report['text'])))
+            head = Header(Kind.REPORT, VERSION, LOG_CHANNEL, 0, int(report['at_ns']),
+                          self._reports)
+            self._reports += 1
+            self._batch.append((head, bytearray(message)))
+
+    def _hand_over(self) -> None:
+        batch, self._batch = self._batch, []
+        if not batch:
+            return
+        size = sum(len(cdr) for _, cdr in batch)
+        if self._queued + size - self._written > _QUEUE_BYTES:
+            self._dropped += len(batch)  # the gaps in their numbers count them by topic
+            return
+        self._queued += size
+        self._queue.put(batch)
+
+    def _report(self, connected: bool, last: bool = False) -> None:
+        now_ns = time.monotonic_ns()
+        if self._begin_ns and (last or now_ns - self._shown_ns >= NS_PER_S):
+            self._shown_ns = now_ns
+            self._show(Status(now_ns - self._begin_ns, self._bag.messages, self._bag.size,
+                              self._bag.lost, connected))
+
+    # ---- writing -----------------------------------------------------------------------------
+
+    def _write(self) -> None:
+        try:
+            while True:
+                try:
+                    item = self._queue.get(timeout=_LOOK_S)
+                except queue.Empty:
+                    item = []
+                if item is None:
+                    self._bag.end()
+                    return
+                if isinstance(item, Session):
+                    self._bag.begin(item)
+                else:
+                    self._bag.write(item)
+                    self._written += sum(len(cdr) for _, cdr in item)
+                self._bag.tick(time.monotonic_ns())
+        except Exception as error:
+            self._error = error
+
+
+class UnknownTopicError(RecordingError):
+    """A topic was asked for that the core does not have."""
+
+
+def _is_all_there(client: LinkClient, taps: Collection[str]) -> bool:
+    """Whether the rings of the taps still hold everything, with room for what comes next."""
+    return all(topic['published'] < _FILLED * topic['depth']
+               for topic in client.statistics().topics if topic['name'] in taps)
