@@ -55,10 +55,12 @@ class Feature:
 
     def inside(self, folder: str) -> Feature:
         """Return it with the whole names of its modules."""
-        return replace(self, **{
-            kind: {name: f'{folder}{target}' if target.startswith('.') else target
-                   for name, target in getattr(self, kind).items()}
-            for kind in ('modules', 'devices', 'programs')})
+        def whole(targets: Mapping[str, str]) -> dict[str, str]:
+            return {name: f'{folder}{target}' if target.startswith('.') else target
+                    for name, target in targets.items()}
+
+        return replace(self, modules=whole(self.modules), devices=whole(self.devices),
+                       programs=whole(self.programs))
 
 
 @functools.cache
