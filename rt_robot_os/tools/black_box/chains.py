@@ -16,8 +16,8 @@
 Chains of jobs in a dump: which job released which, from one task to another.
 
 A job was released by the one that had the CPU at that moment, if that published something just
-then: there is one CPU, and publications release tasks at once. So the dump alone tells the way of
-an alarm through a robot, without its configuration.
+then: there is one CPU, and publications release tasks immediately. So the dump alone shows the
+path of an alarm through a robot, without its configuration.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from rt_robot_os.tools.black_box.history import Job
 from rt_robot_os.tools.black_box.history import Outcome
 from rt_robot_os.tools.black_box.text_report import duration
 
-# A longer way is a circle that feeds itself.
+# A longer path is a circle that feeds itself.
 _MOST_STAGES: Final = 64
 # So far apart the kernel notes a publication and the releases that it makes.
 _NOTED_NS: Final = 5 * NS_PER_US
@@ -63,7 +63,7 @@ def find_chains(history: History, names: Sequence[str]) -> tuple[Chain, ...]:
     """
     Find all chains from one task to another, in order of time.
 
-    :param names: of the tasks on the way, two or more; others may be between them. A device is
+    :param names: of the tasks on the path, two or more; others may be between them. A device is
         meant by its name, whichever of its tasks it is.
     :raises BlackBoxError: a task is not in the dump.
     """
@@ -77,9 +77,9 @@ def find_chains(history: History, names: Sequence[str]) -> tuple[Chain, ...]:
     found = []
     for job in history.jobs:
         if job.task in lasts and job.outcome is not Outcome.RUNNING:
-            way = _way(job, firsts, parents)
-            if way and _passes([each.task for each in way], between):
-                found.append(Chain(tuple(way)))
+            path = _path_to(job, firsts, parents)
+            if path and _passes([each.task for each in path], between):
+                found.append(Chain(tuple(path)))
     return tuple(found)
 
 
@@ -130,7 +130,7 @@ def _tasks(history: History, name: str) -> frozenset[int]:
 
 
 def _parents(history: History) -> Mapping[int, Job]:
-    """Return who released a job, by the identity of the job; those of timers are absent."""
+    """Return which job released a job, by the identity of the job; those of timers are absent."""
     runs = sorted((start_ns, end_ns, number) for number, job in enumerate(history.jobs)
                   for start_ns, end_ns in job.slices)
     starts = [run[0] for run in runs]
@@ -142,7 +142,7 @@ def _parents(history: History) -> Mapping[int, Job]:
     for job in history.jobs:
         at = bisect_right(starts, job.release_ns) - 1
         if at >= 0 and history.jobs[runs[at][2]] is job:
-            at -= 1  # it began at once
+            at -= 1  # it began immediately
         if at < 0 or runs[at][1] < job.release_ns:
             continue  # nothing ran
         parent = history.jobs[runs[at][2]]
@@ -153,16 +153,16 @@ def _parents(history: History) -> Mapping[int, Job]:
     return found
 
 
-def _way(job: Job, firsts: frozenset[int], parents: Mapping[int, Job]) -> list[Job]:
-    """Return the way to a job from the nearest of some tasks; empty when there is none."""
-    way = [job]
-    while len(way) < _MOST_STAGES:
-        parent = parents.get(id(way[0]))
+def _path_to(job: Job, firsts: frozenset[int], parents: Mapping[int, Job]) -> list[Job]:
+    """Return the path to a job from the nearest of some tasks; empty when there is none."""
+    path = [job]
+    while len(path) < _MOST_STAGES:
+        parent = parents.get(id(path[0]))
         if parent is None:
             return []
-        way.insert(0, parent)
+        path.insert(0, parent)
         if parent.task in firsts:
-            return way
+            return path
     return []
 
 

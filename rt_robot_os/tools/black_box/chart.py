@@ -137,7 +137,7 @@ class _Chart:
         return self._from_ns <= at_ns <= self._to_ns
 
     def _box(self, boxes: list[Box], from_ns: int, to_ns: int) -> None:
-        """Add what of a box lies inside the plot."""
+        """Add the part of a box that is inside the plot."""
         first_ns, last_ns = max(from_ns, self._from_ns), min(to_ns, self._to_ns)
         if first_ns < last_ns:
             boxes.append((self._ms(first_ns), (last_ns - first_ns) / NS_PER_MS))

@@ -39,7 +39,7 @@ _NOTE_WIDTH = 0.0062  # of a character of a note, as a part of the width of the 
 
 def save(chart: Chart, path: Path) -> None:
     """
-    Draw into a file; its ending says the format, one of :data:`FORMATS`.
+    Draw into a file; its ending names the format, one of :data:`FORMATS`.
 
     matplotlib has to be there: :func:`rt_robot_os.base.output_files.check_picture`.
 

@@ -64,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('output', type=Path, nargs='?', metavar='FILE',
                      help='where to; without it a new file in the folder')
     add_robot_option(one)
-    one.add_argument('--reason', default='asked for by black_box dump', help='kept in the dump')
+    one.add_argument('--reason', default='asked for by black_box dump', help='stored in the dump')
 
     commands.add_parser('list', help='list the dumps, the oldest first')
 
@@ -75,7 +75,7 @@ def _parser() -> argparse.ArgumentParser:
 
     one = commands.add_parser('chain', help='write which jobs released which, from one task to '
                               'another')
-    one.add_argument('tasks', metavar='FROM,..,TO', help='tasks or devices on the way, such as '
+    one.add_argument('tasks', metavar='FROM,..,TO', help='tasks or devices on the path, such as '
                      'sink,agent,base')
     one.add_argument('file', type=Path, nargs='?', metavar='FILE', help=_FILE)
     one.add_argument('--last', type=int, default=3, metavar='N',

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What happened, in typed values, from the records of a dump; all programs here look at it."""
+"""What happened, in typed values, from the records of a dump; all commands here use it."""
 
 from __future__ import annotations
 

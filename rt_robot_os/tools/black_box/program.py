@@ -15,7 +15,7 @@
 """
 The program `black_box`: save, read and draw what the core did last.
 
-Run one command; the exit code is 1 when it failed, and the message says why.
+Run one command; the exit code is 1 when it failed, and the message gives the reason.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ def slices(spans: Sequence[Span], from_ns: int | None = None) -> tuple[Slices, l
             found[index].append((cursor_ns, until_ns))
             cursor_ns = until_ns
 
-    # Of those that began at once the one that ended last is the outer one.
+    # Of those that began together the one that ended last is the outer one.
     for index in sorted(range(len(spans)), key=lambda i: (spans[i].start_ns, -i)):
         start_ns = spans[index].start_ns
         while stack and spans[stack[-1]].end_ns <= start_ns:

@@ -38,7 +38,7 @@ from rt_robot_os.tools.black_box.history import Moment
 from rt_robot_os.tools.black_box.history import Outcome
 
 BEFORE_FAULT_NS = 50 * NS_PER_MS
-# Less is the way from an interrupt to its handler, not somebody's fault; the kernel's own limit.
+# Less is the time from an interrupt to its handler, and no task's fault; the kernel's own limit.
 BLOCKED_NS = 50 * NS_PER_US
 _FAULTS = (Outcome.FAILED, Outcome.ABORTED)
 
@@ -182,7 +182,7 @@ def _wait(history: History, job: Job) -> str:
 
 
 def _blockers_of(history: History, job: Job) -> list[tuple[int, int]]:
-    """Return the lower tasks that a job waited for, and how long, who blocked longest first."""
+    """Return the lower tasks that a job waited for, and how long, the longest first."""
     return [(task, time_ns) for task, time_ns in history.blocked_by(job).most_common()
             if time_ns >= BLOCKED_NS]
 
@@ -230,7 +230,7 @@ def fault_ns(history: History) -> int | None:
 
 
 def _before_fault(history: History) -> str:
-    """Return who had the CPU in the time before the fault, and who waited."""
+    """Return which tasks had the CPU before the fault, and which waited."""
     at_ns = fault_ns(history)
     if at_ns is None:
         return ''

@@ -34,16 +34,16 @@ def run(argv: Sequence[str]) -> int:
     Run the program.
 
     :return: its exit code, see ``--help``.
-    :raises BrokenPipeError: nobody reads what it says any more.
+    :raises BrokenPipeError: its output is no longer read.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
-        # A name that the terminal cannot show is no reason to say nothing.
+        # A name that the terminal cannot show is no reason to print nothing.
         sys.stdout.reconfigure(errors='backslashreplace')
     try:
         options, wanted = parse(argv)
         return Doctor(System(wanted), options).run().verdict.value
     except ConfigError as error:
-        tell('doctor', 'the configuration is wrong, nothing was looked at:', error.problems)
+        tell('doctor', 'the configuration is wrong, nothing was checked:', error.problems)
         return FAILED
     except KeyboardInterrupt:
         print('\ndoctor: interrupted', file=sys.stderr)

@@ -109,7 +109,7 @@ def try_scheduler(system: System) -> Mapping[str, Any]:
 
 
 def own_status(system: System) -> dict[str, str]:
-    """Read what Linux says of this process."""
+    """Read the facts of this process from Linux."""
     return key_values(system.read('/proc/self/status'))
 
 
@@ -198,7 +198,7 @@ def running(system: System, *names: str) -> str:
     """
     Find a process by one of its names.
 
-    :param names: in full; Linux keeps fifteen characters of them.
+    :param names: in full; Linux stores fifteen characters of them.
     :return: the first that runs; empty when none does.
     """
     present = {one.name for one in processes(system)}
@@ -215,7 +215,7 @@ def container(system: System) -> str:
     """
     Return which kind of container this is; empty when it is none.
 
-    A mark alone may be left over in a machine that was made from an image: whoever has a disk
+    A mark alone may be left over in a machine that was made from an image: a machine with a disk
     as its root is no container.
     """
     groups = system.read('/proc/self/cgroup')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a check says: a state, what was found, why it matters, and the command that mends it."""
+"""The result of a check: a state, what was found, why it matters, and the remedy."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Remedy:
     What mends it.
 
     :ivar commands: lines to paste into a shell, in this order.
-    :ivar note: what has to be known beside them, such as that a reboot has to follow.
+    :ivar note: what else has to be known, such as that a reboot has to follow.
     """
 
     commands: tuple[str, ...] = ()
@@ -55,7 +55,7 @@ class Finding:
     One line of the doctor.
 
     :ivar found: what is there, with its value; for UNKNOWN the reason.
-    :ivar remedy: None when there is nothing to mend.
+    :ivar remedy: None when there is nothing to fix.
     :ivar subject: of which there may be several, such as ``/dev/ttyUSB0``.
     :ivar weight: 0..100, how much mending it is worth; the summary begins with the greatest.
     :ivar why: replaces that of the check.
@@ -77,7 +77,7 @@ class Check:
     :ivar key: stable, ``group.name``; what JSON and the documentation call it.
     :ivar title: at most 20 characters.
     :ivar why: one short sentence.
-    :ivar ask: looks at a system and gives its findings.
+    :ivar ask: examines a system and gives its findings.
     """
 
     key: str
@@ -123,5 +123,5 @@ def unknown(reason: str, remedy: Remedy | None = None, *, subject: str = '') -> 
 
 
 def absent(found: str) -> Finding:
-    """Say that the question does not arise here; left out unless everything is asked for."""
+    """Report that the check does not apply here; left out unless everything is requested."""
     return Finding(State.ABSENT, found)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How late a periodic job is, counted by the same rule whoever calls it."""
+"""How late a periodic job is, counted by one rule for all callers."""
 
 from __future__ import annotations
 

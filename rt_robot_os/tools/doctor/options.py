@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rt_robot_os.settings.run_on import MovingBoard
 
 _EPILOG = """\
-exit code: 0 ready: nothing to mend; 1 usable: a robot runs, with degraded latency or convenience;
+exit code: 0 ready: nothing to fix; 1 usable: a robot runs, with degraded latency or convenience;
 2 not usable: it does not run, or not in time; 3 bad arguments, or the doctor itself failed;
 130 Ctrl-C.
 
@@ -55,7 +55,7 @@ class _Parser(argparse.ArgumentParser):
 @dataclass(frozen=True)
 class Options:
     """
-    What was asked for.
+    What was requested.
 
     :ivar seconds: of the measurement; 0 for none.
     """
@@ -114,7 +114,7 @@ def _wanted(argv: Sequence[str], files: Sequence[Path], cpu: int | None) -> Want
         from rt_robot_os.settings.tasks import without_watchdog
         settings, _ = load_from_arguments(argv, files=files)
     except Exception as error:
-        # Without arguments it is our own file: the installation is broken, a check tells how.
+        # Without arguments it is our own file: the installation is broken, a check reports how.
         if is_given or not isinstance(error, (ConfigError, ImportError, OSError)):
             raise
         default = Wanted()

@@ -55,7 +55,7 @@ def scheduler(priority: str, cpu: str) -> dict[str, Any]:
 
 
 def clock() -> dict[str, Any]:
-    """Measure the clock, and ask Linux who disciplines it."""
+    """Measure the clock, and ask Linux what disciplines it."""
     from rt_robot_os.linux.clock_discipline import clock_state
     now_ns = time.monotonic_ns
     loops_ns, reads_ns = [], []
@@ -150,7 +150,7 @@ def rclpy() -> dict[str, Any]:
     import importlib
     from importlib import metadata
     try:
-        # By name: only rt_robot_os.ros uses it; this only tells whether it would work.
+        # By name: only rt_robot_os.ros uses it; this only checks whether it would work.
         module = importlib.import_module('rclpy')
         utilities = importlib.import_module('rclpy.utilities')
         rmw = utilities.get_rmw_implementation_identifier()
@@ -166,7 +166,7 @@ def rclpy() -> dict[str, Any]:
 
 
 def room(folder: str, size_bytes: str) -> dict[str, Any]:
-    """Try whether room can be kept in a folder, for a file that has no name and goes at once."""
+    """Try whether disk space can be reserved in a folder, with an unnamed temporary file."""
     from rt_robot_os.linux.disk_room import is_full
     from rt_robot_os.linux.disk_room import keep_room
     try:

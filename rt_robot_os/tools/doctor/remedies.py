@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Remedies that several checks share, and what to say where they do not apply."""
+"""Remedies that several checks share, and what is reported where they do not apply."""
 
 from __future__ import annotations
 

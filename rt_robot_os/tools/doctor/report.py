@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What all lines say together: the verdict, the exit code, what to mend first."""
+"""The result of all checks: the verdict, the exit code, what to fix first."""
 
 from __future__ import annotations
 

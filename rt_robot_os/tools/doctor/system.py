@@ -76,7 +76,7 @@ class Wanted:
 
 
 class ProbeError(Exception):
-    """A child process that should look at something did not answer."""
+    """A child process that was to examine something did not answer."""
 
 
 class System:
@@ -108,7 +108,7 @@ class System:
         :raises OSError: it is not there or may not be read; the line becomes ``unknown``.
         """
         try:
-            # In small parts: some files of /proc want a buffer as large as what is asked for.
+            # In small parts: some files of /proc want a buffer as large as what is requested.
             with open(self.path(path), 'rb', buffering=0) as file:
                 parts: list[bytes] = []
                 while len(parts) < _PARTS and (part := file.read(_PART_BYTES)):
@@ -178,21 +178,21 @@ class System:
         found = os.statvfs(self.path(path))
         return found.f_bavail * found.f_frsize
 
-    # ---- who and what ------------------------------------------------------------------------
+    # ---- user and machine ---------------------------------------------------------------------
 
     @property
     def release(self) -> str:
-        """Return what ``uname -r`` says."""
+        """Return the output of ``uname -r``."""
         return os.uname().release
 
     @property
     def version(self) -> str:
-        """Return what ``uname -v`` says."""
+        """Return the output of ``uname -v``."""
         return os.uname().version
 
     @property
     def machine(self) -> str:
-        """Return what ``uname -m`` says."""
+        """Return the output of ``uname -m``."""
         return os.uname().machine
 
     @property
@@ -217,7 +217,7 @@ class System:
 
     def probe(self, name: str, *arguments: object) -> Mapping[str, Any]:
         """
-        Let a short-lived Python find something out; asked once, the answer is kept.
+        Let a short-lived Python find something out; it runs once, the answer is cached.
 
         :param name: a function of :mod:`rt_robot_os.tools.doctor.probe`.
         :raises ProbeError: it did not answer.
@@ -240,7 +240,7 @@ class System:
         try:
             answer = json.loads(ended.stdout.decode().splitlines()[-1])
         except (ValueError, IndexError):
-            told = ended.stderr.decode(errors='replace').strip().splitlines()
+            lines = ended.stderr.decode(errors='replace').strip().splitlines()
             raise ProbeError(f'the probe {key[0]!r} ended with code {ended.returncode}'
-                             + (f': {told[-1]}' if told else '')) from None
+                             + (f': {lines[-1]}' if lines else '')) from None
         return dict(answer)

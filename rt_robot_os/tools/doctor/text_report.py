@@ -50,7 +50,7 @@ def shown(line: Line, *, everything: bool, quiet: bool) -> bool:
 
 
 def head_lines(report: Report, style: Style) -> Iterator[str]:
-    """Yield what was looked at."""
+    """Yield what was checked."""
     machine, wanted = report.machine, report.wanted
     number = machine['cpus']
     cpus = f'{number or "?"} CPU{"" if number == 1 else "s"}'
@@ -96,11 +96,11 @@ class Writer:
                + line.check.title.ljust(_TITLE_WIDTH) + found[0])
         for more in found[1:]:
             yield ' ' * (_COLUMN + _TITLE_WIDTH) + more
-        told = finding.state in _PROBLEMS or self._everything
-        if told:
+        visible = finding.state in _PROBLEMS or self._everything
+        if visible:
             for text in textwrap.wrap(sentence(line.why), WIDTH - _COLUMN, break_on_hyphens=False):
                 yield ' ' * _COLUMN + text
-        if finding.remedy and (told or finding.state is State.UNKNOWN):
+        if finding.remedy and (visible or finding.state is State.UNKNOWN):
             yield from self._remedy(finding.remedy, line.check.title)
 
     def _remedy(self, remedy: Remedy, title: str) -> Iterator[str]:
@@ -129,7 +129,7 @@ def printable(text: str) -> str:
 
 
 def shell_lines(command: str, width: int) -> list[str]:
-    """Break a command that is too long behind ``|`` or ``&&``, which keeps it one command."""
+    """Break a command that is too long behind ``|`` or ``&&``, so that it stays one command."""
     if len(command) <= width or command.startswith('#'):
         return [command]
     blanks = ' ' * (len(command) - len(command.lstrip()))
@@ -143,13 +143,13 @@ def shell_lines(command: str, width: int) -> list[str]:
 
 
 def sentence(text: str) -> str:
-    """Write a clause as a sentence; the names of programs keep their first letter."""
+    """Write a clause as a sentence; the names of programs stay as they are written."""
     first = text if text[:1] == '`' else text[:1].upper() + text[1:]
     return f'{first}.'
 
 
 def summary_lines(report: Report, style: Style) -> Iterator[str]:
-    """Say the verdict, and what to mend first."""
+    """Write the verdict, and what to fix first."""
     state = {0: State.OK, 1: State.WARN, 2: State.BAD}[report.verdict.value]
     late = [line for line in report.to_mend if line.check in (MACHINE, KERNEL)]
     names = list(dict.fromkeys(line.check.title for line in report.to_mend if line not in late))
@@ -157,17 +157,17 @@ def summary_lines(report: Report, style: Style) -> Iterator[str]:
         things = 'one thing' if len(names) == 1 else f'{len(names)} things'
         order = '' if len(names) == 1 else ', the most worthwhile first'
         more = f' and {len(names) - _NAMED} more' if len(names) > _NAMED else ''
-        told = f'{things} to mend{order}: {", ".join(names[:_NAMED])}{more}'
+        text = f'{things} to fix{order}: {", ".join(names[:_NAMED])}{more}'
     else:
-        told = 'look at what else runs' if late else 'nothing to mend'
+        text = 'find out what else runs' if late else 'nothing to fix'
     if late:
-        told = f'wake-ups are late; {told}'
+        text = f'wake-ups are late; {text}'
     if report.wakeup is None:
-        told += '; wake-ups were not measured'
+        text += '; wake-ups were not measured'
     unknown = report.count(State.UNKNOWN)
     if unknown:
-        told += f'; {unknown} could not be found out'
-    first, *rest = textwrap.wrap(f'{report.verdict.text}: {told}', WIDTH, break_on_hyphens=False,
+        text += f'; {unknown} could not be determined'
+    first, *rest = textwrap.wrap(f'{report.verdict.text}: {text}', WIDTH, break_on_hyphens=False,
                                  subsequent_indent=' ' * _INDENT)
     verdict = report.verdict.text
     yield ''

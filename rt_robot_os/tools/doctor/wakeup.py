@@ -49,7 +49,7 @@ READY_MAXIMUM_NS = 100 * NS_PER_US
 # One release in a thousand may be a whole period late: the loop misses it, and goes on.
 USABLE_P999_NS = NS_PER_MS
 _TENTH = 10
-_ONCE_MORE = Remedy((), 'mend what the summary names first, end what need not run, measure again')
+_ONCE_MORE = Remedy((), 'fix what the summary names first, end what need not run, measure again')
 _START_S = 0.7
 _MARGIN_S = 15.0
 _REFRESH_S = 0.1
@@ -119,9 +119,9 @@ def _read(code: int, output: bytes, errors: bytes, seconds: float) -> Wakeup:
     try:
         answer: Mapping[str, Any] = json.loads(output.decode().splitlines()[-1])
     except (ValueError, IndexError):
-        told = errors.decode(errors='replace').strip().splitlines()
+        text = errors.decode(errors='replace').strip().splitlines()
         raise ProbeError(f'the measurement ended with code {code}'
-                         + (f': {told[-1]}' if told else '')) from None
+                         + (f': {text[-1]}' if text else '')) from None
     return Wakeup(measured(answer['machine']), measured(answer['kernel']), seconds,
                   tuple(answer['refused']))
 
@@ -146,21 +146,21 @@ def judge(result: Measured, refused: Sequence[str] = ()) -> Finding:
     :param refused: steps of the set-up that Linux did not grant.
     """
     summary = result.summary
-    told = (f'p50 {microseconds(summary.p50_ns)}, p99 {microseconds(summary.p99_ns)}, '
+    text = (f'p50 {microseconds(summary.p50_ns)}, p99 {microseconds(summary.p99_ns)}, '
             f'p99.9 {microseconds(summary.p999_ns)}, max {microseconds(summary.maximum_ns)} us')
     if result.missed:
-        told += f', {result.missed} of {summary.count + result.missed} missed'
+        text += f', {result.missed} of {summary.count + result.missed} missed'
     if not summary.count:
         return bad('no wake-up at all', _ONCE_MORE, weight=99)
     if summary.maximum_ns < READY_MAXIMUM_NS:
-        return ok(f'{told}: ready for 1 kHz')
+        return ok(f'{text}: ready for 1 kHz')
     rate = rate_hz(summary.maximum_ns)
     fit = f'at its worst ready for {rate} Hz' if rate else 'too late for any loop at times'
-    remedy = (Remedy((), f'first of all, mend what was refused: {", ".join(refused)}')
+    remedy = (Remedy((), f'first of all, fix what was refused: {", ".join(refused)}')
               if refused else _ONCE_MORE)
     if summary.p999_ns < USABLE_P999_NS:
-        return warn(f'{told}: usable, {fit}', remedy, weight=1)
-    return bad(f'{told}: not usable for 1 kHz, {fit}', remedy, weight=1)
+        return warn(f'{text}: usable, {fit}', remedy, weight=1)
+    return bad(f'{text}: not usable for 1 kHz, {fit}', remedy, weight=1)
 
 
 class StepWatch:

@@ -16,7 +16,7 @@
 The measuring process: a 1 kHz grid on bare ``clock_nanosleep``, then in this package's kernel.
 
 Run as ``python -m rt_robot_os.tools.doctor.wakeup_child PARENT JSON``; it prints one line of JSON.
-A process of its own, prepared as the core is, so that the doctor keeps its priority.
+A process of its own, prepared as the core is, so that the priority of the doctor stays.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def bare(duration_ns: int) -> Lateness:
 
 
 def in_kernel(duration_ns: int, spin_ns: int) -> Lateness:
-    """Let the kernel run one task, which does nothing but look at the clock."""
+    """Let the kernel run one task, which does nothing but read the clock."""
     lateness = Lateness(PERIOD_NS, SKIPPED)
     kernel = Kernel(spin_ns=spin_ns)
     now_ns = time.monotonic_ns
@@ -94,7 +94,7 @@ def in_kernel(duration_ns: int, spin_ns: int) -> Lateness:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Measure each for half of the time, and tell."""
+    """Measure each for half of the time, and report."""
     job = json.loads(arguments[0])
     results, held = prepare(job)
     half_ns = round(job['seconds'] * NS_PER_S / 2)

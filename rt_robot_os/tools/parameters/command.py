@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the program `parameters` does: look at, change and save those of a core that runs."""
+"""What the program `parameters` does: read, change and save those of a running core."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Facts = dict[str, Any]
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='parameters', description='The parameters of a running core that may change: those '
-        'of devices and modules. A node beside the core takes over what is changed here.')
+        'of devices and modules. A node of that core takes over what is changed here.')
     add_robot_option(parser)
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     commands.add_parser('list', help='show them all; * marks what was changed')

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The program `parameters`: look at, change and save the parameters of a core, without ROS.
+The program `parameters`: read, change and save the parameters of a core, without ROS.
 
-Run one command; the exit code is 1 when it failed, and the message says why.
+Run one command; the exit code is 1 when it failed, and the message gives the reason.
 """
 
 from __future__ import annotations

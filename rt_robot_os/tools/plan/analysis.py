@@ -47,7 +47,7 @@ def analyse(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) -> An
     """
     Analyse a set of tasks.
 
-    :raises ConfigError: a value makes no sense; tells all of them.
+    :raises ConfigError: a value makes no sense; the error lists all of them.
     """
     check(tasks, overhead)
     return _Analyser(tasks, overhead).run()
@@ -55,7 +55,7 @@ def analyse(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) -> An
 
 def judge(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) -> Analysis:
     """
-    Analyse as :func:`analyse` does, but look for no bounds that no verdict depends on.
+    Analyse as :func:`analyse` does, but compute no bounds that no verdict depends on.
 
     For searches that analyse many variants; the values must be checked already.
     """
@@ -128,18 +128,19 @@ class _Analyser:
         """
         p = task.priority
         blocking_ns = blocking_of(task, self._tasks).length_ns
-        above = [(s, s.ways(p)) for s in self._all if s.task.priority >= p]
-        ways = {way for _, found in above for way in found}
+        above = [(s, s.chains(p)) for s in self._all if s.task.priority >= p]
+        chains = {chain for _, found in above for chain in found}
         loads = self._tick_loads() + self._loads([s for s, found in above if not found], p)
         cost_of = {t.name: (t.execution_ns or 0) + self._overhead.job_ns for t in self._tasks}
         # What blocks may release once more.
         times = 2 if blocking_ns else 1
-        return busy_period_ns(blocking_ns + times * sum(cost_of[way[-1]] for way in ways), loads)
+        chained_ns = sum(cost_of[chain[-1]] for chain in chains)
+        return busy_period_ns(blocking_ns + times * chained_ns, loads)
 
     # ---- loads -------------------------------------------------------------------------------
 
     def _loads(self, streams: Iterable[Stream], level: int) -> list[Load]:
-        """Return the loads of streams as a level sees them, with the chains as they are now."""
+        """Return the loads of streams as a level sees them, with the present chains."""
         known: dict[Stream, int] = {}
         job_ns = self._overhead.job_ns
         return [(s.period_ns, s.jitter_at(level, known), (s.task.execution_ns or 0) + job_ns)
@@ -205,8 +206,9 @@ class _Analyser:
             # Of a task that others release, how late it comes matters to those below.
             for parent in (p for s in self._streams[other.name] for p in s.parents):
                 if parent.task.name in self._boundless:
-                    who = 'it is' if other is task else f'it may wait for {other.name!r}, which is'
-                    return f'{who} released by {parent.task.name!r}, and that has no bound'
+                    subject = ('it is' if other is task
+                               else f'it may wait for {other.name!r}, which is')
+                    return f'{subject} released by {parent.task.name!r}, and that has no bound'
         return ''
 
     def _level(self, task: PlannedTask) -> float:

@@ -56,7 +56,7 @@ def blocking_of(task: PlannedTask, tasks: Sequence[PlannedTask]) -> Blocking:
 
     With immediate ceilings a job that has started is never blocked, and before it starts one
     task below may be inside a section whose ceiling is at or above the priority of the job, or
-    inside a native call. Only one can be: whoever is, keeps the others from starting.
+    inside a native call. Only one task can be there: it keeps the others from starting.
     """
     ceiling = ceilings(tasks)
     worst = Blocking()

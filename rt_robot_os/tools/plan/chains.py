@@ -15,7 +15,7 @@
 """
 Chains of tasks that release one another: from the bytes of a device to the command of another.
 
-While a chain is on its way one of its stages is ready at each moment, since each is released
+While a chain is in progress, one of its stages is ready at each moment, since each is released
 before the one before has ended. So nothing runs meanwhile but tasks of at least the lowest
 priority in the chain, and, at its beginning, what blocks one of that priority. The chain has ended
 at the latest when the longest busy period of that priority has; each job that comes in between
@@ -48,7 +48,7 @@ class ChainRequest(NamedTuple):
     """
     What is asked of a chain.
 
-    :ivar names: tasks on the way, in order, two or more; between two of them the shortest way
+    :ivar names: tasks of the path, in order, two or more; between two of them the shortest path
         counts. A device is meant by its name, whichever of its tasks it is.
     :ivar limit_ns: it has to have ended by then; 0: it need not.
     """
@@ -76,7 +76,7 @@ class ChainResult:
 
     :ivar bound_ns: from the release of its first stage to the end of its last, at most, with the
         wait for the next poll where the first is polled; None when there is none.
-    :ivar limit_ns: that was asked for; 0: none.
+    :ivar limit_ns: that was requested; 0: none.
     :ivar reason: why there is no bound.
     """
 
@@ -132,7 +132,7 @@ def _path(names: Sequence[str], tasks: Sequence[PlannedTask]) -> list[PlannedTas
         if not part:
             released = ', '.join(sorted(readers.get(first, ()))) or 'nothing'
             raise ConfigError([f'{label}: nothing that {first!r} publishes leads to {last!r}: it '
-                               f'releases {released}; does each on the way wake on what the one '
+                               f'releases {released}; does each on the path wake on what the one '
                                'before publishes?'])
         owners += part
     path = []
@@ -158,17 +158,17 @@ def _readers(tasks: Sequence[PlannedTask]) -> Mapping[str, list[str]]:
 
 
 def _shortest(first: str, last: str, readers: Mapping[str, list[str]]) -> list[str]:
-    """Return the shortest way, without its beginning; empty when there is none."""
-    ways: deque[list[str]] = deque([[first]])
+    """Return the shortest path, without its beginning; empty when there is none."""
+    paths: deque[list[str]] = deque([[first]])
     seen = {first}
-    while ways:
-        way = ways.popleft()
-        for each in readers.get(way[-1], ()):
+    while paths:
+        path = paths.popleft()
+        for each in readers.get(path[-1], ()):
             if each == last:
-                return [*way[1:], each]
+                return [*path[1:], each]
             if each not in seen:
                 seen.add(each)
-                ways.append([*way, each])
+                paths.append([*path, each])
     return []
 
 
@@ -201,7 +201,7 @@ def _bounded(path: Sequence[PlannedTask], limit_ns: int, robot: RobotTasks,
             bound_ns = min(bound_ns, busy_until_ns(robot.tasks, robot.overhead, lowest))
         except NoBoundError:
             pass  # the sum is a bound as well
-    # Bytes wait for the next look where they do not release the first stage.
+    # Bytes wait for the next poll where they do not release the first stage.
     first = path[0]
     is_polled = robot.owners[first.name] == 'device' and not first.name.endswith(ARRIVAL)
     polled_ns = first.period_ns if is_polled else 0

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is known of a robot's tasks: what the user says of them, and what came of it."""
+"""What is known of a robot's tasks: what the user stated, and what was found."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MARGIN = 1.2
 @dataclass(frozen=True, slots=True)
 class Given:
     """
-    What the user says on the command line.
+    What the user states on the command line.
 
     :ivar margin: what measured times are multiplied with.
     :ivar execution_ns: by task; before everything else.
@@ -67,7 +67,7 @@ class RobotTasks:
         ``budget``, ``typical`` or ``unknown``.
     :ivar owners: ``device``, ``module`` or ``core``, by task.
     :ivar responses_ns: the longest that were measured, by task; empty when other priorities or
-        periods were in force then.
+        periods were active then.
     :ivar notes: what the reader should know of these numbers.
     """
 

@@ -66,7 +66,7 @@ class CoreRunner(Protocol):
 
 
 def measure(settings: RobotSettings, process: CoreRunner, path: Path, seconds: float,
-            tell: Tell, of: Longest = attrgetter('execution.maximum_ns'),
+            progress: Tell, of: Longest = attrgetter('execution.maximum_ns'),
             begun: Callable[[], object] | None = None) -> Measured:
     """
     Start a core, do what the node of the robot would do, and take its statistics.
@@ -75,24 +75,24 @@ def measure(settings: RobotSettings, process: CoreRunner, path: Path, seconds: f
 
     :param path: of the core's socket.
     :param seconds: how long, after the devices deliver and everything is warm.
-    :param tell: called with what happens, for people.
+    :param progress: called with what happens, for people.
     :param of: what counts as the longest execution time of a task.
     :param begun: called when the devices deliver, for what is to go on meanwhile: then no samples
-        from ROS are published, which would be in its way.
+        from ROS are published, which would disturb it.
     :raises LinkError: the core did not start, or ended.
     """
     process.start()
     try:
         with _connect(process, path) as client:
             robot = _StandIn(settings, client, feeds=begun is None)
-            tell(f'the core runs (pid {process.pid}); waiting for its devices')
+            progress(f'the core runs (pid {process.pid}); waiting for its devices')
             _until_active(robot)
             if begun is not None:
                 begun()
             robot.run(WARM_UP_S)
             client.request('reset_statistics')
             before_ns, before = _cpu_ns(process.pid), client.statistics()
-            tell(f'measuring for {seconds:g} s')
+            progress(f'measuring for {seconds:g} s')
             robot.run(seconds)
             after_ns, after = _cpu_ns(process.pid), client.statistics()
             return _result(before, after, after_ns - before_ns, robot, of)
@@ -128,7 +128,7 @@ class _StandIn:
             [1.0 / settings.diagnostics_rate_hz, 0.0, client.statistics]]
         for mirror in settings.mirrors:
             if mirror.direction == 'out':
-                # A topic that is too large for the link, or is not there: the robot says so.
+                # A topic that is too large for the link, or is not there: the robot reports it.
                 with suppress(LinkError):
                     client.mirror(mirror.topic, mirror.policy, mirror.max_rate_hz)
         if feeds and all(device.port in (SIM_PORT, '') for device in settings.devices):
@@ -170,7 +170,7 @@ def _until_active(robot: _StandIn) -> None:
 
 
 def _cpu_ns(pid: int) -> int:
-    """Return the computing time of a process so far; 0 when Linux does not tell."""
+    """Return the computing time of a process so far; 0 when Linux does not report it."""
     try:
         return int(Path(f'/proc/{pid}/schedstat').read_text().split()[0])
     except (OSError, ValueError, IndexError):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a robot's tasks were measured to take, and the file that keeps it."""
+"""What a robot's tasks were measured to take, and the file that stores it."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Measured:
         """
         Return how late the machine released tasks.
 
-        The highest task with a period waits for nobody, so what it waited for was the timer,
+        The highest task with a period waits for no other task, so it waited for the timer,
         Linux, and native calls below it.
         """
         timed = [task for task in self.tasks.values() if task.period_ns and task.runs]
@@ -103,7 +103,7 @@ def read_measured(path: Path) -> Measured:
     """
     Read what :meth:`Measured.save` wrote.
 
-    :raises ConfigError: the file cannot be read or is something else; tells every problem.
+    :raises ConfigError: the file cannot be read or is something else; it lists every problem.
     """
     try:
         if path.stat().st_size > FILE_BYTES_MAXIMUM:
@@ -167,5 +167,5 @@ def _whole(data: Mapping[str, Any], key: str, problems: list[str], least: int,
     value = data.get(key)
     if isinstance(value, int) and not isinstance(value, bool) and least <= value < 1 << 62:
         return value
-    problems.append(f'{where}{key} = {value!r}: must be a whole number from {least}')
+    problems.append(f'{where}{key} = {value!r}: must be an integer from {least}')
     return least

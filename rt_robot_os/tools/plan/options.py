@@ -39,7 +39,7 @@ any are listed as unknown.
 
   plan my_robot.yaml                                      with what the file declares
   plan my_robot.yaml --measure 10                         run its core for 10 s and use that
-  plan --measure 60 --save-measured m.json                keep what was measured ...
+  plan --measure 60 --save-measured m.json                store what was measured ...
   plan --measured m.json --ros-args -p imu.rate_hz:=400.0 ... and try other settings with it
 
 The exit code is 0 when all tasks with a deadline meet it; 1 when one may miss it, or there is more
@@ -103,9 +103,9 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     source.add_argument('--measure', metavar='S', type=_number(0.1, 'seconds', 86_400),
                         help='run the core of this configuration for S seconds and measure')
     source.add_argument('--measured', metavar='FILE', type=Path,
-                        help='use what --save-measured kept')
+                        help='use what --save-measured stored')
     parser.add_argument('--save-measured', metavar='FILE', type=Path,
-                        help='keep what --measure found')
+                        help='store what --measure found')
     parser.add_argument('--no-typical', action='store_true',
                         help='leave a task unknown rather than use the typical time of its kind')
     parser.add_argument('--margin', metavar='X', type=_number(1, 'a factor', 100), default=MARGIN,
@@ -139,12 +139,12 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument('--json', action='store_true', help='write JSON instead of text')
     arguments = parse_own(parser, argv)
     if arguments.save_measured is not None and arguments.measure is None:
-        parser.error('--save-measured keeps what --measure finds: give --measure S as well')
+        parser.error('--save-measured stores what --measure finds: give --measure S as well')
     return arguments
 
 
 def given(arguments: argparse.Namespace) -> Given:
-    """Return what the arguments say of the tasks."""
+    """Return what the arguments state of the tasks."""
     def ns(value_us: float | None) -> int | None:
         return None if value_us is None else round(value_us * NS_PER_US)
 

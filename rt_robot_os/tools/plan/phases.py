@@ -33,7 +33,7 @@ HYPER_PERIOD_MAXIMUM_NS = 10 ** 18
 STEP_NS = 1000
 # Phases tried for a task: its period in this many parts, and halfway between others.
 PARTS = 40
-# The search for the worst instant looks at this many sets of tasks.
+# The search for the worst instant examines this many sets of tasks.
 SETS_MAXIMUM = 5_000
 
 
@@ -134,7 +134,7 @@ def lowest_peak(tasks: Sequence[PlannedTask], fixed: Sequence[str] = ()) -> Phas
     Task by task, the one with most work first, each is given the phase with the lowest peak so
     far, and of those the one farthest from the others.
 
-    :param fixed: tasks whose phase stays as it is.
+    :param fixed: tasks whose phase does not change.
     """
     timed = [task for task in tasks if task.period_ns]
     placed = [task for task in timed if task.name in fixed]
@@ -172,7 +172,7 @@ def _options(task: PlannedTask, placed: Sequence[PlannedTask], phases: Mapping[s
 
 def _distance(task: PlannedTask, phase: int, placed: Sequence[PlannedTask],
               phases: Mapping[str, int]) -> int:
-    """Return the shortest time that ever lies between a release of this task and of another."""
+    """Return the shortest time between a release of this task and of another."""
     nearest = task.period_ns
     for other in placed:
         common = math.gcd(task.period_ns, other.period_ns)

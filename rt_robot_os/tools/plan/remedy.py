@@ -63,7 +63,7 @@ def _by_jitter(tasks: Sequence[PlannedTask], overhead: Overhead, analysis: Analy
     why = ('without that all would be in time' if enough
            else f'which a deadline of {shortest_ns / 1e6:.3f} ms cannot bear')
     return (f'timers of this machine were up to {worst_ns / 1e6:.3f} ms late, {why}: give the '
-            'core real time (the program doctor says how), or plan for another machine with '
+            'core real-time priority (see the program doctor), or plan for another machine with '
             '--jitter-us')
 
 

@@ -44,7 +44,7 @@ class Report:
     :ivar sensitivity: None while tasks with a deadline cannot be judged.
     :ivar hyper_period_ns: None when it is too long to matter, 0 without timers.
     :ivar remedy: the first thing to do; empty when nothing has to be done.
-    :ivar chains: that were asked for.
+    :ivar chains: that were requested.
     """
 
     robot: RobotTasks
@@ -68,7 +68,7 @@ def make_report(robot: RobotTasks, chains: Sequence[ChainRequest] = ()) -> Repor
     """
     Find out everything about a robot's tasks.
 
-    :param chains: that are asked for.
+    :param chains: that are requested.
     :raises ConfigError: as :func:`rt_robot_os.tools.plan.analyse`; or a chain is none.
     """
     tasks, overhead = robot.tasks, robot.overhead

@@ -105,7 +105,7 @@ def response_ns(blocking_ns: int, own: Load, equal: Sequence[Load], higher: Sequ
     :param equal: the other streams of this priority.
     :param higher: everything that preempts.
     :param busy_ns: from :func:`busy_period_ns` for all of these.
-    :raises NoBoundError: there are too many jobs to look at.
+    :raises NoBoundError: there are too many jobs to analyse.
     """
     period, jitter, cost = own
     worst_ns = end_ns = 0

@@ -151,7 +151,7 @@ class _Builder:
             if self._wiring.is_coroutine(module.name):
                 rate_hz = 0.0
                 events, unknown = self._outside(
-                    module.name, 'it is a coroutine, which says itself when it goes on')
+                    module.name, 'it is a coroutine, which decides itself when it continues')
             else:
                 events = self._wiring.reader_events(module.name, module.priority)
                 unknown = '' if events or rate_hz else 'nothing is known that releases it'
@@ -267,7 +267,7 @@ class _Builder:
         return min(execution_ns, self._with_margin(held_ns))
 
     def _outside(self, name: str, reason: str) -> tuple[tuple[Event, ...], str]:
-        """Return how often the world outside releases a task: as told, else as measured."""
+        """Return how often an outside event releases a task: as given, else as measured."""
         rate_hz = self._given.rates_hz.get(name, 0.0)
         seen = self._seen(name)
         if not rate_hz and seen and self._measured:
@@ -320,7 +320,7 @@ class _Builder:
             self._notes.append(f'few jobs were measured of {few}: measure for longer')
         if measured.refused:
             self._notes.append(f'measured without {" and ".join(measured.refused)}: times may be '
-                               'too long; the program doctor says how to get real time')
+                               'too long; see the program doctor for real-time scheduling')
         if self._wiring.inputs and not measured.fed:
             self._notes.append(
                 f'{", ".join(self._wiring.inputs)}: was not published while measuring, since '

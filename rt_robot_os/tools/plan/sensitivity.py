@@ -31,8 +31,8 @@ from rt_robot_os.tools.plan.task import PlannedTask
 # The factors are found to one part in this many.
 RESOLUTION = 1000
 FACTOR_MAXIMUM = 1000.0
-# Of a robot with more tasks than the first only those are looked at one by one that use most of
-# the processor: of the others nobody asks, and each takes dozens of analyses.
+# Of a robot with more tasks than the first only those are analysed one by one that use most of
+# the processor: each takes dozens of analyses, and the others matter little.
 TASKS_MANY = 24
 TASKS_SHOWN = 12
 
@@ -58,7 +58,7 @@ class Sensitivity:
 
     :ivar factor: all execution times may be multiplied by it; below 1 they have to be.
     :ivar breaks: the task that is late first when they grow more; empty: as above.
-    :ivar left_out: tasks that were not looked at one by one, because they are many and use little.
+    :ivar left_out: tasks that were not analysed one by one, because they are many and use little.
     """
 
     factor: float
@@ -100,7 +100,7 @@ def load_margins(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) 
     """
     Find how far the load may grow.
 
-    Tasks whose execution time is not known are left as they are.
+    Tasks whose execution time is not known are left unchanged.
 
     :raises ConfigError: as :func:`rt_robot_os.tools.plan.analyse`.
     """

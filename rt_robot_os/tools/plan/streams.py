@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Every way in which a task is released, as a stream of its own.
+Every source that releases a task, as a stream of its own.
 
 A task that three sources release is three streams of one priority, in the order of their arrival:
 that is what the kernel does with it, but for releases that coincide, of which it makes one.
@@ -71,18 +71,18 @@ class Stream:
         """
         Return whether the whole chain up to here runs at a level or above.
 
-        Such a chain lies within a busy period of that level. What a logical parent publishes at
+        Such a chain is within a busy period of that level. What a logical parent publishes at
         its deadline may come long after its job.
         """
         return not self.waits and all(
             p.task.priority >= level and not p.task.logical and p.inside(level)
             for p in self.parents)
 
-    def ways(self, level: int) -> frozenset[tuple[str, ...]]:
+    def chains(self, level: int) -> frozenset[tuple[str, ...]]:
         """
-        Return how tasks below a level release it, directly or by others, and nobody else does.
+        Return the chains by which tasks below a level release it, when nothing else does.
 
-        Of each way the tasks from the first of that level. Empty when something else releases it,
+        Of each chain: the tasks from the first of that level. Empty when another event releases it,
         or when the releases do not come within the job of a parent.
         """
         if self.promiser is not None and not self.promiser.logical and (
@@ -92,10 +92,10 @@ class Stream:
             return frozenset()
         if self.parents[0].task.priority < level:
             return frozenset({(self.task.name,)})
-        found = [p.ways(level) for p in self.parents]
+        found = [p.chains(level) for p in self.parents]
         if not all(found):
             return frozenset()
-        return frozenset((*way, self.task.name) for each in found for way in each)
+        return frozenset((*chain, self.task.name) for each in found for chain in each)
 
     def jitter_at(self, level: int, known: dict[Stream, int]) -> int:
         """

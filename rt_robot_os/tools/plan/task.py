@@ -96,7 +96,7 @@ class PlannedTask:
 
     @property
     def limit_ns(self) -> int:
-        """Return the deadline in force; 0 when there is none."""
+        """Return the active deadline; 0 when there is none."""
         if not self.judged:
             return 0
         return self.deadline_ns or self.period_ns
@@ -133,7 +133,7 @@ def check(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) -> None
         problems += (f'task {task.name!r}: {text}' for text in _task_problems(task, known))
     for name, value in (('job_ns', overhead.job_ns), ('tick_ns', overhead.tick_ns)):
         if not _whole(value, 0):
-            problems.append(f'overhead: {name} {value!r} must be a whole number, 0 or more')
+            problems.append(f'overhead: {name} {value!r} must be an integer, 0 or more')
     if problems:
         raise ConfigError(problems)
 
@@ -152,17 +152,17 @@ def _whole(value: Any, least: int) -> bool:
 
 def _task_problems(task: PlannedTask, known: set[str]) -> Iterable[str]:
     if not _whole(task.priority, 1):
-        yield f'priority {task.priority!r} must be a whole number from 1; the higher runs first'
+        yield f'priority {task.priority!r} must be an integer from 1; the higher runs first'
     for key in ('period_ns', 'phase_ns', 'deadline_ns', 'jitter_ns', 'native_ns', 'backlog'):
         value = getattr(task, key)
         if not _whole(value, 0):
-            yield f'{key} {value!r} must be a whole number, 0 or more'
+            yield f'{key} {value!r} must be an integer, 0 or more'
     if task.execution_ns is not None and not _whole(task.execution_ns, 1):
-        yield (f'execution_ns {task.execution_ns!r} must be a whole number of nanoseconds above '
+        yield (f'execution_ns {task.execution_ns!r} must be an integer above '
                '0, or None when it is unknown')
     for resource, length in task.sections.items():
         if length is not None and not _whole(length, 0):
-            yield f'section on {resource!r} of {length!r} ns must be a whole number, 0 or more'
+            yield f'section on {resource!r} of {length!r} ns must be an integer, 0 or more'
         elif length and task.execution_ns and length > task.execution_ns:
             yield (f'section on {resource!r} of {length} ns is longer than the whole job, '
                    f'{task.execution_ns} ns: correct one of them')

@@ -15,8 +15,8 @@
 """
 What devices and modules of this package typically take, for a plan before anything is measured.
 
-The table lies beside this file and is made by ``scripts/typical_times.py``. It is no bound, and
-another machine has other times; the report says so.
+The table is next to this file and is made by ``scripts/typical_times.py``. It is no bound, and
+another machine has other times; the report states that.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Typical:
 @dataclass(frozen=True, slots=True)
 class TypicalTimes:
     """
-    What the table says of one robot.
+    What the table holds for one robot.
 
     :ivar execution_ns: by task; tasks that it does not know are absent.
     :ivar rates_hz: of releases from outside, by task.

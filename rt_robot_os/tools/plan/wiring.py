@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who publishes what in a robot, and how often: from that follows who releases whom."""
+"""Which task publishes which topic, and how often: from that follows which task releases which."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class Wiring:
                 wake = wakes.pop(pattern)
                 wakes.update((topic, wake) for topic in self._sources
                              if star_match(pattern, topic) is not None)
-        #: Those of them that wake somebody; what that costs is not counted.
+        #: Those of them that release a task; the cost of that is not counted.
         self.not_counted = tuple(
             topic for topic in not_fed if any(topic in wakes for wakes in self._wakes.values()))
         for topic, rate_hz in self.inputs.items():
@@ -132,9 +132,9 @@ class Wiring:
 
     def is_coroutine(self, module: str) -> bool:
         """
-        Return whether a module is an ``async def run`` that says itself when it goes on.
+        Return whether a module is an ``async def run`` that decides itself when it continues.
 
-        One that says which inputs it awaits, or its own rounds, goes on with those.
+        One that declares which inputs it awaits, or its own rounds, continues with those.
         """
         return module in self._coroutines
 

@@ -67,10 +67,10 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
         epilog=_EPILOG)
     add_robot_option(parser)
     parser.add_argument('--interval', metavar='S', type=float, default=1.0,
-                        help='seconds between two looks (default: %(default)g)')
-    parser.add_argument('--once', action='store_true', help='two looks, one answer, and end')
+                        help='seconds between two samples (default: %(default)g)')
+    parser.add_argument('--once', action='store_true', help='two samples, one answer, and end')
     parser.add_argument('--json', action='store_true',
-                        help='a line of JSON for each look; with --once one document')
+                        help='a line of JSON for each sample; with --once one document')
     parser.add_argument('--wait', metavar='S', type=float, default=0.0,
                         help='with --once: how long to wait for a core')
     parser.add_argument('--sort', metavar='COLUMN', default='',
@@ -126,7 +126,7 @@ def _first(source: Source, robot: str, wait_s: float) -> Sample | None:
     deadline_s = time.monotonic() + wait_s
     while True:
         try:
-            return source.look()
+            return source.poll()
         except LinkError as error:
             if time.monotonic() >= deadline_s:
                 tell('top', f'{error}{others_than(robot)}')
@@ -173,23 +173,23 @@ def _names(snapshot: Snapshot, choices: Choices) -> Iterator[str]:
 
 def _stream(robot: str, source: Source, choices: Choices, interval_s: float) -> int:
     before: Sample | None = None
-    told = ''
+    reported = ''
     while True:
         try:
-            now = source.look()
+            now = source.poll()
             if before is not None:
                 print(json.dumps(document(compare(robot, now, before), choices)), flush=True)
-            before, told = now, ''
+            before, reported = now, ''
         except LinkError as error:
-            if str(error) != told:
-                told = str(error)
-                tell('top', f'{told}; waiting')
+            if str(error) != reported:
+                reported = str(error)
+                tell('top', f'{reported}; waiting')
         time.sleep(interval_s)
 
 
 def _live(robot: str, source: Source, controls: Controls) -> int:
     if not sys.stdout.isatty():
-        tell('top', 'the output is no terminal: use --once or --json')
+        tell('top', 'the output is not a terminal: use --once or --json')
         return BAD_USE
     problem = lacking('the live screen', 'rich')
     if problem:

@@ -47,7 +47,7 @@ class Source:
         self._client: LinkClient | None = None
         self._pid = 0
 
-    def look(self) -> Sample:
+    def poll(self) -> Sample:
         """
         Take statistics, connecting first if need be.
 
@@ -77,7 +77,7 @@ class Source:
             if self._client is not None:
                 self._client.pump(0.0)
         except LinkError:
-            self.close()  # the next look reports it
+            self.close()  # the next poll reports it
 
     def _report(self, content: dict[str, Any]) -> None:
         self.lines.append((int(content['severity']), str(content['source']),
@@ -98,7 +98,7 @@ def _with_process(client: LinkClient) -> Sample:
 
 
 def _process(pid: int) -> tuple[float | None, int | None]:
-    """Return the computing time and the resident memory of a process, if Linux tells them."""
+    """Return the computing time and the resident memory of a process, if Linux reports them."""
     try:
         fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
         ticks = int(fields[11]) + int(fields[12])

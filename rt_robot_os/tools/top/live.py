@@ -91,7 +91,7 @@ def screen(snapshot: Snapshot | None, controls: Controls, source: Source, waitin
 
 class Program:
     """
-    The loop: look, draw, listen to the keyboard.
+    The loop: poll, draw, read the keyboard.
 
     :param robot: what the core is called.
     """
@@ -119,7 +119,7 @@ class Program:
                 self._source.pump()
                 if time.monotonic() >= due_s and not self._controls.choices.paused:
                     self._look()
-                    # The second look comes soon: rates need two.
+                    # The second poll comes soon: rates need two.
                     first = self._snapshot is None or self._snapshot.interval_s is None
                     due_s = time.monotonic() + (
                         min(0.5, self._controls.interval_s) if first
@@ -144,7 +144,7 @@ class Program:
     def _look(self) -> None:
         note = self._source.note
         try:
-            sample = self._source.look()
+            sample = self._source.poll()
         except LinkError as error:
             self._waiting = str(error)
             return
@@ -159,7 +159,7 @@ class Program:
 
 @contextmanager
 def _keyboard() -> Iterator[str]:
-    """Let keys come at once and unseen; nothing when standard input is no terminal."""
+    """Let keys come immediately and without echo; nothing when standard input is no terminal."""
     if not sys.stdin.isatty():
         yield ''
         return

@@ -149,7 +149,7 @@ class KernelRow(Row):
     :ivar realtime: the real-time steps: step, ok, reason.
     :ivar stolen: times that Linux took the CPU from a job.
     :ivar simulated: devices that are.
-    :ivar simulation_asked: somebody wanted that; False for want of a configuration.
+    :ivar simulation_asked: the user requested it; False when there is no configuration.
     """
 
     pid: int
@@ -176,7 +176,7 @@ class Snapshot:
     Everything at one moment.
 
     :ivar at: time of day, ISO 8601.
-    :ivar interval_s: that rates were taken over; None for a first look at a core.
+    :ivar interval_s: that rates were taken over; None for the first sample of a core.
     """
 
     robot: str

@@ -75,7 +75,7 @@ def rows_of(snapshot: Snapshot, part: str, choices: Choices) -> list[Row]:
 def head(snapshot: Snapshot, choices: Choices, width: int) -> list[Line]:
     """Return the lines about the core as a whole."""
     kernel = snapshot.kernel
-    interval = f'over {snapshot.interval_s:.1f} s' if snapshot.interval_s else 'first look'
+    interval = f'over {snapshot.interval_s:.1f} s' if snapshot.interval_s else 'first sample'
     first: list[Span] = [
         (snapshot.robot, 'head'),
         (f'  pid {kernel.pid}  up {_duration(kernel.uptime_s)}  {snapshot.at[11:19]}  {interval}',
@@ -95,7 +95,7 @@ def _duration(uptime_s: float) -> str:
 
 
 def _blame(snapshot: Snapshot) -> list[Span]:
-    """Return who held up the others, and who was late just now and why."""
+    """Return which tasks delayed others, and which were late just now and why."""
     spans: list[Span] = []
     late = [row for row in snapshot.tasks if 'deadline_missed' in row.new]
     if late:

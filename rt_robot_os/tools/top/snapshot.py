@@ -49,10 +49,10 @@ _BYTES_PER_MB = 1e6
 @dataclass(frozen=True)
 class Sample:
     """
-    One look at a core.
+    One sample of a core.
 
     :ivar at: time of day.
-    :ivar cpu_s: computing time of its process so far, None when Linux does not tell.
+    :ivar cpu_s: computing time of its process so far, None when Linux does not report it.
     :ivar memory_bytes: resident memory of its process.
     """
 
@@ -73,13 +73,13 @@ def compare(robot: str, now: Sample, before: Sample | None) -> Snapshot:
                             or old.core['now_ns'] >= new.core['now_ns']):
         before = old = None
     seconds = (new.core['now_ns'] - old.core['now_ns']) / NS_PER_S if old is not None else None
-    look = _Interval(new, old, seconds)
-    tasks = tuple(look.task(each) for each in new.tasks)
+    interval = _Interval(new, old, seconds)
+    tasks = tuple(interval.task(each) for each in new.tasks)
     return Snapshot(
-        robot, now.at, seconds, look.kernel(now, before, tasks), tasks,
-        tuple(look.topic(each) for each in new.topics),
-        tuple(look.device(each) for each in new.devices),
-        tuple(look.client(each) for each in new.clients))
+        robot, now.at, seconds, interval.kernel(now, before, tasks), tasks,
+        tuple(interval.topic(each) for each in new.topics),
+        tuple(interval.device(each) for each in new.devices),
+        tuple(interval.client(each) for each in new.clients))
 
 
 def _grown(now: Mapping[str, int], before: Mapping[str, int] | None) -> dict[str, int]:

@@ -165,7 +165,7 @@ def test_a_check_that_raises_does_not_end_the_doctor(monkeypatch, capsys) -> Non
     assert run(['--no-wakeup']) == 0
     told = capsys.readouterr().out
     assert 'unknown  broken' in told and 'ZeroDivisionError' in told
-    assert 'ready: nothing to mend; wake-ups were not measured; 1 could not be found out' in told
+    assert 'ready: nothing to fix; wake-ups were not measured; 1 could not be determined' in told
 
 
 def test_a_measurement_that_fails_is_a_line(monkeypatch, capsys) -> None:

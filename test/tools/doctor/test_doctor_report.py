@@ -66,15 +66,15 @@ def test_the_summary_begins_with_what_is_worth_most() -> None:
     report = _report(make.warn('w', MEND, weight=10), make.warn('w', MEND, weight=90),
                      make.bad('b', MEND, weight=5), make.unknown('dark'))
     told = ' '.join(text_report.summary_lines(report, Style()))
-    assert 'not usable: 3 things to mend, the most worthwhile first: thing 2, thing 1, thing 0' \
+    assert 'not usable: 3 things to fix, the most worthwhile first: thing 2, thing 1, thing 0' \
         in told
-    assert '1 could not be found out' in told
+    assert '1 could not be determined' in told
 
 
 def test_late_wakeups_are_told_before_what_may_cause_them() -> None:
     late = make.warn('late', MEND, weight=1)
     report = Report(FACTS, Wanted(), [Line('measured', KERNEL, late)])
-    assert 'usable: wake-ups are late; look at what else runs' in ' '.join(
+    assert 'usable: wake-ups are late; find out what else runs' in ' '.join(
         text_report.summary_lines(report, Style()))
 
 

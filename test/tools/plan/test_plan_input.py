@@ -48,17 +48,17 @@ def test_every_wrong_value_is_told_at_once() -> None:
         task('b', 1, 5, 10, sections={'r': 9}), PlannedTask('c', 1, execution_ns=1),
         PlannedTask('d', 1, execution_ns=1, events=(Event('x'), Event()))], Overhead(-1)) == (
         "task 'a' is there twice; names are unique",
-        "task 'a': priority 0 must be a whole number from 1; the higher runs first",
-        "task 'a': execution_ns 0 must be a whole number of nanoseconds above 0, or None when it "
+        "task 'a': priority 0 must be an integer from 1; the higher runs first",
+        "task 'a': execution_ns 0 must be an integer above 0, or None when it "
         'is unknown',
-        "task 'a': jitter_ns -1 must be a whole number, 0 or more",
-        "task 'a': execution_ns -5 must be a whole number of nanoseconds above 0, or None when it "
+        "task 'a': jitter_ns -1 must be an integer, 0 or more",
+        "task 'a': execution_ns -5 must be an integer above 0, or None when it "
         'is unknown',
         "task 'b': section on 'r' of 9 ns is longer than the whole job, 5 ns: correct one of them",
         "task 'c': nothing releases it: give it a period_ns or events",
         "task 'd': is released by 'x', which is no task of this set",
         "task 'd': an event from outside needs a period_ns: the least time between two",
-        'overhead: job_ns -1 must be a whole number, 0 or more')
+        'overhead: job_ns -1 must be an integer, 0 or more')
 
 
 def test_more_work_than_time_is_said_of_the_first_level_that_has_it() -> None:
@@ -145,11 +145,11 @@ def test_a_file_that_is_not_there_names_the_remedy(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(('change', 'expected'), [
     ({'format': 2}, 'not a measurement of format 1'),
-    ({'elapsed_ns': 0}, 'elapsed_ns = 0: must be a whole number from 1'),
+    ({'elapsed_ns': 0}, 'elapsed_ns = 0: must be an integer from 1'),
     ({'tasks': {'imu': {'priority': 'x'}}}, "tasks: 'imu': priority = 'x': must be"),
     ({'tasks': {'imu': 5}}, "tasks: 'imu' must be an object"),
     ({'tasks': {'imu': {'colour': 1}}}, "tasks: 'imu': unknown colour; known: priority,"),
-    ({'resources': {'map': -1}}, 'resources: map = -1: must be a whole number from 0'),
+    ({'resources': {'map': -1}}, 'resources: map = -1: must be an integer from 0'),
     ({'idle': 3, 'refused': 'x', 'fed': 1}, 'fed must be true or false')])
 def test_a_file_with_something_else_is_refused(
         tmp_path: Path, change: dict[str, object], expected: str) -> None:

@@ -71,7 +71,7 @@ def test_bad_use_and_no_core_have_exit_codes_and_say_why(world: Any) -> None:
     assert 'These run: --robot /arm/robot' in nobody.stderr and 'leftover' not in nobody.stderr
     for arguments, what in ((['--sort', 'colour'], 'no such column'),
                             (['--interval', '0'], 'from 0.2 to 60'),
-                            ([], 'no terminal')):
+                            ([], 'not a terminal')):
         refused = world.top(*arguments)
         assert refused.returncode == 2 and what in refused.stderr
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Clocks: what the timers are made of, what reading one costs, who sets the time of day."""
+"""Clocks: what the timers are made of, what reading one costs, what sets the time of day."""
 
 from __future__ import annotations
 
@@ -74,16 +74,16 @@ def resolution(system: System) -> Iterator[Finding]:
 
 
 def read_cost(system: System) -> Iterator[Finding]:
-    """Measure what a look at the clock costs."""
+    """Measure what reading the clock costs."""
     cost = system.probe('clock')['read_ns']
-    told = f'{cost} ns for time.monotonic_ns() (measured)'
-    yield (ok(told) if cost <= _SLOW_READ_NS else
-           warn(f'{told}: a system call, or a slow CPU', Remedy((), 'see the clock source'),
+    text = f'{cost} ns for time.monotonic_ns() (measured)'
+    yield (ok(text) if cost <= _SLOW_READ_NS else
+           warn(f'{text}: a system call, or a slow CPU', Remedy((), 'see the clock source'),
                 weight=20))
 
 
 def discipline(system: System) -> Iterator[Finding]:
-    """Look who keeps the time of day right."""
+    """Find out which program synchronises the time of day."""
     status = system.probe('clock').get('adjtimex')
     daemon = running(system, *_DAEMONS)
     if status is None:
@@ -92,10 +92,10 @@ def discipline(system: System) -> Iterator[Finding]:
     synchronised = not status['status'] & _STA_UNSYNC
     error_ms = status['max_error_us'] / 1000
     if synchronised:
-        who = f' by {daemon}' if daemon else ' (by whom cannot be seen from here)'
-        yield ok(f'kept right{who}, to {error_ms:.3g} ms at most')
+        source = f' by {daemon}' if daemon else ' (by which program cannot be seen from here)'
+        yield ok(f'synchronised{source}, to {error_ms:.3g} ms at most')
         return
-    told = f'{daemon} runs, but has not set it yet' if daemon else 'nobody keeps it right'
+    text = f'{daemon} runs, but has not set it yet' if daemon else 'not synchronised'
     if container(system):
         remedy = Remedy((), 'on the host, not in this container: sudo apt install chrony')
     elif is_wsl(system):
@@ -103,12 +103,12 @@ def discipline(system: System) -> Iterator[Finding]:
     else:
         remedy = Remedy(('chronyc tracking || timedatectl timesync-status',) if daemon
                         else ('sudo apt install chrony',))
-    yield warn(told, remedy, weight=15)
+    yield warn(text, remedy, weight=15)
 
 
 CHECKS = (
     Check('clock.source', 'clock source',
-          'each look at a slow source is a system call, and the core looks at every release',
+          'each reading of a slow source is a system call, and the core reads it at every release',
           source),
     Check('clock.resolution', 'timer resolution',
           'without high-resolution timers nothing happens between two ticks', resolution),

@@ -64,11 +64,11 @@ def governor(system: System) -> Iterator[Finding]:
         yield absent(why) if why else unknown(f'{CPU}/cpu0/cpufreq is not there: no driver '
                                               'for frequency scaling, or it is off')
         return
-    told = _grouped(values)
+    text = _grouped(values)
     cpu = core_cpu(system)
     of_core = values.get(-1 if cpu is None else cpu)
     if set(values.values()) == {'performance'} or of_core == 'performance':
-        yield ok(told)
+        yield ok(text)
         return
     path = f'{CPU}/cpu*/cpufreq/scaling_governor'
     note = ''
@@ -76,7 +76,7 @@ def governor(system: System) -> Iterator[Finding]:
         note = 'the power mode of the desktop may set it back: powerprofilesctl set performance'
     # schedutil asks for the highest frequency as soon as a real-time task runs.
     weight = 35 if of_core == 'schedutil' else 65
-    yield warn(told, at_each_boot(system, path, 'performance', 'governor', note), weight=weight)
+    yield warn(text, at_each_boot(system, path, 'performance', 'governor', note), weight=weight)
 
 
 def turbo(system: System) -> Iterator[Finding]:
@@ -131,18 +131,18 @@ def idle(system: System) -> Iterator[Finding]:
         numbers = ','.join(state.removeprefix('state') for state in states)
         files = f'{CPU}/cpu{cpu}/cpuidle/state{{{numbers}}}/disable'
     more = f', and {len(deep) - 1} more above {_WAKE_LIMIT_US} us' if len(deep) > 1 else ''
-    told = f'CPU {cpu}: {deep[-1][1]}{more}'
+    text = f'CPU {cpu}: {deep[-1][1]}{more}'
     if may:
         command = 'ros2 run rt_robot_os robot --ros-args -p core.cpu_latency_us:=0'
-        yield warn(told, Remedy((command,), 'or in your parameter file'), weight=60)
+        yield warn(text, Remedy((command,), 'or in your parameter file'), weight=60)
     else:
-        yield warn(told, of_machine(system, f'echo 1 | sudo tee {files}',
+        yield warn(text, of_machine(system, f'echo 1 | sudo tee {files}',
                                     note=f'until the next boot; {_HOLD} would do it, see below'),
                    weight=60)
 
 
 def dma_latency(system: System) -> Iterator[Finding]:
-    """Report whether a program of this user may keep the CPUs from deep sleep."""
+    """Report whether a program of this user may prevent deep sleep of the CPUs."""
     if not system.exists(DMA_LATENCY):
         yield absent(f'there is no {DMA_LATENCY} here')
     elif system.may(DMA_LATENCY, os.W_OK):

@@ -54,7 +54,7 @@ def cpu(system: System) -> Iterator[Finding]:
     """Report which CPU the core would be pinned to, and whether it may."""
     allowed, online = allowed_cpus(system), online_cpus(system)
     if not allowed:
-        yield unknown('neither /proc/self/status nor /proc/cpuinfo tells the CPUs')
+        yield unknown('neither /proc/self/status nor /proc/cpuinfo lists the CPUs')
         return
     chosen = asked_cpu(system)
     if chosen is None:
@@ -75,7 +75,7 @@ def cpu(system: System) -> Iterator[Finding]:
 
 
 def isolated(system: System) -> Iterator[Finding]:
-    """Look whether ordinary tasks are kept off the core's CPU."""
+    """Check whether ordinary tasks are kept off the core's CPU."""
     chosen, online, alone = core_cpu(system), online_cpus(system), _isolated(system)
     if chosen is None or len(online) < 2:
         yield absent('the core has no CPU of its own')
@@ -105,7 +105,7 @@ def _cpuset(system: System, chosen: int) -> Remedy:
 
 
 def _counts(system: System, chosen: int) -> dict[str, tuple[int, str]]:
-    """Return for each numbered interrupt how often it came on the CPU, and who it belongs to."""
+    """Return for each numbered interrupt how often it came on the CPU, and its device."""
     lines = system.text('/proc/interrupts').splitlines()
     columns = re.findall(r'CPU(\d+)', lines[0]) if lines else []
     if str(chosen) not in columns:
@@ -137,9 +137,9 @@ def interrupts(system: System) -> Iterator[Finding]:
         yield ok(f'no busy one on CPU {chosen}')
         return
     here.sort(reverse=True)
-    told = ', '.join(f'{name} {count}' for count, _, name in here[:_SHOWN])
+    text = ', '.join(f'{name} {count}' for count, _, name in here[:_SHOWN])
     more = f' and {len(here) - _SHOWN} more' if len(here) > _SHOWN else ''
-    finding = f'{len(here)} on CPU {chosen}, counted since boot: {told}{more}'
+    finding = f'{len(here)} on CPU {chosen}, counted since boot: {text}{more}'
     if not others:
         yield ok(f'{finding} (there is no other CPU)')
         return

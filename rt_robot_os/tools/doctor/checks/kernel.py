@@ -98,18 +98,18 @@ def preemption(system: System) -> Iterator[Finding]:
             yield unknown('PREEMPT_DYNAMIC, its mode cannot be read by this user',
                           Remedy((f'sudo cat {PREEMPT_FILE}',), 'full or lazy is right'))
             return
-        told = f'PREEMPT_DYNAMIC, mode {mode} (from {source})'
+        text = f'PREEMPT_DYNAMIC, mode {mode} (from {source})'
         if mode in _PREEMPTIBLE:
-            yield ok(told, better)
+            yield ok(text, better)
             return
-        yield warn(told, boot_parameters(system, 'preempt=full'), weight=75)
+        yield warn(text, boot_parameters(system, 'preempt=full'), weight=75)
         return
     if re.search(r'\bPREEMPT\b', system.version):
         yield ok('PREEMPT (full)', better)
         return
     mode, source = _configured_mode(system)
-    told = f'mode {mode} (from {source})' if mode else 'voluntary or none'
-    yield warn(f'not preemptible: {told}', better, weight=75)
+    text = f'mode {mode} (from {source})' if mode else 'voluntary or none'
+    yield warn(f'not preemptible: {text}', better, weight=75)
 
 
 def throttling(system: System) -> Iterator[Finding]:
@@ -119,16 +119,16 @@ def throttling(system: System) -> Iterator[Finding]:
     default = of_machine(
         system, "echo 'kernel.sched_rt_runtime_us = 950000' |",
         '  sudo tee /etc/sysctl.d/60-rt-runtime.conf && sudo sysctl --system')
-    told = f'{runtime} of {period} us'
+    text = f'{runtime} of {period} us'
     if runtime < 0:
         yield ok('off (-1): a core that hangs keeps its CPU for ever')
     elif runtime == 0:
-        yield bad(f'{told}: no real-time task may run', default, weight=95)
+        yield bad(f'{text}: no real-time task may run', default, weight=95)
     elif runtime * 10 < period * 9:
-        yield warn(f'{told}: the core is stopped when it needs more', default, weight=60)
+        yield warn(f'{text}: the core is stopped when it needs more', default, weight=60)
     else:
         share = 100 * runtime / period
-        yield ok(f'{told}: room for a core that is busy up to {share:.0f} % of the time')
+        yield ok(f'{text}: room for a core that is busy up to {share:.0f} % of the time')
 
 
 def fair_server(system: System) -> Iterator[Finding]:

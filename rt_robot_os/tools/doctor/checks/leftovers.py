@@ -63,15 +63,15 @@ def programs(system: System) -> Iterator[Finding]:
     if not found:
         yield ok('none')
         return
-    told = ', '.join(f'{role} (pid {pid})' for role, pid in found[:_SHOWN])
+    text = ', '.join(f'{role} (pid {pid})' for role, pid in found[:_SHOWN])
     more = f' and {len(found) - _SHOWN} more' if len(found) > _SHOWN else ''
-    yield warn(f'{told}{more}', Remedy(
+    yield warn(f'{text}{more}', Remedy(
         (f'kill {" ".join(str(pid) for _, pid in found)}',), 'unless they are meant to run'),
         weight=30)
 
 
 def _alive(system: System) -> set[str]:
-    """Return the paths of all Unix sockets that somebody has open."""
+    """Return the paths of all Unix sockets that a process has open."""
     return {words[7] for line in system.text('/proc/net/unix').splitlines()[1:]
             if len(words := line.split(maxsplit=7)) == 8}
 
@@ -93,8 +93,8 @@ def sockets(system: System) -> Iterator[Finding]:
     dead += [name for name in names if '.' not in name and name not in ports
              and system.names(f'{folder}/{name}')]
     if dead:
-        told = ', '.join(dead[:_SHOWN]) + (' ...' if len(dead) > _SHOWN else '')
-        yield warn(f'of cores that are gone, in {folder}: {told}', Remedy(
+        text = ', '.join(dead[:_SHOWN]) + (' ...' if len(dead) > _SHOWN else '')
+        yield warn(f'of cores that are gone, in {folder}: {text}', Remedy(
             tuple(f'rm -r {shlex.quote(f"{folder}/{name}")}' for name in dead[:_SHOWN]),
             'a core that starts removes its own'), weight=5)
     else:
@@ -113,7 +113,7 @@ def shared_memory(system: System) -> Iterator[Finding]:
 
 
 CHECKS = (
-    Check('leftovers.programs', 'programs of ours',
+    Check('leftovers.programs', 'leftover programs',
           'a second core on the same CPU disturbs the first, and this measurement', programs),
     Check('leftovers.sockets', 'sockets',
           'a client that finds a dead socket waits in vain', sockets),

@@ -63,7 +63,7 @@ def _rt_group_runtime(system: System) -> tuple[str, int] | None:
 
 
 def scheduler(system: System) -> Iterator[Finding]:
-    """Try the scheduling class that the core asks for."""
+    """Try the scheduling class that the core requests."""
     priority = system.wanted.priority
     if not priority:
         yield absent('core.scheduler_priority is 0: the core stays an ordinary process')
@@ -78,34 +78,34 @@ def scheduler(system: System) -> Iterator[Finding]:
 
 
 def _refused(system: System, priority: int, reason: str) -> Finding:
-    told = f'SCHED_FIFO {priority}: {reason}'
+    text = f'SCHED_FIFO {priority}: {reason}'
     group = _rt_group_runtime(system)
     if group is not None and group[1] == 0:
-        return warn(f'{told}, because cpu.rt_runtime_us of this cgroup is 0',
+        return warn(f'{text}, because cpu.rt_runtime_us of this cgroup is 0',
                     Remedy((f'echo 950000 | sudo tee {group[0]}',), 'in each cgroup above, too; '
                            'docker run --cpu-rt-runtime=950000' if container(system) else
                            'in each cgroup above, too'), weight=100)
     allowed = limit(system, 'Max realtime priority')
     if has_capability(system, CAP_SYS_NICE):
-        return _refused_all_the_same(system, f'{told} in spite of CAP_SYS_NICE')
+        return _refused_all_the_same(system, f'{text} in spite of CAP_SYS_NICE')
     if allowed is not None and allowed >= priority:
-        return _refused_all_the_same(system, f'{told} in spite of RLIMIT_RTPRIO {allowed}')
-    return warn(f'{told}: RLIMIT_RTPRIO is {"?" if allowed is None else allowed}, '
+        return _refused_all_the_same(system, f'{text} in spite of RLIMIT_RTPRIO {allowed}')
+    return warn(f'{text}: RLIMIT_RTPRIO is {"?" if allowed is None else allowed}, '
                 'no CAP_SYS_NICE', realtime_limits(system), weight=100)
 
 
-def _refused_all_the_same(system: System, told: str) -> Finding:
+def _refused_all_the_same(system: System, text: str) -> Finding:
     """Look for what forbids it to a process that has the right."""
     if own_status(system).get('Seccomp', '0') != '0':
-        return warn(f'{told}: a seccomp filter forbids it', Remedy(
+        return warn(f'{text}: a seccomp filter forbids it', Remedy(
             (), 'allow sched_setscheduler and sched_setaffinity in the seccomp profile of '
             'whatever started this (docker, systemd, snap)'), weight=100)
     if kernel_config(system).get('CONFIG_RT_GROUP_SCHED') == 'y':
-        return warn(f'{told}: real time belongs to groups here (CONFIG_RT_GROUP_SCHED)', Remedy(
+        return warn(f'{text}: real time belongs to groups here (CONFIG_RT_GROUP_SCHED)', Remedy(
             ('echo $$ | sudo tee /sys/fs/cgroup/cgroup.procs',),
             'on the host, moves this shell to the group that has it; from Linux 6.15 on, boot '
             'with rt_group_sched=0'), weight=100)
-    return warn(told, Remedy((), 'probably a user namespace (rootless container): start it from '
+    return warn(text, Remedy((), 'probably a user namespace (rootless container): start it from '
                              'an ordinary session'), weight=100)
 
 
@@ -117,17 +117,17 @@ def memory_lock(system: System) -> Iterator[Finding]:
     answer = try_scheduler(system)
     allowed = limit(system, 'Max locked memory')
     capable = has_capability(system, CAP_IPC_LOCK)
-    told = ('unlimited' if allowed == UNLIMITED else '?' if allowed is None
+    text = ('unlimited' if allowed == UNLIMITED else '?' if allowed is None
             else f'{allowed >> 20} MB')
     remedy = realtime_limits(system)
     if not answer['lock_ok']:
-        yield warn(f'refused: RLIMIT_MEMLOCK is {told}, no CAP_IPC_LOCK'
+        yield warn(f'refused: RLIMIT_MEMLOCK is {text}, no CAP_IPC_LOCK'
                    if not capable else f'refused: {answer["lock_reason"]}', remedy, weight=70)
     elif not capable and allowed is not None and allowed < _MAPPED_BYTES:
-        yield warn(f'granted to a small process, but RLIMIT_MEMLOCK is only {told}', remedy,
+        yield warn(f'granted to a small process, but RLIMIT_MEMLOCK is only {text}', remedy,
                    weight=70)
     else:
-        yield ok('granted (tried): ' + ('CAP_IPC_LOCK' if capable else f'RLIMIT_MEMLOCK {told}'))
+        yield ok('granted (tried): ' + ('CAP_IPC_LOCK' if capable else f'RLIMIT_MEMLOCK {text}'))
 
 
 def signals(system: System) -> Iterator[Finding]:
@@ -135,16 +135,16 @@ def signals(system: System) -> Iterator[Finding]:
     allowed = limit(system, 'Max pending signals')
     used_text = own_status(system).get('SigQ', '').partition('/')[0]
     if allowed is None or not used_text.isdigit():
-        yield unknown('/proc/self/limits does not tell')
+        yield unknown('/proc/self/limits does not list it')
         return
     used = int(used_text)
-    told = f'{used} of {"unlimited" if allowed == UNLIMITED else allowed} in use'
+    text = f'{used} of {"unlimited" if allowed == UNLIMITED else allowed} in use'
     if allowed - used >= _SPARE_SIGNALS:
-        yield ok(told)
+        yield ok(text)
         return
     state = bad if allowed <= used else warn
     more = max(4096, 2 * allowed)
-    yield state(told, Remedy((), f'start the container with --ulimit sigpending={more}')
+    yield state(text, Remedy((), f'start the container with --ulimit sigpending={more}')
                 if container(system) else Remedy(
         (f"echo '* - sigpending {more}' |",
          '  sudo tee /etc/security/limits.d/91-sigpending.conf'),
@@ -189,5 +189,5 @@ CHECKS = (
     Check('limits.critical', 'critical tasks',
           'without a watchdog nothing ends a job that blocks a critical task', critical),
     Check('limits.watchdog', 'watchdog',
-          'a machine that hangs is restarted only by a watchdog that somebody feeds', watchdog),
+          'a machine that hangs is restarted only by a watchdog that a program feeds', watchdog),
 )

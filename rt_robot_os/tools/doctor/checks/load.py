@@ -42,12 +42,12 @@ def average(system: System) -> Iterator[Finding]:
     """Compare the load with the number of CPUs."""
     words = system.text('/proc/loadavg').split()
     load, cpus = float(words[0]), max(1, len(online_cpus(system)))
-    told = f'{words[0]} in the last minute, {cpus} CPU{"s" if cpus > 1 else ""}'
+    text = f'{words[0]} in the last minute, {cpus} CPU{"s" if cpus > 1 else ""}'
     if load > cpus:
-        yield warn(told, Remedy(('top -b -n 1 | head -15',), 'end what is not needed; what runs '
+        yield warn(text, Remedy(('top -b -n 1 | head -15',), 'end what is not needed; what runs '
                                 'under SCHED_FIFO does not wait for it'), weight=25)
     else:
-        yield ok(told)
+        yield ok(text)
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def _tasks(system: System) -> Iterator[_Task]:
 
 
 def _robot(system: System, pid: str) -> str | None:
-    """Return the name of the robot whose core a process is; empty when the core does not say."""
+    """Return the name of the robot whose core a process is; empty when it is not stated."""
     words = system.read(f'/proc/{pid}/cmdline').split('\0')
     program = [PurePath(word) for word in words[:3]]
     if _CORE_MODULE not in words[:4] and not any(
@@ -117,29 +117,29 @@ def rivals(system: System) -> Iterator[Finding]:
     if 1 < len(cores) == len(rivals):
         yield _cores_together(system, rivals, chosen)
         return
-    told = ', '.join(f'{task.name} ({task.policy} {task.priority}, pid {task.pid})'
+    text = ', '.join(f'{task.name} ({task.policy} {task.priority}, pid {task.pid})'
                      for task in rivals[:_SHOWN])
     more = f' and {len(rivals) - _SHOWN} more' if len(rivals) > _SHOWN else ''
     below = max(1, wanted - 10)
     movable = [task for task in rivals if task.policy != 'DEADLINE']
-    yield warn(f'at or above {wanted}: {told}{more}', Remedy(
+    yield warn(f'at or above {wanted}: {text}{more}', Remedy(
         tuple(f'sudo chrt --fifo --pid {below} {task.pid}' for task in movable[:_SHOWN]),
         'or keep them off the CPU of the core: sudo taskset -cp 0 PID'), weight=60)
 
 
 def _cores_together(system: System, cores: list[_Task], chosen: int | None) -> Finding:
     """Say that several robots share a CPU."""
-    told = ', '.join(f'{task.robot or "a robot"} (pid {task.pid})' for task in cores[:_SHOWN])
+    text = ', '.join(f'{task.robot or "a robot"} (pid {task.pid})' for task in cores[:_SHOWN])
     more = f' and {len(cores) - _SHOWN} more' if len(cores) > _SHOWN else ''
     free = [cpu for cpu in online_cpus(system) if cpu != chosen]
     where = f'CPU {chosen}' if chosen is not None else 'the same CPUs'
-    return warn(f'{len(cores)} robots have their cores on {where}: {told}{more}', Remedy(
+    return warn(f'{len(cores)} robots have their cores on {where}: {text}{more}', Remedy(
         (f'ros2 run rt_robot_os robot --ros-args -p core.cpu:={free[-1]}',) if free else (),
         'each robot a CPU of its own' if free else 'a machine with more CPUs'), weight=60)
 
 
 CHECKS = (
-    Check('load.average', 'load', 'what runs beside the core evicts its caches', average),
+    Check('load.average', 'load', 'other programs evict the caches of the core', average),
     Check('load.rivals', 'real-time tasks',
           'the core waits for every task of its own priority or a higher one', rivals),
 )

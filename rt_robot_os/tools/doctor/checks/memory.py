@@ -70,12 +70,12 @@ def swap(system: System) -> Iterator[Finding]:
     if not total:
         yield ok('there is none')
         return
-    told = f'{total - left} of {total} MB in use'
+    text = f'{total - left} of {total} MB in use'
     locked = system.wanted.lock_memory and try_scheduler(system)['lock_ok']
     if locked:
-        yield ok(f'{told}; the core locks its memory')
+        yield ok(f'{text}; the core locks its memory')
     else:
-        yield warn(f'{told}, and the core cannot lock its memory', of_machine(
+        yield warn(f'{text}, and the core cannot lock its memory', of_machine(
             system, 'sudo swapoff -a', note='until the next boot'), weight=40)
 
 
@@ -132,12 +132,12 @@ def _room(system: System, folder: str) -> Finding:
     if not system.may(nearest, os.W_OK):
         return bad(f'{folder} cannot be written or made', elsewhere, subject=folder, weight=90)
     megabytes = system.free_bytes(nearest) >> 20
-    told = f'{megabytes} MB free for {folder}'
+    text = f'{megabytes} MB free for {folder}'
     if megabytes >= _DISK_WARN_MB:
-        return ok(told, subject=folder)
+        return ok(text, subject=folder)
     quoted = shlex.quote(folder)
     state = bad if megabytes < _DISK_BAD_MB else warn
-    return state(told, Remedy((f'du -sh {quoted} && ls -t {quoted} | tail',
+    return state(text, Remedy((f'du -sh {quoted} && ls -t {quoted} | tail',
                                'export ROS_LOG_DIR=/mnt/larger/ros_log'),
                               'delete old logs, or write them elsewhere'), subject=folder,
                  weight=50)
@@ -158,18 +158,18 @@ def _journal(system: System, folder: str, size_bytes: int) -> Finding:
     if not system.may(nearest, os.W_OK):
         return bad(f'{folder} cannot be written or made', elsewhere, subject=folder, weight=90)
     room = system.probe('room', nearest, size_bytes)
-    told = f'{size_bytes >> 10} KiB'
+    text = f'{size_bytes >> 10} KiB'
     if not room['tried']:
         return unknown(f'{folder}: no file can be tried there: {room["reason"]}', subject=folder)
     if room['full']:
-        return bad(f'no {told} are free for {folder}', Remedy(
+        return bad(f'no {text} are free for {folder}', Remedy(
             (f'df -h {shlex.quote(nearest)}',), 'make room on that disk'), subject=folder,
             weight=80)
     if room['reason']:
         return warn(f'the file system of {folder} cannot keep room free: {room["reason"]}', Remedy(
             (), 'name a folder on ext4, xfs or btrfs with the key port of the journal'),
             subject=folder, weight=30)
-    return ok(f'{told} can be kept free for {folder}', subject=folder)
+    return ok(f'{text} can be kept free for {folder}', subject=folder)
 
 
 def shared(system: System) -> Iterator[Finding]:
@@ -182,13 +182,13 @@ def shared(system: System) -> Iterator[Finding]:
         yield ok(f'{megabytes} MB free in /dev/shm')
     else:
         yield warn(f'{megabytes} MB free in /dev/shm', Remedy(
-            ('ls -lS /dev/shm | head',), 'delete what nobody uses; in a container: '
+            ('ls -lS /dev/shm | head',), 'delete what no program uses; in a container: '
             '--shm-size=256m or --ipc=host'), weight=30)
 
 
 CHECKS = (
     Check('memory.free', 'free memory',
-          'when memory runs out Linux stops everybody while it looks for more', free),
+          'when memory runs out Linux stops all programs while it searches for more', free),
     Check('memory.swap', 'swap', 'a page that was swapped out takes milliseconds to come back',
           swap),
     Check('memory.huge_pages', 'huge pages',

@@ -60,12 +60,12 @@ def steal(system: System) -> Iterator[Finding]:
         if words and words[0] == wanted and len(words) > 8:
             ticks = [int(word) for word in words[1:9]]
             share = ticks[7] / max(1, sum(ticks))
-            told = f'{100 * share:.2g} % of the time of {wanted} since boot'
+            text = f'{100 * share:.2g} % of the time of {wanted} since boot'
             if share > _STEAL_LIMIT:
-                yield warn(told, Remedy((), 'fewer virtual CPUs than real ones on the host, and '
+                yield warn(text, Remedy((), 'fewer virtual CPUs than real ones on the host, and '
                                         'pinned'), weight=30)
             else:
-                yield ok(told)
+                yield ok(text)
             return
     yield unknown(f'/proc/stat has no line {wanted!r}')
 

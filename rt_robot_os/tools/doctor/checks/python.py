@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The interpreter that would run the core, and NumPy; looked at in a child process."""
+"""The interpreter that would run the core, and NumPy; examined in a child process."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _NUMPY_OLDEST = (1, 26)
 _USUAL_PYTHON = Remedy(('sudo apt install python3 python3-venv',
                         'RT_ROBOT_OS_PYTHON=/usr/bin/python3 ./scripts/run'),
                        'Ubuntu 24.04 has 3.12')
-# Each makes the interpreter slower or keeps it busy beside the core's work.
+# Each makes the interpreter slower or keeps it busy besides the core's work.
 _DEBUG_VARIABLES = ('PYTHONDEVMODE', 'PYTHONTRACEMALLOC', 'PYTHONMALLOC', 'PYTHONASYNCIODEBUG',
                     'PYTHONPROFILEIMPORTTIME', 'PYTHONDUMPREFS', 'PYTHONPERFSUPPORT',
                     'COVERAGE_PROCESS_START', 'PYTHONSTARTUP_TRACE')
@@ -45,13 +45,13 @@ def version(system: System) -> Iterator[Finding]:
     """Compare the version with those that are supported."""
     facts = system.probe('python')
     pair = tuple(facts['version'][:2])
-    told = f'{facts["implementation"]} {".".join(map(str, facts["version"][:3]))}'
+    text = f'{facts["implementation"]} {".".join(map(str, facts["version"][:3]))}'
     if facts['implementation'] != 'CPython':
-        yield bad(told, _USUAL_PYTHON, weight=95)
+        yield bad(text, _USUAL_PYTHON, weight=95)
     elif not _OLDEST <= pair <= _NEWEST:
-        yield bad(f'{told}; supported are 3.10 to 3.13', _USUAL_PYTHON, weight=95)
+        yield bad(f'{text}; supported are 3.10 to 3.13', _USUAL_PYTHON, weight=95)
     else:
-        yield ok(f'{told}, {facts["executable"]}')
+        yield ok(f'{text}, {facts["executable"]}')
 
 
 def build(system: System) -> Iterator[Finding]:
@@ -74,9 +74,9 @@ def build(system: System) -> Iterator[Finding]:
                    why='the package is not tested with it')
         return
     guided = '--enable-optimizations' in facts['config']
-    told = ' '.join(filter(None, ('release', levels[-1] if levels else '',
+    text = ' '.join(filter(None, ('release', levels[-1] if levels else '',
                                   'with profile' if guided else 'without profile (PGO)')))
-    yield ok(told, None if guided else Remedy(
+    yield ok(text, None if guided else Remedy(
         ("PYTHON_CONFIGURE_OPTS='--enable-optimizations --with-lto' pyenv install 3.12",),
         'or the interpreter of the distribution: some 10 to 20 % faster'))
 
@@ -102,7 +102,7 @@ def _compile(system: System, obstacle: str) -> Remedy:
     _, colon, command = obstacle.partition(': ')
     command, _, other = command.partition(', or ')
     inside = bool(container(system))
-    if inside:  # nobody needs or has it there
+    if inside:  # sudo is neither needed nor installed there
         command = command.removeprefix('sudo ')
     build = 'colcon build --packages-select rt_robot_os'
     return Remedy((command, build) if colon else (build,), '; '.join(filter(None, (
@@ -119,8 +119,8 @@ def observers(system: System) -> Iterator[Finding]:
     if not active and not found:
         yield ok('none')
         return
-    told = ', '.join(active + [f'{name}={system.environ[name]}' for name in found])
-    yield warn(told, Remedy((f'unset {" ".join(found)}',) if found else (),
+    text = ', '.join(active + [f'{name}={system.environ[name]}' for name in found])
+    yield warn(text, Remedy((f'unset {" ".join(found)}',) if found else (),
                             '' if found else 'something in sitecustomize.py or usercustomize.py '
                             'installs it: python3 -m site'), weight=55)
 
@@ -158,10 +158,10 @@ def threads(system: System) -> Iterator[Finding]:
                          if name in system.environ)
     extra = facts['threads'] - 1
     if extra:
-        yield warn(f'{extra} beside that of the core' + (f' ({set_here})' if set_here else ''),
+        yield warn(f'{extra} besides that of the core' + (f' ({set_here})' if set_here else ''),
                    Remedy((f'export {" ".join(f"{name}=1" for name in _THREAD_VARIABLES)}',),
                           'the node does that for the core that it starts; a core started by '
-                          'hand keeps what the shell says'), weight=35)
+                          'hand has what the shell sets'), weight=35)
     else:
         yield ok('one, with everything imported' + (f' ({set_here})' if set_here else ''))
 
@@ -173,7 +173,7 @@ CHECKS = (
     Check('python.compiled', 'C core',
           'a message or a job takes several times as long in pure Python', compiled),
     Check('python.observers', 'debugging tools',
-          'every call and line of the core would be looked at by another function', observers),
+          'every call and line of the core would call another function', observers),
     Check('python.switch_interval', 'switch interval',
           'threads of one interpreter hand it over this often', switch_interval),
     Check('python.numpy', 'NumPy', 'the topics of the core are NumPy arrays', numpy),

@@ -52,7 +52,7 @@ def distribution(system: System) -> Iterator[Finding]:
     if name and name != DISTRIBUTION:
         yield bad(f'{name} is sourced, the package needs {DISTRIBUTION}', fresh, weight=95)
     elif others:
-        yield bad(f'{", ".join(others)} is sourced beside {DISTRIBUTION}', fresh, weight=90)
+        yield bad(f'{", ".join(others)} is sourced as well as {DISTRIBUTION}', fresh, weight=90)
     elif name:
         yield ok(f'{name} is sourced')
     elif system.exists(f'/opt/ros/{DISTRIBUTION}/setup.bash'):
@@ -85,7 +85,7 @@ def rclpy(system: System) -> Iterator[Finding]:
 
 
 def middleware(system: System) -> Iterator[Finding]:
-    """Compare the middleware that was asked for with the one that was loaded."""
+    """Compare the requested middleware with the one that was loaded."""
     wanted = system.environ.get('RMW_IMPLEMENTATION', '')
     facts = system.probe('rclpy')
     if facts.get('error'):
@@ -152,7 +152,7 @@ CHECKS = (
     Check('ros.rclpy', 'rclpy', 'the node needs it', rclpy),
     Check('ros.middleware', 'middleware', 'nodes with different middleware may not see each other',
           middleware),
-    Check('ros.package', 'this package', '`ros2 run` and launch files look for it there', package),
+    Check('ros.package', 'this package', '`ros2 run` and launch files search it there', package),
     Check('ros.domain', 'ROS domain', 'only nodes of the same domain see each other', domain),
     Check('ros.discovery', 'discovery', 'it decides which machines see the topics', discovery),
 )

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Serial ports and I2C buses: may this user open them, who else does, what holds bytes back."""
+"""Serial ports and I2C buses: permissions, other processes that use them, delays of bytes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _ports(system: System) -> list[str]:
 
 
 def _target(system: System, port: str) -> str:
-    """Follow a link such as those of by-id; what is no link stays as it is."""
+    """Follow a link such as those of by-id; anything else is returned unchanged."""
     try:
         return os.readlink(system.path(port))
     except OSError:
@@ -97,7 +97,7 @@ def _is_i2c(port: str) -> bool:
 
 def _forbidden(system: System, port: str) -> Finding:
     group = system.group_of(port) or 'dialout'
-    told = f'{port} may not be opened by {system.user}: it belongs to the group {group}'
+    text = f'{port} may not be opened by {system.user}: it belongs to the group {group}'
     if container(system):
         remedy = Remedy((), f'start the container with --device {port} --group-add {group}')
     elif in_group(system, group) and not_yet_in_group(system, group):
@@ -105,7 +105,7 @@ def _forbidden(system: System, port: str) -> Finding:
     else:
         remedy = Remedy((f'sudo usermod -aG {group} {user_word(system)}',),
                         f'then log out and in again, or for this shell: newgrp {group}')
-    return warn(told, remedy, subject=port, weight=70)
+    return warn(text, remedy, subject=port, weight=70)
 
 
 def grabbers(system: System) -> Iterator[Finding]:
