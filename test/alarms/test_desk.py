@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import json
 from typing import Any
 
@@ -78,7 +79,7 @@ def test_people_are_told_without_a_journal_that_does_not_come_back() -> None:
     assert office.told(3.9) == []
     assert office.told(4.0) == ['journal', 'anna']  # 2 s after the fault, not after the cause
     office.says(4.5, {'fault': 'no such disk'})
-    office.desk.take_cause(HELP._replace(subject='bob'), 5 * NS_PER_S)
+    office.desk.take_cause(replace(HELP, subject='bob'), 5 * NS_PER_S)
     assert office.told(5.0) == ['bob']
     assert 'no such disk' in office.desk.warning
 

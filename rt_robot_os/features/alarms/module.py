@@ -42,7 +42,7 @@ from rt_robot_os.features.alarms.notification import Notification
 from rt_robot_os.features.alarms.notification import parse_report
 from rt_robot_os.features.alarms.settings import rules_of
 from rt_robot_os.features.alarms.settings import SETTINGS
-from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import CAUSES_MESSAGE
 from rt_robot_os.messages.cause import CAUSES_TOPIC
 from rt_robot_os.modules.base import Module
@@ -187,7 +187,7 @@ class Alarms(Module):
             self.log.warn('refused: %s', str(error), throttle_s=1.0)
 
     def _take_cause(self, text: str, stamp_ns: int) -> None:
-        self._desk.take_cause(cause_of(text), stamp_ns)
+        self._desk.take_cause(Cause.from_json(text), stamp_ns)
 
     def _take_report(self, text: str, stamp_ns: int) -> None:
         self._desk.take_report(*parse_report(text), stamp_ns)
