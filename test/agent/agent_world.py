@@ -23,13 +23,13 @@ from typing import Any
 
 from rt_robot_os.features.agent.agent import Agent
 from rt_robot_os.features.agent.agent import Surroundings
-from rt_robot_os.features.agent.beside import Beside
 from rt_robot_os.features.agent.edges import State
+from rt_robot_os.features.agent.inputs import Goal
+from rt_robot_os.features.agent.inputs import Order
+from rt_robot_os.features.agent.inputs import Place
+from rt_robot_os.features.agent.inputs import Spin
 from rt_robot_os.features.agent.machine import Transition
-from rt_robot_os.features.agent.senses import Goal
-from rt_robot_os.features.agent.senses import Order
-from rt_robot_os.features.agent.senses import Place
-from rt_robot_os.features.agent.senses import Spin
+from rt_robot_os.features.agent.standoff import Beside
 from rt_robot_os.features.agent.tuning import AgentTuning
 from rt_robot_os.motion.differential import Pose
 

@@ -20,8 +20,8 @@ from agent_world import PERIOD_NS
 from agent_world import World
 import pytest
 from rt_robot_os.features.agent.edges import State
-from rt_robot_os.features.agent.senses import Command
-from rt_robot_os.features.agent.senses import Say
+from rt_robot_os.features.agent.inputs import Command
+from rt_robot_os.features.agent.inputs import Say
 
 S = State
 

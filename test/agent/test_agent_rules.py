@@ -21,12 +21,12 @@ import math
 from agent_world import World
 import pytest
 from rt_robot_os.features.agent.edges import State
-from rt_robot_os.features.agent.senses import Goal
-from rt_robot_os.features.agent.senses import Observe
-from rt_robot_os.features.agent.senses import Place
-from rt_robot_os.features.agent.senses import Say
-from rt_robot_os.features.agent.senses import Spin
-from rt_robot_os.features.agent.senses import Trouble
+from rt_robot_os.features.agent.inputs import Goal
+from rt_robot_os.features.agent.inputs import Observe
+from rt_robot_os.features.agent.inputs import Place
+from rt_robot_os.features.agent.inputs import Say
+from rt_robot_os.features.agent.inputs import Spin
+from rt_robot_os.features.agent.inputs import Trouble
 
 S = State
 

@@ -28,8 +28,8 @@ from hypothesis.stateful import RuleBasedStateMachine
 from rt_robot_os.features.agent.edges import EDGES
 from rt_robot_os.features.agent.edges import PAUSES
 from rt_robot_os.features.agent.edges import State
-from rt_robot_os.features.agent.senses import Goal
-from rt_robot_os.features.agent.senses import Spin
+from rt_robot_os.features.agent.inputs import Goal
+from rt_robot_os.features.agent.inputs import Spin
 
 ALARMS = st.sampled_from(['1', '2', '3'])
 PLANNER = st.sampled_from(['', 'done', 'refused: no way', 'waiting: somebody', 'stopped: blocked'])

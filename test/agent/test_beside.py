@@ -24,9 +24,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from rt_robot_os.features.agent.beside import Beside
 from rt_robot_os.features.agent.drive import Drive
-from rt_robot_os.features.agent.senses import Goal
+from rt_robot_os.features.agent.inputs import Goal
+from rt_robot_os.features.agent.standoff import Beside
 from rt_robot_os.motion.clearing import Clearing
 from rt_robot_os.motion.grid_map import GridMap
 

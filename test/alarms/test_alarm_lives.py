@@ -34,7 +34,7 @@ from hypothesis.stateful import RuleBasedStateMachine
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.alarm import Event
-from rt_robot_os.features.alarms.desk import Desk
+from rt_robot_os.features.alarms.alarm_service import Desk
 from rt_robot_os.features.alarms.escalation import parse_steps
 from rt_robot_os.features.alarms.rules import Rules
 from rt_robot_os.messages.cause import Cause

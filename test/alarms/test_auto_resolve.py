@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.book import Book
-from rt_robot_os.features.alarms.orders import carry_out
+from rt_robot_os.features.alarms.alarm_table import Book
+from rt_robot_os.features.alarms.command_handler import carry_out
 from rt_robot_os.features.alarms.rules import Rules
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level

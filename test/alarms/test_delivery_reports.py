@@ -19,7 +19,7 @@ from __future__ import annotations
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.alarm import Delivery
 from rt_robot_os.features.alarms.alarm import Event
-from rt_robot_os.features.alarms.book import Book
+from rt_robot_os.features.alarms.alarm_table import Book
 from rt_robot_os.features.alarms.escalation import parse_steps
 from rt_robot_os.features.alarms.rules import Rules
 from rt_robot_os.messages.cause import Cause

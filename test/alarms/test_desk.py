@@ -21,8 +21,8 @@ import json
 from typing import Any
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.desk import Desk
-from rt_robot_os.features.alarms.desk import START_ALARM_NS
+from rt_robot_os.features.alarms.alarm_service import Desk
+from rt_robot_os.features.alarms.alarm_service import START_ALARM_NS
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from rt_robot_os.features.alarms.journal import Kept
-from rt_robot_os.features.alarms.journal import worth_keeping
+from rt_robot_os.features.alarms.journal_lines import Kept
+from rt_robot_os.features.alarms.journal_lines import worth_keeping
 
 OPEN: dict[str, Any] = {'state': {'id': '1'}}
 OVER: dict[str, Any] = {'state': None}

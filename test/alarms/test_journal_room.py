@@ -24,15 +24,15 @@ from random import Random
 
 import pytest
 
-from rt_robot_os.features.alarms.journal import decode
 from rt_robot_os.features.alarms.journal_device.folder import Folder
 from rt_robot_os.features.alarms.journal_file import JournalFile
 from rt_robot_os.features.alarms.journal_file import NAME
 from rt_robot_os.features.alarms.journal_file import NEW
 from rt_robot_os.features.alarms.journal_file import OLDER
 from rt_robot_os.features.alarms.journal_file import read_journal
-from rt_robot_os.features.alarms.store import Killed
-from rt_robot_os.features.alarms.store import MemoryStore
+from rt_robot_os.features.alarms.journal_lines import decode
+from rt_robot_os.features.alarms.journal_store import Killed
+from rt_robot_os.features.alarms.journal_store import MemoryStore
 
 LIMIT = 20_000
 

@@ -36,10 +36,10 @@ import pytest
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.journal_device import driver
+from rt_robot_os.features.alarms.journal_device.protocol import Kind
+from rt_robot_os.features.alarms.journal_device.protocol import packet
 from rt_robot_os.features.alarms.journal_device.service import JournalService
 from rt_robot_os.features.alarms.journal_device.simulated import SimulatedJournal
-from rt_robot_os.features.alarms.journal_device.talk import Kind
-from rt_robot_os.features.alarms.journal_device.talk import packet
 from rt_robot_os.features.alarms.journal_file import NAME
 from rt_robot_os.linux.process import parent_of
 

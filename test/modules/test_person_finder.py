@@ -23,8 +23,8 @@ from live_maps import map_topic
 from live_maps import put_grid
 import numpy as np
 import pytest
-from rt_robot_os.features.agent.beside import Beside
 from rt_robot_os.features.agent.person_finder import PersonFinder
+from rt_robot_os.features.agent.standoff import Beside
 from rt_robot_os.motion.clearing import Clearing
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.mounting import Mounting

@@ -15,7 +15,7 @@
 """
 The agent: what happens becomes events, and the table of edges says what follows.
 
-No kernel and no topics: whoever has those keeps :class:`rt_robot_os.features.agent.senses.Senses`
+No kernel and no topics: whoever has those keeps :class:`rt_robot_os.features.agent.inputs.Senses`
 up to date, hands in what alarms, people and operators say, calls :meth:`Agent.tick` on a grid of
 times, and carries out the orders. All times are handed in, so that the same input gives the same
 transitions at the same times.
@@ -29,8 +29,7 @@ from dataclasses import dataclass
 import math
 from typing import Final
 
-from rt_robot_os.features.agent.beside import Beside
-from rt_robot_os.features.agent.body import Body
+from rt_robot_os.features.agent.behaviours import Work
 from rt_robot_os.features.agent.dialogue import answer_of
 from rt_robot_os.features.agent.dialogue import Dialogue
 from rt_robot_os.features.agent.edges import PAUSES
@@ -39,17 +38,18 @@ from rt_robot_os.features.agent.edges import State
 from rt_robot_os.features.agent.emergencies import ACKNOWLEDGED
 from rt_robot_os.features.agent.emergencies import Emergencies
 from rt_robot_os.features.agent.emergencies import Emergency
+from rt_robot_os.features.agent.inputs import Command
+from rt_robot_os.features.agent.inputs import Order
+from rt_robot_os.features.agent.inputs import Place
+from rt_robot_os.features.agent.inputs import Senses
 from rt_robot_os.features.agent.machine import Machine
 from rt_robot_os.features.agent.machine import Transition
 from rt_robot_os.features.agent.operator import Operator
-from rt_robot_os.features.agent.senses import Command
-from rt_robot_os.features.agent.senses import Order
-from rt_robot_os.features.agent.senses import Place
-from rt_robot_os.features.agent.senses import Senses
+from rt_robot_os.features.agent.robot_interface import Body
+from rt_robot_os.features.agent.standoff import Beside
 from rt_robot_os.features.agent.tuning import AgentTuning
 from rt_robot_os.features.agent.tuning import GIVES_UP
 from rt_robot_os.features.agent.tuning import LEAVES
-from rt_robot_os.features.agent.work import Work
 from rt_robot_os.messages.cause import LEVELS
 from rt_robot_os.motion.differential import Pose
 

@@ -34,11 +34,11 @@ from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.features.agent.agent import Agent
 from rt_robot_os.features.agent.dialogue import BUTTON
 from rt_robot_os.features.agent.edges import State
-from rt_robot_os.features.agent.hearing import Hearing
+from rt_robot_os.features.agent.input_reader import Hearing
+from rt_robot_os.features.agent.inputs import Order
+from rt_robot_os.features.agent.inputs import Spin
 from rt_robot_os.features.agent.machine import Transition
-from rt_robot_os.features.agent.orders import Orders
-from rt_robot_os.features.agent.senses import Order
-from rt_robot_os.features.agent.senses import Spin
+from rt_robot_os.features.agent.output_writer import Orders
 from rt_robot_os.features.agent.settings import clearing_of
 from rt_robot_os.features.agent.settings import home_of
 from rt_robot_os.features.agent.settings import SETTINGS

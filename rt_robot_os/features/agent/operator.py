@@ -20,7 +20,7 @@ from collections.abc import Collection
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.agent.senses import Senses
+from rt_robot_os.features.agent.inputs import Senses
 from rt_robot_os.features.agent.tuning import AgentTuning
 
 # As the multiplexer of velocities says it: "nobody: e-stop, asked for on estop".

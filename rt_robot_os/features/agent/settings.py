@@ -25,8 +25,8 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import declared
 from rt_robot_os.base.schema import Field
 from rt_robot_os.features.agent.agent import Surroundings
-from rt_robot_os.features.agent.beside import Beside
-from rt_robot_os.features.agent.senses import Place
+from rt_robot_os.features.agent.inputs import Place
+from rt_robot_os.features.agent.standoff import Beside
 from rt_robot_os.features.agent.tuning import AgentTuning
 from rt_robot_os.messages.survey import SurveyedNode
 from rt_robot_os.modules.order_age import ORDER_AGE

@@ -32,15 +32,15 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.features.alarms.alarm import compact
-from rt_robot_os.features.alarms.journal import Beginning
-from rt_robot_os.features.alarms.journal import Contents
-from rt_robot_os.features.alarms.journal import decode
-from rt_robot_os.features.alarms.journal import encode_beginning
-from rt_robot_os.features.alarms.journal import encode_record
-from rt_robot_os.features.alarms.journal import Kept
-from rt_robot_os.features.alarms.journal import newest
-from rt_robot_os.features.alarms.journal import worth_keeping
-from rt_robot_os.features.alarms.store import Store
+from rt_robot_os.features.alarms.journal_lines import Beginning
+from rt_robot_os.features.alarms.journal_lines import Contents
+from rt_robot_os.features.alarms.journal_lines import decode
+from rt_robot_os.features.alarms.journal_lines import encode_beginning
+from rt_robot_os.features.alarms.journal_lines import encode_record
+from rt_robot_os.features.alarms.journal_lines import Kept
+from rt_robot_os.features.alarms.journal_lines import newest
+from rt_robot_os.features.alarms.journal_lines import worth_keeping
+from rt_robot_os.features.alarms.journal_store import Store
 
 #: Names of the file in use, the one before it, and the one that is being written.
 NAME: Final = 'alarms.journal'

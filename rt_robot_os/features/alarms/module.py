@@ -33,15 +33,15 @@ from typing import Final
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.desk import Desk
-from rt_robot_os.features.alarms.desk import RECORD_BYTES
+from rt_robot_os.features.alarms.alarm_service import Desk
+from rt_robot_os.features.alarms.alarm_service import RECORD_BYTES
 from rt_robot_os.features.alarms.escalation import ROBOT
 from rt_robot_os.features.alarms.listing import LIST_BYTES
 from rt_robot_os.features.alarms.listing import list_text
-from rt_robot_os.features.alarms.notification import Notification
-from rt_robot_os.features.alarms.notification import parse_report
 from rt_robot_os.features.alarms.settings import rules_of
 from rt_robot_os.features.alarms.settings import SETTINGS
+from rt_robot_os.features.alarms.wording import Notification
+from rt_robot_os.features.alarms.wording import parse_report
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import CAUSES_MESSAGE
 from rt_robot_os.messages.cause import CAUSES_TOPIC

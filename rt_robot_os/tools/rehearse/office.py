@@ -34,7 +34,7 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.alarm import compact
 from rt_robot_os.features.alarms.journal_file import JournalFile
 from rt_robot_os.features.alarms.journal_file import Room
-from rt_robot_os.features.alarms.store import MemoryStore
+from rt_robot_os.features.alarms.journal_store import MemoryStore
 from rt_robot_os.tools.rehearse.body import Body
 from rt_robot_os.tools.rehearse.stage import Stage
 from rt_robot_os.tools.rehearse.story import CALLERS

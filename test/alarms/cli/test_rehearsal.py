@@ -23,14 +23,14 @@ from typing import Any
 from broad import examples
 import pytest
 
+from rt_robot_os.features.alarms.alarm_service import Desk
 from rt_robot_os.features.alarms.cli import rehearsal_parts
 from rt_robot_os.features.alarms.cli.command import run
 from rt_robot_os.features.alarms.cli.rehearsal import rehearse
-from rt_robot_os.features.alarms.desk import Desk
-from rt_robot_os.features.alarms.journal import Beginning
-from rt_robot_os.features.alarms.journal import encode_beginning
-from rt_robot_os.features.alarms.journal import encode_record
-from rt_robot_os.features.alarms.notifier.ledger import Ledger
+from rt_robot_os.features.alarms.journal_lines import Beginning
+from rt_robot_os.features.alarms.journal_lines import encode_beginning
+from rt_robot_os.features.alarms.journal_lines import encode_record
+from rt_robot_os.features.alarms.notifier.delivery_log import Ledger
 
 ALARMS = min(examples(80), 10_000)
 

@@ -31,9 +31,9 @@ import pytest
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.features.alarms.notifier.channel import Channel
 from rt_robot_os.features.alarms.notifier.channel import DeliveryError
-from rt_robot_os.features.alarms.notifier.notification import Notification
-from rt_robot_os.features.alarms.notifier.notification import notification_of
 from rt_robot_os.features.alarms.notifier.settings import load
+from rt_robot_os.features.alarms.notifier.wording import Notification
+from rt_robot_os.features.alarms.notifier.wording import notification_of
 from small_servers import Post
 from small_servers import serving
 from small_servers import Web

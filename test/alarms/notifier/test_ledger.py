@@ -26,11 +26,11 @@ from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.base.errors import StartError
-from rt_robot_os.features.alarms.notifier.ledger import Ledger
-from rt_robot_os.features.alarms.notifier.ledger import Report
-from rt_robot_os.features.alarms.notifier.ledger import Verdict
-from rt_robot_os.features.alarms.notifier.store import LINES_SPARE
-from rt_robot_os.features.alarms.notifier.store import Store
+from rt_robot_os.features.alarms.notifier.delivery_log import Ledger
+from rt_robot_os.features.alarms.notifier.delivery_log import Report
+from rt_robot_os.features.alarms.notifier.delivery_log import Verdict
+from rt_robot_os.features.alarms.notifier.delivery_log_file import LINES_SPARE
+from rt_robot_os.features.alarms.notifier.delivery_log_file import Store
 
 KEYS = st.text('7.öx"', min_size=1, max_size=6)
 

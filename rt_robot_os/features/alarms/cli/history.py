@@ -22,13 +22,13 @@ from typing import Any
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.cli.shown import event_line
-from rt_robot_os.features.alarms.journal import decode
+from rt_robot_os.features.alarms.cli.table import event_line
 from rt_robot_os.features.alarms.journal_device.folder import Folder
 from rt_robot_os.features.alarms.journal_file import Found
 from rt_robot_os.features.alarms.journal_file import NAME
 from rt_robot_os.features.alarms.journal_file import OLDER
 from rt_robot_os.features.alarms.journal_file import read_journal
+from rt_robot_os.features.alarms.journal_lines import decode
 from rt_robot_os.linux.folders import read_file
 from rt_robot_os.linux.folders import ros_home
 

@@ -34,12 +34,12 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.journal_file import JournalFile
-from rt_robot_os.features.alarms.notifier.ledger import is_doubtful
-from rt_robot_os.features.alarms.notifier.ledger import Ledger
-from rt_robot_os.features.alarms.notifier.ledger import Report
-from rt_robot_os.features.alarms.notifier.ledger import Verdict
-from rt_robot_os.features.alarms.store import Killed
-from rt_robot_os.features.alarms.store import MemoryStore
+from rt_robot_os.features.alarms.journal_store import Killed
+from rt_robot_os.features.alarms.journal_store import MemoryStore
+from rt_robot_os.features.alarms.notifier.delivery_log import is_doubtful
+from rt_robot_os.features.alarms.notifier.delivery_log import Ledger
+from rt_robot_os.features.alarms.notifier.delivery_log import Report
+from rt_robot_os.features.alarms.notifier.delivery_log import Verdict
 
 Action = Callable[[], None]
 # Short, so that it is written anew often.

@@ -34,6 +34,7 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.alarm import Event
+from rt_robot_os.features.alarms.alarm_service import Desk
 from rt_robot_os.features.alarms.cli.rehearsal_parts import JournalProcess
 from rt_robot_os.features.alarms.cli.rehearsal_parts import NotifierProcess
 from rt_robot_os.features.alarms.cli.rehearsal_parts import Person
@@ -41,11 +42,10 @@ from rt_robot_os.features.alarms.cli.rehearsal_parts import Timeline
 from rt_robot_os.features.alarms.cli.rehearsal_result import Emergency
 from rt_robot_os.features.alarms.cli.rehearsal_result import emergency_by_chance
 from rt_robot_os.features.alarms.cli.rehearsal_result import PEOPLE
-from rt_robot_os.features.alarms.desk import Desk
 from rt_robot_os.features.alarms.escalation import ROBOT
-from rt_robot_os.features.alarms.notifier.ledger import Report
+from rt_robot_os.features.alarms.journal_store import MemoryStore
+from rt_robot_os.features.alarms.notifier.delivery_log import Report
 from rt_robot_os.features.alarms.rules import Rules
-from rt_robot_os.features.alarms.store import MemoryStore
 from rt_robot_os.messages.cause import Cause
 
 _RULES: Final = Rules(remind_ns=240 * NS_PER_S, resolve_after_ns=60 * NS_PER_S)

@@ -40,11 +40,11 @@ from rt_robot_os.devices.capture.device import is_socket
 from rt_robot_os.devices.capture.spawn import spawn_worker
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
+from rt_robot_os.features.alarms.journal_device.protocol import json_packet
+from rt_robot_os.features.alarms.journal_device.protocol import Kind
+from rt_robot_os.features.alarms.journal_device.protocol import packet
+from rt_robot_os.features.alarms.journal_device.protocol import PACKET_BYTES
 from rt_robot_os.features.alarms.journal_device.service import WORKER
-from rt_robot_os.features.alarms.journal_device.talk import json_packet
-from rt_robot_os.features.alarms.journal_device.talk import Kind
-from rt_robot_os.features.alarms.journal_device.talk import packet
-from rt_robot_os.features.alarms.journal_device.talk import PACKET_BYTES
 from rt_robot_os.messages.cause import CAUSES_MESSAGE
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output

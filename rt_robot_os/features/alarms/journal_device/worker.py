@@ -36,10 +36,10 @@ from typing import Final
 
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.features.alarms.journal_device.folder import Folder
-from rt_robot_os.features.alarms.journal_device.talk import json_packet
-from rt_robot_os.features.alarms.journal_device.talk import Kind
-from rt_robot_os.features.alarms.journal_device.talk import packet
-from rt_robot_os.features.alarms.journal_device.talk import PACKET_BYTES
+from rt_robot_os.features.alarms.journal_device.protocol import json_packet
+from rt_robot_os.features.alarms.journal_device.protocol import Kind
+from rt_robot_os.features.alarms.journal_device.protocol import packet
+from rt_robot_os.features.alarms.journal_device.protocol import PACKET_BYTES
 from rt_robot_os.features.alarms.journal_file import Found
 from rt_robot_os.features.alarms.journal_file import JournalFile
 from rt_robot_os.features.alarms.journal_file import read_journal

@@ -32,7 +32,7 @@ from rt_robot_os.base.schema import Field
 from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.features.alarms.notifier import bounded_run
 from rt_robot_os.features.alarms.notifier.channel import DeliveryError
-from rt_robot_os.features.alarms.notifier.notification import Notification
+from rt_robot_os.features.alarms.notifier.wording import Notification
 
 # So much of a file is looked through for what may have been written before.
 _LOOK_BACK_BYTES: Final = 1 << 20

@@ -35,8 +35,8 @@ from rt_robot_os.features.alarms.notifier.channel import environment_value
 from rt_robot_os.features.alarms.notifier.channel import GRACE_S
 from rt_robot_os.features.alarms.notifier.channel import is_own_machine
 from rt_robot_os.features.alarms.notifier.channel import VARIABLE
-from rt_robot_os.features.alarms.notifier.notification import Notification
 from rt_robot_os.features.alarms.notifier.webhook import idempotency_key
+from rt_robot_os.features.alarms.notifier.wording import Notification
 from rt_robot_os.linux.folders import read_file
 
 _PICTURES_MOST: Final = 4

@@ -31,16 +31,16 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.errors import LinkError
-from rt_robot_os.features.alarms.notifier.courier import Courier
-from rt_robot_os.features.alarms.notifier.ledger import is_doubtful
-from rt_robot_os.features.alarms.notifier.ledger import Ledger
-from rt_robot_os.features.alarms.notifier.ledger import Report
-from rt_robot_os.features.alarms.notifier.ledger import TEXT_LETTERS
-from rt_robot_os.features.alarms.notifier.ledger import Verdict
-from rt_robot_os.features.alarms.notifier.notification import Notification
-from rt_robot_os.features.alarms.notifier.notification import notification_of
+from rt_robot_os.features.alarms.notifier.delivery_log import is_doubtful
+from rt_robot_os.features.alarms.notifier.delivery_log import Ledger
+from rt_robot_os.features.alarms.notifier.delivery_log import Report
+from rt_robot_os.features.alarms.notifier.delivery_log import TEXT_LETTERS
+from rt_robot_os.features.alarms.notifier.delivery_log import Verdict
+from rt_robot_os.features.alarms.notifier.delivery_log_file import Store
+from rt_robot_os.features.alarms.notifier.sender import Courier
 from rt_robot_os.features.alarms.notifier.settings import NotifierSettings
-from rt_robot_os.features.alarms.notifier.store import Store
+from rt_robot_os.features.alarms.notifier.wording import Notification
+from rt_robot_os.features.alarms.notifier.wording import notification_of
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.client import LinkClient

@@ -35,7 +35,7 @@ from rt_robot_os.features.alarms.notifier.channel import environment_value
 from rt_robot_os.features.alarms.notifier.channel import GRACE_S
 from rt_robot_os.features.alarms.notifier.channel import is_own_machine
 from rt_robot_os.features.alarms.notifier.channel import VARIABLE
-from rt_robot_os.features.alarms.notifier.notification import Notification
+from rt_robot_os.features.alarms.notifier.wording import Notification
 
 _KEY_LETTERS: Final = 32
 

@@ -23,16 +23,16 @@ import math
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.agent.body import Body
 from rt_robot_os.features.agent.dialogue import Dialogue
 from rt_robot_os.features.agent.edges import State
 from rt_robot_os.features.agent.emergencies import clean
 from rt_robot_os.features.agent.emergencies import Emergency
-from rt_robot_os.features.agent.senses import Note
-from rt_robot_os.features.agent.senses import Observe
-from rt_robot_os.features.agent.senses import Order
-from rt_robot_os.features.agent.senses import Place
-from rt_robot_os.features.agent.senses import Trouble
+from rt_robot_os.features.agent.inputs import Note
+from rt_robot_os.features.agent.inputs import Observe
+from rt_robot_os.features.agent.inputs import Order
+from rt_robot_os.features.agent.inputs import Place
+from rt_robot_os.features.agent.inputs import Trouble
+from rt_robot_os.features.agent.robot_interface import Body
 from rt_robot_os.features.agent.tuning import AgentTuning
 from rt_robot_os.motion.differential import Pose
 

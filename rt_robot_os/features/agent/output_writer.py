@@ -24,16 +24,16 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.logger import Logger
+from rt_robot_os.features.agent.inputs import Command
+from rt_robot_os.features.agent.inputs import Goal
+from rt_robot_os.features.agent.inputs import Limit
+from rt_robot_os.features.agent.inputs import Note
+from rt_robot_os.features.agent.inputs import Observe
+from rt_robot_os.features.agent.inputs import Order
+from rt_robot_os.features.agent.inputs import Say
+from rt_robot_os.features.agent.inputs import Spin
+from rt_robot_os.features.agent.inputs import Trouble
 from rt_robot_os.features.agent.machine import Transition
-from rt_robot_os.features.agent.senses import Command
-from rt_robot_os.features.agent.senses import Goal
-from rt_robot_os.features.agent.senses import Limit
-from rt_robot_os.features.agent.senses import Note
-from rt_robot_os.features.agent.senses import Observe
-from rt_robot_os.features.agent.senses import Order
-from rt_robot_os.features.agent.senses import Say
-from rt_robot_os.features.agent.senses import Spin
-from rt_robot_os.features.agent.senses import Trouble
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.modules.cause_reports import CauseReports

@@ -25,10 +25,10 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.notifier.channel import DeliveryError
-from rt_robot_os.features.alarms.notifier.ledger import Report
-from rt_robot_os.features.alarms.notifier.ledger import TEXT_LETTERS
-from rt_robot_os.features.alarms.notifier.notification import Notification
+from rt_robot_os.features.alarms.notifier.delivery_log import Report
+from rt_robot_os.features.alarms.notifier.delivery_log import TEXT_LETTERS
 from rt_robot_os.features.alarms.notifier.settings import ChannelSettings
+from rt_robot_os.features.alarms.notifier.wording import Notification
 
 _END: Final = None
 

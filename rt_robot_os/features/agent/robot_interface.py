@@ -21,14 +21,14 @@ import math
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.agent.beside import Beside
 from rt_robot_os.features.agent.drive import Drive
-from rt_robot_os.features.agent.senses import Goal
-from rt_robot_os.features.agent.senses import Limit
-from rt_robot_os.features.agent.senses import Order
-from rt_robot_os.features.agent.senses import Place
-from rt_robot_os.features.agent.senses import Senses
-from rt_robot_os.features.agent.senses import Spin
+from rt_robot_os.features.agent.inputs import Goal
+from rt_robot_os.features.agent.inputs import Limit
+from rt_robot_os.features.agent.inputs import Order
+from rt_robot_os.features.agent.inputs import Place
+from rt_robot_os.features.agent.inputs import Senses
+from rt_robot_os.features.agent.inputs import Spin
+from rt_robot_os.features.agent.standoff import Beside
 from rt_robot_os.features.agent.tuning import AgentTuning
 from rt_robot_os.features.agent.turn import Turn
 from rt_robot_os.motion.differential import Pose

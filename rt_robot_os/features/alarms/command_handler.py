@@ -23,7 +23,7 @@ from rt_robot_os.features.alarms.alarm import Alarm
 from rt_robot_os.features.alarms.alarm import compact
 from rt_robot_os.features.alarms.alarm import State
 from rt_robot_os.features.alarms.alarm import TEST
-from rt_robot_os.features.alarms.book import Book
+from rt_robot_os.features.alarms.alarm_table import Book
 from rt_robot_os.messages import alarm_commands as commands
 from rt_robot_os.messages.alarm_commands import Command
 from rt_robot_os.messages.alarm_commands import parse_command

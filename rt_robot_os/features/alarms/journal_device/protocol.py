@@ -22,7 +22,7 @@ import json
 from typing import Any
 from typing import Final
 
-from rt_robot_os.features.alarms.desk import RECORD_BYTES
+from rt_robot_os.features.alarms.alarm_service import RECORD_BYTES
 
 #: The longest packet: a record and how old it is.
 PACKET_BYTES: Final = RECORD_BYTES + 256

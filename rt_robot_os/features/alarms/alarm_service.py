@@ -41,13 +41,13 @@ from rt_robot_os.features.alarms.alarm import Alarm
 from rt_robot_os.features.alarms.alarm import Change
 from rt_robot_os.features.alarms.alarm import compact
 from rt_robot_os.features.alarms.alarm import Event
-from rt_robot_os.features.alarms.book import Book
+from rt_robot_os.features.alarms.alarm_table import Book
+from rt_robot_os.features.alarms.command_handler import Answer
+from rt_robot_os.features.alarms.command_handler import carry_out
 from rt_robot_os.features.alarms.escalation import ROBOT
-from rt_robot_os.features.alarms.notification import Notification
-from rt_robot_os.features.alarms.notification import words_of
-from rt_robot_os.features.alarms.orders import Answer
-from rt_robot_os.features.alarms.orders import carry_out
 from rt_robot_os.features.alarms.rules import Rules
+from rt_robot_os.features.alarms.wording import Notification
+from rt_robot_os.features.alarms.wording import words_of
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 

@@ -20,8 +20,8 @@ from collections.abc import Mapping
 import math
 from typing import Final
 
-from rt_robot_os.features.agent.senses import Place
-from rt_robot_os.features.agent.senses import Senses
+from rt_robot_os.features.agent.inputs import Place
+from rt_robot_os.features.agent.inputs import Senses
 from rt_robot_os.features.navigation.trajectory.whereabouts import planar
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.topics import Subscription

@@ -40,8 +40,8 @@ from rt_robot_os.features.alarms.alarm import Reason
 from rt_robot_os.features.alarms.alarm import State
 from rt_robot_os.features.alarms.alarm import TEST
 from rt_robot_os.features.alarms.escalation import Escalation
-from rt_robot_os.features.alarms.lasting import Lasting
 from rt_robot_os.features.alarms.rules import Rules
+from rt_robot_os.features.alarms.suppression import Lasting
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 
