@@ -111,7 +111,7 @@ class AgentTransition:
         return TRANSITION.read(parse_object(text, '{"from": "idle", "to": "approach", ...}'))
 
 
-class Recording(Enum):
+class ObservationKind(Enum):
     """What an observation records."""
 
     PICTURE = 'picture'
@@ -119,7 +119,7 @@ class Recording(Enum):
     SOUND = 'sound'
 
 
-RECORDINGS: Final = {each.value: each for each in Recording}
+OBSERVATION_KINDS: Final = {each.value: each for each in ObservationKind}
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ class ObservationOrder:
     :ivar after_s: seconds after it.
     """
 
-    order: Annotated[Recording, Choice(RECORDINGS)]
+    order: Annotated[ObservationKind, Choice(OBSERVATION_KINDS)]
     alarm: Annotated[str, _ALARM] = ''
     subject: Annotated[str, _ALARM] = ''
     before_s: Annotated[float, Real(0.0, SPAN_MOST_S, 's')] = 0.0
@@ -174,7 +174,7 @@ class Observation:
     """
     What became of an order to record; a camera may add fields of its own.
 
-    :ivar alarm: the alarm that it was for.
+    :ivar alarm: the alarm that it was for; missing when the order was not valid.
     :ivar subject: the person, room or device concerned.
     :ivar kind: what was recorded.
     :ivar text: about it, for people.
@@ -186,7 +186,7 @@ class Observation:
 
     alarm: Annotated[str, Text(200)]
     subject: Annotated[str, Text(200)]
-    kind: Annotated[str, OneOf(tuple(RECORDINGS))]
+    kind: Annotated[str, OneOf(tuple(OBSERVATION_KINDS))]
     text: Annotated[str, Text(500)] = ''
     problem: Annotated[str, Text(500)] = ''
     file: Annotated[str, Text(500)] = ''
@@ -195,23 +195,20 @@ class Observation:
 
     @classmethod
     def from_dict(cls, found: Mapping[str, Any]) -> Observation:
-        """
-        Read a result; unknown keys are ignored, a wrong optional value counts as missing.
-
-        :raises ValueError: it does not name an alarm and what was recorded.
-        """
+        """Read a result; unknown keys are ignored, a wrong value counts as missing."""
         return OBSERVATION.read(found)
 
     @classmethod
     def from_json(cls, text: str) -> Observation:
         """
-        Read a result; unknown keys are ignored, a wrong optional value counts as missing.
+        Read a result; unknown keys are ignored, a wrong value counts as missing.
 
-        :raises ValueError: it does not name an alarm and what was recorded.
+        :raises ValueError: it is not a JSON object.
         """
         return OBSERVATION.read(parse_object(text, '{"alarm": "7", "kind": "picture", ...}'))
 
 
 TRANSITION: Final = Codec(AgentTransition, keys={'source': 'from', 'target': 'to'})
 ORDER: Final = Codec(ObservationOrder)
-OBSERVATION: Final = Codec(Observation, repairs=True, missing={'subject': ''})
+OBSERVATION: Final = Codec(Observation, repairs=True, missing={
+    'alarm': '', 'subject': '', 'kind': ''})

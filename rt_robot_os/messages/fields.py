@@ -73,7 +73,7 @@ def parse_object(text: str, example: str) -> dict[str, Any]:
     return found
 
 
-class Limit(Protocol):
+class FieldLimit(Protocol):
     """What the value of a field may be."""
 
     def read(self, value: object) -> Any:
@@ -232,6 +232,48 @@ class Texts(NamedTuple):
         return {'type': 'array', 'maxItems': self.most, 'items': self.of.schema()}
 
 
+class OneObject(NamedTuple):
+    """A JSON object whose content is not a message of its own."""
+
+    def read(self, value: object) -> dict[str, Any]:
+        """Return it; :raises ValueError: it is not an object."""
+        if not isinstance(value, dict):
+            raise ValueError(f'{str(value)[:_SHOWN]!r}: it must be a JSON object')
+        return value
+
+    def repair(self, value: object) -> dict[str, Any]:
+        """Return it as :meth:`read` does."""
+        return self.read(value)
+
+    def schema(self) -> dict[str, Any]:
+        """Return it as a JSON schema."""
+        return {'type': 'object'}
+
+
+class Objects(NamedTuple):
+    """A list of JSON objects."""
+
+    most: int = 4096
+
+    def read(self, value: object) -> tuple[dict[str, Any], ...]:
+        """Return it; :raises ValueError: it is not such a list."""
+        if not isinstance(value, list) or len(value) > self.most or not all(
+                isinstance(each, dict) for each in value):
+            raise ValueError(f'{str(value)[:_SHOWN]!r}: it must be a list of at most {self.most} '
+                             'JSON objects')
+        return tuple(value)
+
+    def repair(self, value: object) -> tuple[dict[str, Any], ...]:
+        """Return the objects of a list; :raises ValueError: it is not a list."""
+        if not isinstance(value, list):
+            return self.read(value)
+        return tuple(each for each in value[:self.most] if isinstance(each, dict))
+
+    def schema(self) -> dict[str, Any]:
+        """Return it as a JSON schema."""
+        return {'type': 'array', 'maxItems': self.most, 'items': {'type': 'object'}}
+
+
 class Choice(Generic[E]):
     """
     One member of an enumeration.
@@ -299,7 +341,7 @@ class FieldOf(NamedTuple):
 
     key: str
     name: str
-    limit: Limit
+    limit: FieldLimit
     default: Any
     needed: bool
 

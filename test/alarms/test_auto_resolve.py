@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.alarm_table import Book
-from rt_robot_os.features.alarms.command_handler import carry_out
+from rt_robot_os.features.alarms.alarm_table import AlarmTable
+from rt_robot_os.features.alarms.command_handler import execute
 from rt_robot_os.features.alarms.rules import Rules
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
@@ -33,7 +33,7 @@ class Ward:
     """A book; times are in seconds."""
 
     def __init__(self) -> None:
-        self.book = Book(RULES)
+        self.book = AlarmTable(RULES)
 
     def cause(self, at_s: float, cause: Cause) -> None:
         self.book.take_cause(cause, round(at_s * NS_PER_S))
@@ -42,7 +42,7 @@ class Ward:
         self.cause(at_s, replace(cause, active=False))
 
     def order(self, at_s: float, text: str) -> None:
-        answer = carry_out(self.book, text, round(at_s * NS_PER_S))
+        answer = execute(self.book, text, round(at_s * NS_PER_S))
         assert answer.ok, answer
 
     def state(self, at_s: float) -> str:
