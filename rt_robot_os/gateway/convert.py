@@ -35,9 +35,8 @@ from rt_robot_os.gateway.decoding import finite
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.conversions import labelled_numbers
 from rt_robot_os.messages.network_rows import names_of
-from rt_robot_os.messages.network_rows import NodeRow
-from rt_robot_os.messages.network_rows import NodeState
 from rt_robot_os.messages.network_rows import rows_of
+from rt_robot_os.messages.node_reading import NodeReading
 from rt_robot_os.motion.angles import yaw_of
 
 #: Rays of a scan, and points of a path, that are shown; and digits behind the point.
@@ -54,8 +53,6 @@ _NUMBERS: Final = MappingProxyType({
     'sensor_msgs/msg/Range': 'range'})
 _NODES: Final = 'wsn/nodes'
 _PATHS: Final = frozenset({'plan', 'path'})
-_NODE_DIGITS: Final = MappingProxyType({'id': 0, 'parent': 0, 'hops': 0, 'received': 0, 'lost': 0,
-                                        'duplicates': 0, 'reboots': 0})
 
 
 def value_of(topic: str, type_name: str, cdr: bytes) -> Any:
@@ -96,31 +93,18 @@ def text_value(text: str) -> Any:
 def _numbers(topic: str, cdr: bytes) -> Any:
     label, numbers = labelled_numbers(memoryview(cdr))
     if topic == _NODES:
-        return {'nodes': nodes_of(label, numbers)}
+        return {'nodes': [each.to_dict() for each in nodes_of(label, numbers)]}
     if topic in _PATHS:
         points = [[_round(x), _round(y)] for x, y in zip(numbers[0::3], numbers[1::3])]
         return {'points': thinned(points, POINTS_MOST)}
     return {'data': [finite(each) for each in numbers[:POINTS_MOST]]}
 
 
-def nodes_of(label: str, numbers: tuple[float, ...]) -> list[dict[str, Any]]:
+def nodes_of(label: str, numbers: tuple[float, ...]) -> list[NodeReading]:
     """Read the rows of a sensor network."""
     names = names_of(label)
-    return [{'name': names.get(int(row.id), f'node{int(row.id)}'), **_node(row)}
+    return [NodeReading.of_row(names.get(int(row.id), f'node{int(row.id)}'), row)
             for row in rows_of(numbers) if math.isfinite(row.id)]
-
-
-def _node(row: NodeRow) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in row._asdict().items():
-        if not math.isfinite(value):
-            found[key] = None
-        else:
-            found[key] = int(value) if key in _NODE_DIGITS else _round(value)
-    state = found['state']
-    known = state is not None and 0 <= state < len(NodeState)
-    found['state'] = NodeState(int(state)).name.lower() if known else None
-    return found
 
 
 def thinned(items: list[Any], most: int) -> list[Any]:

@@ -31,6 +31,7 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.gateway.convert import nodes_of
 from rt_robot_os.gateway.convert import value_of
 from rt_robot_os.gateway.keeper import Keeper
 from rt_robot_os.gateway.outbox import Mark
@@ -41,6 +42,7 @@ from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
 from rt_robot_os.gateway.robot_link import utc_of
 from rt_robot_os.link.cdr import string_in
+from rt_robot_os.link.conversions import labelled_numbers
 from rt_robot_os.link.diagnostic_array import statuses_of
 from rt_robot_os.messages.texts.coded import codes_of
 from rt_robot_os.messages.uplink.importance import Importance
@@ -75,10 +77,6 @@ _FAULTS: Final = 'motor_faults'
 _MOVED_M: Final = 0.3
 _STATES_MOST: Final = 4096
 _HZ_MOST: Final = 20.0
-#: Of a node: what is recorded, and what of it is told at once when it changes.
-_NODE_KEYS: Final = ('state', 'battery_v', 'days_left', 'delivery', 'recent', 'received', 'lost',
-                     'parent', 'hops', 'age_s')
-_NODE_STATE: Final = ('state', 'parent')
 
 
 class Records(Part):
@@ -176,13 +174,11 @@ class Records(Part):
                     'person': person, 'x': x, 'y': y, 'room': room}, sample.stamp_ns)
 
     def _take_nodes(self, sample: Sample) -> None:
-        found = value_of(sample.topic, sample.type, bytes(sample.cdr))
-        for each in found['nodes'] if isinstance(found, dict) else ():
-            state = tuple(each[key] for key in _NODE_STATE)
-            if self._is_due(('node', str(each['name'])), state, self.ways.settings.node_s):
-                self._keep(Importance.NETWORK, 'node', {
-                    'node': each['name'], **{key: each[key] for key in _NODE_KEYS}},
-                    sample.stamp_ns)
+        for each in nodes_of(*labelled_numbers(memoryview(sample.cdr))):
+            # A change of these is recorded immediately.
+            state = each.state, each.parent
+            if self._is_due(('node', each.name), state, self.ways.settings.node_s):
+                self._keep(Importance.NETWORK, 'node', each.to_record(), sample.stamp_ns)
 
     def _take_faults(self, sample: Sample) -> None:
         faults = value_of(sample.topic, sample.type, bytes(sample.cdr))

@@ -47,7 +47,7 @@ _LONGEST_WHY: Final = 120
 _SILENCE_S: Final = 60.0
 
 
-class Command(NamedTuple):
+class AlarmCommand(NamedTuple):
     """
     A command.
 
@@ -64,7 +64,7 @@ class Command(NamedTuple):
     seconds: float = 0.0
 
 
-def parse_command(text: str) -> Command:
+def parse_command(text: str) -> AlarmCommand:
     """
     Read a command.
 
@@ -84,15 +84,15 @@ def parse_command(text: str) -> Command:
     if len(by) > _LONGEST_NAME:
         raise ValueError(f'{by[:20]!r}... is too long for a name: at most {_LONGEST_NAME} letters')
     if verb == TEST:
-        return Command(verb, '', by, why[:_LONGEST_WHY], level=_level(about))
+        return AlarmCommand(verb, '', by, why[:_LONGEST_WHY], level=_level(about))
     if verb == SILENCE:
-        return Command(verb, '', by, why[:_LONGEST_WHY], seconds=_seconds(about))
+        return AlarmCommand(verb, '', by, why[:_LONGEST_WHY], seconds=_seconds(about))
     if not about:
         raise ValueError(f'{text[:60]!r} does not say which alarm: write "{verb} ID by {by}"')
     target = ' '.join(about).removeprefix('#')
     if target == ALL and verb not in (ACKNOWLEDGE, CANCEL):
         raise ValueError(f'{verb} takes one alarm at a time: write "{verb} ID by {by}"')
-    return Command(verb, target, by, why[:_LONGEST_WHY])
+    return AlarmCommand(verb, target, by, why[:_LONGEST_WHY])
 
 
 def _level(about: list[str]) -> Level:

@@ -13,154 +13,144 @@
 # limitations under the License.
 
 """
-Causes of alarms, as one module tells them to another: JSON in a ``std_msgs/msg/String``.
+Causes of alarms, from the modules that detect them to module ``alarms``.
 
-Whoever assesses something says "this is so" and, when it is over, "this is so no longer". What
-becomes of it (an alarm, a part of one, nothing) is decided where all causes come together.
+Each is JSON in a ``std_msgs/msg/String``. A module publishes a cause when it becomes active and
+again when it is cleared. Module ``alarms`` decides what follows: a new alarm, a part of an open
+one, or nothing.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import IntEnum
-import json
 import math
-import re
+from typing import Annotated
 from typing import Any
 from typing import Final
-from typing import NamedTuple
 
-#: On the core's bus; several modules publish on it.
+from rt_robot_os.messages.fields import Choice
+from rt_robot_os.messages.fields import Codec
+from rt_robot_os.messages.fields import compact
+from rt_robot_os.messages.fields import Flag
+from rt_robot_os.messages.fields import parse_object
+from rt_robot_os.messages.fields import Real
+from rt_robot_os.messages.fields import Text
+
 CAUSES_TOPIC: Final = 'alarms/causes'
 CAUSES_MESSAGE: Final = 'std_msgs/msg/String'
-#: The longest text of a cause, in bytes.
 CAUSE_BYTES: Final = 3000
-#: Kept on the bus: a flood of technical causes displaces nothing before it is read.
 CAUSES_DEPTH: Final = 64
 
-_WORD: Final = re.compile(r'[a-z][a-z0-9_]{0,47}', re.ASCII)
-_LONGEST_TEXT: Final = 240
-_LONGEST_NAME: Final = 64
+_KIND: Final = Text(48, 1, '[a-z][a-z0-9_]{0,47}', (
+    'a small letter, then at most 47 small letters, digits and _, such as water_leak'))
+_SUBJECT: Final = Text(64, 1)
+_NAME: Final = Text(64)
+_SENTENCE: Final = Text(240)
 
 
 class Level(IntEnum):
-    """How much an alarm matters; more is worse."""
+    """How severe an alarm is; more is worse."""
 
-    #: Something of ours is broken: nobody is in danger by that alone.
+    #: A part of the system has failed; that alone endangers no person.
     TECHNICAL = 1
-    #: Somebody should look, today.
+    #: A person should check within the day.
     WARNING = 2
-    #: Somebody should come soon.
+    #: A person should come soon.
     URGENT = 3
-    #: Somebody may die.
+    #: A life may be in danger.
     CRITICAL = 4
 
 
-#: As they are written in settings and messages.
 LEVELS: Final = {level.name.lower(): level for level in Level}
+LEVEL_WORDS: Final = {level: word for word, level in LEVELS.items()}
 
 
-class Cause(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Cause:
     """
-    Something that is a reason for an alarm, or no longer is.
+    A condition that is a reason for an alarm, or that has cleared.
 
     :ivar kind: what it is: ``fall``, ``help``, ``news2``, ``smoke``, ``sensor_off``.
-    :ivar subject: whom or what it concerns: a person, a room, a device.
-    :ivar level: how much it matters.
-    :ivar active: it is so; False: it is over.
+    :ivar subject: the person, room or device concerned.
+    :ivar level: how severe it is.
+    :ivar active: the condition holds; false: it has cleared.
     :ivar text: a sentence for people.
-    :ivar source: the module that says so.
-    :ivar node: the sensor node that reported it; empty without.
-    :ivar x: where it is in the map, in m; NaN while that is not known.
+    :ivar source: the module that publishes it; empty for a person.
+    :ivar node: the sensor node that reported it; left out without.
+    :ivar x: position in the map; left out when it is not known.
     :ivar y: as x.
-    :ivar value: the number behind it; NaN without.
+    :ivar value: the measured value behind it; left out without.
     """
 
-    kind: str
-    subject: str
-    level: Level
-    active: bool = True
-    text: str = ''
-    source: str = ''
-    node: str = ''
-    x: float = math.nan
-    y: float = math.nan
-    value: float = math.nan
+    kind: Annotated[str, _KIND]
+    subject: Annotated[str, _SUBJECT]
+    level: Annotated[Level, Choice(LEVELS)]
+    active: Annotated[bool, Flag()] = True
+    text: Annotated[str, _SENTENCE] = ''
+    source: Annotated[str, _NAME] = ''
+    node: Annotated[str, _NAME] = ''
+    x: Annotated[float, Real(unit='m')] = math.nan
+    y: Annotated[float, Real(unit='m')] = math.nan
+    value: Annotated[float, Real()] = math.nan
 
-    def to_text(self) -> str:
-        """Return it as JSON of at most :data:`CAUSE_BYTES`; safe in the real-time loop."""
+    def of_source(self, source: str) -> Cause:
+        """Return it with the name of the module that publishes it."""
+        return Cause(self.kind, self.subject, self.level, self.active, self.text, source,
+                     self.node, self.x, self.y, self.value)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as a JSON object; what is not known is left out."""
         found: dict[str, Any] = {
-            'kind': self.kind, 'subject': self.subject, 'level': self.level.name.lower(),
-            'active': self.active, 'text': self.text[:_LONGEST_TEXT], 'source': self.source}
+            'kind': self.kind, 'subject': self.subject, 'level': LEVEL_WORDS[self.level],
+            'active': self.active, 'text': self.text[:_SENTENCE.most], 'source': self.source}
         if self.node:
             found['node'] = self.node
-        for key in ('x', 'y', 'value'):
-            number = getattr(self, key)
-            if math.isfinite(number):
-                found[key] = number
-        return json.dumps(found, ensure_ascii=False, separators=(',', ':'))
+        if math.isfinite(self.x):
+            found['x'] = self.x
+        if math.isfinite(self.y):
+            found['y'] = self.y
+        if math.isfinite(self.value):
+            found['value'] = self.value
+        return found
+
+    def to_json(self) -> str:
+        """Return it as JSON of at most :data:`CAUSE_BYTES`; safe in the real-time loop."""
+        return compact(self.to_dict())
+
+    @classmethod
+    def from_dict(cls, found: Mapping[str, Any]) -> Cause:
+        """
+        Read what :meth:`to_dict` gave.
+
+        :raises ValueError: with the field, its value and what it must be.
+        """
+        return CODEC.read(found)
+
+    @classmethod
+    def from_json(cls, text: str) -> Cause:
+        """
+        Read what :meth:`to_json` gave, or what a person published from ROS.
+
+        :raises ValueError: with the field, its value and what it must be.
+        """
+        return CODEC.read(parse_object(text, _EXAMPLE))
 
 
-def cause_of(text: str) -> Cause:
-    """
-    Read what :meth:`Cause.to_text` wrote, or what somebody published from ROS.
-
-    :raises ValueError: with what is wrong and what would be right.
-    """
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f'{text[:60]!r} is no JSON: {error}') from None
-    if not isinstance(found, dict):
-        raise ValueError(f'{text[:60]!r} is no object: write {{"kind": "fall", "subject": "anna", '
-                         '"level": "critical"}')
-    unknown = sorted(set(found) - set(Cause._fields))
-    if unknown:
-        raise ValueError(f'unknown keys {", ".join(unknown)[:80]}; '
-                         f'there are {", ".join(Cause._fields)}')
-    level = found.get('level')
-    if not isinstance(level, str) or level not in LEVELS:
-        raise ValueError(f'level {str(level)[:20]!r}: it must be one of {", ".join(LEVELS)}')
-    active = found.get('active', True)
-    if not isinstance(active, bool):
-        raise ValueError(f'active {str(active)[:20]!r}: it must be true or false')
-    return Cause(
-        _word(found, 'kind'), _short(found, 'subject', _LONGEST_NAME, needed=True), LEVELS[level],
-        active, _short(found, 'text', _LONGEST_TEXT), _short(found, 'source', _LONGEST_NAME),
-        _short(found, 'node', _LONGEST_NAME), _number(found, 'x'), _number(found, 'y'),
-        _number(found, 'value'))
+_EXAMPLE: Final = '{"kind": "fall", "subject": "anna", "level": "critical"}'
+# Strict: a person who publishes a cause by hand wants to know about a misspelt key.
+CODEC: Final = Codec(Cause, refuses_unknown=True)
 
 
 def check_kind(kind: str) -> str:
     """
-    Return a kind of cause as it is.
+    Return a kind of cause unmodified.
 
-    :raises ValueError: it is none.
+    :raises ValueError: it is not valid.
     """
-    if not _WORD.fullmatch(kind):
-        raise ValueError(f'{kind[:60]!r} is no kind of cause: it must be a small letter, then '
-                         'at most 47 small letters, digits and _, such as water_leak')
-    return kind
-
-
-def _word(found: dict[str, Any], key: str) -> str:
-    value = found.get(key)
-    return check_kind(value if isinstance(value, str) else str(value))
-
-
-def _short(found: dict[str, Any], key: str, longest: int, needed: bool = False) -> str:
-    value = found.get(key, '')
-    if not isinstance(value, str) or len(value) > longest or (needed and not value.strip()):
-        raise ValueError(f'{key} {str(value)[:60]!r}: it must be a text of '
-                         f'{"1" if needed else "0"} to {longest} letters')
-    # JSON can escape what no message can hold: it is told all the same.
-    return value.replace('\0', ' ').encode('utf-8', 'replace').decode()
-
-
-def _number(found: dict[str, Any], key: str) -> float:
-    value = found.get(key, math.nan)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f'{key} {str(value)[:20]!r}: it must be a number')
     try:
-        return float(value)
-    except OverflowError:
-        raise ValueError(f'{key} is an absurdly large number') from None
+        return _KIND.read(kind)
+    except ValueError:
+        raise ValueError(f'{kind[:60]!r} is not a kind of cause: it must be {_KIND.must_be}'
+                         ) from None

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 import math
 from typing import Any
 from typing import Final
@@ -75,7 +76,7 @@ class CauseReports:
         """
         key = cause.kind, cause.subject
         before = self._active.get(key)
-        cause = cause._replace(source=self._source)
+        cause = cause.of_source(self._source)
         if not cause.active:
             if before is None:
                 return False
@@ -102,7 +103,7 @@ class CauseReports:
         before = self._active.get((kind, subject))
         if before is None:
             return False
-        return self.report(before._replace(active=False, text=text or before.text), stamp_ns)
+        return self.report(replace(before, active=False, text=text or before.text), stamp_ns)
 
     def active(self, kind: str, subject: str) -> Cause | None:
         """Return a cause that is active."""
@@ -138,6 +139,6 @@ class CauseReports:
         return self.end(mildest.kind, mildest.subject, stamp_ns, 'given up for a worse cause')
 
     def _publish(self, cause: Cause, stamp_ns: int) -> None:
-        self._publisher.msg.data = cause.to_text()
+        self._publisher.msg.data = cause.to_json()
         self._publisher.publish(stamp_ns)
         self.reports += 1

@@ -22,15 +22,15 @@ import math
 from typing import Any
 
 from rt_robot_os.features.agent.agent import Agent
-from rt_robot_os.features.agent.agent import Surroundings
-from rt_robot_os.features.agent.beside import Beside
-from rt_robot_os.features.agent.edges import State
-from rt_robot_os.features.agent.machine import Transition
-from rt_robot_os.features.agent.senses import Goal
-from rt_robot_os.features.agent.senses import Order
-from rt_robot_os.features.agent.senses import Place
-from rt_robot_os.features.agent.senses import Spin
+from rt_robot_os.features.agent.agent import AgentContext
+from rt_robot_os.features.agent.inputs import AgentOrder
+from rt_robot_os.features.agent.inputs import Goal
+from rt_robot_os.features.agent.inputs import Location
+from rt_robot_os.features.agent.inputs import Spin
+from rt_robot_os.features.agent.machine import StateTransition
+from rt_robot_os.features.agent.standoff import StandoffPlanner
 from rt_robot_os.features.agent.tuning import AgentTuning
+from rt_robot_os.messages.agent import AgentState
 from rt_robot_os.motion.differential import Pose
 
 PERIOD_NS = 50_000_000
@@ -55,22 +55,22 @@ class World:
         self.t_ns = 10**10
         self.planner = ''
         self.knows_pose = True
-        self.made: list[Transition] = []
-        self.orders: list[Order] = []
+        self.made: list[StateTransition] = []
+        self.orders: list[AgentOrder] = []
         self._due: list[tuple[int, str]] = []
         self._goal: Pose | None = None
         self.agent = Agent(
             AgentTuning(**{**SHORT, **tuning}),
-            Surroundings(Beside(None, 1.0, 0.2), {'kitchen': Place(8.0, 1.0, 'kitchen')},
+            AgentContext(StandoffPlanner(None, 1.0, 0.2), {'kitchen': Location(8.0, 1.0, 'kitchen')},
                          {'wrist': 'anna'}, home), self._take, PERIOD_NS)
         self.senses = self.agent.senses
-        self.senses.people['anna'] = Place(4.0, 4.0, 'anna')
+        self.senses.people['anna'] = Location(4.0, 4.0, 'anna')
         self.senses.steering = 'nobody'
         self.pose: Pose | None = (0.0, 0.0, 0.0)
         self._sense()
 
-    def _take(self, order: Order | Transition) -> None:
-        if isinstance(order, Transition):
+    def _take(self, order: AgentOrder | StateTransition) -> None:
+        if isinstance(order, StateTransition):
             self.made.append(order)
             return
         self.orders.append(order)
@@ -95,7 +95,7 @@ class World:
             senses.pose_ns = senses.pose_good_ns = self.t_ns
 
     @property
-    def state(self) -> State:
+    def state(self) -> AgentState:
         return self.agent.state
 
     def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
@@ -106,10 +106,10 @@ class World:
             self._sense()
             self.agent.tick(self.t_ns)
 
-    def until(self, state: State, seconds: float = 30.0) -> None:
+    def until(self, state: AgentState, seconds: float = 30.0) -> None:
         """Run until a state is there."""
         self.run(seconds, lambda: self.state is state)
-        assert self.state is state, (self.state, [each.to_text() for each in self.made])
+        assert self.state is state, (self.state, [each.message().to_json() for each in self.made])
 
     def alarm(self, state: str, alarm: str = '1', level: str = 'urgent', subject: str = 'anna',
               kinds: tuple[str, ...] = ('fall',), **more: Any) -> None:
@@ -120,7 +120,7 @@ class World:
 
     def move_anna(self, x: float, y: float) -> None:
         """Let anna be elsewhere."""
-        self.senses.people['anna'] = Place(x, y, 'anna')
+        self.senses.people['anna'] = Location(x, y, 'anna')
 
     def away_m(self) -> float:
         """Return how far anna is from the robot."""

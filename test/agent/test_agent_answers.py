@@ -19,11 +19,11 @@ from __future__ import annotations
 from agent_world import PERIOD_NS
 from agent_world import World
 import pytest
-from rt_robot_os.features.agent.edges import State
-from rt_robot_os.features.agent.senses import Command
-from rt_robot_os.features.agent.senses import Say
+from rt_robot_os.features.agent.inputs import Say
+from rt_robot_os.features.agent.inputs import SendAlarmCommand
+from rt_robot_os.messages.agent import AgentState
 
-S = State
+S = AgentState
 
 
 def asked() -> World:
@@ -39,7 +39,7 @@ def said(world: World) -> list[str]:
 
 
 @pytest.mark.parametrize(('age_ns', 'state'), [(1, S.CONFIRM), (0, S.RETURN)])
-def test_an_answer_of_before_the_question_does_not_count(age_ns: int, state: State) -> None:
+def test_an_answer_of_before_the_question_does_not_count(age_ns: int, state: AgentState) -> None:
     world = asked()
     asked_ns = world.t_ns
     world.run(1.0)  # it took a second to come
@@ -52,7 +52,7 @@ def test_a_call_for_help_of_before_the_question_does_not_count_either() -> None:
     world = asked()
     world.agent.answer('anna help', world.t_ns - 1, world.t_ns)
     assert world.state is S.CONFIRM
-    assert not [each for each in world.orders if isinstance(each, Command)]
+    assert not [each for each in world.orders if isinstance(each, SendAlarmCommand)]
     world.agent.answer('anna help', world.t_ns, world.t_ns)
     assert world.state is S.APPROACH
 
@@ -77,7 +77,7 @@ def test_an_answer_that_was_given_about_another_emergency_does_not_count() -> No
     world.agent.answer('fine', answered_ns, world.t_ns)
     assert world.state is S.CONFIRM and world.agent.refused == 1
     world.agent.answer('fine', world.t_ns, world.t_ns)
-    assert [each.text for each in world.orders if isinstance(each, Command)] == ['cancel 2 by bob']
+    assert [each.text for each in world.orders if isinstance(each, SendAlarmCommand)] == ['cancel 2 by bob']
 
 
 def test_an_answer_counts_while_the_robot_is_held() -> None:

@@ -20,11 +20,12 @@ from collections.abc import Iterator
 from pathlib import Path
 import re
 
-from rt_robot_os.features.agent.edges import Edge
+from rt_robot_os.features.agent.edges import BEFORE
 from rt_robot_os.features.agent.edges import EDGES
 from rt_robot_os.features.agent.edges import EVENTS
 from rt_robot_os.features.agent.edges import GUARDS
-from rt_robot_os.features.agent.edges import State
+from rt_robot_os.features.agent.edges import StateEdge
+from rt_robot_os.messages.agent import AgentState
 
 PAGE = Path(__file__).resolve().parents[2] / 'docs' / 'active_agent.md'
 LINE = re.compile(r'(\w+) --> (\w+): ([\w, ]+?)(?: \[([\w ]+)\])?(?: / (\w+))?')
@@ -54,7 +55,7 @@ def boxes(lines: list[str]) -> dict[str, list[str]]:
     return inside
 
 
-def drawn(lines: list[str]) -> Iterator[Edge]:
+def drawn(lines: list[str]) -> Iterator[StateEdge]:
     inside = boxes(lines)
     for line in lines:
         if line.startswith(('[*]', 'state ', '}')) or re.fullmatch(r'\w+', line):
@@ -64,7 +65,7 @@ def drawn(lines: list[str]) -> Iterator[Edge]:
         begin, end, events, guard, action = match.groups()
         for source in inside.get(begin, [begin]):
             for event in events.split(', '):
-                yield Edge(State(source), event, guard or '', State(end), action or '')
+                yield StateEdge(AgentState(source), event, guard or '', None if end == BEFORE else AgentState(end), action or '')
 
 
 def test_the_drawing_has_every_edge_of_the_table_and_no_other() -> None:
@@ -91,6 +92,6 @@ def test_every_event_and_guard_of_the_table_is_explained() -> None:
 
 
 def test_every_state_is_reached_and_left() -> None:
-    for state in set(State) - {State.BEFORE}:
+    for state in AgentState:
         assert any(edge.source is state for edge in EDGES), state
         assert any(edge.target is state for edge in EDGES), state

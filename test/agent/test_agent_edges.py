@@ -20,14 +20,14 @@ from typing import Any
 
 from agent_world import World
 import pytest
-from rt_robot_os.features.agent.edges import Edge
 from rt_robot_os.features.agent.edges import EDGES
-from rt_robot_os.features.agent.edges import State
+from rt_robot_os.features.agent.edges import StateEdge
+from rt_robot_os.messages.agent import AgentState
 
-S = State
+S = AgentState
 
 
-def settings_for(edge: Edge) -> dict[str, Any]:
+def settings_for(edge: StateEdge) -> dict[str, Any]:
     found: dict[str, Any] = {}
     if edge.guard == 'leaves':
         found['when_acknowledged'] = 'return'
@@ -38,7 +38,7 @@ def settings_for(edge: Edge) -> dict[str, Any]:
     return found
 
 
-def reach(world: World, edge: Edge) -> None:
+def reach(world: World, edge: StateEdge) -> None:
     """Bring the agent to where an edge begins."""
     state = edge.source
     if (edge.source, edge.event) == (S.APPROACH, 'no_place'):
@@ -79,10 +79,10 @@ def reach(world: World, edge: Edge) -> None:
     if state is S.OPERATOR:
         world.senses.steering = 'teleop'
         world.run(0.1)
-    assert world.state is state, (state, [each.to_text() for each in world.made])
+    assert world.state is state, (state, [each.message().to_json() for each in world.made])
 
 
-def cause(world: World, edge: Edge) -> None:
+def cause(world: World, edge: StateEdge) -> None:
     """Let the event of an edge happen."""
     event, senses = edge.event, world.senses
     if event in ('suspected', 'raised'):
@@ -118,7 +118,7 @@ def cause(world: World, edge: Edge) -> None:
 
 @pytest.mark.parametrize('edge', EDGES, ids=lambda edge: (
     f'{edge.source.value} {edge.event} [{edge.guard}]'))
-def test_each_edge_is_taken(edge: Edge) -> None:
+def test_each_edge_is_taken(edge: StateEdge) -> None:
     world = World(**settings_for(edge))
     reach(world, edge)
     before = len(world.made)
@@ -132,7 +132,7 @@ def test_each_edge_is_taken(edge: Edge) -> None:
         cause(world, edge)
     world.run(40.0, lambda: len(world.made) > before)
     made = world.made[before]
-    assert made.edge == edge, made.to_text()
-    wanted = edge.target if edge.target is not S.BEFORE else S.APPROACH
+    assert made.edge == edge, made.message().to_json()
+    wanted = edge.target or S.APPROACH
     assert (made.source, made.target) == (edge.source, wanted)
     assert world.state is wanted

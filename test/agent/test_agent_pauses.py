@@ -20,9 +20,9 @@ from collections.abc import Callable
 
 from agent_world import World
 import pytest
-from rt_robot_os.features.agent.edges import State
+from rt_robot_os.messages.agent import AgentState
 
-S = State
+S = AgentState
 Change = Callable[[World], None]
 
 
@@ -51,7 +51,7 @@ def approaching(**tuning: str) -> World:
     return world
 
 
-def after(world: World, *changes: Change) -> list[State]:
+def after(world: World, *changes: Change) -> list[AgentState]:
     """Let something happen each second, and return the state after each."""
     found = []
     for each in changes:
@@ -72,7 +72,7 @@ def after(world: World, *changes: Change) -> list[State]:
      [S.OPERATOR, S.HELD, S.OPERATOR, S.HELD, S.OPERATOR, S.APPROACH]),
 ])
 def test_after_all_pauses_it_goes_on_with_what_it_did_before_the_first(
-        changes: tuple[Change, ...], states: list[State]) -> None:
+        changes: tuple[Change, ...], states: list[AgentState]) -> None:
     world = approaching()
     assert after(world, *changes) == states
 

@@ -20,15 +20,15 @@ import math
 
 from agent_world import World
 import pytest
-from rt_robot_os.features.agent.edges import State
-from rt_robot_os.features.agent.senses import Goal
-from rt_robot_os.features.agent.senses import Observe
-from rt_robot_os.features.agent.senses import Place
-from rt_robot_os.features.agent.senses import Say
-from rt_robot_os.features.agent.senses import Spin
-from rt_robot_os.features.agent.senses import Trouble
+from rt_robot_os.features.agent.inputs import Goal
+from rt_robot_os.features.agent.inputs import Location
+from rt_robot_os.features.agent.inputs import Observe
+from rt_robot_os.features.agent.inputs import ReportBlocked
+from rt_robot_os.features.agent.inputs import Say
+from rt_robot_os.features.agent.inputs import Spin
+from rt_robot_os.messages.agent import AgentState
 
-S = State
+S = AgentState
 
 
 def path(world: World) -> list[str]:
@@ -59,7 +59,7 @@ def test_whom_an_operator_wants_first_comes_first_and_is_left_for_nothing_worse(
 
 @pytest.mark.parametrize(('kinds', 'state'), [
     (('test',), S.IDLE), (('test', 'fall'), S.APPROACH)])
-def test_a_test_is_no_emergency_but_hides_none(kinds: tuple[str, ...], state: State) -> None:
+def test_a_test_is_no_emergency_but_hides_none(kinds: tuple[str, ...], state: AgentState) -> None:
     world = World()
     world.alarm('raised', kinds=kinds)
     assert world.state is state
@@ -69,7 +69,7 @@ def test_a_test_is_no_emergency_but_hides_none(kinds: tuple[str, ...], state: St
     ({}, S.IDLE), ({'level': 'critical'}, S.APPROACH),
     ({'kinds': ('fall', 'smoke')}, S.APPROACH)])
 def test_who_was_left_is_served_again_only_when_it_is_worse_or_something_is_new(
-        news: dict[str, object], state: State) -> None:
+        news: dict[str, object], state: AgentState) -> None:
     world = World()
     world.alarm('raised')
     world.agent.command('return', world.t_ns)
@@ -148,7 +148,7 @@ def test_where_an_operator_has_sent_the_robot_it_is_left_until_it_is_there() -> 
     world.senses.planner, world.senses.planner_new = 'done', True
     world.run(1.5)
     assert world.state is S.APPROACH
-    assert [each.to_text().split('"cause":')[1].split(',')[0] for each in world.made[1:]] == [
+    assert [each.message().to_json().split('"cause":')[1].split(',')[0] for each in world.made[1:]] == [
         '"operator: somebody has sent the robot elsewhere"',
         '"released: the operator has let go"']
 
@@ -295,7 +295,7 @@ def test_when_it_gets_there_at_last_the_trouble_is_over() -> None:
     world.until(S.GIVE_UP)
     world.planner = 'done'
     world.until(S.OBSERVE)
-    assert [each.active for each in world.orders if isinstance(each, Trouble)] == [True, False]
+    assert [each.active for each in world.orders if isinstance(each, ReportBlocked)] == [True, False]
     said = [each.text for each in world.orders if isinstance(each, Say)]
     assert 'I cannot get to you, anna. Help has been called.' in said
 
@@ -310,7 +310,7 @@ def test_pictures_are_taken_once_it_looks_there_but_not_for_ever_waited_for() ->
     world.run(0.5)
     assert not [each for each in world.orders if isinstance(each, Observe)]
     world.run(4.0)
-    ordered = [each.order for each in world.orders if isinstance(each, Observe)]
+    ordered = [each.kind.value for each in world.orders if isinstance(each, Observe)]
     assert ordered == ['picture', 'clip', 'sound']
     world.agent.observed('2', 'picture', '')  # of another alarm
     for kind in ('clip', 'sound'):
@@ -339,7 +339,7 @@ def test_it_speaks_again_and_again_while_it_stays() -> None:
 
 def test_it_asks_again_until_there_is_an_answer() -> None:
     world = World(confirm_s=20.0, ask_again_s=5.0)
-    world.senses.people['anna'] = Place(0.0, 1.0, 'anna')
+    world.senses.people['anna'] = Location(0.0, 1.0, 'anna')
     world.alarm('suspected')
     world.run(16.0)
     assert len([each for each in world.orders if isinstance(each, Say)]) == 4
@@ -358,7 +358,7 @@ def test_home_is_where_it_is_set_and_not_three_metres_away() -> None:
 def test_a_node_that_somebody_wears_is_not_said_to_be_where_they_are() -> None:
     world = World()
     world.alarm('raised', node='wrist')
-    world.until(State.APPROACH)
+    world.until(AgentState.APPROACH)
     assert world.agent.text == 'approach anna: fall'
     world.alarm('raised', '2', 'critical', 'kitchen', ('smoke',), node='kitchen')
     world.run(1.0)

@@ -27,9 +27,9 @@ from hypothesis.stateful import rule
 from hypothesis.stateful import RuleBasedStateMachine
 from rt_robot_os.features.agent.edges import EDGES
 from rt_robot_os.features.agent.edges import PAUSES
-from rt_robot_os.features.agent.edges import State
-from rt_robot_os.features.agent.senses import Goal
-from rt_robot_os.features.agent.senses import Spin
+from rt_robot_os.features.agent.inputs import Goal
+from rt_robot_os.features.agent.inputs import Spin
+from rt_robot_os.messages.agent import AgentState
 
 ALARMS = st.sampled_from(['1', '2', '3'])
 PLANNER = st.sampled_from(['', 'done', 'refused: no way', 'waiting: somebody', 'stopped: blocked'])
@@ -108,7 +108,7 @@ class Days(RuleBasedStateMachine):
     def each_step_is_one_of_the_table(self) -> None:
         made = self.world.made
         state, t_ns = (made[self.seen - 1].target, made[self.seen - 1].t_ns) if self.seen else (
-            State.IDLE, 0)
+            AgentState.IDLE, 0)
         for each in made[self.seen:]:
             assert each.edge in EDGES and each.source is state and each.t_ns >= t_ns
             state, t_ns = each.target, each.t_ns
@@ -121,8 +121,8 @@ class Days(RuleBasedStateMachine):
         world.orders.clear()
         held = world.senses.estop or world.senses.steering.startswith('nobody: e-stop')
         world.run(0.1)
-        if world.state is not State.IDLE:
-            assert (world.state is State.HELD) == held
+        if world.state is not AgentState.IDLE:
+            assert (world.state is AgentState.HELD) == held
         if world.state in PAUSES and world.senses.steering != 'nobody':
             first = 1 + next((place for place, each in enumerate(world.orders)
                               if each == Goal(None)), -1)
@@ -142,8 +142,8 @@ class Days(RuleBasedStateMachine):
         world.senses.estop, world.senses.steering = False, 'nobody'
         world.senses.planner, world.senses.planner_new = 'done', True
         world.planner = ''
-        world.run(400.0, lambda: world.state is State.IDLE)
-        assert world.state is State.IDLE, [each.to_text() for each in world.made[-8:]]
+        world.run(400.0, lambda: world.state is AgentState.IDLE)
+        assert world.state is AgentState.IDLE, [each.message().to_json() for each in world.made[-8:]]
 
 
 TestDays = Days.TestCase

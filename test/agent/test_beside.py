@@ -24,9 +24,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from rt_robot_os.features.agent.beside import Beside
-from rt_robot_os.features.agent.drive import Drive
-from rt_robot_os.features.agent.senses import Goal
+from rt_robot_os.features.agent.drive import GoalFollower
+from rt_robot_os.features.agent.inputs import Goal
+from rt_robot_os.features.agent.standoff import StandoffPlanner
 from rt_robot_os.motion.clearing import Clearing
 from rt_robot_os.motion.grid_map import GridMap
 
@@ -36,7 +36,7 @@ CELLS[:, 0] = CELLS[:, -1] = 100
 CELLS[:30, 60:62] = CELLS[45:, 60:62] = 100  # a wall with a door at 3.05, 1.9
 CELLS[50:80, 90:120] = 100  # a bed in the corner
 GRID = GridMap(CELLS, 0.05)
-BESIDE = Beside(Clearing(GRID, 0.4), 1.0, 0.2)
+BESIDE = StandoffPlanner(Clearing(GRID, 0.4), 1.0, 0.2)
 
 
 def test_nobody_is_looked_at_through_a_wall() -> None:
@@ -58,7 +58,7 @@ def test_who_lies_in_bed_is_looked_at_from_beside_it() -> None:
 
 def test_where_no_place_is_free_there_is_none() -> None:
     assert BESIDE.places((90.0, 3.0), (1.0, 1.0), 4) == []
-    drive = Drive(4, 1, 1, 1)
+    drive = GoalFollower(4, 1, 1, 1)
     drive.begin([], 0)
     assert drive.problem == 'no place to stand beside it'
 
@@ -75,7 +75,7 @@ def test_each_place_is_free_and_apart_from_the_others(x: float, y: float, most: 
 
 
 def test_a_drive_takes_what_was_said_before_its_goal_for_nothing() -> None:
-    drive = Drive(4, 10, 10, 1)
+    drive = GoalFollower(4, 10, 10, 1)
     drive.begin([(5.0, 0.0, 0.0), (7.0, 0.0, 0.0)], 0)
     drive.told('done', 0, (5.0, 0.0, 0.0))
     assert not drive.arrived and drive.next_goal(0) == (5.0, 0.0, 0.0)

@@ -33,12 +33,13 @@ from hypothesis.stateful import rule
 from hypothesis.stateful import RuleBasedStateMachine
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.alarm import Event
-from rt_robot_os.features.alarms.desk import Desk
+from rt_robot_os.features.alarms.alarm_service import AlarmService
 from rt_robot_os.features.alarms.escalation import parse_steps
 from rt_robot_os.features.alarms.rules import Rules
+from rt_robot_os.messages.alarm_event import AlarmEvent
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.journal import JournalReply
 
 STEPS = {
     Level.CRITICAL: parse_steps(['robot 0', 'operator 30 repeat 10', 'family+screen 60']),
@@ -67,7 +68,7 @@ class Lives(RuleBasedStateMachine):
         # From the time of the model to the clock of the desk, which begins anew with a restart.
         self.offset = 0
         self.records: list[tuple[str, int]] = []
-        self.events: dict[str, list[Event]] = defaultdict(list)
+        self.events: dict[str, list[AlarmEvent]] = defaultdict(list)
         self.told: dict[str, str] = {}  # key -> '' or what was reported
         self.last_event = 0
         self.desk = self._begin()
@@ -76,20 +77,20 @@ class Lives(RuleBasedStateMachine):
     def clock(self) -> int:
         return self.now - self.offset
 
-    def _begin(self) -> Desk:
-        desk = Desk(RULES)
+    def _begin(self) -> AlarmService:
+        desk = AlarmService(RULES)
         desk.start(self.clock)
         for text, offset in self.records:
             record: dict[str, Any] = json.loads(text)
             age_ns = self.now - record['t_ns'] - offset
-            desk.take_stored({'record': record, 'age_ns': age_ns}, self.clock)
-        desk.take_stored({'restored': len(self.records)}, self.clock)
+            desk.handle_journal(JournalReply(record, age_ns), self.clock)
+        desk.handle_journal(JournalReply(restored=len(self.records)), self.clock)
         return desk
 
     def _hear(self, resent: bool = False) -> None:
         for record in self.desk.take_records():
             self.records.append((record, self.offset))
-            self.desk.take_stored({'stored': json.loads(record)['seq']}, self.clock)
+            self.desk.handle_journal(JournalReply(stored=json.loads(record)['seq']), self.clock)
         for event in self.desk.take_events():
             assert event.seq > self.last_event
             self.last_event = event.seq

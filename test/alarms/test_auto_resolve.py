@@ -16,9 +16,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.book import Book
-from rt_robot_os.features.alarms.orders import carry_out
+from rt_robot_os.features.alarms.alarm_table import AlarmTable
+from rt_robot_os.features.alarms.command_handler import execute
 from rt_robot_os.features.alarms.rules import Rules
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
@@ -32,16 +33,16 @@ class Ward:
     """A book; times are in seconds."""
 
     def __init__(self) -> None:
-        self.book = Book(RULES)
+        self.book = AlarmTable(RULES)
 
     def cause(self, at_s: float, cause: Cause) -> None:
         self.book.take_cause(cause, round(at_s * NS_PER_S))
 
     def over(self, at_s: float, cause: Cause) -> None:
-        self.cause(at_s, cause._replace(active=False))
+        self.cause(at_s, replace(cause, active=False))
 
     def order(self, at_s: float, text: str) -> None:
-        answer = carry_out(self.book, text, round(at_s * NS_PER_S))
+        answer = execute(self.book, text, round(at_s * NS_PER_S))
         assert answer.ok, answer
 
     def state(self, at_s: float) -> str:
@@ -76,11 +77,11 @@ def test_an_alarm_acknowledged_while_its_cause_lasts_stays_from_the_end_of_the_c
 def test_only_when_the_last_of_several_causes_is_over_does_the_time_begin() -> None:
     ward = Ward()
     ward.cause(1, HELP)
-    ward.cause(2, HELP._replace(kind='pulse_low'))
+    ward.cause(2, replace(HELP, kind='pulse_low'))
     ward.order(3, 'acknowledge anna by mary')
     ward.over(10, HELP)
     assert ward.state(500) == 'acknowledged'
-    ward.over(500, HELP._replace(kind='pulse_low'))
+    ward.over(500, replace(HELP, kind='pulse_low'))
     ward.over(540, HELP)  # told once more that it is over, which it was
     assert ward.state(619.999) == 'acknowledged'
     assert ward.state(620) == ''
@@ -147,10 +148,10 @@ def test_an_alarm_raised_again_is_not_reminded_of_or_resolved_by_its_old_acknowl
     ward = Ward()
     ward.cause(1, HELP)
     ward.order(2, 'acknowledge anna by mary')
-    ward.cause(10, HELP._replace(kind='fall'))
+    ward.cause(10, replace(HELP, kind='fall'))
     assert ward.state(10) == 'raised'
     ward.over(11, HELP)
-    ward.over(11, HELP._replace(kind='fall'))
+    ward.over(11, replace(HELP, kind='fall'))
     assert ward.state(2000) == 'raised'
     assert ward.book.counters['unacknowledged'] == 1
 
@@ -174,7 +175,7 @@ def test_a_new_alarm_and_one_that_comes_again_end_the_silence_of_the_robot() -> 
 def test_a_suspicion_does_not_end_the_silence_and_what_becomes_of_it_does() -> None:
     ward = Ward()
     ward.order(1, 'silence 60 by mary')
-    ward.cause(2, HELP._replace(kind='fall'))
+    ward.cause(2, replace(HELP, kind='fall'))
     assert ward.state(31.999) == 'suspected'
     assert ward.book.silent_until_ns == 61 * NS_PER_S
     assert ward.state(32) == 'raised'

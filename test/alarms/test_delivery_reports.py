@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.alarm import Delivery
-from rt_robot_os.features.alarms.alarm import Event
-from rt_robot_os.features.alarms.book import Book
+from rt_robot_os.features.alarms.alarm_table import AlarmTable
 from rt_robot_os.features.alarms.escalation import parse_steps
 from rt_robot_os.features.alarms.rules import Rules
+from rt_robot_os.messages.alarm_event import AlarmEvent
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 
@@ -32,10 +32,10 @@ class Ward:
     """A critical alarm at 1 s, and what was told of it."""
 
     def __init__(self, *steps: str) -> None:
-        self.book = Book(Rules({Level.CRITICAL: parse_steps(steps)},
+        self.book = AlarmTable(Rules({Level.CRITICAL: parse_steps(steps)},
                                delivery_timeout_ns=10 * NS_PER_S))
         self.sent: list[Delivery] = []
-        self.events: list[Event] = []
+        self.events: list[AlarmEvent] = []
         self.book.take_cause(
             Cause('help', 'anna', Level.CRITICAL, True, 'text', 'button'), NS_PER_S)
         self._hear()

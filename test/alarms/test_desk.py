@@ -16,14 +16,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import json
 from typing import Any
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.desk import Desk
-from rt_robot_os.features.alarms.desk import START_ALARM_NS
+from rt_robot_os.features.alarms.alarm_service import AlarmService
+from rt_robot_os.features.alarms.alarm_service import START_ALARM_NS
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.journal import JournalReply
 
 WAIT_S = 2
 HELP = Cause('help', 'anna', Level.CRITICAL, True, 'the button was pressed', 'button')
@@ -33,7 +35,7 @@ class Office:
     """A desk, and what it has said so far."""
 
     def __init__(self, *records: str) -> None:
-        self.desk = Desk(wait_ns=WAIT_S * NS_PER_S)
+        self.desk = AlarmService(wait_ns=WAIT_S * NS_PER_S)
         self.records: list[str] = []
         self.desk.start(NS_PER_S)
         for each in records:
@@ -41,7 +43,7 @@ class Office:
         self.says(1.0, {'restored': len(records)})
 
     def says(self, at_s: float, said: dict[str, Any]) -> None:
-        self.desk.take_stored(said, round(at_s * NS_PER_S))
+        self.desk.handle_journal(JournalReply.from_dict(said), round(at_s * NS_PER_S))
 
     def told(self, at_s: float) -> list[str]:
         """Let time pass; return of whom people are told until then."""
@@ -78,7 +80,7 @@ def test_people_are_told_without_a_journal_that_does_not_come_back() -> None:
     assert office.told(3.9) == []
     assert office.told(4.0) == ['journal', 'anna']  # 2 s after the fault, not after the cause
     office.says(4.5, {'fault': 'no such disk'})
-    office.desk.take_cause(HELP._replace(subject='bob'), 5 * NS_PER_S)
+    office.desk.take_cause(replace(HELP, subject='bob'), 5 * NS_PER_S)
     assert office.told(5.0) == ['bob']
     assert 'no such disk' in office.desk.warning
 
@@ -112,18 +114,18 @@ def test_a_picture_that_comes_before_the_journal_has_given_back_is_kept() -> Non
     before.desk.take_cause(HELP, 2 * NS_PER_S)
     alarm = before.desk.book.in_order()[0].id
     before.told(2.0)
-    after = Desk(wait_ns=WAIT_S * NS_PER_S)
+    after = AlarmService(wait_ns=WAIT_S * NS_PER_S)
     after.start(NS_PER_S)
     after.take_picture(alarm, 'anna.jpg', 2 * NS_PER_S)
-    after.take_stored({'record': json.loads(before.records[-1]), 'age_ns': 0}, 2 * NS_PER_S)
-    after.take_stored({'restored': 1}, 2 * NS_PER_S)
+    after.handle_journal(JournalReply(json.loads(before.records[-1]), 0), 2 * NS_PER_S)
+    after.handle_journal(JournalReply(restored=1), 2 * NS_PER_S)
     assert after.book.alarms[alarm].pictures == ['anna.jpg']
     after.take_picture('of-another-robot', 'bob.jpg', 3 * NS_PER_S)
     assert after.statistics()['pictures_without_alarm'] == 1
 
 
 def test_a_slow_start_calls_nobody_and_a_journal_that_stays_away_does() -> None:
-    slow, never = Desk(wait_ns=WAIT_S * NS_PER_S), Desk(wait_ns=WAIT_S * NS_PER_S)
+    slow, never = AlarmService(wait_ns=WAIT_S * NS_PER_S), AlarmService(wait_ns=WAIT_S * NS_PER_S)
     for desk in (slow, never):
         desk.start(NS_PER_S)
         desk.advance(10 * NS_PER_S)
@@ -131,7 +133,7 @@ def test_a_slow_start_calls_nobody_and_a_journal_that_stays_away_does() -> None:
         desk.take_cause(HELP, 11 * NS_PER_S)
         desk.advance(13 * NS_PER_S)
         assert {each.subject for each in desk.take_notifications()} == {'anna'}
-    slow.take_stored({'restored': 0}, 14 * NS_PER_S)
+    slow.handle_journal(JournalReply(restored=0), 14 * NS_PER_S)
     for desk in (slow, never):
         desk.advance(40 * NS_PER_S)
     assert [each.subject for each in slow.take_notifications() if each.subject == 'journal'] == []

@@ -17,9 +17,9 @@
 from __future__ import annotations
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.book import Book
+from rt_robot_os.features.alarms.alarm_table import AlarmTable
+from rt_robot_os.features.alarms.command_handler import execute
 from rt_robot_os.features.alarms.escalation import parse_steps
-from rt_robot_os.features.alarms.orders import carry_out
 from rt_robot_os.features.alarms.rules import Rules
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
@@ -28,13 +28,13 @@ RULES = Rules({Level.CRITICAL: parse_steps(['operator 30 repeat 10', 'family 60'
               frozenset({'fall'}))
 
 
-def _book(kind: str) -> Book:
-    book = Book(RULES)
+def _book(kind: str) -> AlarmTable:
+    book = AlarmTable(RULES)
     book.take_cause(Cause(kind, 'anna', Level.CRITICAL, True, 'text', 'module'), NS_PER_S)
     return book
 
 
-def _told(book: Book) -> list[str]:
+def _told(book: AlarmTable) -> list[str]:
     return [event.why for change in book.take_changes() for event in change.events
             if event.event in ('notified', 'escalated', 'repeated')]
 
@@ -42,9 +42,9 @@ def _told(book: Book) -> list[str]:
 def test_the_next_step_is_told_at_once_and_the_last_one_once_more() -> None:
     book = _book('help')
     assert _told(book) == ['operator']
-    assert carry_out(book, 'escalate anna by mary nobody is near', 2 * NS_PER_S).ok
+    assert execute(book, 'escalate anna by mary nobody is near', 2 * NS_PER_S).ok
     assert _told(book) == ['family']
-    answer = carry_out(book, 'escalate anna by mary', 3 * NS_PER_S)
+    answer = execute(book, 'escalate anna by mary', 3 * NS_PER_S)
     assert answer.ok and 'nobody else' in answer.text
     assert _told(book) == ['family']
     book.advance(62 * NS_PER_S)
@@ -55,7 +55,7 @@ def test_the_next_step_is_told_at_once_and_the_last_one_once_more() -> None:
 
 def test_who_hurried_it_is_in_its_events() -> None:
     book = _book('help')
-    carry_out(book, 'escalate anna by mary nobody is near', 2 * NS_PER_S)
+    execute(book, 'escalate anna by mary nobody is near', 2 * NS_PER_S)
     found = [(event.by, event.why) for change in book.take_changes() for event in change.events
              if event.event == 'hurried']
     assert found == [('mary', 'nobody is near')]
@@ -63,9 +63,9 @@ def test_who_hurried_it_is_in_its_events() -> None:
 
 def test_what_is_only_suspected_or_taken_on_is_not_escalated() -> None:
     book = _book('fall')
-    answer = carry_out(book, 'escalate anna by mary', 2 * NS_PER_S)
+    answer = execute(book, 'escalate anna by mary', 2 * NS_PER_S)
     assert not answer.ok and '"confirm ' in answer.text
     book = _book('help')
-    carry_out(book, 'acknowledge anna by mary', 2 * NS_PER_S)
-    answer = carry_out(book, 'escalate anna by mary', 3 * NS_PER_S)
+    execute(book, 'acknowledge anna by mary', 2 * NS_PER_S)
+    answer = execute(book, 'escalate anna by mary', 3 * NS_PER_S)
     assert not answer.ok and '"resolve ' in answer.text

@@ -26,15 +26,15 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.features.alarms.journal import decode
-from rt_robot_os.features.alarms.journal import encode
-from rt_robot_os.features.alarms.journal import encode_record
-from rt_robot_os.features.alarms.journal import LINE_BYTES
 from rt_robot_os.features.alarms.journal_file import JournalFile
 from rt_robot_os.features.alarms.journal_file import NAME
 from rt_robot_os.features.alarms.journal_file import read_journal
-from rt_robot_os.features.alarms.store import Killed
-from rt_robot_os.features.alarms.store import MemoryStore
+from rt_robot_os.features.alarms.journal_lines import decode
+from rt_robot_os.features.alarms.journal_lines import encode
+from rt_robot_os.features.alarms.journal_lines import encode_record
+from rt_robot_os.features.alarms.journal_lines import LINE_BYTES
+from rt_robot_os.features.alarms.journal_store import Killed
+from rt_robot_os.features.alarms.journal_store import MemoryStore
 
 
 def record(seq: int, alarm: str = 'a', *, is_open: bool = True, text: str = 'äöü "R1"') -> str:

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from rt_robot_os.features.alarms.journal import Kept
-from rt_robot_os.features.alarms.journal import worth_keeping
+from rt_robot_os.features.alarms.journal_lines import retained
+from rt_robot_os.features.alarms.journal_lines import StoredRecord
 
 OPEN: dict[str, Any] = {'state': {'id': '1'}}
 OVER: dict[str, Any] = {'state': None}
@@ -27,12 +27,12 @@ OVER: dict[str, Any] = {'state': None}
 HELD_BACK: dict[str, Any] = {'state': None, 'lasting': [{'kind': 'help'}]}
 
 
-def journal(*records: tuple[str, dict[str, Any]]) -> list[Kept]:
-    return [Kept(seq, alarm, seq, record) for seq, (alarm, record) in enumerate(records, 1)]
+def journal(*records: tuple[str, dict[str, Any]]) -> list[StoredRecord]:
+    return [StoredRecord(seq, alarm, seq, record) for seq, (alarm, record) in enumerate(records, 1)]
 
 
-def kept(records: list[Kept], history_bytes: int = 0) -> list[int]:
-    return [each.seq for each in worth_keeping(records, history_bytes)]
+def kept(records: list[StoredRecord], history_bytes: int = 0) -> list[int]:
+    return [each.seq for each in retained(records, history_bytes)]
 
 
 def test_open_alarms_are_taken_over_however_little_room_there_is() -> None:

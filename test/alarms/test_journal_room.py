@@ -24,15 +24,15 @@ from random import Random
 
 import pytest
 
-from rt_robot_os.features.alarms.journal import decode
-from rt_robot_os.features.alarms.journal_device.folder import Folder
+from rt_robot_os.features.alarms.journal_device.folder import JournalFolder
 from rt_robot_os.features.alarms.journal_file import JournalFile
 from rt_robot_os.features.alarms.journal_file import NAME
 from rt_robot_os.features.alarms.journal_file import NEW
 from rt_robot_os.features.alarms.journal_file import OLDER
 from rt_robot_os.features.alarms.journal_file import read_journal
-from rt_robot_os.features.alarms.store import Killed
-from rt_robot_os.features.alarms.store import MemoryStore
+from rt_robot_os.features.alarms.journal_lines import decode
+from rt_robot_os.features.alarms.journal_store import Killed
+from rt_robot_os.features.alarms.journal_store import MemoryStore
 
 LIMIT = 20_000
 
@@ -42,7 +42,7 @@ def record(seq: int, *, is_open: bool = True) -> str:
                        'state': {} if is_open else None})
 
 
-def journal(store: MemoryStore | Folder) -> JournalFile:
+def journal(store: MemoryStore | JournalFolder) -> JournalFile:
     clock = count(1)
     made = JournalFile(store, LIMIT, lambda: next(clock))
     made.open()
@@ -127,7 +127,7 @@ def test_the_power_goes_while_the_disk_is_full() -> None:
         assert add(kept, 5) == 5
 
 
-class FullFolder(Folder):
+class FullFolder(JournalFolder):
     """A folder on a disk that is full: there is no byte but those that files have already."""
 
     full = False

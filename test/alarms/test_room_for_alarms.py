@@ -17,10 +17,10 @@
 from __future__ import annotations
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.alarm import Event
-from rt_robot_os.features.alarms.book import Book
-from rt_robot_os.features.alarms.orders import carry_out
+from rt_robot_os.features.alarms.alarm_table import AlarmTable
+from rt_robot_os.features.alarms.command_handler import execute
 from rt_robot_os.features.alarms.rules import Rules
+from rt_robot_os.messages.alarm_event import AlarmEvent
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 
@@ -33,9 +33,9 @@ class FullBook:
     """A book with room for two alarms; each call comes a second after the one before."""
 
     def __init__(self) -> None:
-        self.book = Book(Rules(alarms_most=2))
+        self.book = AlarmTable(Rules(alarms_most=2))
         self.at_s = 0
-        self.events: list[Event] = []
+        self.events: list[AlarmEvent] = []
 
     def take(self, found: Cause) -> list[str]:
         """Take a cause, and return the subjects of the open alarms, the worst first."""
@@ -84,7 +84,7 @@ def test_what_gave_way_and_lasts_is_an_alarm_again_as_soon_as_there_is_room() ->
     full.take(cause('bert', Level.WARNING))
     full.take(cause('carl', Level.CRITICAL))
     assert full.take(cause('bert', Level.WARNING)) == ['carl', 'anna', 'alarms']
-    carry_out(full.book, 'resolve carl by mary', full.at_s * NS_PER_S)
+    execute(full.book, 'resolve carl by mary', full.at_s * NS_PER_S)
     assert full.take(cause('bert', Level.WARNING)) == ['anna', 'bert', 'alarms']
 
 
@@ -95,7 +95,7 @@ def test_the_alarm_of_the_book_itself_takes_no_room_and_ends_when_there_is_room(
     full.take(cause('carl', Level.URGENT))
     (itself,) = [each for each in full.book.in_order() if each.subject == 'alarms']
     assert not itself.over_ns
-    carry_out(full.book, 'resolve anna by mary', full.at_s * NS_PER_S)
+    execute(full.book, 'resolve anna by mary', full.at_s * NS_PER_S)
     assert itself.over_ns == full.at_s * NS_PER_S
     # It is open still, and the second place is free all the same.
     assert full.take(cause('dora', Level.WARNING)) == ['bert', 'dora', 'alarms']
@@ -106,13 +106,13 @@ def test_a_test_takes_no_place_of_an_alarm_that_is_as_bad() -> None:
     full = FullBook()
     full.take(cause('anna', Level.URGENT))
     full.take(cause('bert', Level.URGENT))
-    answer = carry_out(full.book, 'test urgent by mary', 5 * NS_PER_S)
+    answer = execute(full.book, 'test urgent by mary', 5 * NS_PER_S)
     assert not answer.ok and 'no room for a test' in answer.text
     assert full.take(cause('anna', Level.URGENT)) == ['anna', 'bert', 'alarms']
 
 
 def test_more_alarms_of_before_a_restart_than_there_is_room_for_leave_no_room() -> None:
-    before = Book(Rules(alarms_most=3))
+    before = AlarmTable(Rules(alarms_most=3))
     for at_s, subject in enumerate(['anna', 'bert', 'carl'], 1):
         before.take_cause(cause(subject, Level.URGENT), at_s * NS_PER_S)
     full = FullBook()
@@ -121,7 +121,7 @@ def test_more_alarms_of_before_a_restart_than_there_is_room_for_leave_no_room() 
     full.at_s = 10
     assert full.take(cause('dora', Level.URGENT)) == ['anna', 'bert', 'carl', 'alarms']
     itself = full.book.in_order()[-1]
-    carry_out(full.book, 'resolve anna by mary', 12 * NS_PER_S)
+    execute(full.book, 'resolve anna by mary', 12 * NS_PER_S)
     assert not itself.over_ns  # two are open, and there is room for two
-    carry_out(full.book, 'resolve bert by mary', 13 * NS_PER_S)
+    execute(full.book, 'resolve bert by mary', 13 * NS_PER_S)
     assert itself.over_ns == 13 * NS_PER_S

@@ -20,11 +20,12 @@ from collections.abc import Iterable
 import json
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.desk import Desk
+from rt_robot_os.features.alarms.alarm_service import AlarmService
 from rt_robot_os.features.alarms.escalation import parse_steps
 from rt_robot_os.features.alarms.rules import Rules
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.journal import JournalReply
 
 #: Nobody is told that the journal is faulty: only the cause of a person waits for it.
 RULES = Rules({Level.CRITICAL: parse_steps(['operator 30']),
@@ -37,28 +38,28 @@ def help_of(subject: str, level: Level = Level.CRITICAL) -> Cause:
     return Cause('help', subject, level, True, 'text', 'button')
 
 
-def new_desk(records: Iterable[str] = ()) -> Desk:
-    desk = Desk(RULES, wait_ns=WAIT_S * NS_PER_S)
+def new_desk(records: Iterable[str] = ()) -> AlarmService:
+    desk = AlarmService(RULES, wait_ns=WAIT_S * NS_PER_S)
     desk.start(NS_PER_S)
     for each in records:
-        desk.take_stored({'record': json.loads(each), 'age_ns': 0}, NS_PER_S)
-    desk.take_stored({'restored': 0}, NS_PER_S)
+        desk.handle_journal(JournalReply(json.loads(each), 0), NS_PER_S)
+    desk.handle_journal(JournalReply(restored=0), NS_PER_S)
     return desk
 
 
-def see(desk: Desk, subject: str, pictures: int) -> None:
+def see(desk: AlarmService, subject: str, pictures: int) -> None:
     """Make so many records of an alarm: a picture each."""
     (alarm,) = [each.id for each in desk.book.in_order() if each.subject == subject]
     for number in range(pictures):
         desk.take_picture(alarm, f'{subject}{number}.jpg', 2 * NS_PER_S)
 
 
-def about(desk: Desk) -> list[str]:
+def about(desk: AlarmService) -> list[str]:
     """Return what is not stored: the alarm of each record, by subject."""
     return [json.loads(each)['state']['subject'] for each in desk.unstored()]
 
 
-def told(desk: Desk, at_s: float) -> list[str]:
+def told(desk: AlarmService, at_s: float) -> list[str]:
     desk.advance(round(at_s * NS_PER_S))
     return [each.subject for each in desk.take_notifications()]
 
@@ -94,9 +95,9 @@ def test_a_record_that_is_not_stored_is_sent_again_and_one_that_is_stored_is_not
     desk.take_cause(help_of('anna'), 2 * NS_PER_S)
     desk.take_cause(help_of('bert'), 2 * NS_PER_S)
     first, second = desk.take_records()
-    desk.take_stored({'stored': json.loads(first)['seq']}, 2 * NS_PER_S)
+    desk.handle_journal(JournalReply(stored=json.loads(first)['seq']), 2 * NS_PER_S)
     assert desk.unstored() == [second]
-    desk.take_stored({'resend': True}, 2 * NS_PER_S)
+    desk.handle_journal(JournalReply(resend=True), 2 * NS_PER_S)
     assert desk.take_records() == [second]
 
 
@@ -106,13 +107,13 @@ def test_a_notification_is_let_go_when_its_own_record_is_stored_and_no_later() -
     desk.take_cause(help_of('bert'), 2 * NS_PER_S)
     first, _ = desk.take_records()
     assert told(desk, 2.5) == []
-    desk.take_stored({'stored': json.loads(first)['seq']}, round(2.5 * NS_PER_S))
+    desk.handle_journal(JournalReply(stored=json.loads(first)['seq']), round(2.5 * NS_PER_S))
     assert told(desk, 2.5) == ['anna']
 
 
 def test_a_cause_that_comes_during_a_fault_waits_until_the_end_of_the_patience_with_it() -> None:
     desk = new_desk()
-    desk.take_stored({'fault': 'no such disk'}, 2 * NS_PER_S)
+    desk.handle_journal(JournalReply(fault='no such disk'), 2 * NS_PER_S)
     desk.take_cause(help_of('anna'), round(3.5 * NS_PER_S))
     assert told(desk, 3.999) == []
     assert desk.next_ns == 4 * NS_PER_S  # not 2 s after the cause
@@ -122,17 +123,17 @@ def test_a_cause_that_comes_during_a_fault_waits_until_the_end_of_the_patience_w
 def test_a_cause_from_before_a_fault_waits_no_longer_than_it_would_have_done_without() -> None:
     desk = new_desk()
     desk.take_cause(help_of('anna'), 2 * NS_PER_S)
-    desk.take_stored({'fault': 'no such disk'}, 3 * NS_PER_S)
+    desk.handle_journal(JournalReply(fault='no such disk'), 3 * NS_PER_S)
     assert told(desk, 3.999) == []
     assert told(desk, 4) == ['anna']
 
 
 def test_when_patience_is_over_people_are_told_at_once_until_the_journal_stores_again() -> None:
     desk = new_desk()
-    desk.take_stored({'fault': 'no such disk'}, 2 * NS_PER_S)
+    desk.handle_journal(JournalReply(fault='no such disk'), 2 * NS_PER_S)
     desk.take_cause(help_of('anna'), 4 * NS_PER_S)
     assert told(desk, 4) == ['anna']
-    desk.take_stored({'stored': json.loads(desk.unstored()[-1])['seq']}, 5 * NS_PER_S)
+    desk.handle_journal(JournalReply(stored=json.loads(desk.unstored()[-1])['seq']), 5 * NS_PER_S)
     assert not desk.warning
     desk.take_cause(help_of('bert'), 6 * NS_PER_S)
     assert told(desk, 7.999) == []

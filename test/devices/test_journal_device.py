@@ -36,10 +36,10 @@ import pytest
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.journal_device import driver
+from rt_robot_os.features.alarms.journal_device.protocol import JournalPacket
+from rt_robot_os.features.alarms.journal_device.protocol import packet
 from rt_robot_os.features.alarms.journal_device.service import JournalService
 from rt_robot_os.features.alarms.journal_device.simulated import SimulatedJournal
-from rt_robot_os.features.alarms.journal_device.talk import Kind
-from rt_robot_os.features.alarms.journal_device.talk import packet
 from rt_robot_os.features.alarms.journal_file import NAME
 from rt_robot_os.linux.process import parent_of
 
@@ -252,7 +252,7 @@ def test_the_last_words_of_a_process_that_ends_with_packets_unread_are_heard(
     monkeypatch.setattr(driver, 'spawn_worker', lambda worker: (ours, None))
     a_rig = rig()
     a_rig.device.open()
-    theirs.send(packet(Kind.FAULT, 'the disk is broken'))
+    theirs.send(packet(JournalPacket.FAULT, 'the disk is broken'))
     theirs.close()  # the request to open was not read
     with pytest.raises(DeviceError, match='the disk is broken'):
         a_rig.until(lambda: False)

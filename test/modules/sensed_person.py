@@ -27,7 +27,6 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.health.assessment import Assessment
 from rt_robot_os.features.health.vital_signs import VitalSigns
 from rt_robot_os.messages.cause import Cause
-from rt_robot_os.messages.cause import cause_of
 from rt_robot_os.messages.cause import CAUSES_TOPIC
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.topics import Publisher
@@ -107,7 +106,7 @@ class Person:
         found: list[tuple[float, Cause]] = []
         active: dict[tuple[str, str], Any] = {}
         for time_s, text in self.causes.all:
-            cause = cause_of(text)
+            cause = Cause.from_json(text)
             key = cause.kind, cause.subject
             if (cause.level if cause.active else None) != active.get(key):
                 found.append((time_s, cause))

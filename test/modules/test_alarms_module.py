@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 import json
 from typing import Any
 
@@ -89,7 +90,7 @@ class Robot:
         self.bench.at(at_s, lambda: self._publish(name, found))
 
     def cause(self, cause: Cause, at_s: float) -> None:
-        self.say(CAUSES_TOPIC, cause.to_text(), at_s)
+        self.say(CAUSES_TOPIC, cause.to_json(), at_s)
 
     def run(self, seconds: float) -> None:
         self.bench.run(seconds)
@@ -192,8 +193,8 @@ def test_a_restart_goes_on_where_it_was_and_sends_under_the_same_key() -> None:
 def test_what_is_suspected_of_anybody_can_be_cancelled_and_what_is_raised_cannot() -> None:
     robot = Robot()
     for name in ('anna', 'bob'):
-        robot.cause(FALL._replace(subject=name), 1.0)
-    robot.cause(HELP._replace(subject='carl'), 1.0)
+        robot.cause(replace(FALL, subject=name), 1.0)
+    robot.cause(replace(HELP, subject='carl'), 1.0)
     robot.run(2.0)
     for _ in range(2):
         robot.say('alarms/command', 'cancel all by ROS', 2.0)
@@ -243,7 +244,7 @@ def test_a_flood_of_causes_is_bounded_and_the_worst_gets_through() -> None:
     ({'urgent_steps': ['operator']}, 'is no step'),
     ({'warning_steps': ['Operator 3']}, 'small letters'),
     ({'technical_steps': ['operator 0']}, 'at least 1 second'),
-    ({'confirm_kinds': ['A fall']}, 'is no kind of cause')])
+    ({'confirm_kinds': ['A fall']}, 'is not a kind of cause')])
 def test_settings_that_would_tell_nobody_are_refused(given: dict[str, Any], problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
         Alarms('alarms', settings_of(Alarms, **given))
@@ -274,7 +275,7 @@ def test_what_is_acknowledged_comes_again_and_what_is_over_does_not() -> None:
     robot.cause(HELP, 1.0)
     robot.say('alarms/command', 'acknowledge 1 by mary', 10.0)
     robot.say('alarms/command', 'acknowledge 1 by mary', 100.0)
-    robot.cause(HELP._replace(active=False), 110.0)
+    robot.cause(replace(HELP, active=False), 110.0)
     robot.run(400.0)
     assert robot.events('raised', 'unacknowledged', 'acknowledged', 'resolved') == [
         ('raised', 1.0), ('acknowledged', 10.0), ('unacknowledged', 70.0),
@@ -283,7 +284,7 @@ def test_what_is_acknowledged_comes_again_and_what_is_over_does_not() -> None:
 
 def test_a_person_who_publishes_the_same_again_after_it_was_resolved_means_it() -> None:
     robot = Robot()
-    by_hand = HELP._replace(source='')
+    by_hand = replace(HELP, source='')
     for at_s, cause in ((1.0, by_hand), (20.0, by_hand), (60.0, HELP), (80.0, HELP)):
         robot.cause(cause, at_s)
         robot.say('alarms/command', 'resolve anna by mary', at_s + 5)
@@ -296,7 +297,7 @@ def test_the_robot_is_silent_for_a_while_and_speaks_when_there_is_a_new_alarm() 
     robot = Robot(critical_steps=['robot 10 repeat 10'])
     robot.cause(HELP, 1.0)
     robot.say('alarms/command', 'silence 60 by mary', 5.0)
-    robot.cause(HELP._replace(subject='bert'), 35.0)
+    robot.cause(replace(HELP, subject='bert'), 35.0)
     robot.run(45.0)
     assert [text.split(':')[0] for text in robot.kept['agent/say']] == [
         'CRITICAL alarm 1, anna', 'CRITICAL alarm 2, bert', 'CRITICAL alarm 1, anna']

@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from dataclasses import replace
 from hypothesis import given
 from hypothesis import strategies as st
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.messages.cause import Cause
-from rt_robot_os.messages.cause import cause_of
 from rt_robot_os.messages.cause import CAUSES_TOPIC
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.modules import Module
@@ -64,7 +64,7 @@ def said(read: Subscription) -> list[tuple[float, Cause]]:
     """Return what was published, with the time in s."""
     found = []
     while read.take():
-        found.append((read.stamp_ns / NS_PER_S, cause_of(read.msg.data)))
+        found.append((read.stamp_ns / NS_PER_S, Cause.from_json(read.msg.data)))
     assert not read.lost
     return found
 
@@ -78,7 +78,7 @@ def test_a_cause_is_told_when_it_begins_every_ten_seconds_and_when_it_is_over() 
         module = bench.add(Reporter, 'watch', rate_hz=1.0)
         read = bench.watch(CAUSES_TOPIC)
         bench.at(2.0, report(module, FALL))
-        bench.at(30.0, report(module, FALL._replace(active=False, text='anna got up')))
+        bench.at(30.0, report(module, replace(FALL, active=False, text='anna got up')))
         bench.run(60.0)
         found = said(read)
         assert [(time_s, cause.active) for time_s, cause in found] == [
@@ -95,8 +95,8 @@ def test_a_change_of_level_is_told_at_once_and_a_new_value_with_the_next_report(
         module = bench.add(Reporter, rate_hz=1.0)
         read = bench.watch(CAUSES_TOPIC)
         bench.at(1.0, report(module, LOW))
-        bench.at(3.0, report(module, LOW._replace(value=47.0)))
-        bench.at(15.0, report(module, LOW._replace(value=38.0, level=Level.URGENT)))
+        bench.at(3.0, report(module, replace(LOW, value=47.0)))
+        bench.at(15.0, report(module, replace(LOW, value=38.0, level=Level.URGENT)))
         bench.run(26.0)
         assert [(time_s, cause.level, cause.value) for time_s, cause in said(read)] == [
             (1.0, Level.WARNING, 48.0), (11.0, Level.WARNING, 47.0), (15.0, Level.URGENT, 38.0),
@@ -107,7 +107,7 @@ def test_what_is_over_twice_or_never_began_is_not_told() -> None:
     with ModuleBench() as bench:
         module = bench.add(Reporter, rate_hz=1.0)
         read = bench.watch(CAUSES_TOPIC)
-        bench.at(1.0, report(module, FALL._replace(active=False)))
+        bench.at(1.0, report(module, replace(FALL, active=False)))
         bench.at(2.0, lambda: module.todo.append(
             lambda now_ns: module.reports.end('fall', 'anna', now_ns)))
         bench.run(4.0)
@@ -150,7 +150,7 @@ class FakePublisher:
 
     def publish(self, stamp_ns: int) -> None:
         """Remember."""
-        self.sent.append(cause_of(self.data))
+        self.sent.append(Cause.from_json(self.data))
 
 
 CAUSES = st.builds(

@@ -28,7 +28,6 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.health.fall_detector import FallDetection
 from rt_robot_os.messages.cause import Cause
-from rt_robot_os.messages.cause import cause_of
 from rt_robot_os.messages.cause import CAUSES_TOPIC
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.sim.world.body_motion import body_motion
@@ -87,7 +86,7 @@ class Worn:
         self.bench.run(seconds or self.end_s)
         found = []
         while self._causes.take():
-            found.append((self._causes.stamp_ns / NS_PER_S, cause_of(self._causes.msg.data)))
+            found.append((self._causes.stamp_ns / NS_PER_S, Cause.from_json(self._causes.msg.data)))
         return found
 
     def state_stamps(self) -> list[float]:

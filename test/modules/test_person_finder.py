@@ -23,8 +23,8 @@ from live_maps import map_topic
 from live_maps import put_grid
 import numpy as np
 import pytest
-from rt_robot_os.features.agent.beside import Beside
 from rt_robot_os.features.agent.person_finder import PersonFinder
+from rt_robot_os.features.agent.standoff import StandoffPlanner
 from rt_robot_os.motion.clearing import Clearing
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.mounting import Mounting
@@ -39,7 +39,7 @@ LASER = (0.12, 0.0, 0.25)
 POSE = 'geometry_msgs/msg/PoseStamped'
 Pose = tuple[float, float, float]
 #: As that of the agent, with its defaults.
-BESIDE = Beside(Clearing(GridMap.load(MAP), 0.42), 1.0, 0.2)
+BESIDE = StandoffPlanner(Clearing(GridMap.load(MAP), 0.42), 1.0, 0.2)
 #: In the living room, looking to where anna lies.
 ROBOT: Pose = (3.4, 1.2, 2.2)
 

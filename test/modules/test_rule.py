@@ -27,7 +27,6 @@ import pytest
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.features.health.rule import Rule
 from rt_robot_os.messages.cause import Cause
-from rt_robot_os.messages.cause import cause_of
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.settings import load
 from rt_robot_os.testing.fakes import settings_of
@@ -55,7 +54,7 @@ def causes(read: Subscription) -> list[tuple[float, Cause]]:
     found: list[tuple[float, Cause]] = []
     active: dict[tuple[str, str], bool] = {}
     while read.take():
-        cause = cause_of(read.msg.data)
+        cause = Cause.from_json(read.msg.data)
         key = cause.kind, cause.subject
         if active.get(key) != cause.active:
             active[key] = cause.active
@@ -76,7 +75,7 @@ def test_a_rule_is_a_cause_from_its_deadline_to_the_sample_that_ends_it() -> Non
         assert (began, ended) == (4.25, 9.0)
         assert cause == Cause('smoke', 'kitchen', Level.CRITICAL, True,
                               'Smoke in the kitchen (0.75)', 'kitchen_smoke', 'kitchen',
-                              value=0.75)._replace(x=cause.x, y=cause.y)
+                              cause.x, cause.y, 0.75)
         assert math.isnan(cause.x) and not over.active
         statistics = rule.statistics()
         assert statistics['rule'] == 'wsn/kitchen/smoke.data > 0.5 for 3 s'
@@ -260,7 +259,7 @@ def test_what_is_wrong_is_told_with_its_line_and_place(
 
 
 @pytest.mark.parametrize('changes, told', [
-    ({'kind': 'Smoke!'}, "rule.kind: 'Smoke!' is no kind of cause"),
+    ({'kind': 'Smoke!'}, "rule.kind: 'Smoke!' is not a kind of cause"),
     ({'subject': ' '}, 'rule.subject must have 1 to 64 letters'),
     ({'subject': '*'}, r'rule.subject is \*, but there is none in the rule'),
     ({'text': '{name}'}, r'rule.text has \{name\}, but there is no \* in the rule'),

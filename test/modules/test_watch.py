@@ -22,7 +22,7 @@ import math
 import pytest
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.features.alarms.watch import Watch
-from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.messages.network_rows import names_label
 from rt_robot_os.messages.network_rows import NodeRow
@@ -65,7 +65,7 @@ class Rows:
 def told(read: Subscription) -> list[tuple[float, str, str, bool]]:
     found, active = [], set()
     while read.take():
-        cause = cause_of(read.msg.data)
+        cause = Cause.from_json(read.msg.data)
         key = cause.kind, cause.subject
         assert cause.level is Level.TECHNICAL
         if cause.active != (key in active):

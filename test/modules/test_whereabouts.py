@@ -24,7 +24,7 @@ from typing import Any
 import pytest
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.features.health.whereabouts import Whereabouts
-from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.network_rows import NodeRow
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.module_bench import ModuleBench
@@ -62,7 +62,7 @@ class Flat:
         def told() -> list[tuple[float, str, bool]]:
             found, active = [], set()
             while read.take():
-                cause = cause_of(read.msg.data)
+                cause = Cause.from_json(read.msg.data)
                 if cause.active != (cause.kind in active):
                     (active.add if cause.active else active.discard)(cause.kind)
                     found.append((read.stamp_ns / S, cause.kind, cause.active))

@@ -46,9 +46,9 @@ SAMPLES: Final = ('7', 'anna', 'person', 'fall: smoke', '')
 SERVER: Final = {'refusal': (1, 2), '_refuse': (2, 3), 'AccountError': (0, 1), 'AwayError': (0, 1),
                  'ended': (0,), '_gone': (1,), 'HTTPException': (1,)}
 ROBOT: Final = (
-    ('features/alarms/book.py', {'note': ('why',), '_raise': ('why',), 'close': ('why',)}),
+    ('features/alarms/alarm_table.py', {'note': ('why',), '_raise': ('why',), 'close': ('why',)}),
     ('features/alarms/escalation.py', {'note': ('why',), '_failed': (2,)}),
-    ('features/alarms/orders.py', {'ValueError': (0,)}),
+    ('features/alarms/command_handler.py', {'ValueError': (0,)}),
     ('features/agent/agent.py', {'_fire': (1,)}),
     ('features/agent/drive.py', {'_fail': (0,)}),
     ('features/navigation/planner/module.py', {'_refuse': (0,), '_wait': (0,), '_tell': (0,)}),

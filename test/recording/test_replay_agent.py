@@ -75,7 +75,7 @@ def test_an_emergency_is_replayed_with_the_same_transitions_at_the_same_times(
             return re.search(r'[1-9]\d* messages', log.read_text()) is not None
 
         robot.until(is_recorded, 'a recorder that has something')
-        fall = Cause('fall', 'anna', Level.CRITICAL, True, 'fell', 'test', 'wrist').to_text()
+        fall = Cause('fall', 'anna', Level.CRITICAL, True, 'fell', 'test', 'wrist').to_json()
         client.publish(client.advertise('alarms/causes'), TEXT.from_dict({'data': fall}))
 
         def is_home() -> bool:

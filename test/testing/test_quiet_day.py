@@ -28,7 +28,6 @@ from rt_robot_os.features.alarms.watch import Watch
 from rt_robot_os.features.health.rule import Rule
 from rt_robot_os.features.health.whereabouts import Whereabouts
 from rt_robot_os.messages.cause import Cause
-from rt_robot_os.messages.cause import cause_of
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.testing.module_bench import ModuleBench
 from rt_robot_os.testing.quiet_day import PEOPLE
@@ -80,7 +79,7 @@ def causes_of(day: QuietDay, restarts_h: tuple[float, ...] = (),
 
             def collect() -> None:
                 while read.take():
-                    cause = cause_of(read.msg.data)
+                    cause = Cause.from_json(read.msg.data)
                     if cause.active:
                         found.append(cause)
             bench.kernel.add_task('collect', collect, priority=1, rate_hz=0.1)

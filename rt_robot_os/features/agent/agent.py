@@ -15,7 +15,7 @@
 """
 The agent: what happens becomes events, and the table of edges says what follows.
 
-No kernel and no topics: whoever has those keeps :class:`rt_robot_os.features.agent.senses.Senses`
+No kernel and no topics: whoever has those keeps :class:`rt_robot_os.features.agent.inputs.AgentInputs`
 up to date, hands in what alarms, people and operators say, calls :meth:`Agent.tick` on a grid of
 times, and carries out the orders. All times are handed in, so that the same input gives the same
 transitions at the same times.
@@ -29,27 +29,27 @@ from dataclasses import dataclass
 import math
 from typing import Final
 
-from rt_robot_os.features.agent.beside import Beside
-from rt_robot_os.features.agent.body import Body
+from rt_robot_os.features.agent.behaviours import Behaviours
 from rt_robot_os.features.agent.dialogue import answer_of
 from rt_robot_os.features.agent.dialogue import Dialogue
 from rt_robot_os.features.agent.edges import PAUSES
 from rt_robot_os.features.agent.edges import SERVING
-from rt_robot_os.features.agent.edges import State
-from rt_robot_os.features.agent.emergencies import ACKNOWLEDGED
-from rt_robot_os.features.agent.emergencies import Emergencies
 from rt_robot_os.features.agent.emergencies import Emergency
-from rt_robot_os.features.agent.machine import Machine
-from rt_robot_os.features.agent.machine import Transition
-from rt_robot_os.features.agent.operator import Operator
-from rt_robot_os.features.agent.senses import Command
-from rt_robot_os.features.agent.senses import Order
-from rt_robot_os.features.agent.senses import Place
-from rt_robot_os.features.agent.senses import Senses
+from rt_robot_os.features.agent.emergencies import EmergencyQueue
+from rt_robot_os.features.agent.inputs import AgentInputs
+from rt_robot_os.features.agent.inputs import AgentOrder
+from rt_robot_os.features.agent.inputs import Location
+from rt_robot_os.features.agent.inputs import SendAlarmCommand
+from rt_robot_os.features.agent.machine import StateMachine
+from rt_robot_os.features.agent.machine import StateTransition
+from rt_robot_os.features.agent.operator import OperatorWatch
+from rt_robot_os.features.agent.robot_interface import RobotInterface
+from rt_robot_os.features.agent.standoff import StandoffPlanner
 from rt_robot_os.features.agent.tuning import AgentTuning
 from rt_robot_os.features.agent.tuning import GIVES_UP
 from rt_robot_os.features.agent.tuning import LEAVES
-from rt_robot_os.features.agent.work import Work
+from rt_robot_os.messages.agent import AgentState
+from rt_robot_os.messages.alarm_state import AlarmState
 from rt_robot_os.messages.cause import LEVELS
 from rt_robot_os.motion.differential import Pose
 
@@ -57,7 +57,7 @@ _ORDERS: Final = ('abort', 'stay', 'return')
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class AgentContext:
     """
     What the agent is told once of where it is.
 
@@ -71,8 +71,8 @@ class Surroundings:
     :ivar name: under which it speaks to the alarms.
     """
 
-    beside: Beside
-    nodes: Mapping[str, Place]
+    beside: StandoffPlanner
+    nodes: Mapping[str, Location]
     wearers: Mapping[str, str]
     home: Pose | None = None
     operators: tuple[str, ...] = ('teleop',)
@@ -92,17 +92,17 @@ class Agent:
     :ivar refused: commands and answers that it could not use.
     """
 
-    def __init__(self, tuning: AgentTuning, around: Surroundings,
-                 emit: Callable[[Order | Transition], None], period_ns: int) -> None:
+    def __init__(self, tuning: AgentTuning, around: AgentContext,
+                 emit: Callable[[AgentOrder | StateTransition], None], period_ns: int) -> None:
         self.tuning = tuning
-        self.senses = Senses()
-        self.emergencies = Emergencies(LEVELS[tuning.least_level], around.ignored)
+        self.senses = AgentInputs()
+        self.emergencies = EmergencyQueue(LEVELS[tuning.least_level], around.ignored)
         self.refused = 0
         self._around = around
         self._emit = emit
         self._why = ''
         self._chosen: Emergency | None = None
-        self._machine = Machine({
+        self._machine = StateMachine({
             'there': lambda: self._work.is_there(),
             'leaves': lambda: self.tuning.when_acknowledged == LEAVES,
             'tries left': lambda: self._work.may_retry(),
@@ -110,10 +110,10 @@ class Agent:
             'driven': lambda: self._is_driven,
             'gives up': lambda: self.tuning.after_operator == GIVES_UP})
         self._is_driven = False
-        self._operator = Operator(around.operators, tuning)
+        self._operator = OperatorWatch(around.operators, tuning)
         self._dialogue = Dialogue(tuning, emit)
-        self._body = Body(tuning, around.beside, self.senses, emit, period_ns)
-        self._work = Work(tuning, self._body, self._dialogue, emit, self._where, around.orders,
+        self._body = RobotInterface(tuning, around.beside, self.senses, emit, period_ns)
+        self._work = Behaviours(tuning, self._body, self._dialogue, emit, self._where, around.orders,
                           around.home)
         self._actions: Mapping[str, Callable[[int], None]] = {
             'take': self._take, 'leave': self._leave, 'cancel': self._cancel,
@@ -129,7 +129,7 @@ class Agent:
     # ---- what can be asked ------------------------------------------------------------------
 
     @property
-    def state(self) -> State:
+    def state(self) -> AgentState:
         """Return what it does."""
         return self._machine.state
 
@@ -137,9 +137,9 @@ class Agent:
     def text(self) -> str:
         """Return what it does, for people; the first word is the state."""
         emergency, state = self._work.emergency, self.state
-        if emergency is None or state is State.IDLE:
+        if emergency is None or state is AgentState.IDLE:
             return state.value
-        why = f': {self._why}' if self._why and state in (State.GIVE_UP, *PAUSES) else ''
+        why = f': {self._why}' if self._why and state in (AgentState.GIVE_UP, *PAUSES) else ''
         what = emergency.what(self._around.wearers)
         return f'{state.value} {emergency.subject or "?"}: {what}{why}'
 
@@ -152,7 +152,7 @@ class Agent:
 
     def alarm(self, text: str, t_ns: int) -> None:
         """Take an event of an alarm's life, the JSON of ``alarms/events``."""
-        found = self.emergencies.take(text, t_ns)
+        found = self.emergencies.update(text, t_ns)
         if found is None:
             return
         alarm, meaning = found
@@ -167,14 +167,14 @@ class Agent:
     def remember(self, texts: list[str], t_ns: int) -> None:
         """Take events of before, after a restart: all of them, then the one that matters."""
         for text in texts:
-            self.emergencies.take(text, t_ns)
+            self.emergencies.update(text, t_ns)
         self._choose(t_ns)
         self._look_who_has_it(t_ns)
 
     def answer(self, text: str, stamp_ns: int, t_ns: int) -> None:
         """Take what somebody says of how they are: ``anna fine``, ``anna help``."""
         found, served = answer_of(text), self._work.emergency
-        if found is None or served is None or self._working is not State.CONFIRM or (
+        if found is None or served is None or self._working is not AgentState.CONFIRM or (
                 found[0] not in ('', served.subject)) or not self._dialogue.counts(stamp_ns):
             self.refused += 1
             return
@@ -197,7 +197,7 @@ class Agent:
 
     def tick(self, t_ns: int) -> None:
         """Go on at a point of the grid."""
-        if self.state is State.IDLE:
+        if self.state is AgentState.IDLE:
             return
         self._look_who_has_it(t_ns)
         if self.state not in PAUSES:
@@ -215,7 +215,7 @@ class Agent:
     # ---- events -----------------------------------------------------------------------------
 
     @property
-    def _working(self) -> State:
+    def _working(self) -> AgentState:
         """Return what it does, or will do after the pause."""
         return self._machine.before if self.state in PAUSES else self.state
 
@@ -226,18 +226,18 @@ class Agent:
         if best is None:
             return
         # Whoever is served is left for something worse only; help that failed or is over is not.
-        if served is not None and working in SERVING and working is not State.GIVE_UP and not (
+        if served is not None and working in SERVING and working is not AgentState.GIVE_UP and not (
                 best.first or best.level > served.level and not served.first
-                or working is State.STAY and served.state == ACKNOWLEDGED):
+                or working is AgentState.STAY and served.state is AlarmState.ACKNOWLEDGED):
             return
         self._chosen = best
         name = best.subject or best.alarm
-        self._fire(best.state if best.state != ACKNOWLEDGED else 'raised',
+        self._fire('suspected' if best.state is AlarmState.SUSPECTED else 'raised',
                    f'{name}: {best.what(self._around.wearers)}', t_ns)
 
     def _see_who_has_it(self, t_ns: int) -> bool:
         """Return whether the e-stop has the robot; note whether an operator does."""
-        if self.state is State.IDLE:
+        if self.state is AgentState.IDLE:
             self._operator.forget()
             self.senses.other_goal = False  # an errand: an emergency comes first
         held = self._operator.is_held(self.senses)
@@ -250,16 +250,16 @@ class Agent:
 
     def _look_who_has_it(self, t_ns: int) -> None:
         """See whether the e-stop or an operator has the robot, or gave it back."""
-        if self.state is State.IDLE:
+        if self.state is AgentState.IDLE:
             return
         held = self._see_who_has_it(t_ns)
-        if held and self.state is not State.HELD:
+        if held and self.state is not AgentState.HELD:
             self._fire('estop', self._operator.why_held(self.senses), t_ns)
         elif self._is_driven and self.state not in PAUSES:
             self._fire('operator', self._operator.why_driven(self.senses), t_ns)
-        elif self.state is State.HELD and not held:
+        elif self.state is AgentState.HELD and not held:
             self._fire('released', 'nobody holds the e-stop any more', t_ns)
-        elif self.state is State.OPERATOR and not self._is_driven:
+        elif self.state is AgentState.OPERATOR and not self._is_driven:
             self._fire('released', 'the operator has let go', t_ns)
 
     def _fire(self, event: str, why: str, t_ns: int) -> None:
@@ -280,15 +280,15 @@ class Agent:
             self._work.begin(target, t_ns, self._why)
         else:
             why = f'{why}; {target.value} afterwards'
-        self._emit(Transition(edge, source, self.state, why, alarm, t_ns))
+        self._emit(StateTransition(edge, source, self.state, why, alarm, t_ns))
 
     # ---- actions of edges -------------------------------------------------------------------
 
     def _take(self, t_ns: int) -> None:
         work = self._work
-        if self.state is State.IDLE:
+        if self.state is AgentState.IDLE:
             work.origin = self.senses.pose
-        if self._working is State.GIVE_UP and work.emergency is not None:
+        if self._working is AgentState.GIVE_UP and work.emergency is not None:
             work.emergency.is_done = True
         work.emergency, work.tries = self._chosen, 0
         work.is_aborted = work.stays_put = False
@@ -302,14 +302,14 @@ class Agent:
     def _cancel(self, t_ns: int) -> None:
         served = self._work.emergency
         if served is not None:
-            self._emit(Command(f'cancel {served.alarm} by {served.subject or self._around.name}'))
+            self._emit(SendAlarmCommand(f'cancel {served.alarm} by {served.subject or self._around.name}'))
             self._dialogue.speak(self.tuning.fine, t_ns)
         self._leave(t_ns)
 
     def _confirm(self, t_ns: int) -> None:
         served = self._work.emergency
         if served is not None:
-            self._emit(Command(f'confirm {served.alarm} by {self._around.name} {self._why}'))
+            self._emit(SendAlarmCommand(f'confirm {served.alarm} by {self._around.name} {self._why}'))
 
     def _abort(self, t_ns: int) -> None:
         self._work.is_aborted = True
@@ -326,7 +326,7 @@ class Agent:
 
     # ---- places -----------------------------------------------------------------------------
 
-    def _where(self, emergency: Emergency) -> Place | None:
+    def _where(self, emergency: Emergency) -> Location | None:
         """Return where an emergency is: the person, what its cause said, or the node."""
         around, people = self._around, self.senses.people
         person = people.get(emergency.subject) or people.get(
@@ -334,5 +334,5 @@ class Agent:
         if person is not None:
             return person
         if math.isfinite(emergency.x) and math.isfinite(emergency.y):
-            return Place(emergency.x, emergency.y, 'cause')
+            return Location(emergency.x, emergency.y, 'cause')
         return around.nodes.get(emergency.node)

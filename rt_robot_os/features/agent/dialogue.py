@@ -20,7 +20,7 @@ from collections.abc import Callable
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.agent.senses import Say
+from rt_robot_os.features.agent.inputs import Say
 from rt_robot_os.features.agent.tuning import AgentTuning
 
 FINE: Final = 'fine'

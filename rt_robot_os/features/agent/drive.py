@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Drive somewhere by goals for a planner: try one place after the other, and know when to stop."""
+"""GoalFollower somewhere by goals for a planner: try one place after the other, and know when to stop."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from rt_robot_os.motion.differential import Pose
 _DONE_M: Final = 1.0
 
 
-class Drive:
+class GoalFollower:
     """
     The way to one of several poses; safe in the real-time loop.
 
@@ -68,7 +68,7 @@ class Drive:
 
     def begin(self, poses: Sequence[Pose], t_ns: int) -> None:
         """
-        Drive to the first of some poses, or to the next when that cannot be.
+        GoalFollower to the first of some poses, or to the next when that cannot be.
 
         :param poses: in the order in which they are tried.
         """

@@ -23,63 +23,43 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from collections.abc import Iterator
-from enum import Enum
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.messages.agent import AgentState
 
-class State(Enum):
-    """What the agent does; the value is its name in messages."""
-
-    #: Nobody needs it.
-    IDLE = 'idle'
-    #: It asks somebody whether they are all right, and drives there meanwhile.
-    CONFIRM = 'confirm'
-    #: It drives there.
-    APPROACH = 'approach'
-    #: It is there, looks and listens.
-    OBSERVE = 'observe'
-    #: It tells what it found.
-    REPORT = 'report'
-    #: It keeps somebody company until help is there.
-    STAY = 'stay'
-    #: It drives back.
-    RETURN = 'return'
-    #: It could not get there.
-    GIVE_UP = 'give_up'
-    #: The e-stop holds it.
-    HELD = 'held'
-    #: An operator drives.
-    OPERATOR = 'operator'
-    #: Not a state: what was done before ``held`` or ``operator``, begun anew.
-    BEFORE = 'before'
-
-
-#: A person or an operator has the robot; what the agent did waits.
-PAUSES: Final = frozenset((State.HELD, State.OPERATOR))
+#: The name of the state before a pause, where the drawing has an edge back to it.
+BEFORE: Final = 'before'
+#: The emergency stop or an operator holds the robot; the behaviour waits.
+PAUSES: Final = frozenset((AgentState.HELD, AgentState.OPERATOR))
 #: An emergency is being served.
-SERVING: Final = (State.CONFIRM, State.APPROACH, State.OBSERVE, State.REPORT, State.STAY,
-                  State.GIVE_UP)
+SERVING: Final = (AgentState.CONFIRM, AgentState.APPROACH, AgentState.OBSERVE,
+                  AgentState.REPORT, AgentState.STAY, AgentState.GIVE_UP)
 #: Something is being done.
-BUSY: Final = (*SERVING, State.RETURN)
+BUSY: Final = (*SERVING, AgentState.RETURN)
 
 
-class Edge(NamedTuple):
+class StateEdge(NamedTuple):
     """
     One way from a state to another.
 
     :ivar source: where it begins.
     :ivar event: what happens; one of :data:`EVENTS`.
     :ivar guard: what must hold besides; one of :data:`GUARDS`, empty for nothing.
-    :ivar target: where it ends.
+    :ivar target: where it ends; None: the state before the pause.
     :ivar action: what is done on the way, besides what each state begins with; empty for nothing.
     """
 
-    source: State
+    source: AgentState
     event: str
     guard: str
-    target: State
+    target: AgentState | None
     action: str = ''
+
+    @property
+    def target_name(self) -> str:
+        """Return the target as the drawing names it."""
+        return BEFORE if self.target is None else self.target.value
 
 
 #: What happens, and what it means.
@@ -120,13 +100,13 @@ GUARDS: Final = {
 }
 
 
-def _from(sources: Iterable[State], event: str, guard: str, target: State, action: str = ''
-          ) -> Iterator[Edge]:
-    return (Edge(source, event, guard, target, action) for source in sources)
+def _from(sources: Iterable[AgentState], event: str, guard: str, target: AgentState,
+          action: str = '') -> Iterator[StateEdge]:
+    return (StateEdge(source, event, guard, target, action) for source in sources)
 
 
-def _edges() -> Iterator[Edge]:
-    state = State
+def _edges() -> Iterator[StateEdge]:
+    state = AgentState
     # The worst first: whoever may stop it does so in each state.
     yield from _from((*BUSY, state.OPERATOR), 'estop', '', state.HELD, 'stop')
     yield from _from(BUSY, 'operator', '', state.OPERATOR, 'stop')
@@ -139,30 +119,30 @@ def _edges() -> Iterator[Edge]:
     # The one that is served.
     yield from _from(SERVING, 'over', '', state.RETURN, 'leave')
     yield from _from(SERVING, 'acknowledged', 'leaves', state.RETURN, 'leave')
-    yield Edge(state.CONFIRM, 'fine', '', state.RETURN, 'cancel')
+    yield StateEdge(state.CONFIRM, 'fine', '', state.RETURN, 'cancel')
     for event in ('help', 'silence', 'confirmed'):
         action = '' if event == 'confirmed' else 'confirm'
-        yield Edge(state.CONFIRM, event, 'there', state.OBSERVE, action)
-        yield Edge(state.CONFIRM, event, '', state.APPROACH, action)
-    yield Edge(state.APPROACH, 'arrived', '', state.OBSERVE)
+        yield StateEdge(state.CONFIRM, event, 'there', state.OBSERVE, action)
+        yield StateEdge(state.CONFIRM, event, '', state.APPROACH, action)
+    yield StateEdge(state.APPROACH, 'arrived', '', state.OBSERVE)
     for event in ('blocked', 'battery_low', 'lost_position', 'no_place', 'timeout'):
-        yield Edge(state.APPROACH, event, '', state.GIVE_UP)
-    yield Edge(state.OBSERVE, 'moved', '', state.APPROACH)
-    yield Edge(state.OBSERVE, 'observed', '', state.REPORT)
-    yield Edge(state.OBSERVE, 'timeout', '', state.REPORT)
-    yield Edge(state.REPORT, 'timeout', '', state.STAY)
-    yield Edge(state.STAY, 'timeout', '', state.RETURN, 'leave')
-    yield Edge(state.STAY, 'battery_low', '', state.RETURN, 'leave')
-    yield Edge(state.GIVE_UP, 'retry', 'tries left', state.APPROACH, 'try')
-    yield Edge(state.GIVE_UP, 'timeout', 'aborted', state.IDLE, 'leave')
-    yield Edge(state.GIVE_UP, 'timeout', '', state.RETURN, 'leave')
+        yield StateEdge(state.APPROACH, event, '', state.GIVE_UP)
+    yield StateEdge(state.OBSERVE, 'moved', '', state.APPROACH)
+    yield StateEdge(state.OBSERVE, 'observed', '', state.REPORT)
+    yield StateEdge(state.OBSERVE, 'timeout', '', state.REPORT)
+    yield StateEdge(state.REPORT, 'timeout', '', state.STAY)
+    yield StateEdge(state.STAY, 'timeout', '', state.RETURN, 'leave')
+    yield StateEdge(state.STAY, 'battery_low', '', state.RETURN, 'leave')
+    yield StateEdge(state.GIVE_UP, 'retry', 'tries left', state.APPROACH, 'try')
+    yield StateEdge(state.GIVE_UP, 'timeout', 'aborted', state.IDLE, 'leave')
+    yield StateEdge(state.GIVE_UP, 'timeout', '', state.RETURN, 'leave')
     for event in ('arrived', 'blocked', 'lost_position', 'no_place', 'timeout'):
-        yield Edge(state.RETURN, event, '', state.IDLE)
+        yield StateEdge(state.RETURN, event, '', state.IDLE)
     # Whoever had the robot gives it back.
-    yield Edge(state.HELD, 'released', 'driven', state.OPERATOR)
-    yield Edge(state.HELD, 'released', '', state.BEFORE)
-    yield Edge(state.OPERATOR, 'released', 'gives up', state.GIVE_UP, 'abort')
-    yield Edge(state.OPERATOR, 'released', '', state.BEFORE)
+    yield StateEdge(state.HELD, 'released', 'driven', state.OPERATOR)
+    yield StateEdge(state.HELD, 'released', '', None)
+    yield StateEdge(state.OPERATOR, 'released', 'gives up', state.GIVE_UP, 'abort')
+    yield StateEdge(state.OPERATOR, 'released', '', None)
 
 
 #: The table, in the order in which edges are looked at.

@@ -18,24 +18,17 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from collections.abc import Container
-from collections.abc import Mapping
 from dataclasses import dataclass
-import json
 import math
-from typing import Any
 from typing import Final
 
+from rt_robot_os.messages.alarm_event import AlarmEvent
+from rt_robot_os.messages.alarm_state import ALARM_STATES
+from rt_robot_os.messages.alarm_state import AlarmState
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.messages.cause import LEVELS
 
-SUSPECTED: Final = 'suspected'
-RAISED: Final = 'raised'
-ACKNOWLEDGED: Final = 'acknowledged'
-_OPEN: Final = (SUSPECTED, RAISED, ACKNOWLEDGED)
-_ENDED: Final = ('resolved', 'cancelled')
 _MOST: Final = 64
-_LONGEST: Final = 240
-_LONGEST_NAME: Final = 64
 
 
 @dataclass
@@ -46,7 +39,7 @@ class Emergency:
     :ivar alarm: its identifier.
     :ivar level: how much it matters.
     :ivar since_ns: from when on it has mattered so much.
-    :ivar state: ``suspected``, ``raised`` or ``acknowledged``.
+    :ivar state: of the alarm; an open one.
     :ivar subject: whom or what it concerns.
     :ivar kinds: of its causes.
     :ivar node: that reported it; empty without.
@@ -59,7 +52,7 @@ class Emergency:
     alarm: str
     level: Level
     since_ns: int
-    state: str = RAISED
+    state: AlarmState = AlarmState.RAISED
     subject: str = ''
     kinds: tuple[str, ...] = ()
     node: str = ''
@@ -82,7 +75,7 @@ class Emergency:
         return f'{kinds}, at {self.node}' if self.node and self.node not in worn else kinds
 
 
-class Emergencies:
+class EmergencyQueue:
     """
     All alarms that are open and emergencies.
 
@@ -108,38 +101,40 @@ class Emergencies:
         """Return an open one."""
         return self._all.get(alarm)
 
-    def take(self, text: str, t_ns: int) -> tuple[str, str] | None:
+    def update(self, text: str, t_ns: int) -> tuple[str, str] | None:
         """
-        Take an event of an alarm's life; safe in the real-time loop.
+        Apply an event of an alarm; safe in the real-time loop.
 
         :param text: JSON of ``alarms/events``.
         :param t_ns: when.
-        :return: the alarm and what it means for whoever serves it: ``new``, ``confirmed``,
-            ``acknowledged``, ``again`` (something new of one that was left), ``over``, or nothing;
-            None for what is no emergency.
+        :return: the alarm, and what the event means for the agent: ``new``, ``confirmed``,
+            ``acknowledged``, ``again`` (news about one that the agent had left), ``over``, or
+            nothing; None for an event that is not about an emergency.
         """
         try:
-            told = json.loads(text)
-            alarm, state = clean(told['alarm'], _LONGEST), told['state']
-            level = LEVELS[told['level']] if state in _OPEN else Level.TECHNICAL
-            hash(state)
-        except (ValueError, KeyError, TypeError, RecursionError):
+            event = AlarmEvent.from_json(text)
+        except ValueError:
             self.unreadable += 1
             return None
-        if state in _ENDED:
-            return (alarm, 'over') if self._all.pop(alarm, None) else None
-        kinds = tuple(clean(each, _LONGEST_NAME) for each in _list(told.get('kinds'))[:16])
-        found = self._all.get(alarm)
-        if state not in _OPEN or level < self._least or (
-                kinds and self._ignored.issuperset(kinds)):
+        state = ALARM_STATES.get(event.state)
+        if state is None:
+            self.unreadable += not event.state
             return None
+        if not state.is_open:
+            return (event.alarm, 'over') if self._all.pop(event.alarm, None) else None
+        level = LEVELS.get(event.level)
+        if level is None:
+            self.unreadable += 1
+            return None
+        if level < self._least or (event.kinds and self._ignored.issuperset(event.kinds)):
+            return None
+        found = self._all.get(event.alarm)
         if found is None:
-            return self._add(Emergency(alarm, level, t_ns, state), told, kinds)
-        return alarm, self._change(found, told, kinds, state, level, t_ns)
+            return self._add(Emergency(event.alarm, level, t_ns, state), event)
+        return event.alarm, self._change(found, event, state, level, t_ns)
 
-    def _add(self, made: Emergency, told: Mapping[str, Any], kinds: tuple[str, ...]
-             ) -> tuple[str, str]:
-        _fill(made, told, kinds)
+    def _add(self, made: Emergency, event: AlarmEvent) -> tuple[str, str]:
+        _fill(made, event)
         self._all[made.alarm] = made
         if len(self._all) > _MOST:
             least = max(self._all.values(), key=Emergency.key)
@@ -147,21 +142,22 @@ class Emergencies:
             self.dropped += 1
         return made.alarm, 'new'
 
-    def _change(self, found: Emergency, told: Mapping[str, Any], kinds: tuple[str, ...],
-                state: str, level: Level, t_ns: int) -> str:
+    def _change(self, found: Emergency, event: AlarmEvent, state: AlarmState, level: Level,
+                t_ns: int) -> str:
         was, worse = found.state, level > found.level
-        more = not set(kinds) <= set(found.kinds)
+        more = not set(event.kinds) <= set(found.kinds)
         if level != found.level:
             found.level, found.since_ns = level, t_ns
         found.state = state
-        _fill(found, told, kinds)
-        if state == ACKNOWLEDGED:
-            return '' if was == ACKNOWLEDGED else ACKNOWLEDGED
-        if was == ACKNOWLEDGED or worse or more or (state, was) == (RAISED, SUSPECTED):
+        _fill(found, event)
+        if state is AlarmState.ACKNOWLEDGED:
+            return '' if was is AlarmState.ACKNOWLEDGED else 'acknowledged'
+        is_confirmed = state is AlarmState.RAISED and was is AlarmState.SUSPECTED
+        if was is AlarmState.ACKNOWLEDGED or worse or more or is_confirmed:
             again, found.is_done = found.is_done, False
-            if again or was == ACKNOWLEDGED:
+            if again or was is AlarmState.ACKNOWLEDGED:
                 return 'again'
-            return 'confirmed' if (state, was) == (RAISED, SUSPECTED) else ''
+            return 'confirmed' if is_confirmed else ''
         return ''
 
     def best(self, but: Emergency | None = None) -> Emergency | None:
@@ -172,7 +168,7 @@ class Emergencies:
         """
         return min((each for each in self._all.values()
                     if each is not but and not each.is_done
-                    and (each.first or each.state != ACKNOWLEDGED)),
+                    and (each.first or each.state is not AlarmState.ACKNOWLEDGED)),
                    key=Emergency.key, default=None)
 
     def prefer(self, alarm: str) -> bool:
@@ -189,27 +185,9 @@ class Emergencies:
         return True
 
 
-def _fill(emergency: Emergency, told: Mapping[str, Any], kinds: tuple[str, ...]) -> None:
-    emergency.kinds = kinds or emergency.kinds
-    for key in ('subject', 'node'):
-        value = told.get(key)
-        if isinstance(value, str) and value:
-            setattr(emergency, key, clean(value, _LONGEST_NAME))
-    x, y = told.get('x'), told.get('y')
-    if _is_place(x) and _is_place(y):
-        emergency.x, emergency.y = float(x), float(y)  # type: ignore[arg-type]
-
-
-def clean(value: object, longest: int) -> str:
-    """Return a text that can be published: JSON may have escaped what is no letter."""
-    text = str(value)[:longest].replace('\0', ' ')
-    return text.encode('utf-8', 'replace').decode()
-
-
-def _is_place(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and (
-        -1e6 < value < 1e6)
-
-
-def _list(value: object) -> list[object]:
-    return value if isinstance(value, list) else []
+def _fill(emergency: Emergency, event: AlarmEvent) -> None:
+    emergency.kinds = event.kinds or emergency.kinds
+    emergency.subject = event.subject or emergency.subject
+    emergency.node = event.node or emergency.node
+    if math.isfinite(event.x) and math.isfinite(event.y):
+        emergency.x, emergency.y = event.x, event.y

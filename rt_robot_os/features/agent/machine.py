@@ -18,21 +18,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Mapping
-import json
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.features.agent.edges import Edge
 from rt_robot_os.features.agent.edges import EDGES
 from rt_robot_os.features.agent.edges import PAUSES
-from rt_robot_os.features.agent.edges import State
+from rt_robot_os.features.agent.edges import StateEdge
+from rt_robot_os.messages.agent import AgentState
+from rt_robot_os.messages.agent import AgentTransition
 
-_LONGEST: Final = 200
+_CAUSE_CHARACTERS: Final = 200
 
 Guard = Callable[[], bool]
 
 
-class Transition(NamedTuple):
+class StateTransition(NamedTuple):
     """
     A change of state that was made.
 
@@ -44,22 +44,21 @@ class Transition(NamedTuple):
     :ivar t_ns: when, by the samples and deadlines that led to it.
     """
 
-    edge: Edge
-    source: State
-    target: State
+    edge: StateEdge
+    source: AgentState
+    target: AgentState
     why: str
     alarm: str
     t_ns: int
 
-    def to_text(self) -> str:
-        """Return it as JSON; safe in the real-time loop."""
-        return json.dumps({
-            'from': self.source.value, 'to': self.target.value,
-            'cause': f'{self.edge.event}: {self.why}'[:_LONGEST] if self.why else self.edge.event,
-            'alarm': self.alarm, 't_ns': self.t_ns}, ensure_ascii=False, separators=(',', ':'))
+    def message(self) -> AgentTransition:
+        """Return it as it is published."""
+        cause = f'{self.edge.event}: {self.why}'[:_CAUSE_CHARACTERS] if self.why else (
+            self.edge.event)
+        return AgentTransition(self.source, self.target, cause, self.alarm, self.t_ns)
 
 
-class Machine:
+class StateMachine:
     """
     A state, and the edges that lead from it; safe in the real-time loop.
 
@@ -72,15 +71,15 @@ class Machine:
 
     def __init__(self, guards: Mapping[str, Guard]) -> None:
         self._guards = guards
-        self.state = State.IDLE
-        self.before = State.IDLE
+        self.state = AgentState.IDLE
+        self.before = AgentState.IDLE
         self.ignored = 0
-        self._by_key: dict[tuple[State, str], tuple[Edge, ...]] = {}
+        self._by_key: dict[tuple[AgentState, str], tuple[StateEdge, ...]] = {}
         for edge in EDGES:
             key = edge.source, edge.event
             self._by_key[key] = (*self._by_key.get(key, ()), edge)
 
-    def find(self, event: str) -> tuple[Edge, State] | None:
+    def find(self, event: str) -> tuple[StateEdge, AgentState] | None:
         """
         Return the edge that an event leads along now, and the state at its end; None without one.
 
@@ -92,9 +91,9 @@ class Machine:
         if found is None:
             self.ignored += 1
             return None
-        return found, self.before if found.target is State.BEFORE else found.target
+        return found, self.before if found.target is None else found.target
 
-    def go(self, edge: Edge, target: State) -> bool:
+    def go(self, edge: StateEdge, target: AgentState) -> bool:
         """
         Take an edge that was found.
 
@@ -110,7 +109,7 @@ class Machine:
         self.state = target
         return True
 
-    def _edge(self, state: State, event: str) -> Edge | None:
+    def _edge(self, state: AgentState, event: str) -> StateEdge | None:
         for edge in self._by_key.get((state, event), ()):
             if not edge.guard or self._guards[edge.guard]():
                 return edge

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-import json
+import math
 from typing import Any
 from typing import Final
 
@@ -33,16 +33,15 @@ from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.features.agent.agent import Agent
 from rt_robot_os.features.agent.dialogue import BUTTON
-from rt_robot_os.features.agent.edges import State
-from rt_robot_os.features.agent.hearing import Hearing
-from rt_robot_os.features.agent.machine import Transition
-from rt_robot_os.features.agent.orders import Orders
-from rt_robot_os.features.agent.senses import Order
-from rt_robot_os.features.agent.senses import Spin
+from rt_robot_os.features.agent.input_reader import InputReader
+from rt_robot_os.features.agent.inputs import AgentOrder
+from rt_robot_os.features.agent.inputs import Spin
+from rt_robot_os.features.agent.machine import StateTransition
+from rt_robot_os.features.agent.output_writer import OutputWriter
 from rt_robot_os.features.agent.settings import clearing_of
+from rt_robot_os.features.agent.settings import context_of
 from rt_robot_os.features.agent.settings import home_of
 from rt_robot_os.features.agent.settings import SETTINGS
-from rt_robot_os.features.agent.settings import surroundings_of
 from rt_robot_os.features.agent.tuning import AgentTuning
 from rt_robot_os.features.mapping.live_map import LiveMap
 from rt_robot_os.features.mapping.live_map import MAP_MESSAGE
@@ -50,6 +49,9 @@ from rt_robot_os.features.wsn.sensor_packets import survey_from
 from rt_robot_os.kernel import any_of
 from rt_robot_os.kernel import Until
 from rt_robot_os.kernel import Wait
+from rt_robot_os.messages.agent import AgentState
+from rt_robot_os.messages.agent import Observation
+from rt_robot_os.messages.agent import ObservationKind
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.cause_reports import CAUSES_OUTPUT
 from rt_robot_os.modules.order_age import why_too_old
@@ -158,7 +160,7 @@ class AgentModule(Module):
         """
         self._map = LiveMap(self.settings['map'], self.map if self.connected('map') else None,
                             _ON_MAP['header.frame_id'], self.name, self.log)
-        self._around = surroundings_of(self.name, self.settings, self._survey, self._map.grid)
+        self._around = context_of(self.name, self.settings, self._survey, self._map.grid)
         self._buttons = {topic: self.listed[f'button {topic}']
                          for topic in self.settings['answer_topics']}
 
@@ -169,9 +171,9 @@ class AgentModule(Module):
         self._agent = agent = Agent(tuning, self._around, self._emit, self._period_ns)
         people = {name: self.listed[f'place {name}'] for name in self.settings['people']}
         topics = {name: getattr(self, name) for name in self.used(Input)}
-        self._orders = Orders({name: getattr(self, name) for name in self.used(Output)},
+        self._orders = OutputWriter({name: getattr(self, name) for name in self.used(Output)},
                               self.name, self.settings['name'], self.log, self._gave_goal)
-        self._hearing = Hearing(agent.senses, topics, people, tuning.position_stddev_max_m)
+        self._hearing = InputReader(agent.senses, topics, people, tuning.position_stddev_max_m)
 
     def changed(self, name: str) -> None:
         """Take over a setting."""
@@ -191,7 +193,7 @@ class AgentModule(Module):
             return {}
         emergencies = agent.emergencies
         return {
-            'warning': agent.text if agent.state is State.GIVE_UP else self._map.warning(),
+            'warning': agent.text if agent.state is AgentState.GIVE_UP else self._map.warning(),
             'state': agent.text, 'emergencies': len(emergencies),
             'events_unreadable': emergencies.unreadable, 'events_lost': self.events.lost,
             'emergencies_dropped': emergencies.dropped, 'events_ignored': agent.ignored,
@@ -214,7 +216,7 @@ class AgentModule(Module):
         while True:
             waits: list[Wait] = [self.events.next(), self.command.next()] if (
                 self.connected('command')) else [self.events.next()]
-            if agent.state is not State.IDLE:
+            if agent.state is not AgentState.IDLE:
                 # The point first: in a replay the job begins at the recorded time.
                 tick_ns = tick_ns or self._next_point(self._stamp_ns)
                 waits.insert(0, Until(tick_ns))
@@ -294,13 +296,17 @@ class AgentModule(Module):
 
     def _take_observed(self, agent: Agent, text: str) -> None:
         try:
-            told = json.loads(text)
-            kind, text = str(told['kind']), str(told.get('problem') or '')
-            if kind == 'sound' and not text and isinstance(told.get('level_db'), float):
-                text = f'{told["level_db"]:.0f} dB'
-            agent.observed(str(told['alarm']), kind, text)
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            found = Observation.from_json(text)
+        except ValueError:
             self._unreadable += 1
+            return
+        if not found.alarm or not found.kind:
+            self._unreadable += 1
+            return
+        text = found.problem
+        if found.kind == ObservationKind.SOUND.value and not text and math.isfinite(found.level_db):
+            text = f'{found.level_db:.0f} dB'
+        agent.observed(found.alarm, found.kind, text)
 
     def _gave_goal(self, pose: Pose) -> None:
         self._hearing.own_goal = pose
@@ -315,5 +321,5 @@ class AgentModule(Module):
         agent.remember(texts, self._stamp_ns)
         self._orders.tell(agent.text, self._stamp_ns)
 
-    def _emit(self, order: Order | Transition) -> None:
+    def _emit(self, order: AgentOrder | StateTransition) -> None:
         self._orders.carry_out(order, self._stamp_ns)

@@ -20,7 +20,7 @@ from collections.abc import Collection
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.agent.senses import Senses
+from rt_robot_os.features.agent.inputs import AgentInputs
 from rt_robot_os.features.agent.tuning import AgentTuning
 
 # As the multiplexer of velocities says it: "nobody: e-stop, asked for on estop".
@@ -28,7 +28,7 @@ _ESTOP: Final = 'nobody: e-stop'
 _ENDS: Final = ('done', 'refused: ', 'stopped: ')
 
 
-class Operator:
+class OperatorWatch:
     """
     Who has the robot, by what the multiplexer says and by goals that are not the agent's.
 
@@ -41,16 +41,16 @@ class Operator:
         self.tuning = tuning
         self.forget()
 
-    def is_held(self, senses: Senses) -> bool:
+    def is_held(self, senses: AgentInputs) -> bool:
         """Return whether the e-stop is set; it is until it is released."""
         return senses.estop or senses.steering.startswith(_ESTOP)
 
-    def why_held(self, senses: Senses) -> str:
+    def why_held(self, senses: AgentInputs) -> str:
         """Return in words what holds the robot."""
         return (senses.steering.partition(': ')[2] if senses.steering.startswith(_ESTOP) else
                 'somebody holds it')
 
-    def why_driven(self, senses: Senses) -> str:
+    def why_driven(self, senses: AgentInputs) -> str:
         """Return in words what an operator does."""
         return (f'{senses.steering} steers' if senses.steering in self._sources else
                 'somebody has sent the robot elsewhere')
@@ -60,7 +60,7 @@ class Operator:
         self._until_ns = -1
         self._errand_until_ns = -1
 
-    def drives(self, senses: Senses, t_ns: int) -> bool:
+    def drives(self, senses: AgentInputs, t_ns: int) -> bool:
         """
         Return whether an operator drives, or has let go just now.
 

@@ -24,9 +24,9 @@ from typing import Final
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import declared
 from rt_robot_os.base.schema import Field
-from rt_robot_os.features.agent.agent import Surroundings
-from rt_robot_os.features.agent.beside import Beside
-from rt_robot_os.features.agent.senses import Place
+from rt_robot_os.features.agent.agent import AgentContext
+from rt_robot_os.features.agent.inputs import Location
+from rt_robot_os.features.agent.standoff import StandoffPlanner
 from rt_robot_os.features.agent.tuning import AgentTuning
 from rt_robot_os.messages.survey import SurveyedNode
 from rt_robot_os.modules.order_age import ORDER_AGE
@@ -73,16 +73,16 @@ def clearing_of(settings: Mapping[str, Any], grid: GridMap | None) -> Clearing |
     return Clearing(grid, s['robot_radius_m'] + s['clearance_m']) if grid is not None else None
 
 
-def surroundings_of(name: str, settings: Mapping[str, Any], survey: tuple[SurveyedNode, ...],
-                    grid: GridMap | None) -> Surroundings:
+def context_of(name: str, settings: Mapping[str, Any], survey: tuple[SurveyedNode, ...],
+                    grid: GridMap | None) -> AgentContext:
     """Make what the agent is told of where it is."""
     s = settings
-    nodes = {key: Place(node.x, node.y, node.name) for node in survey
+    nodes = {key: Location(node.x, node.y, node.name) for node in survey
              for key in (node.name, node.token)}
     wearers = {key: node.person for node in survey if node.person
                for key in (node.name, node.token)}
-    return Surroundings(
-        Beside(clearing_of(s, grid), s['standoff_m'], s['spread_m']), nodes, wearers,
+    return AgentContext(
+        StandoffPlanner(clearing_of(s, grid), s['standoff_m'], s['spread_m']), nodes, wearers,
         home_of(name, s),
         tuple(s['operator_sources']), tuple(dict.fromkeys(s['observe'])),
         tuple(s['ignored_kinds']), s['name'])

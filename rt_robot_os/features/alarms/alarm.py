@@ -21,77 +21,27 @@ the core that wrote it, and :meth:`Alarm.shift` moves them to the clock of the o
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
 from dataclasses import fields
-from enum import Enum
-import json
 import math
 from typing import Any
 from typing import Final
 from typing import NamedTuple
 
+from rt_robot_os.messages.alarm_event import AlarmEvent
+from rt_robot_os.messages.alarm_event import KINDS_MOST
+from rt_robot_os.messages.alarm_state import AlarmState
 from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.cause import LEVEL_WORDS
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.messages.cause import LEVELS
 
-#: Kinds of causes and pictures that one alarm keeps.
-KINDS_MOST: Final = 12
+#: Pictures that one alarm keeps.
 PICTURES_MOST: Final = 4
 REASON_TEXT: Final = 80
 TEST: Final = 'test'
-
-
-class State(Enum):
-    """Where an alarm is in its life."""
-
-    SUSPECTED = 'suspected'
-    RAISED = 'raised'
-    ACKNOWLEDGED = 'acknowledged'
-    RESOLVED = 'resolved'
-    CANCELLED = 'cancelled'
-
-    @property
-    def is_open(self) -> bool:
-        """Return whether something may still become of it."""
-        return self not in (State.RESOLVED, State.CANCELLED)
-
-
-class Event(NamedTuple):
-    """
-    A moment in an alarm's life.
-
-    :ivar seq: counts all events, also over restarts.
-    :ivar event: what happened: ``raised``, ``acknowledged``, ``escalated`` ...
-    :ivar by: who did it; empty when it came by itself.
-    :ivar restored: it tells what was so before a restart.
-    """
-
-    seq: int
-    t_ns: int
-    alarm: str
-    event: str
-    state: str
-    level: str
-    subject: str
-    kinds: tuple[str, ...]
-    text: str
-    by: str = ''
-    why: str = ''
-    node: str = ''
-    x: float = math.nan
-    y: float = math.nan
-    restored: bool = False
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as it is in JSON; what is not known is left out."""
-        return _finite({**self._asdict(), 'kinds': list(self.kinds)},
-                       optional=('node', 'restored'))
-
-    def to_text(self) -> str:
-        """Return it as JSON."""
-        return compact(self.as_dict())
 
 
 @dataclass
@@ -186,7 +136,7 @@ class Alarm:
     id: str  # noqa: A003
     subject: str
     level: Level
-    state: State
+    state: AlarmState
     opened_ns: int
     state_ns: int
     confirm_ns: int = 0
@@ -250,13 +200,13 @@ class Alarm:
         """Return it as it is in JSON."""
         return _finite({
             **{name: getattr(self, name) for name in _PLAIN[Alarm]},
-            'level': self.level.name.lower(), 'state': self.state.value,
+            'level': LEVEL_WORDS[self.level], 'state': self.state.value,
             'reasons': [_plain(each) for each in self.reasons.values()],
             'deliveries': [_plain(each) for each in self.deliveries.values()],
             'pictures': self.pictures})
 
     @classmethod
-    def from_dict(cls, found: dict[str, Any]) -> Alarm:
+    def from_dict(cls, found: Mapping[str, Any]) -> Alarm:
         """
         Read what :meth:`as_dict` gave.
 
@@ -264,7 +214,7 @@ class Alarm:
         """
         try:
             made = cls(str(found['id']), str(found['subject']), LEVELS[found['level']],
-                       State(found['state']), int(found['opened_ns']), int(found['state_ns']))
+                       AlarmState(found['state']), int(found['opened_ns']), int(found['state_ns']))
             _set(made, found)
             for each in found['reasons'][:KINDS_MOST]:
                 reason = Reason(str(each['kind']), LEVELS[each['level']])
@@ -282,7 +232,7 @@ class Alarm:
         return made
 
 
-class Change(NamedTuple):
+class AlarmChange(NamedTuple):
     """
     What happened to one alarm, to be kept before anybody is told.
 
@@ -292,13 +242,8 @@ class Change(NamedTuple):
     """
 
     alarm: Alarm
-    events: tuple[Event, ...]
+    events: tuple[AlarmEvent, ...]
     sends: tuple[Delivery, ...]
-
-
-def compact(found: object) -> str:
-    """Write JSON without blanks."""
-    return json.dumps(found, ensure_ascii=False, separators=(',', ':'))
 
 
 _KINDS: Final = {'str': str, 'int': int, 'bool': bool, 'float': float}
@@ -316,11 +261,11 @@ _TYPES: Final[dict[type, dict[str, type]]] = {
 def _plain(each: Reason | Delivery) -> dict[str, Any]:
     found = {name: getattr(each, name) for name in _PLAIN[type(each)]}
     if isinstance(each, Reason):
-        found['level'] = each.level.name.lower()
+        found['level'] = LEVEL_WORDS[each.level]
     return found
 
 
-def _set(made: Alarm | Reason | Delivery, found: dict[str, Any]) -> None:
+def _set(made: Alarm | Reason | Delivery, found: Mapping[str, Any]) -> None:
     """Take over the plain values that are of the right type."""
     for name, kind in _TYPES[type(made)].items():
         value = found.get(name)
@@ -331,8 +276,7 @@ def _set(made: Alarm | Reason | Delivery, found: dict[str, Any]) -> None:
         made.ok = found['ok']
 
 
-def _finite(found: dict[str, Any], optional: Iterable[str] = ()) -> dict[str, Any]:
-    """Leave out numbers that are none, and the optional values that say nothing."""
-    empty = {name for name in optional if not found[name]}
+def _finite(found: dict[str, Any]) -> dict[str, Any]:
+    """Leave out numbers that are not known."""
     return {name: value for name, value in found.items()
-            if name not in empty and not (isinstance(value, float) and not math.isfinite(value))}
+            if not (isinstance(value, float) and not math.isfinite(value))}

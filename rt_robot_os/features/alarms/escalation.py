@@ -30,6 +30,7 @@ from typing import Protocol
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.alarm import Alarm
 from rt_robot_os.features.alarms.alarm import Delivery
+from rt_robot_os.messages.alarm_state import AlarmEventKind
 from rt_robot_os.messages.cause import Level
 
 #: The robot's own voice.
@@ -41,7 +42,7 @@ _SHORTEST_REPEAT_S: Final = 1
 _CHANNEL: Final = re.compile(r'[a-z][a-z0-9_-]{0,31}', re.ASCII)
 
 
-class Step(NamedTuple):
+class EscalationStep(NamedTuple):
     """
     One step of an escalation.
 
@@ -55,17 +56,17 @@ class Step(NamedTuple):
     repeat_ns: int = 0
 
 
-class Told(Protocol):
+class EscalationListener(Protocol):
     """What becomes of an escalation."""
 
-    def note(self, alarm: Alarm, event: str, t_ns: int, *, by: str = '', why: str = '') -> None:
+    def note(self, alarm: Alarm, event: AlarmEventKind, t_ns: int, *, by: str = '', why: str = '') -> None:
         """Note an event."""
 
     def send(self, alarm: Alarm, delivery: Delivery) -> None:
         """Send a notification."""
 
 
-def parse_steps(texts: Iterable[str]) -> tuple[Step, ...]:
+def parse_steps(texts: Iterable[str]) -> tuple[EscalationStep, ...]:
     """
     Read steps such as ``operator+screen 30 repeat 10``.
 
@@ -86,7 +87,7 @@ def parse_steps(texts: Iterable[str]) -> tuple[Step, ...]:
             raise ValueError(f'{words[0][:60]!r} in {text[:60]!r}: it must be 1 to '
                              f'{_CHANNELS_MOST} different channels of small letters, such as '
                              'operator+screen')
-        steps.append(Step(channels, _ns(text, words[1], 0), _ns(
+        steps.append(EscalationStep(channels, _ns(text, words[1], 0), _ns(
             text, words[3], _SHORTEST_REPEAT_S) if len(words) == 4 else 0))
     if len(steps) > STEPS_MOST:
         raise ValueError(f'{len(steps)} steps: at most {STEPS_MOST}')
@@ -96,7 +97,7 @@ def parse_steps(texts: Iterable[str]) -> tuple[Step, ...]:
     return tuple(steps)
 
 
-def texts_end(steps: list[Step]) -> str:
+def texts_end(steps: list[EscalationStep]) -> str:
     """Name the channels of the last step."""
     return '+'.join(steps[-1].channels)
 
@@ -117,21 +118,21 @@ class Escalation:
     The escalation of all alarms.
 
     :param steps: by level.
-    :param told: what becomes of it.
+    :param listener: what becomes of it.
     :ivar floor_ns: nobody was there before: what was missed until then is not made up for.
     :ivar life: ends all keys that it makes. What was told while the disk was full is not known
         after a restart, and must not be taken for what is told then.
     """
 
-    def __init__(self, steps: Mapping[Level, tuple[Step, ...]], delivery_timeout_ns: int,
-                 told: Told) -> None:
+    def __init__(self, steps: Mapping[Level, tuple[EscalationStep, ...]], delivery_timeout_ns: int,
+                 listener: EscalationListener) -> None:
         self._steps = steps
         self._timeout_ns = delivery_timeout_ns
-        self._told = told
+        self._listener = listener
         self.floor_ns = 0
         self.life = ''
 
-    def steps_of(self, alarm: Alarm) -> tuple[Step, ...]:
+    def steps_of(self, alarm: Alarm) -> tuple[EscalationStep, ...]:
         """Return the steps of an alarm's level."""
         return self._steps.get(alarm.level, ())
 
@@ -164,15 +165,15 @@ class Escalation:
         if alarm.next_ns and alarm.next_ns <= t_ns:
             self._next_step(alarm, t_ns)
         elif alarm.repeat_ns and alarm.repeat_ns <= t_ns:
-            self.tell_again(alarm, t_ns, 'repeated')
+            self.repeat(alarm, t_ns)
             alarm.repeat_ns = self._repeat_ns(alarm, t_ns)
 
-    def hurry(self, alarm: Alarm, t_ns: int) -> None:
+    def escalate_now(self, alarm: Alarm, t_ns: int) -> None:
         """Tell the next step now; at the top tell that once more."""
         if not alarm.top:
             self._next_step(alarm, t_ns)
         elif alarm.repeat_ns:
-            self.tell_again(alarm, t_ns, 'repeated')
+            self.repeat(alarm, t_ns)
             alarm.repeat_ns = self._repeat_ns(alarm, t_ns)
 
     def report(self, alarm: Alarm, delivery: Delivery, ok: bool, text: str, t_ns: int) -> None:
@@ -183,9 +184,9 @@ class Escalation:
             self._failed(alarm, delivery, text, t_ns)
             return
         delivery.ok, delivery.due_ns = True, 0
-        self._told.note(alarm, 'delivered', t_ns, why=_about(delivery, text))
+        self._listener.note(alarm, AlarmEventKind.DELIVERED, t_ns, why=_about(delivery, text))
 
-    def tell_again(self, alarm: Alarm, t_ns: int, event: str) -> None:
+    def repeat(self, alarm: Alarm, t_ns: int) -> None:
         """Tell the channels of the present step once more; at the top also those that failed."""
         steps = self.steps_of(alarm)
         if not 0 <= alarm.step < len(steps):
@@ -195,14 +196,14 @@ class Escalation:
             heard = {each.channel for each in alarm.deliveries.values() if each.ok}
             channels |= dict.fromkeys(each.channel for each in alarm.deliveries.values()
                                       if each.ok is False and each.channel not in heard)
-        self._send(alarm, tuple(channels), t_ns, event)
+        self._send(alarm, tuple(channels), t_ns, AlarmEventKind.REPEATED)
 
     def resume(self, alarm: Alarm, t_ns: int) -> None:
         """Go on after a restart: what nobody reported of is sent again, under its key."""
         for each in alarm.deliveries.values():
             if each.due_ns:
                 each.due_ns, each.again = t_ns + self._timeout_ns, True
-                self._told.send(alarm, each)
+                self._listener.send(alarm, each)
         if not 0 <= alarm.step < len(self.steps_of(alarm)):
             self.begin(alarm, t_ns)  # the settings have other steps than before
         elif alarm.repeat_ns and alarm.repeat_ns < t_ns:
@@ -221,10 +222,11 @@ class Escalation:
                 alarm.next_ns = 0
             if last or step.repeat_ns:
                 alarm.repeat_ns = self._repeat_ns(alarm, t_ns)
-            self._send(alarm, step.channels, t_ns, 'escalated' if alarm.step else 'notified')
+            self._send(alarm, step.channels, t_ns,
+                       AlarmEventKind.ESCALATED if alarm.step else AlarmEventKind.NOTIFIED)
             if last and not alarm.top:
                 alarm.top = True
-                self._told.note(alarm, 'top', t_ns, why='there is nobody else to be told')
+                self._listener.note(alarm, AlarmEventKind.TOP, t_ns, why='there is nobody else to be told')
             if last or step.wait_ns:
                 return
 
@@ -234,7 +236,7 @@ class Escalation:
         period_ns = max(step.repeat_ns or step.wait_ns, _SHORTEST_REPEAT_S * NS_PER_S)
         return t_ns + period_ns * max(1, -((t_ns - self.floor_ns) // period_ns))
 
-    def _send(self, alarm: Alarm, channels: tuple[str, ...], t_ns: int, event: str) -> None:
+    def _send(self, alarm: Alarm, channels: tuple[str, ...], t_ns: int, event: AlarmEventKind) -> None:
         step = alarm.step
         # The new word takes the place of what was told of this step before. Who has not reported
         # of that gets no more time by being told again.
@@ -246,13 +248,13 @@ class Escalation:
             due_ns = before[channel].due_ns if channel in before else 0
             alarm.deliveries[key] = Delivery(key, channel, step, due_ns or (
                 max(t_ns, self.floor_ns) + self._timeout_ns))
-            self._told.send(alarm, alarm.deliveries[key])
+            self._listener.send(alarm, alarm.deliveries[key])
         alarm.sent += 1
-        self._told.note(alarm, event, t_ns, why=', '.join(channels))
+        self._listener.note(alarm, event, t_ns, why=', '.join(channels))
 
     def _failed(self, alarm: Alarm, delivery: Delivery, text: str, t_ns: int) -> None:
         delivery.ok, delivery.due_ns = False, 0
-        self._told.note(alarm, 'failed', t_ns, why=_about(delivery, text))
+        self._listener.note(alarm, AlarmEventKind.FAILED, t_ns, why=_about(delivery, text))
         if not alarm.next_ns or delivery.step != alarm.step:
             return  # the last step, which is repeated, or one that is over
         if all(each.ok is False for each in alarm.deliveries.values()

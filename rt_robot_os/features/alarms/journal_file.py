@@ -19,7 +19,7 @@ There are two generations. A new file is written whole, synced, and only then ta
 one in use, which becomes the older one. So at each moment one of them is whole, whatever is cut.
 It is written anew each time it is opened, too: what a crash has left behind it stays behind.
 
-Room is kept on the disk for what will be added and for the next file, so that a disk that becomes
+DiskReserve is kept on the disk for what will be added and for the next file, so that a disk that becomes
 full does not stop it soon; :meth:`JournalFile.keep_room` says how much is left.
 """
 
@@ -31,16 +31,16 @@ from dataclasses import field
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.features.alarms.alarm import compact
-from rt_robot_os.features.alarms.journal import Beginning
-from rt_robot_os.features.alarms.journal import Contents
-from rt_robot_os.features.alarms.journal import decode
-from rt_robot_os.features.alarms.journal import encode_beginning
-from rt_robot_os.features.alarms.journal import encode_record
-from rt_robot_os.features.alarms.journal import Kept
-from rt_robot_os.features.alarms.journal import newest
-from rt_robot_os.features.alarms.journal import worth_keeping
-from rt_robot_os.features.alarms.store import Store
+from rt_robot_os.features.alarms.journal_lines import decode
+from rt_robot_os.features.alarms.journal_lines import encode_header
+from rt_robot_os.features.alarms.journal_lines import encode_record
+from rt_robot_os.features.alarms.journal_lines import JournalContents
+from rt_robot_os.features.alarms.journal_lines import JournalHeader
+from rt_robot_os.features.alarms.journal_lines import newest
+from rt_robot_os.features.alarms.journal_lines import retained
+from rt_robot_os.features.alarms.journal_lines import StoredRecord
+from rt_robot_os.features.alarms.journal_store import JournalStore
+from rt_robot_os.messages.fields import compact
 
 #: Names of the file in use, the one before it, and the one that is being written.
 NAME: Final = 'alarms.journal'
@@ -51,7 +51,7 @@ _TRIES: Final = 16
 
 
 @dataclass
-class Found:
+class JournalHistory:
     """
     What a journal holds.
 
@@ -61,12 +61,12 @@ class Found:
     :ivar generation: of the file in use.
     """
 
-    records: list[Kept] = field(default_factory=list)
+    records: list[StoredRecord] = field(default_factory=list)
     torn_bytes: int = 0
     damaged: int = 0
     generation: int = 0
 
-    def living(self) -> list[Kept]:
+    def living(self) -> list[StoredRecord]:
         """Return what a desk needs to go on: of each open alarm the newest, and the last one."""
         last = max((each.seq for each in self.records), default=0)
         return sorted(each for each in newest(self.records).values()
@@ -78,7 +78,7 @@ def disk_bytes(limit_bytes: int) -> int:
     return 3 * (limit_bytes + limit_bytes // 2)
 
 
-class Room(NamedTuple):
+class DiskReserve(NamedTuple):
     """
     What is kept on the disk for records.
 
@@ -90,7 +90,7 @@ class Room(NamedTuple):
     problem: OSError | None = None
 
 
-def read_journal(store: Store) -> Found:
+def read_journal(store: JournalStore) -> JournalHistory:
     """
     Read a journal, also while another process writes it.
 
@@ -99,8 +99,8 @@ def read_journal(store: Store) -> Found:
     return _found(decode(store.read(NAME)), lambda: decode(store.read(OLDER)))
 
 
-def _found(used: Contents, older: Callable[[], Contents]) -> Found:
-    found = Found(used.records, used.torn_bytes, used.damaged,
+def _found(used: JournalContents, older: Callable[[], JournalContents]) -> JournalHistory:
+    found = JournalHistory(used.records, used.torn_bytes, used.damaged,
                   used.beginning.generation if used.beginning else 0)
     if used.whole:
         return found
@@ -125,7 +125,7 @@ class JournalFile:
     :ivar put_off: how often no new file could be written, and the one in use was used on.
     """
 
-    def __init__(self, store: Store, limit_bytes: int, now_ns: Callable[[], int]) -> None:
+    def __init__(self, store: JournalStore, limit_bytes: int, now_ns: Callable[[], int]) -> None:
         self.seq = self.begun = self.put_off = 0
         self._store = store
         self._limit_bytes = limit_bytes
@@ -137,7 +137,7 @@ class JournalFile:
         self._most_bytes = 0
         self._dirty = False
 
-    def open(self) -> Found:  # noqa: A003
+    def open(self) -> JournalHistory:  # noqa: A003
         """
         Read what is there, and begin a new file with what is worth keeping.
 
@@ -193,7 +193,7 @@ class JournalFile:
             self._dirty = False
         return self.seq
 
-    def keep_room(self) -> Room:
+    def keep_room(self) -> DiskReserve:
         """Keep room for what will be added and for the next file, as far as there is any."""
         problem = None
         for name in (NAME, NEW):
@@ -202,7 +202,7 @@ class JournalFile:
                     self._store.keep(name, self._most_bytes)
             except OSError as error:
                 problem = problem or error
-        return Room(max(0, self._store.kept(NAME) - self._size), problem)
+        return DiskReserve(max(0, self._store.kept(NAME) - self._size), problem)
 
     def _shorten(self, more_bytes: int) -> None:
         """Write it anew; while that cannot be it is used on, but not for ever."""
@@ -217,10 +217,10 @@ class JournalFile:
         self._put_in_use(data)
         self.keep_room()
 
-    def _write_new(self, records: list[Kept]) -> bytes:
+    def _write_new(self, records: list[StoredRecord]) -> bytes:
         """Write what is worth keeping to a file that is not in use yet."""
-        kept = worth_keeping(records, self._limit_bytes // 2)
-        beginning = encode_beginning(Beginning(self._generation + 1, len(kept)))
+        kept = retained(records, self._limit_bytes // 2)
+        beginning = encode_header(JournalHeader(self._generation + 1, len(kept)))
         data = b''.join([beginning, *(
             encode_record(compact(each.record), each.at_ns) for each in kept)])
         try:
@@ -242,7 +242,7 @@ class JournalFile:
         self._limit_to(2 * len(data))
         self._dirty = False
 
-    def _use_on(self, used: Contents) -> None:
+    def _use_on(self, used: JournalContents) -> None:
         if used.torn_bytes:
             # To cut them off would give back the room that is kept behind them.
             self._store.blank(NAME, used.end)

@@ -23,9 +23,9 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.alarm import Alarm
-from rt_robot_os.features.alarms.alarm import compact
-from rt_robot_os.features.alarms.alarm import State
+from rt_robot_os.messages.alarm_state import AlarmState
 from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.fields import compact
 
 #: The longest list, in bytes.
 LIST_BYTES: Final = 60_000
@@ -55,7 +55,7 @@ def _plain(level: int, message: str) -> dict[str, Any]:
 
 def _status(alarm: Alarm, now_ns: int) -> dict[str, Any]:
     lasting = [each.kind for each in alarm.reasons.values() if each.active]
-    by = f' by {alarm.by}' if alarm.state is State.ACKNOWLEDGED else ''
+    by = f' by {alarm.by}' if alarm.state is AlarmState.ACKNOWLEDGED else ''
     values = {
         'id': alarm.id, 'state': alarm.state.value, 'level': alarm.level.name.lower(),
         'subject': alarm.subject, 'kinds': ' '.join(alarm.kinds), 'lasting': ' '.join(lasting),

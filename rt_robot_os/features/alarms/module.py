@@ -27,24 +27,25 @@ from collections.abc import Callable
 from collections.abc import Iterable
 from collections.abc import Mapping
 from functools import partial
-import json
 from typing import Any
 from typing import Final
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.desk import Desk
-from rt_robot_os.features.alarms.desk import RECORD_BYTES
+from rt_robot_os.features.alarms.alarm_service import AlarmService
+from rt_robot_os.features.alarms.alarm_service import RECORD_BYTES
 from rt_robot_os.features.alarms.escalation import ROBOT
 from rt_robot_os.features.alarms.listing import LIST_BYTES
 from rt_robot_os.features.alarms.listing import list_text
-from rt_robot_os.features.alarms.notification import Notification
-from rt_robot_os.features.alarms.notification import parse_report
 from rt_robot_os.features.alarms.settings import rules_of
 from rt_robot_os.features.alarms.settings import SETTINGS
-from rt_robot_os.messages.cause import cause_of
+from rt_robot_os.messages.agent import Observation
+from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import CAUSES_MESSAGE
 from rt_robot_os.messages.cause import CAUSES_TOPIC
+from rt_robot_os.messages.journal import JournalReply
+from rt_robot_os.messages.notification import DeliveryReport
+from rt_robot_os.messages.notification import Notification
 from rt_robot_os.modules.base import Module
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import MAX_SUBSCRIBERS
@@ -90,7 +91,7 @@ class Alarms(Module):
         :raises ConfigError: steps or kinds are wrong.
         """
         super().__init__(name, settings)
-        self._desk = Desk(rules_of(name, settings), journal=bool(settings['stored_topic']),
+        self._desk = AlarmService(rules_of(name, settings), journal=bool(settings['stored_topic']),
                           wait_ns=round(settings['journal_wait_s'] * NS_PER_S))
         self._counters: Counter[str] = Counter()
         self._records: list[str] = []
@@ -187,19 +188,19 @@ class Alarms(Module):
             self.log.warn('refused: %s', str(error), throttle_s=1.0)
 
     def _take_cause(self, text: str, stamp_ns: int) -> None:
-        self._desk.take_cause(cause_of(text), stamp_ns)
+        self._desk.take_cause(Cause.from_json(text), stamp_ns)
 
     def _take_report(self, text: str, stamp_ns: int) -> None:
-        self._desk.take_report(*parse_report(text), stamp_ns)
+        report = DeliveryReport.from_json(text)
+        self._desk.take_report(report.key, report.ok, report.text, stamp_ns)
 
     def _take_stored(self, text: str, stamp_ns: int) -> None:
-        self._desk.take_stored(_object(text), stamp_ns)
+        self._desk.handle_journal(JournalReply.from_json(text), stamp_ns)
 
     def _take_observed(self, text: str, stamp_ns: int) -> None:
-        found = _object(text)
-        if not found.get('problem'):
-            self._desk.take_picture(str(found.get('alarm', '')), str(found.get('file', '')),
-                                    stamp_ns)
+        found = Observation.from_json(text)
+        if not found.problem:
+            self._desk.take_picture(found.alarm, found.file, stamp_ns)
 
     # ---- what goes out -----------------------------------------------------------------------
 
@@ -209,14 +210,14 @@ class Alarms(Module):
         self._records += desk.take_records()
         events = desk.take_events()
         for event in events:
-            self._publish(self.events, event.to_text(), stamp_ns)
+            self._publish(self.events, event.to_json(), stamp_ns)
         for answer in desk.take_answers():
-            self._publish(self.answer, answer.to_text(), stamp_ns)
+            self._publish(self.answer, answer.to_json(), stamp_ns)
         for each in desk.take_notifications():
             if each.channel == ROBOT:
                 self._speak(each)
             else:
-                self._publish(self.notify, each.to_text(), stamp_ns)
+                self._publish(self.notify, each.to_json(), stamp_ns)
         if events:
             self._publish_list()
 
@@ -243,13 +244,3 @@ class Alarms(Module):
     def _publish(self, output: Publisher, text: str, stamp_ns: int) -> None:
         output.msg.data = text
         output.publish(stamp_ns)
-
-
-def _object(text: str) -> dict[str, Any]:
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f'{text[:60]!r} is no JSON: {error}') from None
-    if not isinstance(found, dict):
-        raise ValueError(f'{text[:60]!r} is no object')
-    return found

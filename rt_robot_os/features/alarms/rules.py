@@ -22,8 +22,8 @@ from dataclasses import field
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.escalation import EscalationStep
 from rt_robot_os.features.alarms.escalation import parse_steps
-from rt_robot_os.features.alarms.escalation import Step
 from rt_robot_os.messages.cause import Level
 
 #: Each channel and the seconds until the next step; see :func:`parse_steps`.
@@ -35,7 +35,7 @@ DEFAULT_STEPS: Final[Mapping[Level, tuple[str, ...]]] = {
 }
 
 
-def _default_steps() -> dict[Level, tuple[Step, ...]]:
+def _default_steps() -> dict[Level, tuple[EscalationStep, ...]]:
     return {level: parse_steps(texts) for level, texts in DEFAULT_STEPS.items()}
 
 
@@ -58,7 +58,7 @@ class Rules:
     :ivar alarms_most: open at a time.
     """
 
-    steps: Mapping[Level, tuple[Step, ...]] = field(default_factory=_default_steps)
+    steps: Mapping[Level, tuple[EscalationStep, ...]] = field(default_factory=_default_steps)
     confirm_kinds: frozenset[str] = frozenset({'fall'})
     confirm_ns: int = 30 * NS_PER_S
     remind_ns: int = 900 * NS_PER_S

@@ -23,8 +23,8 @@ from typing import Final
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import Field
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.escalation import EscalationStep
 from rt_robot_os.features.alarms.escalation import parse_steps
-from rt_robot_os.features.alarms.escalation import Step
 from rt_robot_os.features.alarms.rules import DEFAULT_STEPS
 from rt_robot_os.features.alarms.rules import Rules
 from rt_robot_os.messages.cause import check_kind
@@ -80,7 +80,7 @@ def rules_of(name: str, settings: Mapping[str, Any]) -> Rules:
     :raises ConfigError: steps or kinds are wrong; it names each.
     """
     problems: list[str] = []
-    steps: dict[Level, tuple[Step, ...]] = {}
+    steps: dict[Level, tuple[EscalationStep, ...]] = {}
     for level in Level:
         key = f'{level.name.lower()}_steps'
         try:

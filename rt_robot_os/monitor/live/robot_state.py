@@ -25,6 +25,8 @@ import json
 from typing import Any
 from typing import Final
 
+from rt_robot_os.messages.alarm_event import AlarmEvent
+from rt_robot_os.messages.alarm_event import CODEC as ALARM_EVENT
 from rt_robot_os.messages.texts.coded import codes_of
 from rt_robot_os.messages.texts.signals import codes_of_signals
 from rt_robot_os.monitor.live.memory_use import memory_of
@@ -43,20 +45,12 @@ SIGNALS_BYTES: Final = 8 << 20
 _TEXTS_MOST: Final = 16
 #: What is longer reaches nobody: it is null in messages.
 SIGNAL_CHARACTERS: Final = 256 << 10
-#: Of the name of an alarm.
-ALARM_CHARACTERS: Final = 200
 #: Closed alarms are the database's; open ones beyond that as well.
 ALARMS_MOST: Final = 200
-_TEXTS: Final = frozenset({'alarm', 'event', 'state', 'level', 'subject', 'text', 'by', 'why',
-                          'node'})
-_NUMBERS: Final = frozenset({'t_ns', 'x', 'y', 'restored'})
-_TEXT_CHARACTERS: Final = 500
-_KINDS_MOST: Final = 12
 #: Texts of an alarm that a page words by their codes.
 _WORDED: Final = ('text', 'why')
 #: Of what a robot of another release says of its own texts.
 _CODES_CHARACTERS: Final = 4000
-_CLOSED: Final = frozenset({'resolved', 'cancelled'})
 
 
 def encoded(value: Any) -> str:
@@ -207,13 +201,14 @@ class RobotState:
         :return: the alarm as it is now; None when the event changes nothing: it came before, or
             what is newer did.
         """
-        alarm = event.get('alarm')
-        if not isinstance(alarm, str) or not 0 < len(alarm) <= ALARM_CHARACTERS:
+        try:
+            parsed = AlarmEvent.from_dict(event)
+        except ValueError:
             self.count('alarms_wrong')
             return None
+        alarm, seq = parsed.alarm, parsed.seq
         before = self.alarms.get(alarm)
-        seq = event['seq'] if is_time(event.get('seq')) else 0
-        if before is not None and self._is_another(before, event, seq, utc_ns, boot):
+        if before is not None and self._is_another(before, parsed, utc_ns, boot):
             self.count('alarm_names_reused')
             self.alarms.pop(alarm)
             before = None
@@ -222,19 +217,19 @@ class RobotState:
             return None
         now = {**(before or {}), **_known(event), 'id': alarm, 'robot': self.id, 'seq': seq,
                'utc_ns': utc_ns, 'opened_ns': (before or {}).get('opened_ns', utc_ns),
-               'is_open': event.get('state') not in _CLOSED}
+               'is_open': parsed.is_open}
         if before is None and len(self.alarms) >= ALARMS_MOST:
             self._forget_one()
         self.alarms[alarm] = now
         self._alarm_boots[alarm] = boot
         return now
 
-    def _is_another(self, before: Mapping[str, Any], event: Mapping[str, Any], seq: int,
-                    utc_ns: int, boot: str) -> bool:
+    def _is_another(self, before: Mapping[str, Any], event: AlarmEvent, utc_ns: int, boot: str
+                    ) -> bool:
         """Return whether a journal was lost and a name of an alarm is used again."""
         is_later = boot == self.boot and boot != self._alarm_boots.get(before['id'])
-        return 'seq' in before and is_reused(event, seq, utc_ns, before['seq'], before['utc_ns'],
-                                             later_start=is_later)
+        return 'seq' in before and is_reused(
+            event, event.seq, utc_ns, before['seq'], before['utc_ns'], later_start=is_later)
 
     def _forget_one(self) -> None:
         closed = next((key for key, each in self.alarms.items() if not each['is_open']), None)
@@ -272,19 +267,14 @@ def _with_codes(alarm: Mapping[str, Any]) -> dict[str, Any]:
 
 def _known(event: Mapping[str, Any]) -> dict[str, Any]:
     """Return what everybody is told of an event of an alarm, each part of bounded length."""
-    found: dict[str, Any] = {}
-    for key, value in event.items():
-        if key in _TEXTS and isinstance(value, str):
-            found[key] = value[:_TEXT_CHARACTERS]
-        elif key in _NUMBERS and isinstance(value, int | float) and abs(value) < 1 << 63:
-            found[key] = value
+    found = ALARM_EVENT.known(event)
+    kinds = found.pop('kinds', None)
+    found.pop('seq', None)
     codes = event.get('codes')
     if isinstance(codes, dict) and memory_of(codes, _CODES_CHARACTERS) <= _CODES_CHARACTERS:
         found['codes'] = {key: each for key, each in codes.items() if key in _WORDED}
-    kinds = event.get('kinds')
-    if isinstance(kinds, list):
-        found['kinds'] = [each[:_TEXT_CHARACTERS] for each in kinds[:_KINDS_MOST]
-                          if isinstance(each, str)]
+    if kinds is not None:
+        found['kinds'] = list(kinds)
     return found
 
 

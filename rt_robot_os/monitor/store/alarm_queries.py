@@ -16,10 +16,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from collections.abc import Mapping
 import json
 from typing import Any
 
+from rt_robot_os.messages.alarm_event import AlarmEvent
+from rt_robot_os.messages.alarm_state import AlarmEventKind
 from rt_robot_os.monitor.store.tables import ALARM_EVENTS
 from rt_robot_os.monitor.store.tables import ALARM_NOTES
 from rt_robot_os.monitor.store.tables import ALARMS
@@ -100,7 +103,8 @@ def alarm(connection: Connection, robot: str, name: str) -> dict[str, Any] | Non
     found['events'] = [{**json.loads(each['content']), 't_ns': each['t_ns'],
                         'seq': each['event_seq'], 'arrived_ns': each['arrived_ns']}
                        for each in reversed(events)]
-    found['told'], found['failed'] = _told(found['events'])
+    found['told'], found['failed'] = _delivered(
+        AlarmEvent.from_dict({**each, 'alarm': name}) for each in found['events'])
     found['notes'] = [
         {'id': each['id'], 'by': each['by'], 'text': each['text'], 't_ns': each['t_ns']}
         for each in connection.execute(select(ALARM_NOTES).where(
@@ -109,13 +113,13 @@ def alarm(connection: Connection, robot: str, name: str) -> dict[str, Any] | Non
     return found
 
 
-def _told(events: list[dict[str, Any]]) -> tuple[list[str], list[str]]:
-    """Return the channels that delivered, and those that did not and have not since."""
+def _delivered(events: Iterable[AlarmEvent]) -> tuple[list[str], list[str]]:
+    """Return the channels that delivered, and those that failed and have not delivered since."""
     last: dict[str, bool] = {}
     for each in events:
-        channel = each.get('why') or each.get('text') or ''
-        if each.get('event') in ('delivered', 'failed') and isinstance(channel, str):
-            last[channel.split(':')[0].split(' ')[0]] = each['event'] == 'delivered'
+        if each.event in (AlarmEventKind.DELIVERED.value, AlarmEventKind.FAILED.value):
+            channel = (each.why or each.text).split(':')[0].split(' ')[0]
+            last[channel] = each.event == AlarmEventKind.DELIVERED.value
     return [name for name, ok in last.items() if ok], [name for name, ok in last.items() if not ok]
 
 

@@ -24,9 +24,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from collections.abc import Sequence
 import json
+import math
 from typing import Any
 from typing import Final
 
+from rt_robot_os.messages.alarm_event import AlarmEvent
+from rt_robot_os.messages.alarm_state import AlarmEventKind
+from rt_robot_os.messages.alarm_state import RAISING_EVENTS
 from rt_robot_os.monitor.store.alarm_reuse import is_reused
 from rt_robot_os.monitor.store.tables import ALARM_EVENTS
 from rt_robot_os.monitor.store.tables import ALARMS
@@ -39,7 +43,6 @@ from sqlalchemy import select
 from sqlalchemy import tuple_
 from sqlalchemy import update
 
-CLOSED: Final = frozenset({'resolved', 'cancelled'})
 _PART: Final = 200
 _STATE: Final = tuple(column.name for column in ALARMS.c
                       if column.name not in ('id', 'robot_id', 'alarm'))
@@ -75,7 +78,7 @@ def folded(state: Mapping[str, Any] | None, row: Mapping[str, Any]) -> dict[str,
 
     :param state: what was known, columns of ``alarms``; None: nothing.
     """
-    content = json.loads(row['content'])
+    event = _event(row)
     seq, t_ns = row['event_seq'], row['t_ns']
     made: dict[str, Any] = dict(state) if state is not None else {
         'subject': '', 'state': '', 'level': '', 'kinds': '[]', 'text': '', 'by': '', 'why': '',
@@ -86,17 +89,15 @@ def folded(state: Mapping[str, Any] | None, row: Mapping[str, Any]) -> dict[str,
     if seq > made['last_seq']:
         made.update(
             last_seq=seq, t_ns=t_ns, subject=row['subject'], state=row['state'],
-            level=row['level'], is_open=row['state'] not in CLOSED,
-            kinds=json.dumps(_texts(content.get('kinds'))), text=_string(content, 'text'),
-            by=_string(content, 'by'), why=_string(content, 'why'))
-    if seq > made['place_seq'] and (_string(content, 'node') or _number(content, 'x') is not None):
-        made.update(place_seq=seq, node=_string(content, 'node')[:120], x=_number(content, 'x'),
-                    y=_number(content, 'y'))
-    if row['event'] in ('raised', 'confirmed') and not content.get('restored'):
+            level=row['level'], is_open=event.is_open, kinds=json.dumps(event.kinds),
+            text=event.text, by=event.by, why=event.why)
+    if seq > made['place_seq'] and (event.node or math.isfinite(event.x)):
+        made.update(place_seq=seq, node=event.node[:120], x=_known(event.x), y=_known(event.y))
+    if event.event in RAISING_EVENTS and not event.restored:
         made['raised_ns'] = min(made['raised_ns'] or t_ns, t_ns)
-    if row['event'] == 'acknowledged' and seq > made['acknowledged_seq']:
+    if event.event == AlarmEventKind.ACKNOWLEDGED.value and seq > made['acknowledged_seq']:
         made.update(acknowledged_seq=seq, acknowledged_ns=t_ns,
-                    acknowledged_by=_string(content, 'by'))
+                    acknowledged_by=event.by)
     return made
 
 
@@ -105,8 +106,7 @@ def _is_another(connection: Connection, state: Mapping[str, Any], row: Mapping[s
         return False
     newest = connection.execute(select(func.max(ALARM_EVENTS.c.boot_id)).where(
         ALARM_EVENTS.c.alarm_id == state['id'])).scalar()
-    return is_reused({**json.loads(row['content']), 'event': row['event']}, row['event_seq'],
-                     row['t_ns'], state['last_seq'], state['t_ns'],
+    return is_reused(_event(row), row['event_seq'], row['t_ns'], state['last_seq'], state['t_ns'],
                      later_start=newest is not None and row['boot_id'] > newest)
 
 
@@ -145,16 +145,10 @@ def _save(connection: Connection, states: Mapping[tuple[int, str], dict[str, Any
     return {key: state['id'] for key, state in loaded.items()}
 
 
-def _string(content: Mapping[str, Any], name: str) -> str:
-    value = content.get(name)
-    return value if isinstance(value, str) else ''
+def _event(row: Mapping[str, Any]) -> AlarmEvent:
+    return AlarmEvent.from_dict({**json.loads(row['content']), 'alarm': row['alarm'],
+                                 'event': row['event'], 'state': row['state']})
 
 
-def _texts(found: object) -> list[str]:
-    return [each for each in found if isinstance(each, str)] if isinstance(found, list) else []
-
-
-def _number(content: Mapping[str, Any], name: str) -> float | None:
-    value = content.get(name)
-    good = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return float(value) if good and -1e9 < value < 1e9 else None  # type: ignore[arg-type,operator]
+def _known(number: float) -> float | None:
+    return number if math.isfinite(number) else None

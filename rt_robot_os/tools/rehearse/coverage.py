@@ -22,16 +22,17 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
-from rt_robot_os.features.agent.edges import Edge
+from rt_robot_os.features.agent.edges import BEFORE
 from rt_robot_os.features.agent.edges import EDGES
 from rt_robot_os.features.agent.edges import PAUSES
-from rt_robot_os.features.agent.edges import State
+from rt_robot_os.features.agent.edges import StateEdge
+from rt_robot_os.messages.agent import AgentState
 
-_BY_ENDS: Final[Mapping[tuple[str, str, str], Edge]] = {
-    (edge.source.value, edge.event, edge.target.value): edge for edge in EDGES}
+_BY_ENDS: Final[Mapping[tuple[str, str, str], StateEdge]] = {
+    (edge.source.value, edge.event, edge.target_name): edge for edge in EDGES}
 
 
-def edges_taken(transitions: Iterable[Mapping[str, Any]]) -> Iterator[Edge]:
+def edges_taken(transitions: Iterable[Mapping[str, Any]]) -> Iterator[StateEdge]:
     """
     Yield the edge of each transition, in their order.
 
@@ -39,22 +40,22 @@ def edges_taken(transitions: Iterable[Mapping[str, Any]]) -> Iterator[Edge]:
 
     :param transitions: as the agent told them.
     """
-    before = State.IDLE.value
+    before = AgentState.IDLE.value
     for told in transitions:
         source, target = str(told['from']), str(told['to'])
         event = str(told['cause']).partition(':')[0]
         key = source, event, target
         if event == 'released' and target == before:
-            key = source, event, State.BEFORE.value
-        if State(source) not in PAUSES:
+            key = source, event, BEFORE
+        if AgentState(source) not in PAUSES:
             before = source
-        edge = _BY_ENDS.get(key) or _BY_ENDS.get((source, event, State.BEFORE.value))
+        edge = _BY_ENDS.get(key) or _BY_ENDS.get((source, event, BEFORE))
         if edge is not None:
             yield edge
 
 
-def name_of(edge: Edge) -> str:
+def name_of(edge: StateEdge) -> str:
     """Return an edge as the drawing has it: ``confirm --> observe: help [there] / confirm``."""
     guard = f' [{edge.guard}]' if edge.guard else ''
     action = f' / {edge.action}' if edge.action else ''
-    return f'{edge.source.value} --> {edge.target.value}: {edge.event}{guard}{action}'
+    return f'{edge.source.value} --> {edge.target_name}: {edge.event}{guard}{action}'

@@ -31,10 +31,10 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.alarm import compact
+from rt_robot_os.features.alarms.journal_file import DiskReserve
 from rt_robot_os.features.alarms.journal_file import JournalFile
-from rt_robot_os.features.alarms.journal_file import Room
-from rt_robot_os.features.alarms.store import MemoryStore
+from rt_robot_os.features.alarms.journal_store import MemoryStore
+from rt_robot_os.messages.fields import compact
 from rt_robot_os.tools.rehearse.body import Body
 from rt_robot_os.tools.rehearse.stage import Stage
 from rt_robot_os.tools.rehearse.story import CALLERS
@@ -149,7 +149,7 @@ class Disk:
         except OSError as error:
             self._fail(error, now_ns)
 
-    def _look(self, room: Room, now_ns: int) -> None:
+    def _look(self, room: DiskReserve, now_ns: int) -> None:
         if self._low != (room.problem is not None):
             self._low = not self._low
             self._answer({'low': str(room.problem.strerror) if room.problem else ''}, now_ns)

@@ -26,7 +26,7 @@ import pytest
 
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.features.alarms.cli.command import run
-from rt_robot_os.features.alarms.cli.shown import duration
+from rt_robot_os.features.alarms.cli.table import duration
 from rt_robot_os.features.alarms.cli.watching import watch
 
 ALARM = {'level': 2, 'name': 'alarm 7: anna', 'hardware_id': 'anna',

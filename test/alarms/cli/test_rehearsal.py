@@ -23,14 +23,14 @@ from typing import Any
 from broad import examples
 import pytest
 
+from rt_robot_os.features.alarms.alarm_service import AlarmService
 from rt_robot_os.features.alarms.cli import rehearsal_parts
 from rt_robot_os.features.alarms.cli.command import run
 from rt_robot_os.features.alarms.cli.rehearsal import rehearse
-from rt_robot_os.features.alarms.desk import Desk
-from rt_robot_os.features.alarms.journal import Beginning
-from rt_robot_os.features.alarms.journal import encode_beginning
-from rt_robot_os.features.alarms.journal import encode_record
-from rt_robot_os.features.alarms.notifier.ledger import Ledger
+from rt_robot_os.features.alarms.journal_lines import encode_header
+from rt_robot_os.features.alarms.journal_lines import encode_record
+from rt_robot_os.features.alarms.journal_lines import JournalHeader
+from rt_robot_os.features.alarms.notifier.delivery_log import DeliveryLog
 
 ALARMS = min(examples(80), 10_000)
 
@@ -58,13 +58,13 @@ def test_the_same_seed_is_the_same_run(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_a_notifier_that_forgets_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Ledger, 'restore', lambda self, lines: None)
+    monkeypatch.setattr(DeliveryLog, 'restore', lambda self, lines: None)
     monkeypatch.setattr(rehearsal_parts, 'is_doubtful', lambda *arguments: False)
     assert rehearse(40, seed=1).shown_twice
 
 
 def test_a_desk_that_forgets_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Desk, '_take_record', lambda *arguments: None)
+    monkeypatch.setattr(AlarmService, '_take_record', lambda *arguments: None)
     found = rehearse(20, seed=1)
     assert found.told_anew or found.lost
 
@@ -78,7 +78,7 @@ def journal(path: Path) -> bytes:
                 {'t_ns': 10 ** 9, 'alarm': '7', 'event': event, 'level': 'urgent',
                  'subject': 'anna', 'kinds': ['fall'], 'by': 'mary\x1b[2J'}]}), 10 ** 18)
 
-    data = encode_beginning(Beginning(3, 0)) + record(1, 'raised', {'id': '7'})
+    data = encode_header(JournalHeader(3, 0)) + record(1, 'raised', {'id': '7'})
     path.write_bytes(data)
     return data
 

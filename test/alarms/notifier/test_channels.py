@@ -31,9 +31,8 @@ import pytest
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.features.alarms.notifier.channel import Channel
 from rt_robot_os.features.alarms.notifier.channel import DeliveryError
-from rt_robot_os.features.alarms.notifier.notification import Notification
-from rt_robot_os.features.alarms.notifier.notification import notification_of
 from rt_robot_os.features.alarms.notifier.settings import load
+from rt_robot_os.messages.notification import Notification
 from small_servers import Post
 from small_servers import serving
 from small_servers import Web
@@ -46,7 +45,7 @@ GENEROUS_S = 30.0
 
 
 def fall(**more: Any) -> Notification:
-    return notification_of(json.dumps({**FALL, **more}))
+    return Notification.from_json(json.dumps({**FALL, **more}))
 
 
 def channel(tmp_path: Path, kind: str, **values: Any) -> Channel:
@@ -306,4 +305,4 @@ def test_sections_and_names_that_do_not_fit_are_told(tmp_path: Path) -> None:
                                   '{"key": "a", "channel": 7}', '[' * 100_000])
 def test_what_is_no_notification_is_told(text: str) -> None:
     with pytest.raises(ValueError):
-        notification_of(text)
+        Notification.from_json(text)

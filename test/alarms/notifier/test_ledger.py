@@ -26,22 +26,22 @@ from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.base.errors import StartError
-from rt_robot_os.features.alarms.notifier.ledger import Ledger
-from rt_robot_os.features.alarms.notifier.ledger import Report
-from rt_robot_os.features.alarms.notifier.ledger import Verdict
-from rt_robot_os.features.alarms.notifier.store import LINES_SPARE
-from rt_robot_os.features.alarms.notifier.store import Store
+from rt_robot_os.features.alarms.notifier.delivery_log import DeliveryLog
+from rt_robot_os.features.alarms.notifier.delivery_log import DeliveryStatus
+from rt_robot_os.features.alarms.notifier.delivery_log_file import DeliveryLogFile
+from rt_robot_os.features.alarms.notifier.delivery_log_file import LINES_SPARE
+from rt_robot_os.messages.notification import DeliveryReport
 
 KEYS = st.text('7.öx"', min_size=1, max_size=6)
 
 
 def test_a_notification_is_told_once_and_its_report_is_known() -> None:
-    ledger = Ledger()
-    assert ledger.take('7.1') is Verdict.NEW
-    assert ledger.take('7.1') is Verdict.RUNNING
-    ledger.end(Report('7.1', 'operator', True, 'told'))
-    assert ledger.take('7.1') is Verdict.DONE
-    assert ledger.report('7.1') == Report('7.1', 'operator', True, 'told')
+    ledger = DeliveryLog()
+    assert ledger.take('7.1') is DeliveryStatus.NEW
+    assert ledger.take('7.1') is DeliveryStatus.RUNNING
+    ledger.end(DeliveryReport('7.1', 'operator', True, 'told'))
+    assert ledger.take('7.1') is DeliveryStatus.DONE
+    assert ledger.report('7.1') == DeliveryReport('7.1', 'operator', True, 'told')
     assert ledger.report('7.2') is None
 
 
@@ -49,38 +49,38 @@ def test_a_notification_is_told_once_and_its_report_is_known() -> None:
        st.integers(0, 2000))
 def test_after_a_cut_anywhere_it_knows_what_was_kept_before(
         rows: list[tuple[str, bool | None]], cut: int) -> None:
-    first = Ledger()
+    first = DeliveryLog()
     lines = []
     for key, ok in rows:
         first.take(key)
         lines.append(first.begun(key, 'operator') if ok is None else
-                     first.end(Report(key, 'operator', ok, 'why')))
+                     first.end(DeliveryReport(key, 'operator', ok, 'why')))
     text = ''.join(lines)[:cut]
     kept = text.count('\n')
-    second = Ledger()
+    second = DeliveryLog()
     second.restore(text.splitlines())
     last = dict(rows[:kept])
     whole = text.endswith('\n') or not text
     for key, ok in last.items():
         if whole or key != rows[kept][0]:
-            assert second.take(key) is (Verdict.AGAIN if ok is None else Verdict.DONE)
-            assert ok is None or second.report(key) == Report(key, 'operator', ok, 'why')
-    third = Ledger()
-    third.restore(Ledger.lines(first))
+            assert second.take(key) is (DeliveryStatus.AGAIN if ok is None else DeliveryStatus.DONE)
+            assert ok is None or second.report(key) == DeliveryReport(key, 'operator', ok, 'why')
+    third = DeliveryLog()
+    third.restore(DeliveryLog.lines(first))
     assert all(third.report(key) == first.report(key) for key, _ in rows)
 
 
 @given(st.lists(st.text(max_size=20) | st.sampled_from((
     '{"key": 7}', '{"key": "a", "ok": 1}', '[]', '{"key": "a", "ok": true}')), max_size=5))
 def test_any_lines_are_read(lines: list[str]) -> None:
-    Ledger().restore(lines)
+    DeliveryLog().restore(lines)
 
 
 def test_the_oldest_are_forgotten_first() -> None:
-    ledger = Ledger(remembered=3)
+    ledger = DeliveryLog(remembered=3)
     for number in range(5):
         ledger.take(str(number))
-        ledger.end(Report(str(number), '', True))
+        ledger.end(DeliveryReport(str(number), '', True))
     assert [each.key for each in ledger.recent(9)] == ['2', '3', '4']
     assert [each.key for each in ledger.recent(2)] == ['3', '4']
 
@@ -89,13 +89,13 @@ def test_the_oldest_are_forgotten_first() -> None:
 
 def test_what_was_cut_does_not_take_the_next_line_with_it(tmp_path: Path) -> None:
     path = tmp_path / 'memory' / 'deliveries.jsonl'
-    store = Store(path)
+    store = DeliveryLogFile(path)
     assert store.keep('one\n')
     store.close()
     assert path.stat().st_mode & 0o777 == 0o600 and path.parent.stat().st_mode & 0o077 == 0
     with path.open('ab') as file:
         file.write(b'tw')
-    store = Store(path)
+    store = DeliveryLogFile(path)
     assert store.read() == ['one', 'tw'] and store.keep('three\n')
     store.close()
     assert path.read_text() == 'one\ntw\nthree\n'
@@ -104,7 +104,7 @@ def test_what_was_cut_does_not_take_the_next_line_with_it(tmp_path: Path) -> Non
 def test_a_full_disk_is_told_and_leaves_no_half_line(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / 'deliveries.jsonl'
-    store = Store(path)
+    store = DeliveryLogFile(path)
     store.keep('one\n')
     real = os.write
 
@@ -127,7 +127,7 @@ def test_a_file_that_has_grown_is_written_anew_or_left_alone(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / 'deliveries.jsonl'
     path.write_text('x\n' * (LINES_SPARE + 3))
-    store = Store(path)
+    store = DeliveryLogFile(path)
     store.read()
     assert store.is_long(2) and not store.is_long(3)
 
@@ -147,4 +147,4 @@ def test_a_file_that_has_grown_is_written_anew_or_left_alone(
 def test_a_folder_that_cannot_be_used_is_told(tmp_path: Path) -> None:
     (tmp_path / 'file').touch()
     with pytest.raises(StartError, match='cannot be written: .*set folder'):
-        Store(tmp_path / 'file' / 'deliveries.jsonl')
+        DeliveryLogFile(tmp_path / 'file' / 'deliveries.jsonl')

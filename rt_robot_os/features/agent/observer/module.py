@@ -34,30 +34,27 @@ from rt_robot_os.base.schema import Field
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.agent.observer.levels import Levels
 from rt_robot_os.features.agent.observer.levels import Loudness
+from rt_robot_os.messages.agent import ObservationKind
+from rt_robot_os.messages.agent import ObservationOrder
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.wake_up import WakeUp
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 
 _TEXT: Final = 'std_msgs/msg/String'
-_ORDERS: Final = ('picture', 'clip', 'sound')
 _ORDER_BYTES: Final = 800
 _OBSERVED_BYTES: Final = 2400
 _OPEN_MOST: Final = 32
-_LONGEST: Final = 64
-_SPAN_MOST_S: Final = 60.0
 # Around a picture, which itself takes no time.
 _AROUND_NS: Final = 2 * NS_PER_S
 
 
 @dataclass
-class _Open:
+class _OpenOrder:
     """An order that somebody waits for."""
 
     number: int
-    order: str
-    alarm: str
-    subject: str
+    order: ObservationOrder
     from_ns: int
     until_ns: int
     due_ns: int
@@ -94,7 +91,7 @@ class Observer(Module):
             raise ConfigError([f'{name}: neither observed_topics nor level_topic names anything: '
                                'there is nothing to observe with'])
         self._levels = Levels(settings['sound_s'])
-        self._open: list[_Open] = []
+        self._open: list[_OpenOrder] = []
         self._number = 0
         self._orders = self._refused = self._answers = self._problems = self._unanswered = 0
         self._unreadable = 0
@@ -147,16 +144,17 @@ class Observer(Module):
     def _take_order(self, text: str, stamp_ns: int) -> None:
         self._orders += 1
         try:
-            kind, alarm, subject, before_s, after_s = _order_of(text)
+            order = ObservationOrder.from_json(text)
         except ValueError as error:
             self._refused += 1
             self._answer({'alarm': '', 'kind': '', 'problem': str(error)}, stamp_ns)
             return
         self._number += 1
-        before_ns, after_ns = round(before_s * NS_PER_S), round(after_s * NS_PER_S)
-        one = _Open(self._number, kind, alarm, subject, stamp_ns - before_ns, stamp_ns + after_ns,
-                    stamp_ns + after_ns, set())
-        if kind == 'picture':
+        kind = order.order
+        until_ns = stamp_ns + round(order.after_s * NS_PER_S)
+        one = _OpenOrder(self._number, order, stamp_ns - round(order.before_s * NS_PER_S),
+                         until_ns, until_ns, set())
+        if kind is ObservationKind.PICTURE:
             one.from_ns, one.until_ns = stamp_ns - _AROUND_NS, stamp_ns
         problem = self._cannot(kind)
         if problem:
@@ -168,18 +166,16 @@ class Observer(Module):
                          stamp_ns)
             return
         self._open.append(one)
-        if kind != 'sound':
+        if kind is not ObservationKind.SOUND:
             one.waits_for = set(self.listed)
-            if kind == 'picture':
+            if kind is ObservationKind.PICTURE:
                 one.due_ns = stamp_ns
             one.due_ns += round(self.settings['timeout_s'] * NS_PER_S)
-            self.camera_order.msg.data = json.dumps({
-                'id': one.number, 'order': kind, 'alarm': alarm, 'subject': subject,
-                'before_s': before_s, 'after_s': after_s})
+            self.camera_order.msg.data = json.dumps({'id': one.number, **order.to_dict()})
             self.camera_order.publish(stamp_ns)
 
-    def _cannot(self, kind: str) -> str:
-        if kind == 'sound':
+    def _cannot(self, kind: ObservationKind) -> str:
+        if kind is ObservationKind.SOUND:
             return '' if self.connected('level') else 'there is no microphone (level_topic)'
         return '' if self.listed else 'there is no camera (observed_topics)'
 
@@ -202,10 +198,10 @@ class Observer(Module):
         told = {key: value for key, value in told.items() if key != 'id'}
         self._answer({**told, **_names(one), **self._heard(one)}, stamp_ns)
 
-    def _end(self, one: _Open) -> None:
+    def _end(self, one: _OpenOrder) -> None:
         """Answer for those that have not."""
         self._open.remove(one)
-        if one.order == 'sound':
+        if one.order.order is ObservationKind.SOUND:
             heard = self._levels.between(one.from_ns, one.until_ns)
             if heard is None:
                 told: dict[str, Any] = {'problem': f'{self.topic_of("level")} has said nothing: '
@@ -220,7 +216,7 @@ class Observer(Module):
                           f'{topic} has not answered for {self.settings["timeout_s"]:g} s: look '
                           'whether the camera is there'}, one.due_ns)
 
-    def _heard(self, one: _Open) -> dict[str, Any]:
+    def _heard(self, one: _OpenOrder) -> dict[str, Any]:
         heard = self._levels.between(one.from_ns, one.until_ns)
         return {} if heard is None else _sound(heard)
 
@@ -240,39 +236,16 @@ class Observer(Module):
         self.observed.publish(stamp_ns)
 
 
-def _order_of(text: str) -> tuple[str, str, str, float, float]:
-    """
-    Read an order: what, alarm, subject, seconds before and after.
-
-    :raises ValueError: it is none.
-    """
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f'{text[:60]!r} is no order in JSON: {error}') from None
-    if not isinstance(found, dict) or found.get('order') not in _ORDERS:
-        raise ValueError(f'{text[:60]!r} is no order: order must be one of {", ".join(_ORDERS)}')
-    spans = []
-    for key in ('before_s', 'after_s'):
-        value = found.get(key, 0.0)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not (
-                0.0 <= value <= _SPAN_MOST_S):
-            raise ValueError(f'{key} {str(value)[:20]!r}: it must be a number of seconds from 0 '
-                             f'to {_SPAN_MOST_S:g}')
-        spans.append(float(value))
-    alarm, subject = (str(found.get(key, ''))[:_LONGEST] for key in ('alarm', 'subject'))
-    return found['order'], alarm, subject, spans[0], spans[1]
-
-
-def _names(one: _Open) -> dict[str, Any]:
-    return {'alarm': one.alarm, 'subject': one.subject, 'kind': one.order}
+def _names(one: _OpenOrder) -> dict[str, Any]:
+    return {'alarm': one.order.alarm, 'subject': one.order.subject,
+            'kind': one.order.order.value}
 
 
 def _sound(heard: Loudness) -> dict[str, Any]:
     return {'level_db': round(heard.mean_db, 1), 'loudest_db': round(heard.loudest_db, 1)}
 
 
-def _sound_text(heard: Loudness, one: _Open) -> str:
+def _sound_text(heard: Loudness, one: _OpenOrder) -> str:
     lasts_s = (one.until_ns - one.from_ns) / NS_PER_S
     return (f'sound over {lasts_s:.0f} s: {heard.mean_db:.0f} dB in the mean, '
             f'{heard.loudest_db:.0f} dB at the loudest, of full scale')

@@ -27,11 +27,11 @@ from rt_robot_os.base.programs import FAILED
 from rt_robot_os.base.programs import OK
 from rt_robot_os.base.programs import tell
 from rt_robot_os.base.safe_text import safe_line
-from rt_robot_os.features.alarms.cli.desk import open_alarms
-from rt_robot_os.features.alarms.cli.desk import order
-from rt_robot_os.features.alarms.cli.shown import alarm_rows
-from rt_robot_os.features.alarms.cli.shown import notes_of
-from rt_robot_os.features.alarms.cli.shown import table
+from rt_robot_os.features.alarms.cli.client import open_alarms
+from rt_robot_os.features.alarms.cli.client import send_command
+from rt_robot_os.features.alarms.cli.table import alarm_rows
+from rt_robot_os.features.alarms.cli.table import notes_of
+from rt_robot_os.features.alarms.cli.table import table
 from rt_robot_os.features.alarms.cli.watching import watch
 from rt_robot_os.link.client import connect
 from rt_robot_os.link.robots import add_robot_option
@@ -182,7 +182,7 @@ def _ask(arguments: argparse.Namespace, verb: str, about: str, why: str = '') ->
     """Have a command carried out, and print what became of it."""
     command = ' '.join(f'{verb} {about} by {_who(arguments.by)} {why}'.split())
     with connect(arguments.robot, _NAME) as client:
-        answer = order(client, command, arguments.timeout)
+        answer = send_command(client, command, arguments.timeout)
     if arguments.json:
         print(json.dumps(answer._asdict()))
     elif answer.ok:

@@ -22,13 +22,13 @@ from typing import Any
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.cli.shown import event_line
-from rt_robot_os.features.alarms.journal import decode
-from rt_robot_os.features.alarms.journal_device.folder import Folder
-from rt_robot_os.features.alarms.journal_file import Found
+from rt_robot_os.features.alarms.cli.table import event_line
+from rt_robot_os.features.alarms.journal_device.folder import JournalFolder
+from rt_robot_os.features.alarms.journal_file import JournalHistory
 from rt_robot_os.features.alarms.journal_file import NAME
 from rt_robot_os.features.alarms.journal_file import OLDER
 from rt_robot_os.features.alarms.journal_file import read_journal
+from rt_robot_os.features.alarms.journal_lines import decode
 from rt_robot_os.linux.folders import read_file
 from rt_robot_os.linux.folders import ros_home
 
@@ -37,7 +37,7 @@ DEFAULT_FOLDER = 'alarms'
 _LARGEST_BYTES = 256 << 20
 
 
-def find(name: str) -> Found:
+def find(name: str) -> JournalHistory:
     """
     Read a journal.
 
@@ -49,16 +49,16 @@ def find(name: str) -> Found:
         if path.is_dir():
             if not any((path / each).exists() for each in (NAME, OLDER)):
                 raise ConfigError([f'{path} holds no journal of alarms ({NAME})'])
-            return read_journal(Folder(path))
+            return read_journal(JournalFolder(path))
         contents = decode(read_file(path, _LARGEST_BYTES))
     except OSError as error:
         raise ConfigError([f'{path}: {error.strerror}: name the folder of a device of type '
                            'journal']) from error
-    return Found(contents.records, contents.torn_bytes, contents.damaged,
+    return JournalHistory(contents.records, contents.torn_bytes, contents.damaged,
                  contents.beginning.generation if contents.beginning else 0)
 
 
-def as_dict(found: Found) -> dict[str, Any]:
+def as_dict(found: JournalHistory) -> dict[str, Any]:
     """Return all of it for JSON."""
     return {'generation': found.generation, 'torn_bytes': found.torn_bytes,
             'damaged': found.damaged,
@@ -66,7 +66,7 @@ def as_dict(found: Found) -> dict[str, Any]:
             'records': [{'at_ns': each.at_ns, **each.record} for each in found.records]}
 
 
-def lines(found: Found) -> list[str]:
+def lines(found: JournalHistory) -> list[str]:
     """Return an event a line, then what is open and what was damaged."""
     told = []
     for each in found.records:

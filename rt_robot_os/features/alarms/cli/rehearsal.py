@@ -25,24 +25,24 @@ import hashlib
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.cli.rehearsal_result import Result
-from rt_robot_os.features.alarms.cli.rehearsal_scene import Scene
+from rt_robot_os.features.alarms.cli.rehearsal_result import RehearsalResult
+from rt_robot_os.features.alarms.cli.rehearsal_scene import RehearsalRun
 
 #: Emergencies of one robot; then another one begins, with a seed of its own.
 A_SCENE: Final = 40
 
 
-def rehearse(alarms: int, seed: int, first: int = 0) -> Result:
+def rehearse(alarms: int, seed: int, first: int = 0) -> RehearsalResult:
     """
     Run scenes with so many alarms in all.
 
     :param first: the scene to begin with, to look at one again.
     """
-    result = Result()
+    result = RehearsalResult()
     digest = hashlib.sha256()
     number = first
     while result.alarms < alarms:
-        scene = Scene(seed * 1_000_003 + number, min(A_SCENE, alarms - result.alarms))
+        scene = RehearsalRun(seed * 1_000_003 + number, min(A_SCENE, alarms - result.alarms))
         begun_ns = scene.timeline.now_ns
         if not scene.run():
             result.scenes_lost.append(number)

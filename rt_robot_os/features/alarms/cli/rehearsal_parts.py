@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections import Counter
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 import heapq
 import itertools
 import json
@@ -34,12 +35,13 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.journal_file import JournalFile
-from rt_robot_os.features.alarms.notifier.ledger import is_doubtful
-from rt_robot_os.features.alarms.notifier.ledger import Ledger
-from rt_robot_os.features.alarms.notifier.ledger import Report
-from rt_robot_os.features.alarms.notifier.ledger import Verdict
-from rt_robot_os.features.alarms.store import Killed
-from rt_robot_os.features.alarms.store import MemoryStore
+from rt_robot_os.features.alarms.journal_store import Killed
+from rt_robot_os.features.alarms.journal_store import MemoryStore
+from rt_robot_os.features.alarms.notifier.delivery_log import DeliveryLog
+from rt_robot_os.features.alarms.notifier.delivery_log import DeliveryStatus
+from rt_robot_os.features.alarms.notifier.delivery_log import is_doubtful
+from rt_robot_os.messages.notification import DeliveryReport
+from rt_robot_os.messages.notification import Notification
 
 Action = Callable[[], None]
 # Short, so that it is written anew often.
@@ -51,7 +53,7 @@ _REPORTS_AGAIN: Final = 32
 MEMORY: Final = 'deliveries'
 
 
-class Timeline:
+class RehearsalClock:
     """Virtual time: what is due happens in order, at its own time."""
 
     def __init__(self) -> None:
@@ -81,7 +83,7 @@ class JournalProcess:
     :param killed: called when something kills it in the middle of a write.
     """
 
-    def __init__(self, timeline: Timeline, random: Random, store: MemoryStore,
+    def __init__(self, timeline: RehearsalClock, random: Random, store: MemoryStore,
                  tell: Callable[[dict[str, Any]], None], killed: Action) -> None:
         self.ended = False
         self._timeline = timeline
@@ -154,7 +156,7 @@ class JournalProcess:
         self._tell({'fault': why})
 
 
-class Person:
+class Responder:
     """
     Somebody at the end of a channel, and what they were shown.
 
@@ -189,9 +191,9 @@ class NotifierProcess:
     :param killed: called when something kills it in the middle of a write.
     """
 
-    def __init__(self, timeline: Timeline, random: Random, store: MemoryStore,
-                 people: dict[str, Person], report: Callable[[Report], None],
-                 see: Callable[[Person, dict[str, Any]], None], killed: Action) -> None:
+    def __init__(self, timeline: RehearsalClock, random: Random, store: MemoryStore,
+                 people: dict[str, Responder], report: Callable[[DeliveryReport], None],
+                 see: Callable[[Responder, Notification], None], killed: Action) -> None:
         self.ended = False
         self._start_ns = timeline.now_ns
         self._killed = killed
@@ -201,12 +203,12 @@ class NotifierProcess:
         self._people = people
         self._tell = report
         self._see = see
-        self._ledger = Ledger()
+        self._ledger = DeliveryLog()
         data = store.read(MEMORY)
         self._ledger.restore(data.decode(errors='replace').splitlines())
         if data and not data.endswith(b'\n'):
             self._keep('\n')
-        self._queues: dict[str, deque[tuple[dict[str, Any], bool, int]]] = {
+        self._queues: dict[str, deque[tuple[Notification, bool, int]]] = {
             name: deque() for name in people}
         self._busy: set[str] = set()
 
@@ -221,20 +223,20 @@ class NotifierProcess:
         """Take a notification."""
         if self.ended:
             return
-        found = json.loads(text)
-        key, channel = found['key'], found['channel']
+        found = Notification.from_json(text)
+        key, channel = found.key, found.channel
         verdict = self._ledger.take(key, is_doubtful(found, stamp_ns, self._start_ns))
         known = self._ledger.report(key)
         if known is not None:
             self._tell(known)
-        elif verdict is not Verdict.RUNNING:
+        elif verdict is not DeliveryStatus.RUNNING:
             queue = self._queues[channel]
             if len(queue) >= _QUEUE:
-                report = Report(key, channel, False, 'too many wait')
+                report = DeliveryReport(key, channel, False, 'too many wait')
                 self._ledger.end(report)
                 self._tell(report)
                 return
-            queue.append((found, verdict is Verdict.AGAIN, stamp_ns))
+            queue.append((found, verdict is DeliveryStatus.AGAIN, stamp_ns))
             self._next(channel)
 
     def _next(self, channel: str) -> None:
@@ -244,24 +246,24 @@ class NotifierProcess:
         found, again, stamp_ns = queue.popleft()
         self._busy.add(channel)
         if self._timeline.now_ns - stamp_ns > _EXPIRES_NS:
-            self._end(Report(found['key'], channel, False, 'too old'))
+            self._end(DeliveryReport(found.key, channel, False, 'too old'))
             return
-        if self._keep(self._ledger.begun(found['key'], channel)):
+        if self._keep(self._ledger.begun(found.key, channel)):
             self._timeline.after(self._ms(1, 400), lambda: self._show(found, again))
 
-    def _show(self, found: dict[str, Any], again: bool) -> None:
+    def _show(self, found: Notification, again: bool) -> None:
         if self.ended:
             return
-        person = self._people[found['channel']]
-        report = Report(found['key'], person.name, not person.down, 'down' if person.down else '')
-        if not person.down and person.show(found['key'], again):
+        person = self._people[found.channel]
+        report = DeliveryReport(found.key, person.name, not person.down, 'down' if person.down else '')
+        if not person.down and person.show(found.key, again):
             self._see(person, found)
         if person.hangs and not person.down:
-            report = report._replace(ok=False, text='no answer')
+            report = replace(report, ok=False, text='no answer')
         self._timeline.after(self._ms(1, 300) + (8 * NS_PER_S if person.hangs else 0),
                              lambda: self._end(report))
 
-    def _end(self, report: Report) -> None:
+    def _end(self, report: DeliveryReport) -> None:
         if self.ended:
             return
         if self._keep(self._ledger.end(report)):

@@ -36,7 +36,7 @@ _LASTS_S: Final = (90.0, 400.0)
 
 
 @dataclass
-class Emergency:
+class RehearsedEmergency:
     """
     Something that happens to somebody.
 
@@ -62,18 +62,18 @@ class Emergency:
         return self.acknowledged or (self.top and self.seen)
 
 
-def emergency_by_chance(random: Random, number: int) -> Emergency:
+def emergency_by_chance(random: Random, number: int) -> RehearsedEmergency:
     """Make an emergency of which somebody will hear, if not always somebody who helps."""
     kind, level = random.choice(_KINDS)
     helper = random.choice((*PEOPLE, ''))
     if level is Level.URGENT and helper == 'emergency':
         helper = 'family'  # the last who are told of what is urgent
-    return Emergency(f'p{number}', kind, level, round(random.uniform(*_LASTS_S) * NS_PER_S),
+    return RehearsedEmergency(f'p{number}', kind, level, round(random.uniform(*_LASTS_S) * NS_PER_S),
                      helper)
 
 
 @dataclass
-class Result:
+class RehearsalResult:
     """
     What became of all emergencies.
 

@@ -33,20 +33,24 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.alarm import Event
+from rt_robot_os.features.alarms.alarm_service import AlarmService
 from rt_robot_os.features.alarms.cli.rehearsal_parts import JournalProcess
 from rt_robot_os.features.alarms.cli.rehearsal_parts import NotifierProcess
-from rt_robot_os.features.alarms.cli.rehearsal_parts import Person
-from rt_robot_os.features.alarms.cli.rehearsal_parts import Timeline
-from rt_robot_os.features.alarms.cli.rehearsal_result import Emergency
+from rt_robot_os.features.alarms.cli.rehearsal_parts import RehearsalClock
+from rt_robot_os.features.alarms.cli.rehearsal_parts import Responder
 from rt_robot_os.features.alarms.cli.rehearsal_result import emergency_by_chance
 from rt_robot_os.features.alarms.cli.rehearsal_result import PEOPLE
-from rt_robot_os.features.alarms.desk import Desk
+from rt_robot_os.features.alarms.cli.rehearsal_result import RehearsedEmergency
 from rt_robot_os.features.alarms.escalation import ROBOT
-from rt_robot_os.features.alarms.notifier.ledger import Report
+from rt_robot_os.features.alarms.journal_store import MemoryStore
 from rt_robot_os.features.alarms.rules import Rules
-from rt_robot_os.features.alarms.store import MemoryStore
+from rt_robot_os.messages.alarm_event import AlarmEvent
+from rt_robot_os.messages.alarm_state import AlarmEventKind
+from rt_robot_os.messages.alarm_state import CLOSED_STATES
 from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.journal import JournalReply
+from rt_robot_os.messages.notification import DeliveryReport
+from rt_robot_os.messages.notification import Notification
 
 _RULES: Final = Rules(remind_ns=240 * NS_PER_S, resolve_after_ns=60 * NS_PER_S)
 _REFRESH_NS: Final = 10 * NS_PER_S
@@ -58,7 +62,7 @@ _EVERY_S: Final = {'core': 90.0, 'power': 300.0, 'journal': 150.0, 'notifier': 1
                    'disk': 240.0, 'outage': 100.0, 'network': 200.0}
 
 
-class Scene:
+class RehearsalRun:
     """
     One robot and what happens around it.
 
@@ -67,17 +71,17 @@ class Scene:
 
     def __init__(self, seed: int, emergencies: int) -> None:
         self.random = random = Random(seed)
-        self.timeline = Timeline()
+        self.timeline = RehearsalClock()
         self.timeline.now_ns = 1_000 * NS_PER_S
         self.went_wrong: Counter[str] = Counter()
         self.digest = hashlib.sha256()
-        self.people = {name: Person(name) for name in PEOPLE}
+        self.people = {name: Responder(name) for name in PEOPLE}
         self.all = {each.subject: each for each in (
             emergency_by_chance(random, number) for number in range(emergencies))}
         self.told_anew = self.forgotten = 0
         self._told: set[str] = set()  # open alarms of which somebody was told
         self._disk, self._memory = MemoryStore(), MemoryStore()
-        self._desk: Desk | None = None
+        self._desk: AlarmService | None = None
         self._life = 0
         self._due_ns = 0
         self._offset_ns = 0
@@ -109,35 +113,35 @@ class Scene:
 
     # ---- what happens to people --------------------------------------------------------------
 
-    def _begin(self, each: Emergency) -> None:
+    def _begin(self, each: RehearsedEmergency) -> None:
         each.active = True
         self._publish(each)
         self.timeline.after(_REFRESH_NS, lambda: self._refresh(each))
         self.timeline.after(each.lasts_ns, lambda: self._over(each))
 
-    def _refresh(self, each: Emergency) -> None:
+    def _refresh(self, each: RehearsedEmergency) -> None:
         if each.active:
             self._publish(each)
             self.timeline.after(_REFRESH_NS, lambda: self._refresh(each))
 
-    def _publish_if_active(self, each: Emergency) -> None:
+    def _publish_if_active(self, each: RehearsedEmergency) -> None:
         if each.active:
             self._publish(each)
 
-    def _over(self, each: Emergency) -> None:
+    def _over(self, each: RehearsedEmergency) -> None:
         each.active = False
         self._publish(each)
 
-    def _publish(self, each: Emergency) -> None:
+    def _publish(self, each: RehearsedEmergency) -> None:
         desk = self._desk
         if desk is not None:
             desk.take_cause(Cause(each.kind, each.subject, each.level, each.active,
                                   f'{each.kind} of {each.subject}', 'rehearsal'), self._core_ns())
             self._settle()
 
-    def _see(self, person: Person, found: dict[str, Any]) -> None:
+    def _see(self, person: Responder, found: Notification) -> None:
         """Let a person see a notification, and perhaps do something."""
-        each = self.all.get(found['subject'])
+        each = self.all.get(found.subject)
         if each is None:
             return
         each.seen = True
@@ -146,7 +150,7 @@ class Scene:
         elif not each.helper and each.top:
             self._after(20.0, 60.0, lambda: self._order(f'resolve {each.subject} by x too late'))
 
-    def _acknowledge(self, each: Emergency) -> None:
+    def _acknowledge(self, each: RehearsedEmergency) -> None:
         """Acknowledge, and ask again until the robot has heard."""
         if each.acknowledged and self.random.random() < 0.5:
             self._after(10.0, 90.0, lambda: self._order(f'resolve {each.subject} by x helped'))
@@ -169,7 +173,7 @@ class Scene:
         if self._desk is not None:
             return
         self._life += 1
-        self._desk = desk = Desk(_RULES)
+        self._desk = desk = AlarmService(_RULES)
         self._ring.clear()
         desk.start(self._core_ns())
         self._open_journal()
@@ -187,7 +191,7 @@ class Scene:
             desk = self._desk
             if desk is None or life != self._life:
                 return
-            desk.take_stored(said, self._core_ns())
+            desk.handle_journal(JournalReply.from_dict(said), self._core_ns())
             self._settle()
             if 'restored' in said:
                 self.forgotten += len(self._told - set(desk.book.alarms))
@@ -214,29 +218,29 @@ class Scene:
                     desk.take_report(each.key, True, '', self._core_ns())
                 else:
                     self._told.add(each.alarm)
-                    self._notify(each.to_text())
+                    self._notify(each.to_json())
         if desk is not None and desk.next_ns and desk.next_ns != self._due_ns:
             self._due_ns = due_ns = desk.next_ns
             self.timeline.after(due_ns - self._core_ns(), lambda: self._advance(desk, due_ns))
 
-    def _advance(self, desk: Desk, due_ns: int) -> None:
+    def _advance(self, desk: AlarmService, due_ns: int) -> None:
         if desk is self._desk and due_ns == self._due_ns:
             self._due_ns = 0
             desk.advance(self._core_ns())
             self._settle()
 
-    def _note(self, event: Event) -> None:
+    def _note(self, event: AlarmEvent) -> None:
         self.digest.update(f'{self.timeline.now_ns} {event}'.encode())
         each = self.all.get(event.subject)
-        if event.event in ('resolved', 'cancelled'):
+        if event.event in CLOSED_STATES:
             self._told.discard(event.alarm)
         if each is None:
             return
         if event.alarm not in each.ids and not each.ended:
             self.told_anew += bool(each.ids)
             each.ids.add(event.alarm)
-        each.acknowledged = each.acknowledged or event.event == 'acknowledged'
-        each.top = each.top or event.event == 'top'
+        each.acknowledged = each.acknowledged or event.event == AlarmEventKind.ACKNOWLEDGED.value
+        each.top = each.top or event.event == AlarmEventKind.TOP.value
 
     # ---- the way to people -------------------------------------------------------------------
 
@@ -253,7 +257,7 @@ class Scene:
 
         self._after(0.0002, 0.003, arrive)
 
-    def _report(self, report: Report) -> None:
+    def _report(self, report: DeliveryReport) -> None:
         """Bring a report to the core: late, lost, or twice."""
         life = self._life
         lost = self._network_down and self.random.random() < 0.7
@@ -261,7 +265,7 @@ class Scene:
         for _ in range(0 if lost else 1 + (self.random.random() < 0.05)):
             self._after(0.0005, 0.05, lambda: self._take_report(report, life))
 
-    def _take_report(self, report: Report, life: int) -> None:
+    def _take_report(self, report: DeliveryReport, life: int) -> None:
         if self._desk is not None and life == self._life:
             self._desk.take_report(report.key, report.ok, report.text, self._core_ns())
             self._settle()
@@ -312,7 +316,7 @@ class Scene:
     def _free_disk(self) -> None:
         self._disk.room = self._memory.room = 1 << 30
 
-    def _mend(self, person: Person) -> None:
+    def _mend(self, person: Responder) -> None:
         person.down = person.hangs = False
 
     def _network_up(self) -> None:
@@ -355,7 +359,8 @@ class Scene:
     def _journal_gone(self, life: int) -> None:
         if self._desk is None or life != self._life:
             return
-        self._desk.take_stored({'fault': 'its process has ended'}, self._core_ns())
+        self._desk.handle_journal(
+            JournalReply(fault='its process has ended'), self._core_ns())
         self._settle()
 
         def reopen() -> None:

@@ -24,9 +24,9 @@ import time
 from typing import Any
 
 from rt_robot_os.base.programs import tell
-from rt_robot_os.features.alarms.cli.desk import check_topics
-from rt_robot_os.features.alarms.cli.desk import EVENTS
-from rt_robot_os.features.alarms.cli.shown import event_line
+from rt_robot_os.features.alarms.cli.client import check_topics
+from rt_robot_os.features.alarms.cli.client import EVENTS
+from rt_robot_os.features.alarms.cli.table import event_line
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.lasting_client import LastingClient

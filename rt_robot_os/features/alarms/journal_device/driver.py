@@ -40,11 +40,11 @@ from rt_robot_os.devices.capture.device import is_socket
 from rt_robot_os.devices.capture.spawn import spawn_worker
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
+from rt_robot_os.features.alarms.journal_device.protocol import JournalPacket
+from rt_robot_os.features.alarms.journal_device.protocol import json_packet
+from rt_robot_os.features.alarms.journal_device.protocol import packet
+from rt_robot_os.features.alarms.journal_device.protocol import PACKET_BYTES
 from rt_robot_os.features.alarms.journal_device.service import WORKER
-from rt_robot_os.features.alarms.journal_device.talk import json_packet
-from rt_robot_os.features.alarms.journal_device.talk import Kind
-from rt_robot_os.features.alarms.journal_device.talk import packet
-from rt_robot_os.features.alarms.journal_device.talk import PACKET_BYTES
 from rt_robot_os.messages.cause import CAUSES_MESSAGE
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
@@ -108,7 +108,7 @@ class Journal(Device):
             else:
                 self._connection, self._stop = spawn_worker(WORKER)
             allowed = os.sched_getaffinity(0)
-            self._connection.send(json_packet(Kind.OPEN, {
+            self._connection.send(json_packet(JournalPacket.OPEN, {
                 'name': self.name, 'folder': f'{port}.files' if synthetic else port,
                 'limit_bytes': self.settings['limit_kb'] * _KB,
                 # A core that is pinned wants its CPU for itself.
@@ -151,7 +151,7 @@ class Journal(Device):
                 self._told['records_not_ready'] += 1  # sent again when it is
             elif self.records.lost == self._lost:
                 self._told['records'] += 1
-                self._send(packet(Kind.KEEP, str(self.records.msg.data)))
+                self._send(packet(JournalPacket.KEEP, str(self.records.msg.data)))
         if self.records.lost != self._lost:
             self._lost = self.records.lost
             self._told['resends'] += 1
@@ -163,7 +163,7 @@ class Journal(Device):
         """Ask now and then whether the process is there."""
         if now_ns - self._pinged_ns >= _PING_NS:
             self._pinged_ns = now_ns
-            self._send(packet(Kind.PING))
+            self._send(packet(JournalPacket.PING))
 
     def read(self, now_ns: int) -> int:
         """
@@ -195,14 +195,14 @@ class Journal(Device):
         self._bytes += len(data)
         self._last_ns = now_ns
         self._frames += 1
-        if kind == Kind.FAULT:
+        if kind == JournalPacket.FAULT:
             self._fail(text, now_ns)
-        if kind == Kind.PONG:
+        if kind == JournalPacket.PONG:
             return self._take_room(text, now_ns)
-        if kind not in (Kind.RECORD, Kind.RESTORED, Kind.STORED):
+        if kind not in (JournalPacket.RECORD, JournalPacket.RESTORED, JournalPacket.STORED):
             self._rejected += 1
             return 0
-        if kind == Kind.RESTORED:
+        if kind == JournalPacket.RESTORED:
             try:
                 found = json.loads(text)
                 self._look_at(int(found['torn_bytes']), int(found['damaged']))

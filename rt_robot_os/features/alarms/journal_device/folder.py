@@ -25,9 +25,9 @@ from rt_robot_os.linux.disk_room import room_of
 _FLAGS = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
 
 
-class Folder:
+class JournalFolder:
     """
-    A :class:`rt_robot_os.features.alarms.store.Store` on a disk; not for the real-time loop.
+    A :class:`rt_robot_os.features.alarms.journal_store.JournalStore` on a disk; not for the real-time loop.
 
     :param path: of the folder; it is made if it is not there.
     :raises OSError: it cannot be made.

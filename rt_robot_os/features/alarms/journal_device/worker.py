@@ -35,13 +35,13 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.errors import DeviceError
-from rt_robot_os.features.alarms.journal_device.folder import Folder
-from rt_robot_os.features.alarms.journal_device.talk import json_packet
-from rt_robot_os.features.alarms.journal_device.talk import Kind
-from rt_robot_os.features.alarms.journal_device.talk import packet
-from rt_robot_os.features.alarms.journal_device.talk import PACKET_BYTES
-from rt_robot_os.features.alarms.journal_file import Found
+from rt_robot_os.features.alarms.journal_device.folder import JournalFolder
+from rt_robot_os.features.alarms.journal_device.protocol import JournalPacket
+from rt_robot_os.features.alarms.journal_device.protocol import json_packet
+from rt_robot_os.features.alarms.journal_device.protocol import packet
+from rt_robot_os.features.alarms.journal_device.protocol import PACKET_BYTES
 from rt_robot_os.features.alarms.journal_file import JournalFile
+from rt_robot_os.features.alarms.journal_file import JournalHistory
 from rt_robot_os.features.alarms.journal_file import read_journal
 from rt_robot_os.linux.disk_room import is_full
 from rt_robot_os.linux.folders import ros_home
@@ -58,7 +58,7 @@ def folder_of(port: str) -> Path:
     return ros_home() / Path(port).expanduser()
 
 
-class Worker:
+class JournalWorker:
     """
     A connection and a journal.
 
@@ -71,7 +71,7 @@ class Worker:
         data = connection.recv(PACKET_BYTES)
         if not data:
             raise ConnectionResetError('the core closed the connection')
-        if data[0] != Kind.OPEN:
+        if data[0] != JournalPacket.OPEN:
             raise DeviceError('the core said something else than what to open')
         self._wanted: dict[str, Any] = json.loads(data[1:])
 
@@ -83,7 +83,7 @@ class Worker:
         :raises OSError: the disk does not do what it should.
         """
         leave_alone(self._wanted['avoid_cpus'])
-        folder = Folder(folder_of(self._wanted['folder']))
+        folder = JournalFolder(folder_of(self._wanted['folder']))
         lock = LockFile(folder.path / LOCK)
         try:
             self._write(self._opened(folder, lock))
@@ -91,7 +91,7 @@ class Worker:
             lock.release()
             folder.close()
 
-    def _opened(self, folder: Folder, lock: LockFile) -> JournalFile:
+    def _opened(self, folder: JournalFolder, lock: LockFile) -> JournalFile:
         """
         Open the journal and give back what it holds, also when it cannot be written.
 
@@ -115,12 +115,12 @@ class Worker:
         self._give_back(found, journal.begun)
         return journal
 
-    def _give_back(self, found: Found, begun: int) -> None:
+    def _give_back(self, found: JournalHistory, begun: int) -> None:
         living = found.living()
         for each in living:
-            self._connection.send(json_packet(Kind.RECORD, {
+            self._connection.send(json_packet(JournalPacket.RECORD, {
                 'record': each.record, 'age_ns': max(0, time.time_ns() - each.at_ns)}))
-        self._connection.send(json_packet(Kind.RESTORED, {
+        self._connection.send(json_packet(JournalPacket.RESTORED, {
             'restored': len(living), 'torn_bytes': found.torn_bytes, 'damaged': found.damaged,
             'generation': begun}))
 
@@ -138,14 +138,14 @@ class Worker:
                     break
                 if not data:
                     raise ConnectionResetError('the core closed the connection')
-                if data[0] == Kind.KEEP:
+                if data[0] == JournalPacket.KEEP:
                     text = data[1:].decode()
                     journal.append(text, int(json.loads(text)['seq']))
                     kept = True
-                elif data[0] == Kind.PING:
-                    self._connection.send(json_packet(Kind.PONG, _room(journal)))
+                elif data[0] == JournalPacket.PING:
+                    self._connection.send(json_packet(JournalPacket.PONG, _room(journal)))
             if kept:
-                self._connection.send(json_packet(Kind.STORED, {'stored': journal.commit()}))
+                self._connection.send(json_packet(JournalPacket.STORED, {'stored': journal.commit()}))
 
 
 def _room(journal: JournalFile) -> dict[str, Any]:
@@ -162,7 +162,7 @@ def main(arguments: Sequence[str]) -> int:
     """Write until the core closes the connection; the argument is its descriptor."""
     connection = socket.socket(fileno=int(arguments[0]))
     try:
-        Worker(connection).run()
+        JournalWorker(connection).run()
     except (BrokenPipeError, ConnectionResetError):
         return 0
     except DeviceError as error:
@@ -173,7 +173,7 @@ def main(arguments: Sequence[str]) -> int:
     except Exception as error:  # whatever it is, the core has to tell it
         text = f'the journal cannot be written: {type(error).__name__}: {error}'
     try:
-        connection.send(packet(Kind.FAULT, text))
+        connection.send(packet(JournalPacket.FAULT, text))
     except OSError:
         pass  # nobody listens any more
     return 1

@@ -28,7 +28,7 @@ from typing import Final
 from typing import Protocol
 
 from rt_robot_os.base.schema import Field
-from rt_robot_os.features.alarms.notifier.notification import Notification
+from rt_robot_os.messages.notification import Notification
 
 #: A value of a channel's settings that begins so names a variable of the environment.
 VARIABLE: Final = '$'

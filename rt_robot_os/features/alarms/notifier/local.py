@@ -32,13 +32,15 @@ from rt_robot_os.base.schema import Field
 from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.features.alarms.notifier import bounded_run
 from rt_robot_os.features.alarms.notifier.channel import DeliveryError
-from rt_robot_os.features.alarms.notifier.notification import Notification
+from rt_robot_os.features.alarms.notifier.wording import json_of
+from rt_robot_os.features.alarms.notifier.wording import title_of
+from rt_robot_os.messages.notification import Notification
 
 # So much of a file is looked through for what may have been written before.
 _LOOK_BACK_BYTES: Final = 1 << 20
 
 
-class Console:
+class ConsoleChannel:
     """Print a line."""
 
     SETTINGS = ()
@@ -49,7 +51,7 @@ class Console:
     def deliver(self, notification: Notification, again: bool) -> str:
         """Print it; whether somebody looks nobody knows."""
         at = datetime.now().strftime('%H:%M:%S')
-        text = notification.text('text') or notification.title
+        text = notification.text or title_of(notification)
         try:
             print(f'{at} {text}{" (perhaps again)" if again else ""}', file=sys.stdout, flush=True)
         except (OSError, ValueError) as error:
@@ -57,7 +59,7 @@ class Console:
         return 'printed'
 
 
-class File:
+class FileChannel:
     """Append a line of JSON to a file, on the disk before it counts as delivered."""
 
     SETTINGS = (
@@ -70,7 +72,7 @@ class File:
     def deliver(self, notification: Notification, again: bool) -> str:
         """Write it; a line that is there already is not written again."""
         line = json.dumps({'at': datetime.now().astimezone().isoformat(timespec='milliseconds'),
-                           **notification.content}, ensure_ascii=True).encode() + b'\n'
+                           **notification.to_dict()}, ensure_ascii=True).encode() + b'\n'
         try:
             fd = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC
                          | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
@@ -103,7 +105,7 @@ class File:
         return 'written'
 
 
-class External:
+class CommandChannel:
     """Run a program of the user's with the notification as JSON on its standard input."""
 
     SETTINGS = (
@@ -131,7 +133,7 @@ class External:
         # The end that this process holds is closed when it ends, by SIGKILL too.
         life, held = os.pipe()
         try:
-            self._run(life, notification.as_json(again).encode())
+            self._run(life, json_of(notification, again).encode())
         finally:
             os.close(life)
             os.close(held)

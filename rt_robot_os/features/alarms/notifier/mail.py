@@ -35,9 +35,11 @@ from rt_robot_os.features.alarms.notifier.channel import environment_value
 from rt_robot_os.features.alarms.notifier.channel import GRACE_S
 from rt_robot_os.features.alarms.notifier.channel import is_own_machine
 from rt_robot_os.features.alarms.notifier.channel import VARIABLE
-from rt_robot_os.features.alarms.notifier.notification import Notification
 from rt_robot_os.features.alarms.notifier.webhook import idempotency_key
+from rt_robot_os.features.alarms.notifier.wording import lines_of
+from rt_robot_os.features.alarms.notifier.wording import title_of
 from rt_robot_os.linux.folders import read_file
+from rt_robot_os.messages.notification import Notification
 
 _PICTURES_MOST: Final = 4
 _PICTURE_BYTES: Final = 4 << 20
@@ -61,7 +63,7 @@ class _TlsServer(_Server, smtplib.SMTP_SSL):
     """The same, encrypted from its first byte."""
 
 
-class Mail:
+class MailChannel:
     """Send a message; the server's word that it has taken it means that it is delivered."""
 
     SETTINGS = (
@@ -141,21 +143,20 @@ class Mail:
 
     def _message(self, notification: Notification, again: bool) -> EmailMessage:
         message = EmailMessage()
-        message['Subject'] = notification.title
+        message['Subject'] = title_of(notification)
         message['From'] = self._values['sender']
         message['To'] = ', '.join(self._values['to'])
         message['Date'] = formatdate(localtime=True)
         message['Message-ID'] = f'<{idempotency_key(notification.key)}@rt-robot-os.invalid>'
         message['Auto-Submitted'] = 'auto-generated'
-        pictures = notification.content.get('pictures')
-        lines = notification.lines(again)
+        lines = lines_of(notification, again)
         attached: list[tuple[bytes, str, str]] = []
-        for name in pictures[:_PICTURES_MOST] if isinstance(pictures, list) else ():
-            picture = _picture(Path(str(name))) if self._values['pictures'] else None
+        for name in notification.pictures[:_PICTURES_MOST]:
+            picture = _picture(Path(name)) if self._values['pictures'] else None
             if picture is not None:
                 attached.append(picture)
             else:
-                lines.append(f'picture: {safe_line(str(name))}')
+                lines.append(f'picture: {safe_line(name)}')
         message.set_content('\n'.join(lines) + '\n')
         for data, kind, file in attached:
             message.add_attachment(data, maintype='image', subtype=kind, filename=file)

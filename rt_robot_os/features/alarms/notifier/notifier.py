@@ -31,20 +31,19 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.errors import LinkError
-from rt_robot_os.features.alarms.notifier.courier import Courier
-from rt_robot_os.features.alarms.notifier.ledger import is_doubtful
-from rt_robot_os.features.alarms.notifier.ledger import Ledger
-from rt_robot_os.features.alarms.notifier.ledger import Report
-from rt_robot_os.features.alarms.notifier.ledger import TEXT_LETTERS
-from rt_robot_os.features.alarms.notifier.ledger import Verdict
-from rt_robot_os.features.alarms.notifier.notification import Notification
-from rt_robot_os.features.alarms.notifier.notification import notification_of
+from rt_robot_os.features.alarms.notifier.delivery_log import DeliveryLog
+from rt_robot_os.features.alarms.notifier.delivery_log import DeliveryStatus
+from rt_robot_os.features.alarms.notifier.delivery_log import is_doubtful
+from rt_robot_os.features.alarms.notifier.delivery_log_file import DeliveryLogFile
+from rt_robot_os.features.alarms.notifier.sender import ChannelSender
 from rt_robot_os.features.alarms.notifier.settings import NotifierSettings
-from rt_robot_os.features.alarms.notifier.store import Store
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.lasting_client import LastingClient
+from rt_robot_os.messages.notification import DeliveryReport
+from rt_robot_os.messages.notification import Notification
+from rt_robot_os.messages.notification import REPORT_CHARACTERS
 
 NOTIFY: Final = 'alarms/notify'
 REPORT: Final = 'alarms/report'
@@ -69,21 +68,21 @@ class Notifier:
                  tell: Callable[[str], None]) -> None:
         self._settings = settings
         self._tell = tell
-        self._store = Store(memory)
-        self._ledger = Ledger()
+        self._store = DeliveryLogFile(memory)
+        self._ledger = DeliveryLog()
         self._ledger.restore(self._store.read())
         self._lock = threading.Lock()
         # Who waits for the disk holds up only who has something to keep as well.
         self._disk = threading.Lock()
         self._shrink()
-        self._reports: queue.SimpleQueue[Report] = queue.SimpleQueue()
-        self._unsent: list[Report] = []
+        self._reports: queue.SimpleQueue[DeliveryReport] = queue.SimpleQueue()
+        self._unsent: list[DeliveryReport] = []
         self._channels: dict[str, int] = {}
         self._counters = {'taken': 0, 'again': 0, 'duplicates': 0, 'malformed': 0, 'missed': 0,
                           'unknown_channel': 0}
         self._beat_s = 0.0
         self._start_ns = time.monotonic_ns()
-        self.couriers = {each.name: Courier(each, self._begin, self._end, settings.expires_s)
+        self.couriers = {each.name: ChannelSender(each, self._begin, self._end, settings.expires_s)
                          for each in settings.channels}
         self.link = LastingClient(path, 'notifier', self._connect, tell)
 
@@ -128,7 +127,7 @@ class Notifier:
     def _take(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
         self._counters['missed'] = missed
         try:
-            notification = notification_of(string_in(cdr))
+            notification = Notification.from_json(string_in(cdr))
         except ValueError as error:
             self._counters['malformed'] += 1
             self._tell(f'{NOTIFY}: {error}')
@@ -136,16 +135,16 @@ class Notifier:
         self._counters['taken'] += 1
         with self._lock:
             verdict = self._ledger.take(notification.key, is_doubtful(
-                notification.content, stamp_ns, self._start_ns))
+                notification, stamp_ns, self._start_ns))
             known = self._ledger.report(notification.key)
         if known is not None:
             self._counters['duplicates'] += 1
             self._reports.put(known)
-        elif verdict is Verdict.RUNNING:
+        elif verdict is DeliveryStatus.RUNNING:
             self._counters['duplicates'] += 1
         else:
-            self._counters['again'] += verdict is Verdict.AGAIN
-            self._hand_over(notification, verdict is Verdict.AGAIN, stamp_ns)
+            self._counters['again'] += verdict is DeliveryStatus.AGAIN
+            self._hand_over(notification, verdict is DeliveryStatus.AGAIN, stamp_ns)
 
     def _hand_over(self, notification: Notification, again: bool, stamp_ns: int) -> None:
         courier = self.couriers.get(notification.channel)
@@ -158,7 +157,7 @@ class Notifier:
 
     def _refuse(self, notification: Notification, why: str) -> None:
         self._tell(f'{notification.key}: {why}')
-        report = Report(notification.key, notification.channel, False, why[:TEXT_LETTERS])
+        report = DeliveryReport(notification.key, notification.channel, False, why[:REPORT_CHARACTERS])
         with self._lock:
             self._ledger.end(report)  # not worth the disk: it was not told
         self._reports.put(report)
@@ -171,7 +170,7 @@ class Notifier:
         with self._disk:
             self._store.keep(line)
 
-    def _end(self, report: Report) -> None:
+    def _end(self, report: DeliveryReport) -> None:
         with self._lock:
             line = self._ledger.end(report)
         with self._disk:
@@ -200,7 +199,7 @@ class Notifier:
         client = self.link.client
         while self._unsent and client is not None:
             try:
-                client.publish(self._channels[REPORT], string_message(self._unsent[0].to_text()))
+                client.publish(self._channels[REPORT], string_message(self._unsent[0].to_json()))
             except LinkError:
                 return  # it is told again with the next connection, or a moment later
             self._unsent.pop(0)

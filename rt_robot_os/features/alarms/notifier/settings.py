@@ -37,11 +37,11 @@ from typing import Final
 from rt_robot_os.base.schema import Field
 from rt_robot_os.features.alarms.notifier.channel import Channel
 from rt_robot_os.features.alarms.notifier.channel import VARIABLE
-from rt_robot_os.features.alarms.notifier.local import Console
-from rt_robot_os.features.alarms.notifier.local import External
-from rt_robot_os.features.alarms.notifier.local import File
-from rt_robot_os.features.alarms.notifier.mail import Mail
-from rt_robot_os.features.alarms.notifier.webhook import Webhook
+from rt_robot_os.features.alarms.notifier.local import CommandChannel
+from rt_robot_os.features.alarms.notifier.local import ConsoleChannel
+from rt_robot_os.features.alarms.notifier.local import FileChannel
+from rt_robot_os.features.alarms.notifier.mail import MailChannel
+from rt_robot_os.features.alarms.notifier.webhook import WebhookChannel
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.sections import read_section
 from rt_robot_os.settings.sections import ROS_OWN
@@ -51,7 +51,7 @@ from rt_robot_os.settings.tree import Leaf
 
 Kind = Callable[[Mapping[str, Any], Mapping[str, str]], Channel]
 KINDS: Final[Mapping[str, Any]] = {
-    'console': Console, 'file': File, 'command': External, 'webhook': Webhook, 'email': Mail}
+    'console': ConsoleChannel, 'file': FileChannel, 'command': CommandChannel, 'webhook': WebhookChannel, 'email': MailChannel}
 _NAME: Final = re.compile(r'[a-z][a-z0-9_-]{0,31}', re.ASCII)
 #: The names that the robot itself answers to, without a notifier.
 _ROBOTS: Final = ('robot',)
@@ -148,7 +148,7 @@ def _channel(tree: Branch, name: str, environ: Mapping[str, str], plain: Mapping
         return None
     try:
         return ChannelSettings(name, section.values['type'], section.values['queue'],
-                               cls(section.values, plain if cls is External else environ))
+                               cls(section.values, plain if cls is CommandChannel else environ))
     except KeyError:
         return None  # a value is missing, which was told
     except ValueError as error:

@@ -35,7 +35,8 @@ from rt_robot_os.features.alarms.notifier.channel import environment_value
 from rt_robot_os.features.alarms.notifier.channel import GRACE_S
 from rt_robot_os.features.alarms.notifier.channel import is_own_machine
 from rt_robot_os.features.alarms.notifier.channel import VARIABLE
-from rt_robot_os.features.alarms.notifier.notification import Notification
+from rt_robot_os.features.alarms.notifier.wording import json_of
+from rt_robot_os.messages.notification import Notification
 
 _KEY_LETTERS: Final = 32
 
@@ -45,7 +46,7 @@ def idempotency_key(key: str) -> str:
     return hashlib.sha256(key.encode()).hexdigest()[:_KEY_LETTERS]
 
 
-class Webhook:
+class WebhookChannel:
     """POST it; an answer 2xx means that it is delivered, and redirections are not followed."""
 
     SETTINGS = (
@@ -111,7 +112,7 @@ class Webhook:
             with deadline.watch():
                 connection.connect()
                 deadline.guard(connection.sock)
-                connection.request('POST', self._path, notification.as_json(again).encode(), {
+                connection.request('POST', self._path, json_of(notification, again).encode(), {
                     'Content-Type': 'application/json', 'User-Agent': 'rt_robot_os notifier',
                     'Idempotency-Key': idempotency_key(notification.key), **self._headers})
                 answer = connection.getresponse()

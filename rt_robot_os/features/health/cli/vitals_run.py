@@ -35,7 +35,6 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.spec import RATE_MINIMUM_HZ
 from rt_robot_os.messages.cause import Cause
-from rt_robot_os.messages.cause import cause_of
 from rt_robot_os.messages.cause import CAUSES_TOPIC
 from rt_robot_os.messages.quantities import FLOAT
 from rt_robot_os.modules import Module
@@ -143,7 +142,7 @@ def play(recording: Recording, vital: Mapping[str, Any], assessment: Mapping[str
     del player
     vital_signs = modules[0]
     assert isinstance(vital_signs, VitalSigns)
-    return Course([(time_s, cause_of(text)) for time_s, text in heard['causes']],
+    return Course([(time_s, Cause.from_json(text)) for time_s, text in heard['causes']],
                   _qualities(heard['signs']), _scores(heard['news2_details']),
                   vital_signs.counters())
 

@@ -23,6 +23,7 @@ rule means is in :mod:`rt_robot_os.features.health.rule_state`; here are topics,
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 import math
 from typing import Any
 from typing import Final
@@ -196,7 +197,7 @@ class Rule(Module):
             reports.report(self._cause(first, watched.states[first]), transition.time_ns)
         else:
             cause = self._cause(name, watched.states[name])
-            reports.report(cause._replace(active=transition.active), transition.time_ns)
+            reports.report(replace(cause, active=transition.active), transition.time_ns)
 
     def _cause(self, name: str, state: RuleState) -> Cause:
         s, value = self.settings, state.value()

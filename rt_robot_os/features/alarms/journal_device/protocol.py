@@ -22,13 +22,13 @@ import json
 from typing import Any
 from typing import Final
 
-from rt_robot_os.features.alarms.desk import RECORD_BYTES
+from rt_robot_os.features.alarms.alarm_service import RECORD_BYTES
 
 #: The longest packet: a record and how old it is.
 PACKET_BYTES: Final = RECORD_BYTES + 256
 
 
-class Kind(IntEnum):
+class JournalPacket(IntEnum):
     """The first byte of a packet; text follows, JSON but for FAULT."""
 
     #: To the process: the folder and what else it has to know; a record; are you there?
@@ -44,11 +44,11 @@ class Kind(IntEnum):
     PONG = 8
 
 
-def packet(kind: Kind, text: str = '') -> bytes:
+def packet(kind: JournalPacket, text: str = '') -> bytes:
     """Write a packet."""
     return bytes((kind,)) + text.encode()
 
 
-def json_packet(kind: Kind, values: Mapping[str, Any]) -> bytes:
+def json_packet(kind: JournalPacket, values: Mapping[str, Any]) -> bytes:
     """Write a packet of JSON."""
     return packet(kind, json.dumps(values, ensure_ascii=False, separators=(',', ':')))

@@ -20,8 +20,8 @@ from collections.abc import Mapping
 import math
 from typing import Final
 
-from rt_robot_os.features.agent.senses import Place
-from rt_robot_os.features.agent.senses import Senses
+from rt_robot_os.features.agent.inputs import AgentInputs
+from rt_robot_os.features.agent.inputs import Location
 from rt_robot_os.features.navigation.trajectory.whereabouts import planar
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.topics import Subscription
@@ -33,7 +33,7 @@ _X_X, _Y_Y = 0, 7
 _SAME_M: Final = 1e-6
 
 
-class Hearing:
+class InputReader:
     """
     Take the newest of each topic into the senses; safe in the real-time loop.
 
@@ -42,7 +42,7 @@ class Hearing:
     :ivar own_goal: the last goal that the agent gave.
     """
 
-    def __init__(self, senses: Senses, topics: Mapping[str, Subscription],
+    def __init__(self, senses: AgentInputs, topics: Mapping[str, Subscription],
                  people: Mapping[str, Subscription], stddev_max_m: float) -> None:
         self.stddev_max_m = stddev_max_m
         self.own_goal: Pose | None = None
@@ -106,4 +106,4 @@ class Hearing:
         position = read.msg.pose.position
         x, y = float(position.x), float(position.y)
         if math.isfinite(x) and math.isfinite(y):
-            self._senses.people[name] = Place(x, y, name)
+            self._senses.people[name] = Location(x, y, name)

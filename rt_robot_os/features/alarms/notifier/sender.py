@@ -25,15 +25,15 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.notifier.channel import DeliveryError
-from rt_robot_os.features.alarms.notifier.ledger import Report
-from rt_robot_os.features.alarms.notifier.ledger import TEXT_LETTERS
-from rt_robot_os.features.alarms.notifier.notification import Notification
 from rt_robot_os.features.alarms.notifier.settings import ChannelSettings
+from rt_robot_os.messages.notification import DeliveryReport
+from rt_robot_os.messages.notification import Notification
+from rt_robot_os.messages.notification import REPORT_CHARACTERS
 
 _END: Final = None
 
 
-class Courier:
+class ChannelSender:
     """
     Delivers by one channel, one notification after the other.
 
@@ -47,7 +47,7 @@ class Courier:
     """
 
     def __init__(self, settings: ChannelSettings, begin: Callable[[Notification], None],
-                 end: Callable[[Report], None], expires_s: float) -> None:
+                 end: Callable[[DeliveryReport], None], expires_s: float) -> None:
         self.settings = settings
         self.delivered = self.failed = 0
         self.problem = ''
@@ -102,9 +102,9 @@ class Courier:
             self.busy_since_ns = 0
             self.delivered += ok
             self.failed += not ok
-            text = text[:TEXT_LETTERS]
+            text = text[:REPORT_CHARACTERS]
             self.problem = '' if ok else text
-            self._end(Report(notification.key, notification.channel, ok, text))
+            self._end(DeliveryReport(notification.key, notification.channel, ok, text))
 
     def _deliver(self, notification: Notification, again: bool, age_ns: int) -> tuple[bool, str]:
         if age_ns > self._expires_ns:

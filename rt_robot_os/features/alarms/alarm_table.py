@@ -31,19 +31,21 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.features.alarms.alarm import Alarm
-from rt_robot_os.features.alarms.alarm import Change
+from rt_robot_os.features.alarms.alarm import AlarmChange
 from rt_robot_os.features.alarms.alarm import Delivery
-from rt_robot_os.features.alarms.alarm import Event
-from rt_robot_os.features.alarms.alarm import KINDS_MOST
 from rt_robot_os.features.alarms.alarm import PICTURES_MOST
 from rt_robot_os.features.alarms.alarm import Reason
-from rt_robot_os.features.alarms.alarm import State
 from rt_robot_os.features.alarms.alarm import TEST
 from rt_robot_os.features.alarms.escalation import Escalation
-from rt_robot_os.features.alarms.lasting import Lasting
 from rt_robot_os.features.alarms.rules import Rules
+from rt_robot_os.features.alarms.suppression import SuppressedCauses
+from rt_robot_os.messages.alarm_event import AlarmEvent
+from rt_robot_os.messages.alarm_event import KINDS_MOST
+from rt_robot_os.messages.alarm_state import AlarmEventKind
+from rt_robot_os.messages.alarm_state import AlarmState
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.cause import LEVEL_WORDS
 
 #: The subject of what is wrong with the book itself.
 SELF: Final = 'alarms'
@@ -52,7 +54,7 @@ OVERFLOW: Final = Cause('alarm_overflow', SELF, Level.TECHNICAL, True,
 _TECHNICAL: Final = (False, True)
 
 
-class Book:
+class AlarmTable:
     """
     All open alarms.
 
@@ -67,7 +69,7 @@ class Book:
         self.alarms: dict[str, Alarm] = {}
         self.counters: Counter[str] = Counter()
         self.silent_until_ns = 0
-        self.lasting = Lasting(rules)
+        self.lasting = SuppressedCauses(rules)
         self.event_seq = 0
         self.number = 0
         self.unsaved = False
@@ -75,14 +77,14 @@ class Book:
         self._floor_ns = 0
         self._escalation = Escalation(rules.steps, rules.delivery_timeout_ns, self)
         self._by_subject: dict[tuple[str, bool], Alarm] = {}
-        self._changed: dict[str, tuple[Alarm, list[Event], list[Delivery]]] = {}
+        self._changed: dict[str, tuple[Alarm, list[AlarmEvent], list[Delivery]]] = {}
 
     # ---- what comes out ----------------------------------------------------------------------
 
-    def take_changes(self) -> list[Change]:
+    def take_changes(self) -> list[AlarmChange]:
         """Return what happened since the last call, an alarm each."""
         changed, self._changed = self._changed, {}
-        return [Change(alarm, tuple(events), tuple(sends))
+        return [AlarmChange(alarm, tuple(events), tuple(sends))
                 for alarm, events, sends in changed.values()]
 
     def begin_life(self, t_ns: int) -> None:
@@ -93,14 +95,15 @@ class Book:
         """Return the open alarms: the worst first, then the oldest."""
         return sorted(self.alarms.values(), key=Alarm.order)
 
-    def note(self, alarm: Alarm, event: str, t_ns: int, *, by: str = '', why: str = '',
+    def note(self, alarm: Alarm, event: AlarmEventKind, t_ns: int, *, by: str = '', why: str = '',
              restored: bool = False) -> None:
         """Note an event."""
         t_ns = max(t_ns, self._floor_ns)
         self.event_seq += 1
-        self.counters[event] += 1
-        self._change(alarm)[1].append(Event(
-            self.event_seq, t_ns, alarm.id, event, alarm.state.value, alarm.level.name.lower(),
+        self.counters[event.value] += 1
+        self._change(alarm)[1].append(AlarmEvent(
+            self.event_seq, t_ns, alarm.id, event.value, alarm.state.value,
+            LEVEL_WORDS[alarm.level],
             alarm.subject, alarm.kinds, alarm.text, by, why, alarm.node, alarm.x, alarm.y,
             restored))
 
@@ -108,7 +111,7 @@ class Book:
         """Have a notification sent."""
         self._change(alarm)[2].append(delivery)
 
-    def _change(self, alarm: Alarm) -> tuple[Alarm, list[Event], list[Delivery]]:
+    def _change(self, alarm: Alarm) -> tuple[Alarm, list[AlarmEvent], list[Delivery]]:
         return self._changed.setdefault(alarm.id, (alarm, [], []))
 
     # ---- causes ------------------------------------------------------------------------------
@@ -134,16 +137,16 @@ class Book:
             self._open(cause, technical, t_ns)
 
     def _open(self, cause: Cause, technical: bool, t_ns: int) -> Alarm:
-        alarm = Alarm(self._new_id(t_ns), cause.subject, cause.level, State.RAISED, t_ns, t_ns)
+        alarm = Alarm(self._new_id(t_ns), cause.subject, cause.level, AlarmState.RAISED, t_ns, t_ns)
         alarm.reasons[cause.kind] = Reason.of(cause, t_ns)
         alarm.see(cause)
         self.alarms[alarm.id] = self._by_subject[cause.subject, technical] = alarm
         if not technical and cause.kind in self.rules.confirm_kinds:
-            alarm.state = State.SUSPECTED
+            alarm.state = AlarmState.SUSPECTED
             alarm.confirm_ns = t_ns + self.rules.confirm_ns
-            self.note(alarm, 'suspected', t_ns, by=cause.source)
+            self.note(alarm, AlarmEventKind.SUSPECTED, t_ns, by=cause.source)
         else:
-            self._raise(alarm, t_ns, 'raised', by=cause.source)
+            self._raise(alarm, t_ns, AlarmEventKind.RAISED, by=cause.source)
         return alarm
 
     def _new_id(self, t_ns: int) -> str:
@@ -152,8 +155,8 @@ class Book:
         # Nobody knows which numbers were given before when nothing is kept.
         return f'u{t_ns // NS_PER_MS:x}-{self.number}' if self.unsaved else str(self.number)
 
-    def _raise(self, alarm: Alarm, t_ns: int, event: str, *, by: str = '', why: str = '') -> None:
-        alarm.state, alarm.state_ns = State.RAISED, t_ns
+    def _raise(self, alarm: Alarm, t_ns: int, event: AlarmEventKind, *, by: str = '', why: str = '') -> None:
+        alarm.state, alarm.state_ns = AlarmState.RAISED, t_ns
         alarm.confirm_ns = alarm.remind_ns = 0
         self.silent_until_ns = 0
         self.note(alarm, event, t_ns, by=by, why=why)
@@ -186,17 +189,17 @@ class Book:
     def _news(self, alarm: Alarm, cause: Cause, worse: bool, t_ns: int) -> None:
         alarm.level = max(alarm.level, cause.level)
         why = f'{cause.kind}: {cause.text}'[:160] if cause.text else cause.kind
-        if alarm.state is State.ACKNOWLEDGED:
-            self._raise(alarm, t_ns, 'unacknowledged', by=cause.source, why=why)
+        if alarm.state is AlarmState.ACKNOWLEDGED:
+            self._raise(alarm, t_ns, AlarmEventKind.UNACKNOWLEDGED, by=cause.source, why=why)
             return
-        self.note(alarm, 'cause', t_ns, by=cause.source, why=why)
-        if alarm.state is State.SUSPECTED:
+        self.note(alarm, AlarmEventKind.CAUSE, t_ns, by=cause.source, why=why)
+        if alarm.state is AlarmState.SUSPECTED:
             if worse or cause.kind not in self.rules.confirm_kinds:
-                self._raise(alarm, t_ns, 'raised', by=cause.source, why=why)
+                self._raise(alarm, t_ns, AlarmEventKind.RAISED, by=cause.source, why=why)
         elif worse:
-            self._raise(alarm, t_ns, 'raised', by=cause.source, why=f'worse: {why}')
+            self._raise(alarm, t_ns, AlarmEventKind.RAISED, by=cause.source, why=f'worse: {why}')
         else:
-            self._escalation.tell_again(alarm, t_ns, 'repeated')
+            self._escalation.repeat(alarm, t_ns)
 
     def _over(self, alarm: Alarm, kind: str, t_ns: int) -> None:
         reason = alarm.reasons.get(kind)
@@ -221,7 +224,7 @@ class Book:
         displaces = least.level < level
         if displaces:
             self.counters['displaced'] += 1
-            self.close(least, State.RESOLVED, t_ns, why='displaced by a worse one',
+            self.close(least, AlarmState.RESOLVED, t_ns, why='displaced by a worse one',
                        displaced=True)
         told = self._by_subject.get((SELF, True))
         if told is not None:
@@ -234,32 +237,32 @@ class Book:
 
     def acknowledge(self, alarm: Alarm, by: str, why: str, t_ns: int) -> None:
         """Note that somebody has taken it on; an alarm that has been acknowledged is left."""
-        if alarm.state is State.ACKNOWLEDGED:
+        if alarm.state is AlarmState.ACKNOWLEDGED:
             return
-        alarm.state, alarm.state_ns = State.ACKNOWLEDGED, t_ns
+        alarm.state, alarm.state_ns = AlarmState.ACKNOWLEDGED, t_ns
         alarm.by, alarm.why = by, why
         alarm.confirm_ns = 0
         alarm.remind_ns = t_ns + self.rules.remind_ns
         self._escalation.stop(alarm)
-        self.note(alarm, 'acknowledged', t_ns, by=by, why=why)
+        self.note(alarm, AlarmEventKind.ACKNOWLEDGED, t_ns, by=by, why=why)
         if alarm.is_test:
-            self.close(alarm, State.RESOLVED, t_ns, why='it was a test')
+            self.close(alarm, AlarmState.RESOLVED, t_ns, why='it was a test')
 
     def confirm(self, alarm: Alarm, by: str, why: str, t_ns: int) -> None:
         """Raise what is suspected."""
-        self.note(alarm, 'confirmed', t_ns, by=by, why=why)
-        self._raise(alarm, t_ns, 'raised', by=by, why=why)
+        self.note(alarm, AlarmEventKind.CONFIRMED, t_ns, by=by, why=why)
+        self._raise(alarm, t_ns, AlarmEventKind.RAISED, by=by, why=why)
 
     def escalate(self, alarm: Alarm, by: str, why: str, t_ns: int) -> None:
         """Tell the next step of what is raised without waiting for its time."""
-        self.note(alarm, 'hurried', t_ns, by=by, why=why)
-        self._escalation.hurry(alarm, t_ns)
+        self.note(alarm, AlarmEventKind.HURRIED, t_ns, by=by, why=why)
+        self._escalation.escalate_now(alarm, t_ns)
 
     def remark(self, alarm: Alarm, by: str, text: str, t_ns: int) -> None:
         """Keep what somebody found, such as the robot beside a person; the newest counts."""
         if text != alarm.remark:
             alarm.remark = text
-            self.note(alarm, 'noted', t_ns, by=by, why=text)
+            self.note(alarm, AlarmEventKind.NOTED, t_ns, by=by, why=text)
 
     def test(self, level: Level, by: str, why: str, t_ns: int) -> Alarm | None:
         """Open an alarm that is a test; None when there is no room for it."""
@@ -267,7 +270,7 @@ class Book:
             return None
         alarm = self._open(Cause(TEST, TEST, level, True, f'a test by {by}: nobody is in danger'),
                            level is Level.TECHNICAL, t_ns)
-        self.note(alarm, 'test', t_ns, by=by, why=why)
+        self.note(alarm, AlarmEventKind.TEST, t_ns, by=by, why=why)
         return alarm
 
     def silence(self, seconds: float, t_ns: int) -> float:
@@ -321,28 +324,28 @@ class Book:
         """Return when an alarm whose causes are over resolves itself; 0 never."""
         if not alarm.over_ns:
             return 0
-        if alarm.state is State.ACKNOWLEDGED:
+        if alarm.state is AlarmState.ACKNOWLEDGED:
             return max(alarm.over_ns, alarm.state_ns) + self.rules.resolve_after_ns
-        if alarm.state is State.RAISED and alarm.level in self.rules.unseen_levels:
+        if alarm.state is AlarmState.RAISED and alarm.level in self.rules.unseen_levels:
             return alarm.over_ns + self.rules.resolve_after_ns
         return 0
 
     def _happen(self, alarm: Alarm, t_ns: int) -> None:
         if alarm.confirm_ns and alarm.confirm_ns <= t_ns:
-            self._raise(alarm, t_ns, 'raised', why='nobody confirmed or cancelled it in time')
+            self._raise(alarm, t_ns, AlarmEventKind.RAISED, why='nobody confirmed or cancelled it in time')
         elif (ends_ns := self._ends_ns(alarm)) and ends_ns <= t_ns:
-            self.close(alarm, State.RESOLVED, t_ns, why='its causes have been over for '
+            self.close(alarm, AlarmState.RESOLVED, t_ns, why='its causes have been over for '
                        f'{self.rules.resolve_after_ns / NS_PER_S:g} s')
         elif alarm.remind_ns and alarm.remind_ns <= t_ns:
             minutes = (t_ns - alarm.state_ns) / (60 * NS_PER_S)
-            self._raise(alarm, t_ns, 'unacknowledged', why=f'{alarm.by} acknowledged it '
+            self._raise(alarm, t_ns, AlarmEventKind.UNACKNOWLEDGED, why=f'{alarm.by} acknowledged it '
                         f'{minutes:.0f} min ago, and it is not resolved')
         elif alarm.is_test and alarm.top and alarm.repeat_ns and alarm.repeat_ns <= t_ns:
-            self.close(alarm, State.RESOLVED, t_ns, why='the test has come to its top')
+            self.close(alarm, AlarmState.RESOLVED, t_ns, why='the test has come to its top')
         else:
             self._escalation.advance(alarm, t_ns)
 
-    def close(self, alarm: Alarm, state: State, t_ns: int, *, by: str = '', why: str = '',
+    def close(self, alarm: Alarm, state: AlarmState, t_ns: int, *, by: str = '', why: str = '',
               displaced: bool = False) -> None:
         """End it: resolved or cancelled."""
         self._escalation.stop(alarm)
@@ -353,7 +356,7 @@ class Book:
         del self.alarms[alarm.id]
         self._by_subject = {key: each for key, each in self._by_subject.items()
                             if each is not alarm}
-        self.note(alarm, state.value, t_ns, by=by, why=why)
+        self.note(alarm, AlarmEventKind(state.value), t_ns, by=by, why=why)
         told = self._by_subject.get((SELF, True))
         if told is not None and len(self._others()) < self.rules.alarms_most:
             self._over(told, OVERFLOW.kind, t_ns)
@@ -377,9 +380,9 @@ class Book:
             self._by_subject[alarm.subject, alarm.technical] = alarm
             for reason in alarm.reasons.values():
                 reason.heard_ns = t_ns
-            self.note(alarm, alarm.state.value, t_ns, by=alarm.by if (
-                alarm.state is State.ACKNOWLEDGED) else '', why='after a restart', restored=True)
-            if alarm.state is State.RAISED:
+            self.note(alarm, AlarmEventKind(alarm.state.value), t_ns, by=alarm.by if (
+                alarm.state is AlarmState.ACKNOWLEDGED) else '', why='after a restart', restored=True)
+            if alarm.state is AlarmState.RAISED:
                 self._escalation.resume(alarm, t_ns)
 
     def _merge(self, old: Alarm, present: Alarm, t_ns: int) -> None:
@@ -394,14 +397,14 @@ class Book:
             present.over_ns = 0
         for reason in old.reasons.values():
             reason.active = False  # it is the other's now
-        self.close(old, State.RESOLVED, t_ns, why=f'goes on as {present.id}')
+        self.close(old, AlarmState.RESOLVED, t_ns, why=f'goes on as {present.id}')
         if worse:
-            self._raise(present, t_ns, 'raised', why=f'worse: {old.id} goes on in it')
+            self._raise(present, t_ns, AlarmEventKind.RAISED, why=f'worse: {old.id} goes on in it')
         else:
-            self.note(present, 'cause', t_ns, why=f'{old.id} goes on in it')
+            self.note(present, AlarmEventKind.CAUSE, t_ns, why=f'{old.id} goes on in it')
 
     def summary(self) -> dict[str, Any]:
         """Return how many alarms are in which state, and the counters."""
         states = Counter(each.state.value for each in self.alarms.values())
-        return {**{each.value: states[each.value] for each in State if each.is_open},
+        return {**{each.value: states[each.value] for each in AlarmState if each.is_open},
                 **self.counters}

@@ -23,25 +23,26 @@ import math
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.agent.body import Body
 from rt_robot_os.features.agent.dialogue import Dialogue
-from rt_robot_os.features.agent.edges import State
-from rt_robot_os.features.agent.emergencies import clean
 from rt_robot_os.features.agent.emergencies import Emergency
-from rt_robot_os.features.agent.senses import Note
-from rt_robot_os.features.agent.senses import Observe
-from rt_robot_os.features.agent.senses import Order
-from rt_robot_os.features.agent.senses import Place
-from rt_robot_os.features.agent.senses import Trouble
+from rt_robot_os.features.agent.inputs import AddNote
+from rt_robot_os.features.agent.inputs import AgentOrder
+from rt_robot_os.features.agent.inputs import Location
+from rt_robot_os.features.agent.inputs import Observe
+from rt_robot_os.features.agent.inputs import ReportBlocked
+from rt_robot_os.features.agent.robot_interface import RobotInterface
 from rt_robot_os.features.agent.tuning import AgentTuning
+from rt_robot_os.messages.agent import AgentState
+from rt_robot_os.messages.agent import OBSERVATION_KINDS
+from rt_robot_os.messages.fields import clean
 from rt_robot_os.motion.differential import Pose
 
-Happening = tuple[str, str]
+BehaviourEvent = tuple[str, str]
 
 _NEVER: Final = -1
 
 
-class Work:
+class Behaviours:
     """
     The work on one emergency after the other; safe in the real-time loop.
 
@@ -56,8 +57,8 @@ class Work:
     :ivar origin: where the robot was when it set out.
     """
 
-    def __init__(self, tuning: AgentTuning, body: Body, dialogue: Dialogue,
-                 emit: Callable[[Order], None], where: Callable[[Emergency], Place | None],
+    def __init__(self, tuning: AgentTuning, body: RobotInterface, dialogue: Dialogue,
+                 emit: Callable[[AgentOrder], None], where: Callable[[Emergency], Location | None],
                  orders: Sequence[str], home: Pose | None) -> None:
         self.tuning = tuning
         self.body = body
@@ -73,20 +74,20 @@ class Work:
         self._since_ns = self._deadline_ns = self._ordered_ns = self._speak_ns = _NEVER
         self._found: dict[str, str] = {}
         self._is_told = False
-        self._begin: Mapping[State, Callable[[int, str], None]] = {
-            State.IDLE: self._begin_idle, State.CONFIRM: self._begin_confirm,
-            State.APPROACH: self._begin_approach, State.OBSERVE: self._begin_observe,
-            State.REPORT: self._begin_report, State.STAY: self._begin_stay,
-            State.RETURN: self._begin_return, State.GIVE_UP: self._begin_give_up}
-        self._tick: Mapping[State, Callable[[int], Happening | None]] = {
-            State.CONFIRM: self._tick_confirm, State.APPROACH: self._tick_approach,
-            State.OBSERVE: self._tick_observe, State.REPORT: self._tick_report,
-            State.STAY: self._tick_stay, State.RETURN: self._tick_return,
-            State.GIVE_UP: self._tick_give_up}
+        self._begin: Mapping[AgentState, Callable[[int, str], None]] = {
+            AgentState.IDLE: self._begin_idle, AgentState.CONFIRM: self._begin_confirm,
+            AgentState.APPROACH: self._begin_approach, AgentState.OBSERVE: self._begin_observe,
+            AgentState.REPORT: self._begin_report, AgentState.STAY: self._begin_stay,
+            AgentState.RETURN: self._begin_return, AgentState.GIVE_UP: self._begin_give_up}
+        self._tick: Mapping[AgentState, Callable[[int], BehaviourEvent | None]] = {
+            AgentState.CONFIRM: self._tick_confirm, AgentState.APPROACH: self._tick_approach,
+            AgentState.OBSERVE: self._tick_observe, AgentState.REPORT: self._tick_report,
+            AgentState.STAY: self._tick_stay, AgentState.RETURN: self._tick_return,
+            AgentState.GIVE_UP: self._tick_give_up}
 
     # ---- what others ask ------------------------------------------------------------------
 
-    def place(self) -> Place | None:
+    def place(self) -> Location | None:
         """Return where the emergency is."""
         return self._where(self.emergency) if self.emergency is not None else None
 
@@ -97,23 +98,23 @@ class Work:
     def observed(self, alarm: str, kind: str, text: str) -> None:
         """Take what came of an order."""
         if self.emergency is not None and self.emergency.alarm == alarm and kind in self._orders:
-            self._found[kind] = clean(text, 80)
+            self._found[kind] = clean(text[:80])
 
-    def begin(self, state: State, t_ns: int, why: str) -> None:
+    def begin(self, state: AgentState, t_ns: int, why: str) -> None:
         """Begin the work of a state; in a pause there is none."""
         self._since_ns, self._deadline_ns = t_ns, _NEVER
         begin = self._begin.get(state)
         if begin is not None:
             begin(t_ns, why)
 
-    def tick(self, state: State, t_ns: int) -> Happening | None:
+    def tick(self, state: AgentState, t_ns: int) -> BehaviourEvent | None:
         """Go on; return what happened, and why, if something did."""
         tick = self._tick.get(state)
         found = tick(t_ns) if tick is not None else None
         if found is None and 0 <= self._deadline_ns <= t_ns:
             self._deadline_ns = _NEVER
             seconds = (t_ns - self._since_ns) / NS_PER_S
-            return ('silence' if state is State.CONFIRM else 'timeout'), f'after {seconds:.0f} s'
+            return ('silence' if state is AgentState.CONFIRM else 'timeout'), f'after {seconds:.0f} s'
         return found
 
     # ---- asking and driving -----------------------------------------------------------------
@@ -129,7 +130,7 @@ class Work:
         self._until(t_ns, self.tuning.confirm_s)
         self.dialogue.begin(self._person(), t_ns)
 
-    def _tick_confirm(self, t_ns: int) -> Happening | None:
+    def _tick_confirm(self, t_ns: int) -> BehaviourEvent | None:
         self.dialogue.tick(self.body.senses.voice, t_ns)
         place = self.place()
         if place is not None and not self.body.is_flat():
@@ -153,7 +154,7 @@ class Work:
             self.body.forget()
         self.body.face(place, t_ns)
 
-    def _tick_approach(self, t_ns: int) -> Happening | None:
+    def _tick_approach(self, t_ns: int) -> BehaviourEvent | None:
         body, place = self.body, self.place()
         if body.is_flat():
             return 'battery_low', f'{100 * body.senses.battery:.0f} %'
@@ -177,7 +178,7 @@ class Work:
         self._found.clear()
         self._ordered_ns = _NEVER
 
-    def _tick_observe(self, t_ns: int) -> Happening | None:
+    def _tick_observe(self, t_ns: int) -> BehaviourEvent | None:
         place, t = self.place(), self.tuning
         if place is not None and self.body.has_left(place):
             return 'moved', f'to {place.x:.1f}, {place.y:.1f}'
@@ -194,15 +195,15 @@ class Work:
         emergency = self.emergency
         if emergency is not None:
             for order in self._orders:
-                self._emit(Observe(order, emergency.alarm, emergency.subject))
+                self._emit(Observe(OBSERVATION_KINDS[order], emergency.alarm, emergency.subject))
 
     def _begin_report(self, t_ns: int, why: str) -> None:
         self._until(t_ns, self.tuning.report_s)
         if self.emergency is not None:
-            self._emit(Note(self.emergency.alarm, self._finding()))
+            self._emit(AddNote(self.emergency.alarm, self._finding()))
         self.dialogue.speak(self.tuning.comfort, t_ns, self._person())
 
-    def _tick_report(self, t_ns: int) -> Happening | None:
+    def _tick_report(self, t_ns: int) -> BehaviourEvent | None:
         return None
 
     def _finding(self) -> str:
@@ -223,7 +224,7 @@ class Work:
         self._until(t_ns, self.tuning.stay_s)
         self._speak_ns = t_ns + round(self.tuning.comfort_s * NS_PER_S)
 
-    def _tick_stay(self, t_ns: int) -> Happening | None:
+    def _tick_stay(self, t_ns: int) -> BehaviourEvent | None:
         t, emergency, place = self.tuning, self.emergency, self.place()
         if self.body.is_flat():
             return 'battery_low', f'{100 * self.body.senses.battery:.0f} %'
@@ -248,7 +249,7 @@ class Work:
         if target is not None:
             self.body.go_to(target, t_ns)
 
-    def _tick_return(self, t_ns: int) -> Happening | None:
+    def _tick_return(self, t_ns: int) -> BehaviourEvent | None:
         drive = self.body.drive
         if drive.arrived:
             return 'arrived', ''
@@ -268,10 +269,10 @@ class Work:
         if emergency is not None:
             whom = emergency.subject or 'the place'
             self._tell(f'robot could not reach {whom}: {why}')
-            self._emit(Note(emergency.alarm, f'robot could not reach {whom}: {why}'))
+            self._emit(AddNote(emergency.alarm, f'robot could not reach {whom}: {why}'))
             self.dialogue.speak(t.unreachable, t_ns, self._person())
 
-    def _tick_give_up(self, t_ns: int) -> Happening | None:
+    def _tick_give_up(self, t_ns: int) -> BehaviourEvent | None:
         if self.may_retry() and 0 <= self._deadline_ns <= t_ns and not self.body.is_flat():
             self._deadline_ns = _NEVER
             return 'retry', f'{self.tries + 1} of {self.tuning.retries}'
@@ -284,12 +285,12 @@ class Work:
 
     def _tell(self, text: str) -> None:
         self._is_told = True
-        self._emit(Trouble(True, text))
+        self._emit(ReportBlocked(True, text))
 
     def _clear(self) -> None:
         if self._is_told:
             self._is_told = False
-            self._emit(Trouble(False))
+            self._emit(ReportBlocked(False))
 
     # ---- helpers ----------------------------------------------------------------------------
 

@@ -29,27 +29,28 @@ from __future__ import annotations
 from collections import Counter
 from collections import deque
 from collections.abc import Callable
-from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
-import json
 from typing import Any
 from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.alarm import Alarm
-from rt_robot_os.features.alarms.alarm import Change
-from rt_robot_os.features.alarms.alarm import compact
-from rt_robot_os.features.alarms.alarm import Event
-from rt_robot_os.features.alarms.book import Book
+from rt_robot_os.features.alarms.alarm import AlarmChange
+from rt_robot_os.features.alarms.alarm_table import AlarmTable
+from rt_robot_os.features.alarms.command_handler import execute
 from rt_robot_os.features.alarms.escalation import ROBOT
-from rt_robot_os.features.alarms.notification import Notification
-from rt_robot_os.features.alarms.notification import words_of
-from rt_robot_os.features.alarms.orders import Answer
-from rt_robot_os.features.alarms.orders import carry_out
 from rt_robot_os.features.alarms.rules import Rules
+from rt_robot_os.features.alarms.wording import sentence_of
+from rt_robot_os.messages.alarm_event import AlarmEvent
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.cause import LEVEL_WORDS
+from rt_robot_os.messages.command_answer import CommandAnswer
+from rt_robot_os.messages.journal import JournalRecord
+from rt_robot_os.messages.journal import JournalReply
+from rt_robot_os.messages.notification import Notification
 
 #: The journal keeps nothing, or will keep nothing soon.
 JOURNAL_FAULT: Final = 'journal_fault'
@@ -65,7 +66,7 @@ _HELD_MOST: Final = 256
 _FILE_MOST: Final = 200
 
 
-class Held(NamedTuple):
+class HeldNotification(NamedTuple):
     """A notification that waits for the journal to have its record."""
 
     seq: int
@@ -73,7 +74,7 @@ class Held(NamedTuple):
     notification: Notification
 
 
-class Desk:
+class AlarmService:
     """
     A book and its journal.
 
@@ -87,7 +88,7 @@ class Desk:
 
     def __init__(self, rules: Rules = Rules(), *, journal: bool = True,
                  wait_ns: int = 2 * NS_PER_S) -> None:
-        self.book = Book(rules)
+        self.book = AlarmTable(rules)
         self.counters: Counter[str] = Counter()
         self.warning = ''
         self._wait_ns = wait_ns
@@ -99,16 +100,17 @@ class Desk:
         self._alarm_ns = 0  # when a journal that has given nothing back yet is an alarm
         self._started = False
         self._waiting: deque[tuple[int, Callable[[int], None]]] = deque()
-        self._found: dict[str, dict[str, Any]] = {}
+        # Records of before a restart, each with the shift to this clock in ns.
+        self._found: dict[str, tuple[JournalRecord, int]] = {}
         self._seq = self._stored_seq = 0
         self._faulty = False
         self._patience_ns = 0  # while it is faulty: until then it is waited for
         self._unstored: deque[tuple[int, str, str]] = deque()
-        self._held: deque[Held] = deque()
-        self._events: list[Event] = []
+        self._held: deque[HeldNotification] = deque()
+        self._events: list[AlarmEvent] = []
         self._records: list[str] = []
         self._notifications: list[Notification] = []
-        self._answers: list[Answer] = []
+        self._answers: list[CommandAnswer] = []
         self.book.unsaved = not journal
 
     # ---- what comes in -----------------------------------------------------------------------
@@ -132,7 +134,7 @@ class Desk:
         if self._waits(partial(self.take_command, text), t_ns):
             return
         self.advance(t_ns)
-        self._answers.append(carry_out(self.book, text, t_ns))
+        self._answers.append(execute(self.book, text, t_ns))
         self._settle(t_ns)
 
     def take_report(self, key: str, ok: bool, text: str, t_ns: int) -> None:
@@ -153,29 +155,24 @@ class Desk:
         self.book.add_picture(alarm, file[:_FILE_MOST])
         self._settle(t_ns)
 
-    def take_stored(self, found: Mapping[str, Any], t_ns: int) -> None:
+    def handle_journal(self, reply: JournalReply, t_ns: int) -> None:
         """
-        Take what the journal says: what it has stored, what it gives back, what is wrong.
+        Handle a reply of the journal.
 
-        :raises ValueError: it says something else.
+        :raises ValueError: a record of before is not valid.
         """
-        try:
-            if 'record' in found:
-                self._take_record(found['record'], int(found['age_ns']), t_ns)
-            elif 'restored' in found:
-                self._go_on(t_ns)
-            elif 'stored' in found:
-                self._take_seq(int(found['stored']), t_ns)
-            elif 'resend' in found:
-                self._records = self.unstored()
-            elif 'low' in found:
-                self._tell(JOURNAL_SPACE, str(found['low'])[:160], t_ns)
-            elif 'fault' in found:
-                self._fault(str(found['fault'])[:160], t_ns, self._wait_ns)
-            else:
-                raise ValueError(f'the journal says {str(found)[:60]}')
-        except (KeyError, TypeError, AttributeError) as error:
-            raise ValueError(f'the journal says {str(found)[:60]}: {error}') from error
+        if reply.record is not None:
+            self._take_record(JournalRecord.from_dict(reply.record), reply.age_ns, t_ns)
+        elif reply.restored is not None:
+            self._go_on(t_ns)
+        elif reply.stored is not None:
+            self._take_seq(reply.stored, t_ns)
+        elif reply.resend:
+            self._records = self.unstored()
+        elif reply.low is not None:
+            self._tell(JOURNAL_SPACE, reply.low[:160], t_ns)
+        elif reply.fault is not None:
+            self._fault(reply.fault[:160], t_ns, self._wait_ns)
 
     def advance(self, now_ns: int) -> None:
         """Do what was due until now, each thing at its own time."""
@@ -204,7 +201,7 @@ class Desk:
 
     # ---- what comes out ----------------------------------------------------------------------
 
-    def take_events(self) -> list[Event]:
+    def take_events(self) -> list[AlarmEvent]:
         """Return the events since the last call."""
         found, self._events = self._events, []
         return found
@@ -219,7 +216,7 @@ class Desk:
         found, self._notifications = self._notifications, []
         return found
 
-    def take_answers(self) -> list[Answer]:
+    def take_answers(self) -> list[CommandAnswer]:
         """Return the answers to commands since the last call."""
         found, self._answers = self._answers, []
         return found
@@ -258,21 +255,20 @@ class Desk:
             for delivery in change.sends:
                 self._hold(change.alarm, delivery.key, t_ns)
 
-    def _keep(self, change: Change, t_ns: int) -> None:
+    def _keep(self, change: AlarmChange, t_ns: int) -> None:
         if not self._has_journal:
             return
         self._seq += 1
         alarm = change.alarm
-        record = {
-            'seq': self._seq, 't_ns': t_ns, 'alarm': alarm.id, 'number': self.book.number,
-            'event_seq': self.book.event_seq, 'events': [each.as_dict() for each in change.events],
-            'state': alarm.as_dict() if alarm.state.is_open else None}
-        if not alarm.state.is_open:
-            record['lasting'] = self.book.lasting.of(alarm)
-        text = compact(record)
+        is_open = alarm.state.is_open
+        record = JournalRecord(
+            self._seq, t_ns, alarm.id, self.book.number, self.book.event_seq,
+            tuple(each.to_dict() for each in change.events),
+            alarm.as_dict() if is_open else None,
+            None if is_open else tuple(self.book.lasting.of(alarm)))
+        text = record.to_json()
         if len(text.encode()) > RECORD_BYTES:
-            record['events'] = []
-            text = compact(record)
+            text = replace(record, events=()).to_json()
             self.counters['shortened_records'] += 1
         self._records.append(text)
         self._unstored.append((self._seq, alarm.id, text))
@@ -292,8 +288,8 @@ class Desk:
         if delivery is None:
             return
         notification = Notification(
-            key, delivery.channel, alarm.id, delivery.step, alarm.level.name.lower(),
-            alarm.subject, words_of(alarm), alarm.kinds, alarm.node, alarm.x, alarm.y,
+            key, delivery.channel, alarm.id, delivery.step, LEVEL_WORDS[alarm.level],
+            alarm.subject, sentence_of(alarm), alarm.kinds, alarm.node, alarm.x, alarm.y,
             tuple(alarm.pictures), delivery.again)
         given_up = self._faulty and t_ns >= self._patience_ns
         # The robot's voice is heard here and now; nobody hears it twice after a restart.
@@ -305,9 +301,9 @@ class Desk:
         until_ns = max(t_ns, self._began_ns) + self._wait_ns
         if self._faulty:
             until_ns = min(until_ns, self._patience_ns)
-        self._held.append(Held(self._seq, until_ns, notification))
+        self._held.append(HeldNotification(self._seq, until_ns, notification))
 
-    def _release(self, held: Held) -> None:
+    def _release(self, held: HeldNotification) -> None:
         """Let a notification go, if it is not out of date by now."""
         alarm = self.book.alarms.get(held.notification.alarm)
         if alarm is None or held.notification.key not in alarm.deliveries or (
@@ -367,17 +363,16 @@ class Desk:
 
     # ---- after a restart ---------------------------------------------------------------------
 
-    def _take_record(self, record: Mapping[str, Any], age_ns: int, t_ns: int) -> None:
-        """Take a record of before; of each alarm the newest counts."""
+    def _take_record(self, record: JournalRecord, age_ns: int, t_ns: int) -> None:
+        """Take a record of before a restart; the newest of each alarm counts."""
         if self._has_read:
-            return  # opened anew: what it gives back is known
-        seq, alarm = int(record['seq']), str(record['alarm'])
-        self.book.number = max(self.book.number, int(record['number']))
-        self.book.event_seq = max(self.book.event_seq, int(record['event_seq']))
-        self._seq = max(self._seq, seq)
-        if alarm in self._found and self._found[alarm]['seq'] >= seq:
+            return  # the journal was opened again: its records are known
+        self.book.number = max(self.book.number, record.number)
+        self.book.event_seq = max(self.book.event_seq, record.event_seq)
+        self._seq = max(self._seq, record.seq)
+        if record.alarm in self._found and self._found[record.alarm][0].seq >= record.seq:
             return
-        self._found[alarm] = {**record, 'shift_ns': t_ns - max(0, age_ns) - int(record['t_ns'])}
+        self._found[record.alarm] = record, t_ns - max(0, age_ns) - record.t_ns
 
     def _go_on(self, t_ns: int) -> None:
         """Go on with what was read; what the journal does not have yet is sent once more."""
@@ -401,13 +396,13 @@ class Desk:
     def _read_alarms(self, t_ns: int) -> list[Alarm]:
         found, self._found = self._found, {}
         alarms = []
-        for record in sorted(found.values(), key=lambda each: int(each['seq'])):
+        for record, shift_ns in sorted(found.values(), key=lambda each: each[0].seq):
             try:
-                if record['state'] is None:
-                    self.book.lasting.restore(record.get('lasting', ()), record['shift_ns'], t_ns)
+                if record.state is None:
+                    self.book.lasting.restore(record.lasting or (), shift_ns, t_ns)
                     continue
-                alarm = Alarm.from_dict(record['state'])
-                alarm.shift(record['shift_ns'])
+                alarm = Alarm.from_dict(record.state)
+                alarm.shift(shift_ns)
                 if alarm.state.is_open and alarm.id not in self.book.alarms:
                     alarms.append(alarm)
             except (ValueError, KeyError, TypeError):
@@ -418,5 +413,5 @@ class Desk:
         """Give numbers to records that were made before anybody knew which ones are taken."""
         for place, (_, alarm, text) in enumerate(self._unstored):
             self._seq += 1
-            self._unstored[place] = self._seq, alarm, compact({
-                **json.loads(text), 'seq': self._seq})
+            self._unstored[place] = self._seq, alarm, replace(
+                JournalRecord.from_json(text), seq=self._seq).to_json()

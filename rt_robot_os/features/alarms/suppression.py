@@ -38,7 +38,7 @@ _MOST: Final = 256
 
 
 @dataclass
-class Held:
+class SuppressedCause:
     """
     A cause that lasts.
 
@@ -59,18 +59,18 @@ class Held:
         return {**asdict(self), 'level': self.level.name.lower()}
 
 
-class Lasting:
+class SuppressedCauses:
     """The causes that last although their alarm is over; at most 256."""
 
     def __init__(self, rules: Rules) -> None:
         self._rules = rules
-        self._held: dict[tuple[str, str], Held] = {}
+        self._held: dict[tuple[str, str], SuppressedCause] = {}
 
     def keep(self, alarm: Alarm, t_ns: int) -> None:
         """Hold back what lasts of an alarm that is over now."""
         for reason in alarm.reasons.values():
             if reason.active:
-                self._held[alarm.subject, reason.kind] = Held(
+                self._held[alarm.subject, reason.kind] = SuppressedCause(
                     alarm.id, alarm.subject, reason.kind, reason.level,
                     t_ns + self._rules.remind_ns, t_ns)
         while len(self._held) > _MOST:
@@ -89,7 +89,7 @@ class Lasting:
         """
         try:
             for each in found:
-                held = Held(str(each['alarm']), str(each['subject']), str(each['kind']),
+                held = SuppressedCause(str(each['alarm']), str(each['subject']), str(each['kind']),
                             LEVELS[each['level']], int(each['until_ns']) + shift_ns, t_ns)
                 if held.until_ns > t_ns:
                     self._held[held.subject, held.kind] = held

@@ -78,7 +78,7 @@ def open_alarms(client: LinkClient, timeout_s: float = LIST_TIMEOUT_S) -> list[S
     return found[-1]
 
 
-def order(client: LinkClient, command: str, timeout_s: float) -> Answer:
+def send_command(client: LinkClient, command: str, timeout_s: float) -> Answer:
     """
     Publish a command and wait for its answer.
 

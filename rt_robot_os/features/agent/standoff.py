@@ -33,7 +33,7 @@ _FARTHER: Final = (1.5, 2.0)
 _APART_M: Final = 0.5
 
 
-class Beside:
+class StandoffPlanner:
     """
     Choose places to stand at; safe in the real-time loop, some hundreds of microseconds.
 

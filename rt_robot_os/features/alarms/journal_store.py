@@ -23,7 +23,7 @@ from random import Random
 from typing import Protocol
 
 
-class Store(Protocol):
+class JournalStore(Protocol):
     """
     A folder of a few files; each method raises ``OSError`` as the system does.
 

@@ -21,14 +21,14 @@ import math
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.agent.beside import Beside
-from rt_robot_os.features.agent.drive import Drive
-from rt_robot_os.features.agent.senses import Goal
-from rt_robot_os.features.agent.senses import Limit
-from rt_robot_os.features.agent.senses import Order
-from rt_robot_os.features.agent.senses import Place
-from rt_robot_os.features.agent.senses import Senses
-from rt_robot_os.features.agent.senses import Spin
+from rt_robot_os.features.agent.drive import GoalFollower
+from rt_robot_os.features.agent.inputs import AgentInputs
+from rt_robot_os.features.agent.inputs import AgentOrder
+from rt_robot_os.features.agent.inputs import Goal
+from rt_robot_os.features.agent.inputs import LimitSpeed
+from rt_robot_os.features.agent.inputs import Location
+from rt_robot_os.features.agent.inputs import Spin
+from rt_robot_os.features.agent.standoff import StandoffPlanner
 from rt_robot_os.features.agent.tuning import AgentTuning
 from rt_robot_os.features.agent.turn import Turn
 from rt_robot_os.motion.differential import Pose
@@ -43,7 +43,7 @@ _LOOKS_AWAY: Final = 4.0
 _STEP_M: Final = 0.2
 
 
-class Body:
+class RobotInterface:
     """
     What moves; safe in the real-time loop.
 
@@ -54,17 +54,17 @@ class Body:
     :ivar is_free: neither e-stop nor operator has the robot.
     """
 
-    def __init__(self, tuning: AgentTuning, beside: Beside, senses: Senses,
-                 emit: Callable[[Order], None], period_ns: int) -> None:
+    def __init__(self, tuning: AgentTuning, beside: StandoffPlanner, senses: AgentInputs,
+                 emit: Callable[[AgentOrder], None], period_ns: int) -> None:
         self.senses = senses
         self.is_aligned = False
         self.is_free = True
         self._beside = beside
         self._emit = emit
         self._period_s = period_ns / NS_PER_S
-        self._facing: Place | None = None
+        self._facing: Location | None = None
         self._spins = False
-        self._goal_place: Place | None = None
+        self._goal_place: Location | None = None
         self._limit_m_s = 0.0
         self.take(tuning)
 
@@ -75,12 +75,12 @@ class Body:
         self._turn = Turn(t.turn_rad_s, t.turn_rad_s2, t.aligned_rad)
         limits = (t.places, _ns(t.answer_s), _ns(t.waiting_s), _ns(t.pause_s))
         if not hasattr(self, 'drive'):
-            self.drive = Drive(*limits)
+            self.drive = GoalFollower(*limits)
         _, self.drive.answer_ns, self.drive.waiting_ns, self.drive.pause_ns = limits
 
     # ---- turning -----------------------------------------------------------------------------
 
-    def face(self, place: Place | None, t_ns: int) -> None:
+    def face(self, place: Location | None, t_ns: int) -> None:
         """Begin to turn towards a place, with a command at once; None: there is none."""
         self._facing, self.is_aligned = place, place is None
         if self.is_free:
@@ -103,21 +103,21 @@ class Body:
 
     # ---- driving -----------------------------------------------------------------------------
 
-    def has_left(self, place: Place) -> bool:
+    def has_left(self, place: Location) -> bool:
         """Return whether somebody is elsewhere now than where the robot went for."""
         if self._goal_place is None:
             return not self.is_beside(place)
         moved_m = math.dist(place.point, self._goal_place.point)
         return moved_m > self.tuning.follow_m or moved_m > _STEP_M and self._would_hinder(place)
 
-    def _would_hinder(self, place: Place) -> bool:
+    def _would_hinder(self, place: Location) -> bool:
         """Return whether the robot is on the way to where it would be too near to somebody."""
         goal, t = self.drive.goal, self.tuning
         return goal is not None and self.drive.is_under_way and (
             math.dist(goal[:2], place.point) < t.standoff_m - t.spread_m)
 
-    def go_beside(self, place: Place, t_ns: int) -> None:
-        """Drive beside a place, and follow when it moves."""
+    def go_beside(self, place: Location, t_ns: int) -> None:
+        """GoalFollower beside a place, and follow when it moves."""
         if self._goal_place is not None and not self.has_left(place):
             return
         self._goal_place = place
@@ -131,7 +131,7 @@ class Body:
                 place.point, pose[:2] if pose else place.point, self.tuning.places), t_ns)
 
     def go_to(self, pose: Pose, t_ns: int) -> None:
-        """Drive to a pose; one where the robot is already is reached."""
+        """GoalFollower to a pose; one where the robot is already is reached."""
         self._goal_place = None
         now = self.senses.pose
         if now is not None and math.dist(now[:2], pose[:2]) <= _HOME_M:
@@ -140,7 +140,7 @@ class Body:
         else:
             self.drive.begin([pose], t_ns)
 
-    def keep_beside(self, place: Place, t_ns: int) -> None:
+    def keep_beside(self, place: Location, t_ns: int) -> None:
         """Stay beside somebody: follow, back off and turn as they move."""
         t, pose, drive = self.tuning, self.senses.pose, self.drive
         if pose is None:
@@ -153,7 +153,7 @@ class Body:
         self.go_beside(place, t_ns)
         self.look_at(place, t_ns)
 
-    def look_at(self, place: Place, t_ns: int) -> None:
+    def look_at(self, place: Location, t_ns: int) -> None:
         """Turn to somebody when the robot stands and looks elsewhere."""
         pose = self.senses.pose
         if pose is None or self.drive.is_under_way or self._facing is not None:
@@ -161,14 +161,14 @@ class Body:
         if self._off(place, pose) > _LOOKS_AWAY * self.tuning.aligned_rad:
             self.face(place, t_ns)
 
-    def is_beside(self, place: Place) -> bool:
+    def is_beside(self, place: Location) -> bool:
         """Return whether the robot stands there, at its distance."""
         pose, t = self.senses.pose, self.tuning
         return pose is not None and (
             t.standoff_m - t.spread_m <= math.dist(pose[:2], place.point)
             <= t.standoff_m + t.spread_m) and self._beside.sees(pose[:2], place.point)
 
-    def _off(self, place: Place, pose: Pose) -> float:
+    def _off(self, place: Location, pose: Pose) -> float:
         bearing = math.atan2(place.y - pose[1], place.x - pose[0]) - self.tuning.camera_rad
         return abs(math.remainder(bearing - pose[2], math.tau))
 
@@ -208,15 +208,15 @@ class Body:
             self._facing = None  # whoever has the way turns by himself
         self._turn_on(t_ns)
 
-    def limit(self, place: Place | None) -> None:
-        """Drive slowly near somebody, and not otherwise."""
+    def limit(self, place: Location | None) -> None:
+        """GoalFollower slowly near somebody, and not otherwise."""
         t, pose = self.tuning, self.senses.pose
         is_near = place is not None and pose is not None and (
             math.dist(pose[:2], place.point) < t.near_m)
         limit_m_s = t.near_m_s if is_near else 0.0
         if limit_m_s != self._limit_m_s:
             self._limit_m_s = limit_m_s
-            self._emit(Limit(limit_m_s))
+            self._emit(LimitSpeed(limit_m_s))
 
     def is_lost(self, since_ns: int, t_ns: int) -> bool:
         """Return whether nobody has known for a while, or since a moment, where the robot is."""

@@ -17,48 +17,31 @@
 from __future__ import annotations
 
 from typing import Final
-from typing import NamedTuple
 
 from rt_robot_os.features.alarms.alarm import Alarm
-from rt_robot_os.features.alarms.alarm import compact
-from rt_robot_os.features.alarms.alarm import State
 from rt_robot_os.features.alarms.alarm import TEST
-from rt_robot_os.features.alarms.book import Book
+from rt_robot_os.features.alarms.alarm_table import AlarmTable
 from rt_robot_os.messages import alarm_commands as commands
-from rt_robot_os.messages.alarm_commands import Command
+from rt_robot_os.messages.alarm_commands import AlarmCommand
 from rt_robot_os.messages.alarm_commands import parse_command
+from rt_robot_os.messages.alarm_state import AlarmState
+from rt_robot_os.messages.cause import LEVEL_WORDS
+from rt_robot_os.messages.command_answer import CommandAnswer
 
 _NAMED: Final = 8
 
 
-class Answer(NamedTuple):
-    """
-    What became of a command.
-
-    :ivar alarm: the one that it was about; empty if that is none, or several.
-    """
-
-    command: str
-    ok: bool
-    text: str
-    alarm: str = ''
-
-    def to_text(self) -> str:
-        """Return it as JSON."""
-        return compact(self._asdict())
-
-
-def carry_out(book: Book, text: str, t_ns: int) -> Answer:
+def execute(book: AlarmTable, text: str, t_ns: int) -> CommandAnswer:
     """Carry out a command; what is wrong with it is in the answer."""
     book.counters['commands'] += 1
     try:
-        return Answer(text[:100], True, *_do(book, parse_command(text), t_ns))
+        return CommandAnswer(text[:100], True, *_do(book, parse_command(text), t_ns))
     except ValueError as error:
         book.counters['bad_commands'] += 1
-        return Answer(text[:100], False, str(error))
+        return CommandAnswer(text[:100], False, str(error))
 
 
-def _do(book: Book, command: Command, t_ns: int) -> tuple[str, str]:
+def _do(book: AlarmTable, command: AlarmCommand, t_ns: int) -> tuple[str, str]:
     if command.verb == commands.TEST:
         return _test(book, command, t_ns)
     if command.verb == commands.SILENCE:
@@ -68,40 +51,40 @@ def _do(book: Book, command: Command, t_ns: int) -> tuple[str, str]:
     if (command.verb, command.target) == (commands.CANCEL, commands.ALL):
         return _cancel_all(book, command, t_ns), ''
     if command.target == commands.ALL:
-        waiting = [each for each in book.in_order() if each.state is not State.ACKNOWLEDGED]
+        waiting = [each for each in book.in_order() if each.state is not AlarmState.ACKNOWLEDGED]
         for each in waiting:
             book.acknowledge(each, command.by, command.why, t_ns)
         return f'{len(waiting)} acknowledged', ''
-    alarm = find(book, command.target)
+    alarm = find_alarm(book, command.target)
     return f'{alarm.id} ({alarm.subject}) {_one(book, alarm, command, t_ns)}', alarm.id
 
 
-def _cancel_all(book: Book, command: Command, t_ns: int) -> str:
+def _cancel_all(book: AlarmTable, command: AlarmCommand, t_ns: int) -> str:
     """Cancel what is suspected; what is raised stays."""
-    suspected = [each for each in book.in_order() if each.state is State.SUSPECTED]
+    suspected = [each for each in book.in_order() if each.state is AlarmState.SUSPECTED]
     if not suspected:
         raise ValueError('nothing is suspected: what is raised is acknowledged and resolved')
     for each in suspected:
-        book.close(each, State.CANCELLED, t_ns, by=command.by, why=command.why)
+        book.close(each, AlarmState.CANCELLED, t_ns, by=command.by, why=command.why)
     return f'{", ".join(f"{each.id} ({each.subject})" for each in suspected[:_NAMED])} cancelled'
 
 
-def _one(book: Book, alarm: Alarm, command: Command, t_ns: int) -> str:
+def _one(book: AlarmTable, alarm: Alarm, command: AlarmCommand, t_ns: int) -> str:
     by, why = command.by, command.why
-    suspected = alarm.state is State.SUSPECTED
+    suspected = alarm.state is AlarmState.SUSPECTED
     if command.verb == commands.ACKNOWLEDGE:
-        if alarm.state is State.ACKNOWLEDGED:
+        if alarm.state is AlarmState.ACKNOWLEDGED:
             return f'was acknowledged by {alarm.by} already; resolve it when all is well'
         book.acknowledge(alarm, by, why, t_ns)
         return 'is acknowledged; it comes again until it is resolved'
     if command.verb == commands.RESOLVE:
-        book.close(alarm, State.RESOLVED, t_ns, by=by, why=why)
+        book.close(alarm, AlarmState.RESOLVED, t_ns, by=by, why=why)
         return 'is resolved'
     if command.verb == commands.CANCEL:
         if not suspected:
             raise ValueError(f'alarm {alarm.id} is {alarm.state.value}: only what is suspected '
                              f'can be cancelled; write "resolve {alarm.id} by {by}"')
-        book.close(alarm, State.CANCELLED, t_ns, by=by, why=why)
+        book.close(alarm, AlarmState.CANCELLED, t_ns, by=by, why=why)
         return 'is cancelled'
     if command.verb == commands.NOTE:
         if not why:
@@ -116,9 +99,9 @@ def _one(book: Book, alarm: Alarm, command: Command, t_ns: int) -> str:
     return 'is confirmed and raised'
 
 
-def _escalate(book: Book, alarm: Alarm, command: Command, t_ns: int) -> str:
-    if alarm.state is not State.RAISED:
-        hint = 'confirm' if alarm.state is State.SUSPECTED else 'resolve'
+def _escalate(book: AlarmTable, alarm: Alarm, command: AlarmCommand, t_ns: int) -> str:
+    if alarm.state is not AlarmState.RAISED:
+        hint = 'confirm' if alarm.state is AlarmState.SUSPECTED else 'resolve'
         raise ValueError(f'alarm {alarm.id} is {alarm.state.value}: only what is raised and not '
                          f'acknowledged is told; write "{hint} {alarm.id} by {command.by}"')
     was_top = alarm.top
@@ -127,17 +110,17 @@ def _escalate(book: Book, alarm: Alarm, command: Command, t_ns: int) -> str:
             else f'is told to step {alarm.step + 1}')
 
 
-def _test(book: Book, command: Command, t_ns: int) -> tuple[str, str]:
+def _test(book: AlarmTable, command: AlarmCommand, t_ns: int) -> tuple[str, str]:
     for each in book.alarms.values():
         if each.is_test and each.subject == TEST and each.level == command.level:
             raise ValueError(f'test {each.id} is not over: acknowledge it first')
     alarm = book.test(command.level, command.by, command.why, t_ns)
     if alarm is None:
         raise ValueError(f'{len(book.alarms)} alarms are open: there is no room for a test')
-    return f'test {alarm.id} of level {alarm.level.name.lower()} is on its way', alarm.id
+    return f'test {alarm.id} of level {LEVEL_WORDS[alarm.level]} is on its way', alarm.id
 
 
-def find(book: Book, target: str) -> Alarm:
+def find_alarm(book: AlarmTable, target: str) -> Alarm:
     """
     Return the open alarm that somebody names, by its id or its subject.
 

@@ -18,22 +18,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Mapping
-import json
 import math
 from typing import Any
 from typing import Final
 
 from rt_robot_os.base.logger import Logger
-from rt_robot_os.features.agent.machine import Transition
-from rt_robot_os.features.agent.senses import Command
-from rt_robot_os.features.agent.senses import Goal
-from rt_robot_os.features.agent.senses import Limit
-from rt_robot_os.features.agent.senses import Note
-from rt_robot_os.features.agent.senses import Observe
-from rt_robot_os.features.agent.senses import Order
-from rt_robot_os.features.agent.senses import Say
-from rt_robot_os.features.agent.senses import Spin
-from rt_robot_os.features.agent.senses import Trouble
+from rt_robot_os.features.agent.inputs import AddNote
+from rt_robot_os.features.agent.inputs import AgentOrder
+from rt_robot_os.features.agent.inputs import Goal
+from rt_robot_os.features.agent.inputs import LimitSpeed
+from rt_robot_os.features.agent.inputs import Observe
+from rt_robot_os.features.agent.inputs import ReportBlocked
+from rt_robot_os.features.agent.inputs import Say
+from rt_robot_os.features.agent.inputs import SendAlarmCommand
+from rt_robot_os.features.agent.inputs import Spin
+from rt_robot_os.features.agent.machine import StateTransition
+from rt_robot_os.messages.agent import ObservationOrder
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.modules.cause_reports import CauseReports
@@ -46,7 +46,7 @@ _LONGEST: Final = 200
 _BEFORE_S, _AFTER_S = 10.0, 10.0
 
 
-class Orders:
+class OutputWriter:
     """
     The way out; safe in the real-time loop.
 
@@ -66,11 +66,11 @@ class Orders:
         self._told = ''
         self._counts = {'goals': 0, 'transitions': 0, 'turn_commands': 0}
         self._do: Mapping[type, Callable[[Any, int], None]] = {
-            Spin: self._spin, Goal: self._goal, Say: self._say, Command: self._command,
-            Observe: self._observe, Note: self._note, Trouble: self._trouble,
-            Limit: self._limit, Transition: self._transition}
+            Spin: self._spin, Goal: self._goal, Say: self._say, SendAlarmCommand: self._command,
+            Observe: self._observe, AddNote: self._note, ReportBlocked: self._trouble,
+            LimitSpeed: self._limit, StateTransition: self._transition}
 
-    def carry_out(self, order: Order | Transition, stamp_ns: int) -> None:
+    def carry_out(self, order: AgentOrder | StateTransition, stamp_ns: int) -> None:
         """Publish an order or a transition."""
         self._do[type(order)](order, stamp_ns)
 
@@ -114,7 +114,7 @@ class Orders:
         out.msg.pose.orientation = 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
         out.publish(stamp_ns)
 
-    def _limit(self, order: Limit, stamp_ns: int) -> None:
+    def _limit(self, order: LimitSpeed, stamp_ns: int) -> None:
         out = self._out.get('speed_limit')
         if out is not None:
             out.msg.data = order.speed_m_s
@@ -123,32 +123,26 @@ class Orders:
     def _say(self, order: Say, stamp_ns: int) -> None:
         self._text('say', order.text[:_LONGEST], stamp_ns)
 
-    def _command(self, order: Command, stamp_ns: int) -> None:
+    def _command(self, order: SendAlarmCommand, stamp_ns: int) -> None:
         self._text('alarm_command', order.text[:_LONGEST], stamp_ns)
 
-    def _note(self, order: Note, stamp_ns: int) -> None:
+    def _note(self, order: AddNote, stamp_ns: int) -> None:
         self._text('alarm_command', f'note {order.alarm} by {self._name} {order.text}'[:_LONGEST],
                    stamp_ns)
 
     def _observe(self, order: Observe, stamp_ns: int) -> None:
-        self._json('order', {
-            'order': order.order, 'alarm': order.alarm, 'subject': order.subject,
-            'before_s': _BEFORE_S, 'after_s': _AFTER_S}, stamp_ns)
+        self._text('order', ObservationOrder(order.kind, order.alarm, order.subject, _BEFORE_S,
+                                             _AFTER_S).to_json(), stamp_ns)
 
-    def _trouble(self, order: Trouble, stamp_ns: int) -> None:
+    def _trouble(self, order: ReportBlocked, stamp_ns: int) -> None:
         if self._causes is not None:
             self._causes.report(Cause(BLOCKED, self._name, Level.TECHNICAL, order.active,
                                       order.text), stamp_ns)
 
-    def _transition(self, made: Transition, stamp_ns: int) -> None:
+    def _transition(self, made: StateTransition, stamp_ns: int) -> None:
         self._counts['transitions'] += 1
-        text = made.to_text()
-        self._text('transitions', text, stamp_ns)
+        self._text('transitions', made.message().to_json(), stamp_ns)
         self._log.info('%s to %s: %s', made.source.value, made.target.value, made.why)
-
-    def _json(self, attribute: str, value: Mapping[str, Any], stamp_ns: int) -> None:
-        self._text(attribute, json.dumps(value, ensure_ascii=False, separators=(',', ':')),
-                   stamp_ns)
 
     def _text(self, attribute: str, text: str, stamp_ns: int) -> None:
         out = self._out.get(attribute)

@@ -28,7 +28,7 @@ LINES_SPARE: Final = 4096
 _LARGEST_BYTES: Final = 64 << 20
 
 
-class Store:
+class DeliveryLogFile:
     """
     An append-only file of lines; calls may wait for the disk.
 

@@ -23,20 +23,22 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterable
-from collections.abc import Mapping
 from enum import Enum
 import json
 from typing import Any
 from typing import Final
-from typing import NamedTuple
+
+from rt_robot_os.messages.fields import parse_object
+from rt_robot_os.messages.fields import Text
+from rt_robot_os.messages.notification import DeliveryReport
+from rt_robot_os.messages.notification import Notification
 
 #: Notifications that are remembered; the oldest are forgotten first.
 REMEMBERED: Final = 4096
-#: The longest text of a report.
-TEXT_LETTERS: Final = 80
+_KEY: Final = Text(200)
 
 
-class Verdict(Enum):
+class DeliveryStatus(Enum):
     """What is to be done with a notification that came."""
 
     NEW = 'new'
@@ -48,20 +50,7 @@ class Verdict(Enum):
     DONE = 'done'
 
 
-class Report(NamedTuple):
-    """What became of a notification, for the module of alarms."""
-
-    key: str
-    channel: str
-    ok: bool
-    text: str = ''
-
-    def to_text(self) -> str:
-        """Return it as JSON."""
-        return json.dumps(self._asdict(), ensure_ascii=False)
-
-
-class Ledger:
+class DeliveryLog:
     """
     The memory of notifications, by their keys.
 
@@ -72,7 +61,7 @@ class Ledger:
         self.unreadable = 0
         self._remembered = remembered
         # None: begun in an earlier life; False: under way in this one.
-        self._known: OrderedDict[str, Report | None | bool] = OrderedDict()
+        self._known: OrderedDict[str, DeliveryReport | None | bool] = OrderedDict()
 
     def __len__(self) -> int:
         return len(self._known)
@@ -81,29 +70,27 @@ class Ledger:
         """Take what was kept before a restart; a line that was cut is passed over."""
         for line in lines:
             try:
-                found = json.loads(line)
-                key, done = found['key'], found.get('ok')
-                if not isinstance(key, str) or not isinstance(done, bool | None):
-                    raise ValueError
-            except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+                found = parse_object(line, '{"key": "7.1.0.0.operator", ...}')
+                if found.get('ok') is None:
+                    self._put(_KEY.read(found.get('key')), None)
+                else:
+                    report = DeliveryReport.from_dict(found)
+                    self._put(report.key, report)
+            except ValueError:
                 self.unreadable += bool(line.strip())
-                continue
-            self._put(key, None if done is None else Report(
-                key, str(found.get('channel', '')), done,
-                str(found.get('text', ''))[:TEXT_LETTERS]))
 
-    def take(self, key: str, doubtful: bool = False) -> Verdict:
+    def take(self, key: str, doubtful: bool = False) -> DeliveryStatus:
         """
         Take a notification that came; one that is new or begun again is under way now.
 
         :param doubtful: an earlier life may have told it, and not have been able to keep that.
         """
         known = self._known.get(key)
-        if isinstance(known, Report):
-            return Verdict.DONE
+        if isinstance(known, DeliveryReport):
+            return DeliveryStatus.DONE
         if known is False:
-            return Verdict.RUNNING
-        verdict = Verdict.AGAIN if doubtful or key in self._known else Verdict.NEW
+            return DeliveryStatus.RUNNING
+        verdict = DeliveryStatus.AGAIN if doubtful or key in self._known else DeliveryStatus.NEW
         self._put(key, False)
         return verdict
 
@@ -111,41 +98,41 @@ class Ledger:
         """Return the line to be kept before a notification is told."""
         return _line({'key': key, 'channel': channel})
 
-    def end(self, report: Report) -> str:
+    def end(self, report: DeliveryReport) -> str:
         """Note what became of one; return the line to be kept."""
         self._put(report.key, report)
-        return _line(report._asdict())
+        return _line(report.to_dict())
 
-    def report(self, key: str) -> Report | None:
+    def report(self, key: str) -> DeliveryReport | None:
         """Return what became of one, as far as it is known."""
         known = self._known.get(key)
-        return known if isinstance(known, Report) else None
+        return known if isinstance(known, DeliveryReport) else None
 
-    def recent(self, most: int) -> list[Report]:
+    def recent(self, most: int) -> list[DeliveryReport]:
         """Return the newest reports, the oldest of them first."""
-        found = [each for each in self._known.values() if isinstance(each, Report)]
+        found = [each for each in self._known.values() if isinstance(each, DeliveryReport)]
         return found[-most:]
 
     def lines(self) -> list[str]:
         """Return what has to be kept of all that is remembered."""
-        return [_line(known._asdict()) if isinstance(known, Report) else _line({'key': key})
+        return [_line(known.to_dict()) if isinstance(known, DeliveryReport) else _line({'key': key})
                 for key, known in self._known.items()]
 
-    def _put(self, key: str, known: Report | None | bool) -> None:
+    def _put(self, key: str, known: DeliveryReport | None | bool) -> None:
         self._known[key] = known
         self._known.move_to_end(key)
         while len(self._known) > self._remembered:
             self._known.popitem(last=False)
 
 
-def is_doubtful(content: Mapping[str, Any], stamp_ns: int, start_ns: int) -> bool:
+def is_doubtful(notification: Notification, stamp_ns: int, start_ns: int) -> bool:
     """
     Return whether an earlier life of the notifier may have told a notification.
 
     :param stamp_ns: when it was sent.
     :param start_ns: when this life began, on the same clock.
     """
-    return stamp_ns < start_ns or content.get('again') is True
+    return stamp_ns < start_ns or notification.again
 
 
 def _line(found: dict[str, Any]) -> str:

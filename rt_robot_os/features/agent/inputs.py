@@ -21,10 +21,11 @@ from dataclasses import field
 import math
 from typing import NamedTuple
 
+from rt_robot_os.messages.agent import ObservationKind
 from rt_robot_os.motion.differential import Pose
 
 
-class Place(NamedTuple):
+class Location(NamedTuple):
     """
     Where somebody or something is.
 
@@ -44,7 +45,7 @@ class Place(NamedTuple):
 
 
 @dataclass
-class Senses:
+class AgentInputs:
     """
     What has come in, kept up to date by whoever has the topics.
 
@@ -72,7 +73,7 @@ class Senses:
     battery: float = math.nan
     charging: bool = False
     voice: float = math.nan
-    people: dict[str, Place] = field(default_factory=dict)
+    people: dict[str, Location] = field(default_factory=dict)
 
 
 class Say(NamedTuple):
@@ -93,7 +94,7 @@ class Spin(NamedTuple):
     rate_rad_s: float
 
 
-class Command(NamedTuple):
+class SendAlarmCommand(NamedTuple):
     """A command for the alarms, such as ``confirm 3 by robot``."""
 
     text: str
@@ -102,29 +103,29 @@ class Command(NamedTuple):
 class Observe(NamedTuple):
     """An order for whoever has camera and microphone."""
 
-    order: str
+    kind: ObservationKind
     alarm: str
     subject: str
 
 
-class Note(NamedTuple):
+class AddNote(NamedTuple):
     """What the agent found, for the next notification of an alarm."""
 
     alarm: str
     text: str
 
 
-class Trouble(NamedTuple):
+class ReportBlocked(NamedTuple):
     """Whether the robot cannot reach somebody, and why; told as a technical cause."""
 
     active: bool
     text: str = ''
 
 
-class Limit(NamedTuple):
+class LimitSpeed(NamedTuple):
     """The largest speed in m/s; 0: none of the agent's."""
 
     speed_m_s: float
 
 
-Order = Say | Goal | Spin | Command | Observe | Note | Trouble | Limit
+AgentOrder = Say | Goal | Spin | SendAlarmCommand | Observe | AddNote | ReportBlocked | LimitSpeed

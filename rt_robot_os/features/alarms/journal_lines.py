@@ -46,7 +46,7 @@ _END: Final = b'\n'
 _SEARCH_BYTES: Final = 32 << 20
 
 
-class Kept(NamedTuple):
+class StoredRecord(NamedTuple):
     """
     A record as it is kept.
 
@@ -67,7 +67,7 @@ class Kept(NamedTuple):
         return self.record.get('state') is not None or bool(self.record.get('lasting'))
 
 
-class Beginning(NamedTuple):
+class JournalHeader(NamedTuple):
     """
     What a file begins with.
 
@@ -80,7 +80,7 @@ class Beginning(NamedTuple):
 
 
 @dataclass
-class Contents:
+class JournalContents:
     """
     What was found in a file.
 
@@ -92,8 +92,8 @@ class Contents:
     :ivar ended: the last line has its end, so that another may follow.
     """
 
-    beginning: Beginning | None = None
-    records: list[Kept] = field(default_factory=list)
+    beginning: JournalHeader | None = None
+    records: list[StoredRecord] = field(default_factory=list)
     end: int = 0
     torn_bytes: int = 0
     damaged: int = 0
@@ -123,14 +123,14 @@ def encode_record(text: str, at_ns: int) -> bytes:
     return encode(f'{{"at_ns":{at_ns},"record":{text}}}')
 
 
-def encode_beginning(beginning: Beginning) -> bytes:
+def encode_header(beginning: JournalHeader) -> bytes:
     """Write the first line of a file."""
     return encode(json.dumps({'journal': 1, **beginning._asdict()}))
 
 
-def decode(data: bytes) -> Contents:
+def decode(data: bytes) -> JournalContents:
     """Find every whole line; never raises."""
-    found = Contents()
+    found = JournalContents()
     position, search_bytes = 0, _SEARCH_BYTES
     while position < len(data):
         if data.startswith(_END, position):
@@ -173,7 +173,7 @@ def _next_line(data: bytes, position: int, search_bytes: int) -> tuple[int, int]
             continue
         search_bytes -= min(int(head[1], 16), LINE_BYTES)
         end = _line_end(data, head)
-        if end and _take(Contents(), data[head.end():end]):
+        if end and _take(JournalContents(), data[head.end():end]):
             return head.start(), search_bytes
     return -1, search_bytes
 
@@ -185,31 +185,31 @@ def _between_ends(data: bytes, head: re.Match[bytes]) -> bool:
         data.find(_END, head.end(), min(end, head.end() + LINE_BYTES) + 1) in (end, -1))
 
 
-def _take(found: Contents, text: bytes) -> bool:
+def _take(found: JournalContents, text: bytes) -> bool:
     """Take a line over; return whether it is one."""
     try:
         said = json.loads(text)
         if 'journal' in said:
-            found.beginning = Beginning(int(said['generation']), int(said['carried']))
+            found.beginning = JournalHeader(int(said['generation']), int(said['carried']))
             return True
         record = said['record']
-        found.records.append(Kept(
+        found.records.append(StoredRecord(
             int(record['seq']), str(record['alarm']), int(said['at_ns']), record))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return False
     return True
 
 
-def newest(records: Iterable[Kept]) -> dict[str, Kept]:
+def newest(records: Iterable[StoredRecord]) -> dict[str, StoredRecord]:
     """Return the newest record of each alarm."""
-    found: dict[str, Kept] = {}
+    found: dict[str, StoredRecord] = {}
     for each in records:
         if each.alarm not in found or found[each.alarm].seq < each.seq:
             found[each.alarm] = each
     return found
 
 
-def worth_keeping(records: Iterable[Kept], history_bytes: int) -> list[Kept]:
+def retained(records: Iterable[StoredRecord], history_bytes: int) -> list[StoredRecord]:
     """
     Return what a new file takes over: what lives, the last record, and of the rest the newest.
 
@@ -217,7 +217,7 @@ def worth_keeping(records: Iterable[Kept], history_bytes: int) -> list[Kept]:
     """
     ordered = sorted({each.seq: each for each in records}.values())
     living = {each.seq for each in newest(ordered).values() if each.lives}
-    kept: list[Kept] = []
+    kept: list[StoredRecord] = []
     left = history_bytes
     for each in reversed(ordered):
         lives = each.seq in living or not kept
