@@ -110,7 +110,7 @@ def simulator(argv: Sequence[str]) -> int:
 
 
 def _world(path: Path) -> World:
-    # Late: it needs NumPy, and most twins do not.
+    # Late: it needs NumPy, and most simulated devices do not.
     from rt_robot_os.settings.world import load_world
     from rt_robot_os.sim.world.world import World
     return World(load_world(path))

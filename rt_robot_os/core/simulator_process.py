@@ -62,8 +62,8 @@ def device_server(devices: dict[str, Any], place: Place) -> SimServer:
     """
     Make the simulated devices of a place, plugged in, with a socket for orders to them.
 
-    :param devices: by name: ``type``, settings of its twin (``sim``) and of the device itself
-        (``device``).
+    :param devices: by name: ``type``, settings of the simulated one (``sim``) and of the device
+        itself (``device``).
     :raises RtRobotError: a setting is wrong, or a port cannot be made.
     """
     made = {name: SIMULATORS.load(d['type']).made_for(name, d['sim'], place, d['device'])
@@ -79,7 +79,7 @@ def device_server(devices: dict[str, Any], place: Place) -> SimServer:
 
 
 def _world(settings: dict[str, Any]) -> World:
-    # Late: it needs NumPy, and most twins do not.
+    # Late: it needs NumPy, and most simulated devices do not.
     from rt_robot_os.sim.world.world import World
     return World(WorldSettings(**settings))
 

@@ -15,10 +15,10 @@
 """
 Devices: the contract, the manager that keeps them alive, and one folder for each of them.
 
-A folder holds the driver, the wire format in both directions, the simulated twin, and the page.
+A folder holds the driver, the wire format in both directions, the simulated device, and the page.
 
 What authors of drivers need is here, each imported when it is asked for: the process of the
-simulated twins, whose folders lie here too, needs none of it.
+simulated devices, whose folders lie here too, needs none of it.
 """
 
 from __future__ import annotations

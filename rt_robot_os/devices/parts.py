@@ -19,10 +19,10 @@ The folder of a device, here or in another package, says in its ``__init__.py``:
 
     PARTS = DeviceParts(
         driver='.driver:MySonar',
-        twin='.twin:SimulatedSonar',
+        simulated='.simulated:SimulatedSonar',
         recognisers=(Recogniser('sonar frames', '.wire:is_sonar'),))
 
-They are names and not objects: the core never imports a twin, and the process of the twins never a
+They are names, not objects: the core never imports a simulated device, and the simulator never a
 driver. A name that begins with a dot is one of the folder.
 """
 
@@ -63,14 +63,15 @@ class DeviceParts:
     The parts of a device.
 
     :ivar driver: ``module:Class``, a :class:`rt_robot_os.devices.device.Device`.
-    :ivar twin: ``module:Class``, a :class:`rt_robot_os.sim.base.Simulated`; empty without one.
+    :ivar simulated: ``module:Class``, a :class:`rt_robot_os.sim.base.Simulated`; empty without
+        one.
     :ivar recognisers: of its bytes, the surest first.
     :ivar chips: ``module:NAME`` of what tells it on an I2C bus from other chips: register -> value
         -> name of the chip; empty without one.
     """
 
     driver: str
-    twin: str = ''
+    simulated: str = ''
     recognisers: tuple[Recogniser, ...] = ()
     chips: str = ''
 
@@ -81,7 +82,7 @@ class DeviceParts:
         :raises TypeError: a part is not given by its name.
         """
         for part, target in (
-                ('driver', self.driver), ('twin', self.twin), ('chips', self.chips)):
+                ('driver', self.driver), ('simulated', self.simulated), ('chips', self.chips)):
             if target != '':
                 _check_name(part, target)
         if not (isinstance(self.recognisers, tuple)
@@ -92,7 +93,7 @@ class DeviceParts:
     def inside(self, folder: str) -> DeviceParts:
         """Return them with the whole names of their modules."""
         return DeviceParts(
-            _whole(self.driver, folder), _whole(self.twin, folder),
+            _whole(self.driver, folder), _whole(self.simulated, folder),
             tuple(replace(each, function=_whole(each.function, folder))
                   for each in self.recognisers),
             _whole(self.chips, folder))

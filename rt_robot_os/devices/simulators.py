@@ -19,9 +19,10 @@ from __future__ import annotations
 from typing import Final
 
 from rt_robot_os.devices.table import DeviceRegistry
-from rt_robot_os.devices.table import OLD_TWINS
+from rt_robot_os.devices.table import OLD_SIMULATORS
 from rt_robot_os.sim.base import Simulated
 
 SIMULATORS: Final[DeviceRegistry[Simulated]] = DeviceRegistry(
     Simulated,  # type: ignore[type-abstract]
-    'simulated device for the driver', lambda parts: parts.twin, OLD_TWINS, optional=True)
+    'simulated device for the driver', lambda parts: parts.simulated, OLD_SIMULATORS,
+    optional=True)

@@ -20,9 +20,9 @@ Each line names a folder of this package; other packages add theirs in the same 
     entry_points={'rt_robot_os.devices': ['my_sonar = my_package.my_sonar']}
 
 What is in a folder its ``PARTS`` say (:mod:`rt_robot_os.devices.parts`). The drivers
-(:mod:`rt_robot_os.devices.registry`), the twins (:mod:`rt_robot_os.sim.base`) and the recognisers
-(:mod:`rt_robot_os.devices.recognise`) are views of this table, which imports none of them: it is
-read in processes that need only one of the three.
+(:mod:`rt_robot_os.devices.registry`), the simulated devices (:mod:`rt_robot_os.sim.base`) and the
+recognisers (:mod:`rt_robot_os.devices.recognise`) are views of this table, which imports none of
+them: it is read in processes that need only one of the three.
 """
 
 from __future__ import annotations
@@ -76,9 +76,10 @@ _OWN: Final = {name: _ELSEWHERE.get(name, f'rt_robot_os.devices.{name}') for nam
     'oximeter',
 )}
 
-# Groups of the release before: drivers and twins apart, each `module:Class`.
+# Entry-point groups of the previous release: drivers and simulated devices apart, each
+# `module:Class`.
 OLD_DRIVERS: Final = 'rt_robot_os.drivers'
-OLD_TWINS: Final = 'rt_robot_os.simulators'
+OLD_SIMULATORS: Final = 'rt_robot_os.simulators'
 
 
 def parts_of(name: str, what: str = '') -> DeviceParts | None:
@@ -175,5 +176,5 @@ class DeviceRegistry(PluginRegistry[T]):
 
 def _old_parts(name: str) -> DeviceParts | None:
     driver = entry_point_targets(OLD_DRIVERS).get(name, '')
-    twin = entry_point_targets(OLD_TWINS).get(name, '')
-    return DeviceParts(driver, twin) if driver or twin else None
+    simulated = entry_point_targets(OLD_SIMULATORS).get(name, '')
+    return DeviceParts(driver, simulated) if driver or simulated else None

@@ -148,7 +148,7 @@ class Simulated(ABC):
         cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
     ) -> Simulated:
         """
-        Make the twin of a device; nothing is plugged in yet.
+        Make the simulated counterpart of a device; nothing is plugged in yet.
 
         :param settings: some of ``SETTINGS``; the others have their default.
         :param device: the settings of the driver, as far as they are known.

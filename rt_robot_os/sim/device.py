@@ -147,7 +147,7 @@ class SimulatedDevice(Simulated):
         cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
     ) -> SimulatedDevice:
         """
-        Make the twin of a device; nothing is plugged in yet.
+        Make the simulated counterpart of a device; nothing is plugged in yet.
 
         :raises ConfigError: a setting is wrong, or the line is too slow for the rate.
         """

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What the twins of motor boards have in common: the robot that they move, and its encoders.
+What simulated motor boards have in common: the robot that they move, and its encoders.
 
 The robot is that of the one world; without a world it is one of its own, on a floor without end.
 """
@@ -39,9 +39,9 @@ _ENCODER_FAULTS: Final = ('left_encoder', 'right_encoder')
 Pair = tuple[float, float]
 
 
-def motor_twin_settings(rate_hz: float, maximum_hz: float) -> tuple[Field, ...]:
+def motor_simulation_settings(rate_hz: float, maximum_hz: float) -> tuple[Field, ...]:
     """
-    Declare the settings that the twin of every motor board has.
+    Declare the settings that every simulated motor board has.
 
     :param rate_hz: default of the rate.
     """

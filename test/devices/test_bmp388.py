@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The BMP388: its formula against exact fractions, its modes, and its twin."""
+"""The BMP388: its formula against exact fractions, its modes, and its simulated device."""
 
 from __future__ import annotations
 

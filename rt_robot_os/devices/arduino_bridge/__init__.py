@@ -19,6 +19,6 @@ from rt_robot_os.devices.parts import Recogniser
 
 PARTS = DeviceParts(
     driver='.driver:ArduinoBridge',
-    twin='.simulated:SimulatedArduinoBridge',
+    simulated='.simulated:SimulatedArduinoBridge',
     recognisers=(Recogniser('answers of ros_arduino_bridge', '.wire:is_arduino_bridge'),),
 )

@@ -27,7 +27,7 @@ from rt_robot_os.devices.arduino_bridge.simulated_firmware import MOST_PWM
 from rt_robot_os.devices.arduino_bridge.simulated_firmware import number
 from rt_robot_os.devices.arduino_bridge.simulated_firmware import Parser
 from rt_robot_os.devices.arduino_bridge.simulated_firmware import WheelLoop
-from rt_robot_os.sim.motor_board import motor_twin_settings
+from rt_robot_os.sim.motor_board import motor_simulation_settings
 from rt_robot_os.sim.motor_board import SimulatedMotorBoard
 
 # AUTO_STOP_INTERVAL of the firmware as it comes.
@@ -49,7 +49,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
     :ivar pwm: what its motors get, -255 to 255.
     """
 
-    SETTINGS = motor_twin_settings(wire.PID_RATE_HZ, 200.0) + (
+    SETTINGS = motor_simulation_settings(wire.PID_RATE_HZ, 200.0) + (
         Field('boot_s', float, 0.5, 'Time of its boot loader, after a reset.', 's', 0.0, 10.0),
     )
     BAUD = 57600

@@ -109,7 +109,7 @@ class SimulatedCapture(Simulated):
     def made_for(cls, name: str, settings: Mapping[str, Any], place: Place,
                  device: Mapping[str, Any]) -> SimulatedCapture:
         """
-        Make the twin of a device; nothing is plugged in yet.
+        Make the simulated counterpart of a device; nothing is plugged in yet.
 
         :raises ConfigError: a setting is wrong.
         """

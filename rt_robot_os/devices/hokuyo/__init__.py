@@ -19,7 +19,7 @@ from rt_robot_os.devices.parts import Recogniser
 
 PARTS = DeviceParts(
     driver='.driver:Hokuyo',
-    twin='.simulated:SimulatedHokuyo',
+    simulated='.simulated:SimulatedHokuyo',
     recognisers=(
         Recogniser('SCIP scans', '.wire:is_scip'),
     ),

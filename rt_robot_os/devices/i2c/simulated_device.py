@@ -113,7 +113,7 @@ class SimulatedChip(Simulated):
         cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
     ) -> SimulatedChip:
         """
-        Make the twin of a device; nothing is plugged in yet.
+        Make the simulated counterpart of a device; nothing is plugged in yet.
 
         :raises ConfigError: a setting is wrong, or the address is taken.
         """

@@ -19,6 +19,6 @@ from rt_robot_os.devices.parts import Recogniser
 
 PARTS = DeviceParts(
     driver='.driver:Kobuki',
-    twin='.simulated:SimulatedKobuki',
+    simulated='.simulated:SimulatedKobuki',
     recognisers=(Recogniser('packets of a Kobuki base', '.wire:is_kobuki'),),
 )

@@ -26,7 +26,7 @@ from rt_robot_os.devices.kobuki import wire
 from rt_robot_os.devices.kobuki.wire import Core
 from rt_robot_os.devices.kobuki.wire import KobukiDecoder
 from rt_robot_os.motion.differential import wheel_speeds
-from rt_robot_os.sim.motor_board import motor_twin_settings
+from rt_robot_os.sim.motor_board import motor_simulation_settings
 from rt_robot_os.sim.motor_board import SimulatedMotorBoard
 
 _AUTO_STOP_NS: Final = round(wire.SILENCE_S * NS_PER_S)
@@ -49,7 +49,7 @@ class SimulatedKobuki(SimulatedMotorBoard):
     :ivar lifted: it hangs in the air: its wheels have dropped, it looks down a cliff.
     """
 
-    SETTINGS = tuple(each for each in motor_twin_settings(wire.PACKET_HZ, wire.PACKET_HZ)
+    SETTINGS = tuple(each for each in motor_simulation_settings(wire.PACKET_HZ, wire.PACKET_HZ)
                      if each.name != 'battery_v') + (
         Field('battery_v', float, 16.4, 'Voltage of its battery.', 'V', 0.0, 25.5),
         Field('charger', int, 0, 'State of its charger.', choices=(0, 2, 6, 18, 22)),

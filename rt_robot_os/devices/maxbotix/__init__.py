@@ -19,7 +19,7 @@ from rt_robot_os.devices.parts import Recogniser
 
 PARTS = DeviceParts(
     driver='.driver:MaxBotix',
-    twin='.simulated:SimulatedMaxBotix',
+    simulated='.simulated:SimulatedMaxBotix',
     recognisers=(
         Recogniser('MaxBotix readings', '.wire:is_maxbotix'),
     ),

@@ -19,7 +19,7 @@ from rt_robot_os.devices.parts import Recogniser
 
 PARTS = DeviceParts(
     driver='.driver:NmeaGps',
-    twin='.simulated:SimulatedNmea',
+    simulated='.simulated:SimulatedNmea',
     recognisers=(
         Recogniser('NMEA 0183 sentences', '.wire:is_of_receiver'),
         Recogniser(

@@ -19,6 +19,6 @@ from rt_robot_os.devices.parts import Recogniser
 
 PARTS = DeviceParts(
     driver='.driver:Odrive',
-    twin='.simulated:SimulatedOdrive',
+    simulated='.simulated:SimulatedOdrive',
     recognisers=(Recogniser('answers of an ODrive', '.wire:is_odrive'),),
 )

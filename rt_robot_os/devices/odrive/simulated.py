@@ -23,7 +23,7 @@ from typing import Final
 from rt_robot_os.base.schema import Field
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.odrive import wire
-from rt_robot_os.sim.motor_board import motor_twin_settings
+from rt_robot_os.sim.motor_board import motor_simulation_settings
 from rt_robot_os.sim.motor_board import SimulatedMotorBoard
 
 _MOTOR_FAILED: Final = 0x40
@@ -60,7 +60,7 @@ class SimulatedOdrive(SimulatedMotorBoard):
     :ivar axes: by the number that the driver calls them, left before right.
     """
 
-    SETTINGS = motor_twin_settings(100.0, 1000.0) + (
+    SETTINGS = motor_simulation_settings(100.0, 1000.0) + (
         Field('calibrated', bool, True, 'Its motors and encoders are; else no axis enters closed '
               'loop control.'),
     )

@@ -23,7 +23,7 @@ from rt_robot_os.base.schema import Field
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.roboclaw import wire
 from rt_robot_os.devices.roboclaw.simulated_unit import Unit
-from rt_robot_os.sim.motor_board import motor_twin_settings
+from rt_robot_os.sim.motor_board import motor_simulation_settings
 from rt_robot_os.sim.motor_board import SimulatedMotorBoard
 
 _OVERCURRENT: Final = 0x1_0000
@@ -41,7 +41,7 @@ class SimulatedRoboClaw(SimulatedMotorBoard):
     :ivar unit: what is inside.
     """
 
-    SETTINGS = motor_twin_settings(50.0, 1000.0) + (
+    SETTINGS = motor_simulation_settings(50.0, 1000.0) + (
         Field('address', int, wire.FIRST_ADDRESS, 'Its address, as the driver has it, if that is '
               'known.', '', wire.FIRST_ADDRESS, wire.LAST_ADDRESS),
         Field('version', str, 'USB Roboclaw 2x15a v4.2.4', 'What it says that it is.'),

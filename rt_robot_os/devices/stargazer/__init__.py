@@ -19,6 +19,6 @@ from rt_robot_os.devices.parts import Recogniser
 
 PARTS = DeviceParts(
     driver='.driver:StarGazer',
-    twin='.simulated:SimulatedStarGazer',
+    simulated='.simulated:SimulatedStarGazer',
     recognisers=(Recogniser('StarGazer sentences', '.wire:is_stargazer'),),
 )

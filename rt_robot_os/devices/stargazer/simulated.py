@@ -58,7 +58,7 @@ _NOISE_RAD: Final = math.radians(1.0)
 _ASTRAY_M: Final = 1.5
 _LOWEST_M: Final = 0.5
 _FIRST_MARK: Final = '24706: 0.0, 0.0, 0.0'
-# What the twin knows from the section of its driver, if its own says nothing.
+# What the simulated device knows from the section of its driver, if its own says nothing.
 _OF_DRIVER: Final = ('angle_sign', 'angle_offset_rad')
 _DEFAULTS: Final = {
     'MarkType': 'HLD1S', 'MarkDim': '1', 'MarkMode': 'Alone', 'MarkHeight': '2400',
@@ -102,7 +102,7 @@ class SimulatedStarGazer(SimulatedDevice):
         cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
     ) -> SimulatedDevice:
         """
-        Make the twin of a device; nothing is plugged in yet.
+        Make the simulated counterpart of a device; nothing is plugged in yet.
 
         :raises ConfigError: a setting is wrong, or the line is too slow for the rate.
         """
@@ -258,7 +258,7 @@ class SimulatedStarGazer(SimulatedDevice):
 
 def _landmarks(settings: Mapping[str, Any], name: str) -> dict[int, Landmark]:
     """
-    Read the landmarks of the twin, or of its driver.
+    Read the landmarks of the simulated device, or of its driver.
 
     :raises ConfigError: they cannot be read.
     """

@@ -19,7 +19,7 @@ from rt_robot_os.devices.parts import Recogniser
 
 PARTS = DeviceParts(
     driver='.driver:Ublox',
-    twin='.simulated:SimulatedUblox',
+    simulated='.simulated:SimulatedUblox',
     recognisers=(
         Recogniser('UBX messages', '.wire:is_ubx'),
     ),

@@ -19,7 +19,7 @@ from rt_robot_os.devices.parts import Recogniser
 
 PARTS = DeviceParts(
     driver='.driver:WitMotion',
-    twin='.simulated:SimulatedWitMotion',
+    simulated='.simulated:SimulatedWitMotion',
     recognisers=(
         Recogniser('WitMotion frames', '.wire:is_witmotion'),
         Recogniser(

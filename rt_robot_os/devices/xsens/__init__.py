@@ -19,7 +19,7 @@ from rt_robot_os.devices.parts import Recogniser
 
 PARTS = DeviceParts(
     driver='.driver:Xsens',
-    twin='.simulated:SimulatedXsens',
+    simulated='.simulated:SimulatedXsens',
     recognisers=(
         Recogniser('Xbus messages', '.wire:is_xbus'),
     ),

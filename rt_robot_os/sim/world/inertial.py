@@ -142,7 +142,7 @@ def inertial(site: Site, settings: Mapping[str, Any] | None = None) -> Inertial:
     """
     Return what a sensor feels where it is.
 
-    :param settings: those of the twin, with ``ON_SETTING``; None: nobody wears it.
+    :param settings: those of the simulated device, with ``ON_SETTING``; None: nobody wears it.
     :raises ConfigError: who is to wear it is not among the people.
     """
     if site.world is None:

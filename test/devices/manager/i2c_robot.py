@@ -57,7 +57,7 @@ class I2cRobot:
 
     def add(self, name: str, kind: str, rate_hz: float = 200.0, *,
             sim: dict[str, Any] | None = None, **settings: Any) -> ManagedDevice:
-        """Add a device and put its twin on the bus."""
+        """Add a device and put its simulated device on the bus."""
         driver: Any = DRIVERS.load(kind)
         values = {f.name: f.default for f in driver.SETTINGS}
         values.update({f.name: f'{name}/{f.name}' for f in driver.SETTINGS

@@ -19,5 +19,5 @@ from rt_robot_os.devices import Recogniser
 
 PARTS = DeviceParts(
     driver='.driver:BatteryGauge',
-    twin='.twin:SimulatedBatteryGauge',
+    simulated='.simulated:SimulatedBatteryGauge',
     recognisers=(Recogniser('readings of a battery gauge', '.wire:is_gauge'),))

@@ -19,7 +19,7 @@ from rt_robot_os.devices.parts import Recogniser
 
 PARTS = DeviceParts(
     driver='.driver:Oximeter',
-    twin='.simulated:SimulatedOximeter',
+    simulated='.simulated:SimulatedOximeter',
     recognisers=(
         Recogniser("a pulse oximeter's packets (data format 7)", '.wire:is_format_7',
                    'set type: oximeter with data_format: 7, or swap the ports'),

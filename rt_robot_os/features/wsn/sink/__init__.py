@@ -18,7 +18,7 @@ from rt_robot_os.devices.parts import DeviceParts
 from rt_robot_os.devices.parts import Recogniser
 
 PARTS = DeviceParts(
-    driver='.driver:Sink', twin='.simulated:SimulatedSink',
+    driver='.driver:Sink', simulated='.simulated:SimulatedSink',
     recognisers=(
         Recogniser('frames of a sensor network under TinyOS 1.x', '.wire:is_tinyos1'),
         Recogniser('frames of a sensor network under TinyOS 2.x', '.wire:is_tinyos2')),

@@ -185,11 +185,11 @@ def test_what_an_inertial_sensor_feels_agrees_with_its_way() -> None:
     assert np.cos(north - math.pi / 2) == pytest.approx(np.ones(200))
 
 
-@pytest.mark.parametrize('twin, driver', [(SimulatedNmea, NmeaGps), (SimulatedUblox, Ublox)])
-def test_a_receiver_is_where_the_robot_is(tmp_path: Path, twin: Any, driver: Any) -> None:
+@pytest.mark.parametrize('simulated, driver', [(SimulatedNmea, NmeaGps), (SimulatedUblox, Ublox)])
+def test_a_receiver_is_where_the_robot_is(tmp_path: Path, simulated: Any, driver: Any) -> None:
     world = World(WorldSettings(map='open', start=(100.0, 50.0, 0.0), latitude_deg=45.0,
                                 longitude_deg=9.0, altitude_m=120.0, east_rad=math.pi / 2))
-    with rig(tmp_path, twin, driver, sim={'rate_hz': 5.0, **QUIET}, baud=115200, world=world,
+    with rig(tmp_path, simulated, driver, sim={'rate_hz': 5.0, **QUIET}, baud=115200, world=world,
              mounting_m=[0.0, 0.0, 1.0]) as made:
         made.run(1500, 10.0)
         fix = last(made)
