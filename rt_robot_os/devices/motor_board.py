@@ -35,14 +35,14 @@ told and what it answers::
             self.send(ASK_FOR_COUNTS)
 
         def handle(self, frame, arrival_ns):
-            return self.take_counts(frame.left, frame.right, arrival_ns)
+            return self.update_counts(frame.left, frame.right, arrival_ns)
 
 A driver also declares how long its board goes on when this computer falls silent, by
 :attr:`MotorBoard.SILENCE_S` or :meth:`MotorBoard.silence_s`. The modules between commands and
 wheels slow the robot accordingly.
 
-It calls :meth:`MotorBoard.take_counts`, :meth:`MotorBoard.take_battery` and
-:meth:`MotorBoard.take_faults` when it has something, :meth:`MotorBoard.line_failed` when bytes
+It calls :meth:`MotorBoard.update_counts`, :meth:`MotorBoard.report_battery` and
+:meth:`MotorBoard.report_faults` when it has something, :meth:`MotorBoard.line_failed` when bytes
 were lost, and ``super()`` where it overrides ``restart``, ``idle`` or ``statistics``. Swapped and
 inverted wheels, limits, wrong commands, jumps of the counters, wheels that do not obey and the
 latch that follows are dealt with here.
@@ -68,8 +68,8 @@ from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.motor_faults import MotorFaults
 from rt_robot_os.devices.motor_settings import motor_settings
-from rt_robot_os.devices.serial.device import Decoder
 from rt_robot_os.devices.serial.device import FrameT
+from rt_robot_os.devices.serial.device import SerialDecoder
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.motion.run_on import RunOn
@@ -122,7 +122,8 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
     battery = Output('battery', 'sensor_msgs/msg/BatteryState', rate_hz=1.0)
     motor_faults = Output('motor_faults', 'std_msgs/msg/UInt32', rate_hz=1.0)
 
-    def __init__(self, name: str, settings: Mapping[str, Any], decoder: Decoder[FrameT]) -> None:
+    def __init__(self, name: str, settings: Mapping[str, Any],
+                 decoder: SerialDecoder[FrameT]) -> None:
         """
         Keep settings and decoder; nothing is opened.
 
@@ -189,7 +190,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
             return RunOn()  # a recording from before boards declared it replays as it was
         return RunOn(cls.silence_s(settings), float(settings['coast_s']))
 
-    def takes_orders(self, now_ns: int) -> bool:
+    def accepts_commands(self, now_ns: int) -> bool:
         """
         Get the board ready to drive, without blocking, and return whether it is.
 
@@ -200,7 +201,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         return True
 
     def counts_per_revolution(self) -> float:
-        """Return what :meth:`take_counts` counts in one turn of a wheel."""
+        """Return what :meth:`update_counts` counts in one turn of a wheel."""
         return float(self.settings['ticks_per_revolution'])
 
     def noise_counts(self) -> float:
@@ -213,7 +214,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
 
     # --- what it tells ---------------------------------------------------------------------------
 
-    def take_counts(self, left: float, right: float, arrival_ns: int) -> int:
+    def update_counts(self, left: float, right: float, arrival_ns: int) -> int:
         """
         Publish what the encoders count.
 
@@ -229,11 +230,11 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         if reading is Reading.REJECTED:
             return 0
         if reading is Reading.REBASED:
-            self.faults.show(MotorFault.COUNTS_NEW, arrival_ns)
+            self.faults.flag_briefly(MotorFault.COUNTS_NEW, arrival_ns)
             self.log.warn('its counters started anew (reset, or another board): brought to rest',
                           throttle_s=1.0)
             self.rest()
-        self.faults.keep(MotorFault.COUNTS_MISSING, False)
+        self.faults.set_active(MotorFault.COUNTS_MISSING, False)
         self._watch(arrival_ns)
         message = self.joint_states.msg
         message.position[:] = counters.position_rad
@@ -241,8 +242,8 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         self.joint_states.publish(arrival_ns)
         return 1
 
-    def take_battery(self, voltage_v: float, arrival_ns: int, current_a: float = math.nan,
-                     status: int = UNKNOWN) -> int:
+    def report_battery(self, voltage_v: float, arrival_ns: int, current_a: float = math.nan,
+                       status: int = UNKNOWN) -> int:
         """
         Publish the state of the battery.
 
@@ -252,21 +253,21 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         """
         self._battery.fill(self.battery.msg, voltage_v, current_a, status)
         self.battery.publish(arrival_ns)
-        self.faults.keep(MotorFault.BATTERY_LOW, self._battery.is_low(voltage_v))
+        self.faults.set_active(MotorFault.BATTERY_LOW, self._battery.is_low(voltage_v))
         return 1
 
-    def take_faults(self, bits: int) -> None:
+    def report_faults(self, bits: int) -> None:
         """
         Take what the board reports of itself; it is told from bit 16 on.
 
         :param bits: at most 16 of them, 0 = none; what they mean is on the page of the board.
         """
-        self.faults.of_board(bits)
+        self.faults.set_board_bits(bits)
 
     def line_failed(self, now_ns: int) -> None:
         """Count that an answer was lost or wrong; it is told for a second."""
         self._lost_replies += 1
-        self.faults.show(MotorFault.LINE, now_ns)
+        self.faults.flag_briefly(MotorFault.LINE, now_ns)
 
     def stop_for(self, fault: MotorFault, text: str) -> None:
         """
@@ -288,12 +289,12 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         linear_m_s, angular_rad_s = twist.linear.x, twist.angular.z
         if not (abs(linear_m_s) <= _BEYOND_REASON and abs(angular_rad_s) <= _BEYOND_REASON):
             self._wrong_commands += 1
-            self.faults.show(MotorFault.COMMAND_REFUSED, now_ns)
+            self.faults.flag_briefly(MotorFault.COMMAND_REFUSED, now_ns)
             self.log.warn('a command of %s m/s and %s rad/s is refused: brought to rest',
                           linear_m_s, angular_rad_s, throttle_s=1.0)
             super().rest()  # it is nobody's word that what holds the robot has been noticed
             return
-        if not self.is_set_up() or self.faults.lasts(MotorFault.COUNTS_MISSING):
+        if not self.is_set_up() or self.faults.is_active(MotorFault.COUNTS_MISSING):
             self._refused_commands += 1
             return
         left, right = self._limited(*wheel_speeds(linear_m_s, angular_rad_s, self._separation_m))
@@ -301,7 +302,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
             if self.faults.is_latched:
                 self._refused_commands += 1
                 return
-            if not self.takes_orders(now_ns):
+            if not self.accepts_commands(now_ns):
                 return
         else:
             self.faults.release()
@@ -358,7 +359,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         if self.is_driving:
             since_ns = max(self._driven_ns, self.counters.stamp_ns)
             if now_ns - since_ns > self._missing_ns:
-                self.faults.keep(MotorFault.COUNTS_MISSING, True)
+                self.faults.set_active(MotorFault.COUNTS_MISSING, True)
                 self.log.error('no counts of its encoders come although it is commanded to drive: '
                                'check the line to the board; brought to rest', throttle_s=1.0)
                 super().rest()

@@ -60,7 +60,7 @@ _HOLDS: Final = {
 }
 
 
-def held_by(bits: int) -> str:
+def hold_reason(bits: int) -> str:
     """
     Return why a board holds the wheels, or has just stopped them; empty when it did not.
 
@@ -107,26 +107,21 @@ class MotorFaults:
         self._lasting = self._board = 0
         self._until_ns.clear()
 
-    def show(self, fault: MotorFault, now_ns: int) -> None:
+    def flag_briefly(self, fault: MotorFault, now_ns: int) -> None:
         """Show what happened for a second."""
         self._until_ns[fault] = now_ns + SHOWN_NS
 
-    def keep(self, fault: MotorFault, is_there: bool) -> None:
+    def set_active(self, fault: MotorFault, is_there: bool) -> None:
         """Show a fault as long as it is there."""
         self._lasting = self._lasting | fault if is_there else self._lasting & ~fault
 
-    def lasts(self, fault: MotorFault) -> bool:
+    def is_active(self, fault: MotorFault) -> bool:
         """Return whether a fault that is kept is there."""
         return bool(self._lasting & fault)
 
-    def of_board(self, bits: int) -> None:
+    def set_board_bits(self, bits: int) -> None:
         """Take what the board reports, at most 16 bits."""
         self._board = (bits & 0xFFFF) << BOARD_BITS
-
-    @property
-    def board_bits(self) -> int:
-        """Return what the board reported last."""
-        return self._board >> BOARD_BITS
 
     def bits(self, now_ns: int) -> int:
         """Return all of them."""

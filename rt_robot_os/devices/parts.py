@@ -20,7 +20,7 @@ The folder of a device, here or in another package, says in its ``__init__.py``:
     PARTS = DeviceParts(
         driver='.driver:MySonar',
         simulated='.simulated:SimulatedSonar',
-        recognisers=(Recogniser('sonar frames', '.wire:is_sonar'),))
+        signatures=(Signature('sonar frames', '.wire:is_sonar'),))
 
 They are names, not objects: the core never imports a simulated device, and the simulator never a
 driver. A name that begins with a dot is one of the folder.
@@ -33,7 +33,7 @@ from dataclasses import replace
 
 
 @dataclass(frozen=True)
-class Recogniser:
+class Signature:
     """
     What tells the bytes of a device when another driver cannot read them: two ports are swapped.
 
@@ -65,14 +65,14 @@ class DeviceParts:
     :ivar driver: ``module:Class``, a :class:`rt_robot_os.devices.device.Device`.
     :ivar simulated: ``module:Class``, a :class:`rt_robot_os.sim.base.Simulated`; empty without
         one.
-    :ivar recognisers: of its bytes, the surest first.
+    :ivar signatures: of its bytes, the surest first.
     :ivar chips: ``module:NAME`` of what tells it on an I2C bus from other chips: register -> value
         -> name of the chip; empty without one.
     """
 
     driver: str
     simulated: str = ''
-    recognisers: tuple[Recogniser, ...] = ()
+    signatures: tuple[Signature, ...] = ()
     chips: str = ''
 
     def __post_init__(self) -> None:
@@ -85,17 +85,17 @@ class DeviceParts:
                 ('driver', self.driver), ('simulated', self.simulated), ('chips', self.chips)):
             if target != '':
                 _check_name(part, target)
-        if not (isinstance(self.recognisers, tuple)
-                and all(isinstance(each, Recogniser) for each in self.recognisers)):
-            raise TypeError(f'recognisers = {self.recognisers!r}: must be a tuple of Recogniser, '
-                            'also of one: (Recogniser(...),)')
+        if not (isinstance(self.signatures, tuple)
+                and all(isinstance(each, Signature) for each in self.signatures)):
+            raise TypeError(f'signatures = {self.signatures!r}: must be a tuple of Signature, '
+                            'also of one: (Signature(...),)')
 
     def inside(self, folder: str) -> DeviceParts:
         """Return them with the whole names of their modules."""
         return DeviceParts(
             _whole(self.driver, folder), _whole(self.simulated, folder),
             tuple(replace(each, function=_whole(each.function, folder))
-                  for each in self.recognisers),
+                  for each in self.signatures),
             _whole(self.chips, folder))
 
 

@@ -68,7 +68,7 @@ SERVICES: Final[PluginRegistry[Service]] = PluginRegistry(
 )
 
 
-class Services:
+class RunningServices:
     """The services that the devices of a robot ask for; nothing runs before :meth:`start`."""
 
     def __init__(self) -> None:

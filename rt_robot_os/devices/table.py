@@ -21,7 +21,7 @@ Each line names a folder of this package; other packages add theirs in the same 
 
 What is in a folder its ``PARTS`` say (:mod:`rt_robot_os.devices.parts`). The drivers
 (:mod:`rt_robot_os.devices.registry`), the simulated devices (:mod:`rt_robot_os.sim.base`) and the
-recognisers (:mod:`rt_robot_os.devices.recognise`) are views of this table, which imports none of
+recognisers (:mod:`rt_robot_os.devices.signatures`) are views of this table, which imports none of
 them: it is read in processes that need only one of the three.
 """
 

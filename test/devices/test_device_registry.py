@@ -28,16 +28,16 @@ import pytest
 from rt_robot_os import devices
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.bmp280.driver import Bmp280
-from rt_robot_os.devices.recognise import known_chips
-from rt_robot_os.devices.recognise import Recognisers
 from rt_robot_os.devices.registry import DRIVERS
+from rt_robot_os.devices.signatures import known_chips
+from rt_robot_os.devices.signatures import SignatureTable
 from rt_robot_os.devices.simulators import SIMULATORS
 
 FILES = {
     'their_lidar/__init__.py':
-        'from rt_robot_os.devices import DeviceParts, Recogniser\n'
+        'from rt_robot_os.devices import DeviceParts, Signature\n'
         "PARTS = DeviceParts(driver='.driver:Lidar', simulated='.simulated:SimulatedLidar',\n"
-        "                    recognisers=(Recogniser('lidar frames', '.wire:is_lidar'),),\n"
+        "                    signatures=(Signature('lidar frames', '.wire:is_lidar'),),\n"
         "                    chips='.wire:CHIPS')\n",
     'their_lidar/driver.py':
         'from rt_robot_os.devices.nmea.driver import NmeaGps\n'
@@ -65,9 +65,9 @@ FILES = {
         'from their_lidar.driver import Lidar\n'
         'PARTS = DeviceParts(driver=Lidar)\n',
     'their_comma.py':
-        'from rt_robot_os.devices import DeviceParts, Recogniser\n'
+        'from rt_robot_os.devices import DeviceParts, Signature\n'
         "PARTS = DeviceParts(driver='their_lidar.driver:Lidar',\n"
-        "                    recognisers=(Recogniser('frames', '.wire:is_it')))\n",
+        "                    signatures=(Signature('frames', '.wire:is_it')))\n",
     'their_drivers-1.0.dist-info/METADATA':
         'Metadata-Version: 2.1\nName: their-drivers\nVersion: 1.0\n',
     'their_drivers-1.0.dist-info/entry_points.txt':
@@ -136,7 +136,7 @@ def test_a_folder_with_a_driver_is_a_device() -> None:
 def test_drivers_import_no_simulated_devices_and_these_no_drivers() -> None:
     drivers = imported_by(
         'from rt_robot_os.devices.registry import DRIVERS\n'
-        'from rt_robot_os.devices.recognise import RECOGNISERS\n'
+        'from rt_robot_os.devices.signatures import RECOGNISERS\n'
         "[DRIVERS.load(name) for name in ('bmp280', 'nmea')]\nRECOGNISERS.prepare()")
     assert 'rt_robot_os.devices.ublox.wire' in drivers
     assert [name for name in drivers if name.endswith('.simulated')] == []
@@ -172,7 +172,7 @@ def test_a_device_of_another_package_is_the_same_thing() -> None:
     assert DRIVERS.load('lidar').__name__ == 'Lidar'
     assert 'their_lidar.simulated' not in sys.modules
     assert SIMULATORS.load('lidar').__name__ == 'SimulatedLidar'
-    assert Recognisers().recognised(b'LIDAR 1 LIDAR 2', 9600) == (
+    assert SignatureTable().identify(b'LIDAR 1 LIDAR 2', 9600) == (
         'these are lidar frames at 9600 baud: set type: lidar, or swap the ports')
 
 
@@ -220,14 +220,14 @@ def test_a_device_needs_no_simulated_device() -> None:
     ('number', 'not a class derived from Device'), ('other', 'not a class derived from Device'),
     ('bare', r'must declare PARTS = DeviceParts\(...\)'),
     ('object', "driver = <class 'their_lidar.driver.Lidar'>: must be a name in quotes"),
-    ('comma', 'must be a tuple of Recogniser, also of one')])
+    ('comma', 'must be a tuple of Signature, also of one')])
 def test_a_broken_driver_is_reported_and_the_others_work(name: str, message: str) -> None:
     with pytest.raises(ConfigError, match=f'{name}.*{message}'):
         DRIVERS.load(name)
     assert DRIVERS.load('lidar').__name__ == 'Lidar'
     assert DRIVERS.load('nmea').__name__ == 'NmeaGps'
     assert any(name in problem for problem in DRIVERS.problems())
-    assert 'lidar frames' in Recognisers().recognised(b'LIDAR LIDAR', 0)
+    assert 'lidar frames' in SignatureTable().identify(b'LIDAR LIDAR', 0)
 
 
 @pytest.mark.usefixtures('other_package')

@@ -38,7 +38,7 @@ from rt_robot_os.testing import ActuatorContract
 from rt_robot_os.testing import DecoderContract
 from rt_robot_os.testing.fakes import scripted
 
-CORE = wire.Core(4711, 2, 1, 4, 65535, 1, -20, 20, 4, 22, 167, 3)
+CORE = wire.CoreSensors(4711, 2, 1, 4, 65535, 1, -20, 20, 4, 22, 167, 3)
 
 
 class TestKobuki(ActuatorContract):
@@ -239,15 +239,15 @@ def test_nothing_is_sent_while_nothing_is_commanded(robot: Any) -> None:
 def test_a_stop_that_is_lost_is_repeated(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(500)
-    obey, stops = robot.simulated.obey, []
+    handle_command, stops = robot.simulated.handle_command, []
 
     def lose(data: bytes) -> None:
         if data == wire.velocity_command(0.0, 0.0):
             stops.append(data)
         if len(stops) != 1:
-            obey(data)
+            handle_command(data)
 
-    robot.simulated.obey = lose
+    robot.simulated.handle_command = lose
     robot.steer(None)
     robot.run(400)
     assert len(stops) > 2

@@ -135,7 +135,7 @@ def test_the_twin_answers_as_the_firmware_does(tmp_path: Path, line: bytes, answ
     simulated = SimulatedOdrive('simulated', {}, PtyPort(tmp_path / 'odrive'), 0)
     heard: list[bytes] = []
     simulated.reply = lambda data: bool(heard.append(data)) or True  # type: ignore[method-assign]
-    simulated.obey(line)
+    simulated.handle_command(line)
     assert b''.join(heard) == answer
 
 

@@ -36,7 +36,7 @@ from rt_robot_os.features.wsn.packets.payload_text import parse_payloads
 from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
 from rt_robot_os.features.wsn.sink.driver import Sink
 from rt_robot_os.features.wsn.sink.simulated import SimulatedSink
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.world.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
@@ -129,7 +129,7 @@ def test_the_node_with_the_number_of_the_sink_is_the_sink(tmp_path: Path) -> Non
 
 def test_its_group_and_place_are_those_of_the_driver(tmp_path: Path) -> None:
     device = {'stack': 'tinyos1', 'mode': 'sniffer', 'groups': [-1, 17], 'baud': 0}
-    simulated = SimulatedSink.made_for('sink', {}, Place(tmp_path, World(FLAT)), device)
+    simulated = SimulatedSink.made_for('sink', {}, RobotSite(tmp_path, World(FLAT)), device)
     assert isinstance(simulated, SimulatedSink)
     simulated.pump(0)
     simulated.live.from_host(frame(0x42, TelosMsg(1, 99, b'ab', group=17).pack()))

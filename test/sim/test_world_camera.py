@@ -35,7 +35,7 @@ from rt_robot_os.devices.camera.simulated import SimulatedCamera
 from rt_robot_os.devices.capture.room_view import RoomView
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.motion.grid_map import GridMap
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
@@ -170,7 +170,7 @@ def test_a_camera_driver_gets_pictures_of_the_world(tmp_path: Path, room: str) -
                                 people=('anna 0 0.5 0.0',)))
     settings = settings_of(Camera, port=str(tmp_path / 'camera'), width=160, height=120,
                            output_rate_hz=200.0, mounting_m=[0.0, 0.0, 0.9])
-    simulated = SimulatedCamera.made_for('camera', {}, Place(tmp_path, world), settings)
+    simulated = SimulatedCamera.made_for('camera', {}, RobotSite(tmp_path, world), settings)
     driver = Camera('camera', settings)
     publishers = bind(driver)
     began_ns = time.monotonic_ns()

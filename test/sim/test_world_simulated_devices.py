@@ -41,7 +41,7 @@ from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.atmosphere import pressure_pa
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.mounting import Mounting
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.world import Air
@@ -223,7 +223,7 @@ def test_a_barometer_is_as_high_and_as_warm_as_where_it_is() -> None:
 
 def test_a_device_on_another_frame_goes_with_it(tmp_path: Path) -> None:
     mast = Mounting((0.1, 0.0, 1.0), (0.0, 0.0, math.pi / 2))
-    place = Place(tmp_path, World(WorldSettings(map='open')), {'mast': mast})
+    place = RobotSite(tmp_path, World(WorldSettings(map='open')), {'mast': mast})
     site = place.site({'mounting_m': [0.2, 0.0, 0.0], 'mounting_rad': [0.0, 0.0, 0.0],
                        'parent_frame_id': 'mast'})
     assert site.mounting().position_m == pytest.approx((0.1, 0.2, 1.0))

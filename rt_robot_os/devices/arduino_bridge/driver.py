@@ -44,7 +44,7 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.devices.arduino_bridge import wire
-from rt_robot_os.devices.arduino_bridge.wire import Reply
+from rt_robot_os.devices.arduino_bridge.wire import BridgeReply
 from rt_robot_os.devices.arduino_bridge.wire import ReplyDecoder
 from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.motor_board import MotorBoard
@@ -68,7 +68,7 @@ _FIRMWARE_GAINS: Final = (20, 12, 0, 50)
 _HIGHEST_ANALOG: Final = 1023
 
 
-class Asked(Enum):
+class ExpectedAnswer(Enum):
     """What an answer is waited for to."""
 
     COUNTS = 'e'
@@ -77,7 +77,7 @@ class Asked(Enum):
     ANALOG = 'a'
 
 
-class ArduinoBridge(MotorBoard[Reply]):
+class ArduinoBridge(MotorBoard[BridgeReply]):
     """A board with ros_arduino_bridge."""
 
     ANSWERS = True
@@ -123,7 +123,7 @@ class ArduinoBridge(MotorBoard[Reply]):
         self._period_ns = period_from_rate(settings['output_rate_hz'])
         self._early_ns = self._period_ns // 4  # a poll at about the same rate is not missed
         self._boot_ns = round(settings['reset_wait_s'] * NS_PER_S)
-        self._waiting: deque[tuple[Asked, int]] = deque(maxlen=_MOST_STOPS)
+        self._waiting: deque[tuple[ExpectedAnswer, int]] = deque(maxlen=_MOST_STOPS)
         self._speeds = 0, 0
         self._opened_ns = self._lost_ns = self._asked_baud_ns = 0
         self._counts_due_ns = self._battery_due_ns = self._repeat_ns = 0
@@ -168,14 +168,14 @@ class ArduinoBridge(MotorBoard[Reply]):
         if self._speeds == (0, 0):
             # The loop remembers counts from before the wheels ran down, and would begin with a
             # jerk the other way; this makes it forget them.
-            self._ask(wire.HALT, Asked.DONE)
+            self._ask(wire.HALT, ExpectedAnswer.DONE)
         self._speeds = wanted
-        self._ask(wire.speeds(*wanted), Asked.DONE)
+        self._ask(wire.speeds(*wanted), ExpectedAnswer.DONE)
 
     def halt(self) -> None:
         """Tell it to stop; the wheels run down."""
         self._speeds = 0, 0
-        self._ask(wire.HALT, Asked.DONE)
+        self._ask(wire.HALT, ExpectedAnswer.DONE)
 
     # --- the dialogue ----------------------------------------------------------------------------
 
@@ -193,7 +193,7 @@ class ArduinoBridge(MotorBoard[Reply]):
         """Return whether it has answered."""
         return self._was_answered
 
-    def takes_orders(self, now_ns: int) -> bool:
+    def accepts_commands(self, now_ns: int) -> bool:
         """Return whether it is known which of its answers belongs to what."""
         return self._in_step
 
@@ -216,28 +216,28 @@ class ArduinoBridge(MotorBoard[Reply]):
         if len(self._waiting) >= _MOST_WAITING:
             return
         if not self.is_driving and self.counters.velocity_rad_s != (0.0, 0.0):
-            self._ask(wire.HALT, Asked.DONE)  # should the one before have been lost
+            self._ask(wire.HALT, ExpectedAnswer.DONE)  # should the one before have been lost
         if now_ns + self._early_ns >= self._counts_due_ns:
             self._counts_due_ns = max(self._counts_due_ns + self._period_ns, now_ns)
-            self._ask(wire.ENCODERS, Asked.COUNTS)
+            self._ask(wire.ENCODERS, ExpectedAnswer.COUNTS)
         pin = self.settings['battery_pin']
         if pin >= 0 and now_ns >= self._battery_due_ns:
             self._battery_due_ns = now_ns + _BATTERY_NS
-            self._ask(wire.analog(pin), Asked.ANALOG)
+            self._ask(wire.analog(pin), ExpectedAnswer.ANALOG)
 
-    def handle(self, frame: Reply, arrival_ns: int) -> int:
+    def handle(self, frame: BridgeReply, arrival_ns: int) -> int:
         """Use one answer; in the loop."""
         if not self._in_step:
             return self._listen(frame)
         if self._waiting and _fits(frame, self._waiting[0][0]):
             asked = self._waiting.popleft()[0]
-            if asked is Asked.COUNTS:
+            if asked is ExpectedAnswer.COUNTS:
                 self._unknown = 0
                 left, right = frame.numbers
-                return self.take_counts(left, right, arrival_ns)
-            if asked is Asked.ANALOG:
+                return self.update_counts(left, right, arrival_ns)
+            if asked is ExpectedAnswer.ANALOG:
                 volts = frame.numbers[0] * self.settings['battery_volts_per_count']
-                return self.take_battery(volts, arrival_ns)
+                return self.report_battery(volts, arrival_ns)
             return 0
         if frame.text == wire.INVALID:
             self._refused += 1
@@ -251,7 +251,7 @@ class ArduinoBridge(MotorBoard[Reply]):
         return {**super().motor_counters(), 'shifted_replies': self._shifts,
                 'invalid_commands': self._refused}
 
-    def _ask(self, data: bytes, asked: Asked) -> None:
+    def _ask(self, data: bytes, asked: ExpectedAnswer) -> None:
         self.send(data)
         self._waiting.append((asked, self.clock_ns()))
 
@@ -264,7 +264,7 @@ class ArduinoBridge(MotorBoard[Reply]):
     def _ask_baud(self, now_ns: int) -> None:
         self._asked_baud_ns = now_ns
         self._waiting.clear()
-        self._ask(wire.BAUD, Asked.BAUD)
+        self._ask(wire.BAUD, ExpectedAnswer.BAUD)
 
     def _find_order(self, now_ns: int) -> None:
         """Ask for the speed of the line until it comes."""
@@ -278,30 +278,30 @@ class ArduinoBridge(MotorBoard[Reply]):
                 self.safe_state()
             self._ask_baud(now_ns)
 
-    def _listen(self, reply: Reply) -> int:
+    def _listen(self, reply: BridgeReply) -> int:
         """Take nothing but the speed of the line; what was asked before it has been answered."""
-        if not _fits(reply, Asked.BAUD):
+        if not _fits(reply, ExpectedAnswer.BAUD):
             return 0
-        while self._waiting and self._waiting.popleft()[0] is not Asked.BAUD:
+        while self._waiting and self._waiting.popleft()[0] is not ExpectedAnswer.BAUD:
             pass
         self._in_step = self._was_answered = True
         if self._gains:
-            self._ask(self._gains, Asked.DONE)
+            self._ask(self._gains, ExpectedAnswer.DONE)
         # Before it is told to drive: should it have been reset, its counts are near zero still.
-        self._ask(wire.ENCODERS, Asked.COUNTS)
+        self._ask(wire.ENCODERS, ExpectedAnswer.COUNTS)
         self._repeat_ns = 0
         return 0
 
 
-def _fits(reply: Reply, asked: Asked) -> bool:
+def _fits(reply: BridgeReply, asked: ExpectedAnswer) -> bool:
     """Return whether a reply looks like an answer."""
     numbers = reply.numbers
-    if asked is Asked.DONE:
+    if asked is ExpectedAnswer.DONE:
         return reply.text == wire.DONE
-    if asked is Asked.COUNTS:
+    if asked is ExpectedAnswer.COUNTS:
         return len(numbers) == 2
     if len(numbers) != 1:
         return False
-    if asked is Asked.ANALOG:
+    if asked is ExpectedAnswer.ANALOG:
         return 0 <= numbers[0] <= _HIGHEST_ANALOG
     return numbers[0] > _HIGHEST_ANALOG

@@ -81,7 +81,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
-        off = self.befallen('reset')
+        off = self.has_fault('reset')
         if off and not self._off:
             self._boot()
             self.duty(0.0, 0.0)
@@ -101,7 +101,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
         left, right = self.counts()
         return left - self._zero[0], right - self._zero[1]
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Take commands; while a sonar holds it up they wait."""
         if self._is_down():
             return
@@ -201,4 +201,4 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
         self.duty(self.pwm[0] / MOST_PWM, self.pwm[1] / MOST_PWM)
 
     def _is_down(self) -> bool:
-        return self.befallen('reset') or self._now_ns < self._boot_until_ns
+        return self.has_fault('reset') or self._now_ns < self._boot_until_ns

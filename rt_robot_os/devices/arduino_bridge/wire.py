@@ -64,7 +64,7 @@ def analog(pin: int) -> bytes:
     return b'a %d\r' % pin
 
 
-class Reply(NamedTuple):
+class BridgeReply(NamedTuple):
     """
     One line of the board.
 
@@ -79,7 +79,7 @@ class Reply(NamedTuple):
     end: int
 
 
-class ReplyDecoder(LineDecoder[Reply]):
+class ReplyDecoder(LineDecoder[BridgeReply]):
     """
     Turn bytes into lines; one that no command is answered with is none.
 
@@ -88,13 +88,13 @@ class ReplyDecoder(LineDecoder[Reply]):
 
     LONGEST = 27
 
-    def line(self, buffer: bytes, at: int, end: int, arrived: int) -> Reply | None:
+    def line(self, buffer: bytes, at: int, end: int, arrived: int) -> BridgeReply | None:
         """Read a line."""
         match = _REPLY(buffer, at, end)
         if match is None:
             return None
         numbers = tuple(int(each) for each in match.groups() if each is not None)
-        return Reply(b'' if numbers else buffer[at:end].strip(), numbers, end - at, arrived)
+        return BridgeReply(b'' if numbers else buffer[at:end].strip(), numbers, end - at, arrived)
 
 
 def is_arduino_bridge(data: bytes) -> bool:

@@ -71,7 +71,7 @@ class Bmp280(Barometer):
         fitting = [field for pause, field in chip.STANDBY_NS.items()
                    if pause + self._conversion_ns <= self.period_ns]
         self._config = (fitting or [0])[-1] << 5 | chip.FILTER[settings['filter']] << 2
-        self._trimming: chip.Trimming | None = None
+        self._trimming: chip.Bmp280Trimming | None = None
         self._started_ns = 0
 
     def identify(self) -> Transactions[None]:
@@ -91,7 +91,7 @@ class Bmp280(Barometer):
         """Read the trimming and write the settings."""
         if (yield self.fetch(chip.STATUS, 1))[0] & chip.STATUS_UPDATING:
             return self.then(self._set_up, now_ns + chip.START_UP_NS)
-        self._trimming = chip.Trimming.unpack(
+        self._trimming = chip.Bmp280Trimming.unpack(
             (yield self.fetch(chip.CALIBRATION, chip.CALIBRATION_SIZE)))
         if self._trimming is None:
             self.then(self._set_up, now_ns + chip.START_UP_NS)

@@ -26,7 +26,7 @@ from rt_robot_os.sim.world import air_settings
 from rt_robot_os.sim.world import raw_readings
 
 # Those of the worked example of the data sheet.
-TRIMMING: Final = chip.Trimming(
+TRIMMING: Final = chip.Bmp280Trimming(
     27504, 26435, -1000, 36477, -10685, 3024, 2855, 140, -7, 15500, -14600, 6000)
 
 _RAW_MAXIMUM: Final = (1 << 20) - 1
@@ -37,7 +37,9 @@ _FILTER: Final = {field: times for times, field in chip.FILTER.items()}
 _STANDBY_NS: Final = {field: pause for pause, field in chip.STANDBY_NS.items()}
 
 
-def encode(trimming: chip.Trimming, pressure_pa: float, temperature_c: float) -> tuple[int, int]:
+def encode(
+        trimming: chip.Bmp280Trimming, pressure_pa: float, temperature_c: float,
+) -> tuple[int, int]:
     """Return the raw readings, pressure and temperature, nearest to physical values."""
     return raw_readings(chip.compensate, trimming, (pressure_pa, temperature_c), 0, _RAW_MAXIMUM)
 

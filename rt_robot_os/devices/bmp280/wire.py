@@ -59,7 +59,7 @@ STANDBY_NS: Final = {
 _TRIMMING: Final = struct.Struct('<HhhHhhhhhhhh')
 
 
-class Trimming(NamedTuple):
+class Bmp280Trimming(NamedTuple):
     """The factory trimming of one chip, as it is stored."""
 
     t1: int
@@ -76,7 +76,7 @@ class Trimming(NamedTuple):
     p9: int
 
     @classmethod
-    def unpack(cls, data: bytes) -> Trimming | None:
+    def unpack(cls, data: bytes) -> Bmp280Trimming | None:
         """
         Read the trimming.
 
@@ -109,7 +109,7 @@ def raw(data: bytes) -> tuple[int, int]:
             data[3] << 12 | data[4] << 4 | data[5] >> 4)
 
 
-def compensate(trim: Trimming, raw_p: int, raw_t: int) -> tuple[float, float]:
+def compensate(trim: Bmp280Trimming, raw_p: int, raw_t: int) -> tuple[float, float]:
     """
     Compute in floating point; safe in the loop, raises nothing.
 
@@ -131,7 +131,7 @@ def compensate(trim: Trimming, raw_p: int, raw_t: int) -> tuple[float, float]:
     return p, fine / 5120.0
 
 
-def compensate_int64(trim: Trimming, raw_p: int, raw_t: int) -> tuple[int, int, int]:
+def compensate_int64(trim: Bmp280Trimming, raw_p: int, raw_t: int) -> tuple[int, int, int]:
     """
     Compute in integers, as the data sheet does in 64 bit.
 

@@ -80,7 +80,7 @@ class Bmp388(Barometer):
     def _set_up(self, now_ns: int) -> Transactions[int]:
         """Read the trimming and write the settings."""
         data = yield self.fetch(chip.CALIBRATION, chip.CALIBRATION_SIZE)
-        trimming = chip.Trimming.unpack(data)
+        trimming = chip.Bmp388Trimming.unpack(data)
         if trimming is None:
             self.then(self._set_up, now_ns + chip.START_UP_NS)
             return self.reject('its trimming is blank')

@@ -27,7 +27,7 @@ from rt_robot_os.sim.world import air_settings
 from rt_robot_os.sim.world import raw_readings
 
 # No data sheet has an example: numbers of the size that the chips have.
-TRIMMING: Final = chip.Trimming(
+TRIMMING: Final = chip.Bmp388Trimming(
     27800, 19000, -7, -1000, -6000, 35, 0, 26000, 31000, -7, -7, 9000, 30, -60)
 
 _SCALED: Final = TRIMMING.scaled()

@@ -51,7 +51,7 @@ from rt_robot_os.devices.imu import ImuFiller
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.serial.handshake import Handshake
-from rt_robot_os.devices.serial.handshake import Step
+from rt_robot_os.devices.serial.handshake import HandshakeStep
 
 _READ, _WRITE = 0, 1
 # A wrong chip id counts when it is read twice: once may be noise.
@@ -119,13 +119,14 @@ class Bno055(SerialDevice[Bno055Frame]):
 
     def restart(self) -> None:
         """Begin the set-up."""
-        def setting(name: str, register: int, value: int, pause_ns: int = 0) -> Step:
-            return Step(name, wire.write_request(register, bytes((value,))), _WRITE, pause_ns)
+        def setting(name: str, register: int, value: int, pause_ns: int = 0) -> HandshakeStep:
+            return HandshakeStep(name, wire.write_request(register, bytes((value,))), _WRITE,
+                                 pause_ns)
 
         crystal = wire.EXTERNAL_CRYSTAL if self.settings['external_crystal'] else 0
         self._setup = Handshake(self.name, (
-            Step('the question for its chip id',
-                 wire.read_request(wire.REGISTER_CHIP_ID, 1), _READ),
+            HandshakeStep('the question for its chip id',
+                          wire.read_request(wire.REGISTER_CHIP_ID, 1), _READ),
             setting('configuration mode', wire.REGISTER_MODE, wire.MODE_CONFIG, _TO_CONFIG_NS),
             setting('page 0', wire.REGISTER_PAGE, 0),
             setting('units', wire.REGISTER_UNITS, wire.UNITS_SI),
@@ -205,7 +206,7 @@ class Bno055(SerialDevice[Bno055Frame]):
         """Return the counters as they are now; lost are requests that got no answer."""
         return self._counters(lost_samples=self._lost, contradicted=self._refused)
 
-    def _go_on(self, step: Step, frame: Bno055Frame, arrival_ns: int) -> None:
+    def _go_on(self, step: HandshakeStep, frame: Bno055Frame, arrival_ns: int) -> None:
         if step.key == _READ and len(frame.data) == 1:
             self._chip_id = frame.data[0]
             if self._chip_id == wire.CHIP_ID:

@@ -85,7 +85,7 @@ class SimulatedBno055(SimulatedDevice):
         self._registers[BLOCK_FIRST:BLOCK_FIRST + BLOCK_SIZE] = block
         return b''
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Answer each request."""
         received = (self._received + data)[-_MAX_PENDING:]
         while received:

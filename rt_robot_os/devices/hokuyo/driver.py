@@ -51,7 +51,7 @@ from rt_robot_os.devices.hokuyo.wire import Steps
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.serial.handshake import Handshake
-from rt_robot_os.devices.serial.handshake import Step
+from rt_robot_os.devices.serial.handshake import HandshakeStep
 
 # Distances below are codes of errors.
 _CODES_MM: Final = 20
@@ -134,7 +134,7 @@ class Hokuyo(SerialDevice[ScipFrame]):
         """Begin the set-up if it is wanted."""
         self._problem = ''
         self._setup = Handshake(self.name, [
-            Step(text[:2].decode(), wire.command(text), int.from_bytes(text[:2], 'big'))
+            HandshakeStep(text[:2].decode(), wire.command(text), int.from_bytes(text[:2], 'big'))
             for text in (wire.QUIT, wire.PARAMETERS, self._scan)
         ] if self.settings['configure'] else [], _REMEDY)
 

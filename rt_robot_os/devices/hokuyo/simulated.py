@@ -108,14 +108,14 @@ class SimulatedHokuyo(SimulatedDevice):
         return self.world.cast(x, y, yaw - angles if upside_down else yaw + angles,
                                self._maximum_mm / 1000, self.mounting.position_m[2])
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Answer each command."""
         *lines, rest = (self._received + data).split(b'\n')
         self._received = rest[-_MAX_PENDING:]
         for line in lines:
-            self._obey_one(line)
+            self._handle_one(line)
 
-    def _obey_one(self, line: bytes) -> None:
+    def _handle_one(self, line: bytes) -> None:
         if line == wire.QUIT:
             self._scan = b''
             self.reply(wire.answer(line))

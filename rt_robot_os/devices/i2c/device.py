@@ -47,7 +47,7 @@ from rt_robot_os.devices.i2c.bus import BUSES
 from rt_robot_os.devices.i2c.bus import I2cBus
 from rt_robot_os.devices.i2c.bus import I2cBuses
 from rt_robot_os.devices.i2c.bus import Transfer
-from rt_robot_os.devices.recognise import known_chips
+from rt_robot_os.devices.signatures import known_chips
 
 # One bad reading may be noise on the wires; so many one after the other are not.
 _BAD_IN_A_ROW: Final = 3

@@ -37,7 +37,7 @@ from rt_robot_os.devices.i2c.simulated_bus import CLOCK_HZ
 from rt_robot_os.devices.i2c.simulated_port import I2cPort
 from rt_robot_os.sim.base import complete
 from rt_robot_os.sim.base import NOWHERE
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.faults import check
@@ -110,7 +110,7 @@ class SimulatedChip(Simulated):
 
     @classmethod
     def made_for(
-        cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
+        cls, name: str, settings: Mapping[str, Any], place: RobotSite, device: Mapping[str, Any],
     ) -> SimulatedChip:
         """
         Make the simulated counterpart of a device; nothing is plugged in yet.

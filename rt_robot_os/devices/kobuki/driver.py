@@ -47,7 +47,7 @@ from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.imu import ImuFiller
 from rt_robot_os.devices.imu import stddev
 from rt_robot_os.devices.kobuki import wire
-from rt_robot_os.devices.kobuki.wire import Core
+from rt_robot_os.devices.kobuki.wire import CoreSensors
 from rt_robot_os.devices.kobuki.wire import KobukiDecoder
 from rt_robot_os.devices.kobuki.wire import KobukiFrame
 from rt_robot_os.devices.motor_board import MotorBoard
@@ -113,7 +113,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
             'roll_pitch_stddev': _UNKNOWN_RAD})
         self._stops = self._questions = 0
         self._asked_ns = 0
-        self._core: Core | None = None
+        self._core: CoreSensors | None = None
         self._core_ns = 0
         self._standing = self._stood = 0
         self._told: dict[str, tuple[int, int]] = {}
@@ -187,8 +187,8 @@ class Kobuki(MotorBoard[KobukiFrame]):
         if core is None or not self._goes_on(core, arrival_ns):
             self._ignored_frames += 1
             return 0
-        self.take_faults(core.overcurrent & 3 | (core.wheel_drop & 3) << 2)
-        samples = self.take_counts(core.left, core.right, arrival_ns)
+        self.report_faults(core.overcurrent & 3 | (core.wheel_drop & 3) << 2)
+        samples = self.update_counts(core.left, core.right, arrival_ns)
         samples += self._tell('bumper', _contacts(core), arrival_ns, _BUMPER_HZ)
         samples += self._tell('buttons', core.buttons, arrival_ns, 1.0)
         samples += self._tell_battery(core, arrival_ns)
@@ -196,7 +196,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
             samples += self._tell_imu(turned, parts.get(wire.GYRO, b''), arrival_ns)
         return samples
 
-    def _goes_on(self, core: Core, arrival_ns: int) -> bool:
+    def _goes_on(self, core: CoreSensors, arrival_ns: int) -> bool:
         """Look at the clock of the base: does it run, and did it run since the last packet."""
         before, before_ns = self._core, self._core_ns
         self._core, self._core_ns = core, arrival_ns
@@ -214,7 +214,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
         if abs(off_ms) > _LATE_MS and core.time_ms <= passed_ms + _LATE_MS:
             self.counters.resets += 1
             self.counters.forget()
-            self.faults.show(MotorFault.COUNTS_NEW, arrival_ns)
+            self.faults.flag_briefly(MotorFault.COUNTS_NEW, arrival_ns)
             self.log.warn('its clock began anew (switched off and on, or another base): brought '
                           'to rest', throttle_s=1.0)
             self.rest()
@@ -243,13 +243,13 @@ class Kobuki(MotorBoard[KobukiFrame]):
         publisher.publish(arrival_ns)
         return 1
 
-    def _tell_battery(self, core: Core, arrival_ns: int) -> int:
+    def _tell_battery(self, core: CoreSensors, arrival_ns: int) -> int:
         last, last_ns = self._told.get('battery', (-1, 0))
         if core.charger == last and (arrival_ns - last_ns) * _BATTERY_HZ < NS_PER_S:
             return 0
         self._told['battery'] = core.charger, arrival_ns
-        return self.take_battery(core.battery * wire.BATTERY_V, arrival_ns,
-                                 status=_STATES.get(core.charger & _CHARGER, UNKNOWN))
+        return self.report_battery(core.battery * wire.BATTERY_V, arrival_ns,
+                                   status=_STATES.get(core.charger & _CHARGER, UNKNOWN))
 
     def _tell_imu(self, turned: tuple[float, float], gyro: bytes, arrival_ns: int) -> int:
         """Publish heading and rate, and of the newest measurement what only the chip has."""
@@ -282,7 +282,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
 _STAND: Final = wire.velocity_command(0.0, 0.0)
 
 
-def _contacts(core: Core) -> int:
+def _contacts(core: CoreSensors) -> int:
     """Return the bits of ``bumper``."""
     return (core.bumper & 7 | (CLIFF if core.cliff & 7 else 0)
             | (WHEEL_DROP if core.wheel_drop & 3 else 0))

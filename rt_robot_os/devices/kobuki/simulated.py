@@ -23,7 +23,7 @@ from typing import Final
 from rt_robot_os.base.schema import Field
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.kobuki import wire
-from rt_robot_os.devices.kobuki.wire import Core
+from rt_robot_os.devices.kobuki.wire import CoreSensors
 from rt_robot_os.devices.kobuki.wire import KobukiDecoder
 from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.sim.motor_board import motor_simulation_settings
@@ -84,7 +84,7 @@ class SimulatedKobuki(SimulatedMotorBoard):
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
-        has_power = not self.befallen('reset')
+        has_power = not self.has_fault('reset')
         if not has_power:
             self.base.coast()
         elif not self._has_power:
@@ -92,7 +92,7 @@ class SimulatedKobuki(SimulatedMotorBoard):
         self._has_power = has_power
         super().pump(now_ns)
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Do what it is told."""
         if not self._has_power:
             return
@@ -131,15 +131,15 @@ class SimulatedKobuki(SimulatedMotorBoard):
                       (wire.UNIQUE_ID, _UNIQUE_ID)]
         return self.thinned(wire.packet(parts))
 
-    def _core(self) -> Core:
+    def _core(self) -> CoreSensors:
         time_ms = (self._now_ns - self._power_ns) // (NS_PER_S // 1000)
         left, right = (
             count - zero & 0xFFFF for count, zero in zip(self.counts(), self._zero))
         drops = 3 if self.lifted else 0
-        return Core(
+        return CoreSensors(
             time_ms & 0xFFFF, self._bumper(), drops, 7 if self.lifted else 0, left, right, 0, 0, 0,
             self.settings['charger'], round(self.settings['battery_v'] / wire.BATTERY_V),
-            3 if self.befallen('overcurrent') else 0)
+            3 if self.has_fault('overcurrent') else 0)
 
     def _bumper(self) -> int:
         """Return which parts of the bumper are pressed, also of a base that stands."""

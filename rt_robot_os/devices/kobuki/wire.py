@@ -99,7 +99,7 @@ class KobukiFrame(NamedTuple):
     end: int
 
 
-class Core(NamedTuple):
+class CoreSensors(NamedTuple):
     """
     What each packet of a base holds.
 
@@ -180,10 +180,10 @@ def is_kobuki(data: bytes) -> bool:
 
 # ---- what the base sends ------------------------------------------------------------------------
 
-def core_of(frame: KobukiFrame) -> Core | None:
+def core_of(frame: KobukiFrame) -> CoreSensors | None:
     """Read the core data; None when the packet has none."""
     data = frame.parts.get(CORE, b'')
-    return Core(*_CORE.unpack(data)) if len(data) == _CORE.size else None
+    return CoreSensors(*_CORE.unpack(data)) if len(data) == _CORE.size else None
 
 
 def heading(data: bytes) -> tuple[float, float] | None:
@@ -269,7 +269,7 @@ def sound(number: int) -> bytes:
     return packet([(SOUND_SEQUENCE, bytes((number & 0xFF,)))])
 
 
-def core(values: Core) -> tuple[int, bytes]:
+def core(values: CoreSensors) -> tuple[int, bytes]:
     """Make the part of core data."""
     return CORE, _CORE.pack(*values)
 

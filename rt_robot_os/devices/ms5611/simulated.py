@@ -75,7 +75,7 @@ class SimulatedMs5611(SimulatedChip):
     def exchange(self, data: bytes, size: int, now_ns: int) -> bytes:
         """Obey a command, then give what it asked for."""
         if data:
-            self._obey(data[0], now_ns)
+            self._execute(data[0], now_ns)
         if self._command == chip.READ:
             # What is fetched too early is 0, and so is what is fetched twice.
             result, self._result = self._result, 0
@@ -87,7 +87,7 @@ class SimulatedMs5611(SimulatedChip):
             return word.to_bytes(2, 'big')[:size].ljust(size, b'\0')
         return bytes(size)
 
-    def _obey(self, command: int, now_ns: int) -> None:
+    def _execute(self, command: int, now_ns: int) -> None:
         self._command = command
         if command == chip.RESET:
             self.power_on(now_ns)

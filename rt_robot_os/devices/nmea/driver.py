@@ -40,15 +40,15 @@ from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.nmea.fix import claims_fix
-from rt_robot_os.devices.nmea.fix import Fix
 from rt_robot_os.devices.nmea.fix import FixBuilder
+from rt_robot_os.devices.nmea.fix import GnssFix
 from rt_robot_os.devices.nmea.fix import STATUS_NO_FIX
 from rt_robot_os.devices.nmea.fix import utc_of
+from rt_robot_os.devices.nmea.fix_source import NmeaFixSource
 from rt_robot_os.devices.nmea.sentences import GsaSentence
 from rt_robot_os.devices.nmea.sentences import GstSentence
 from rt_robot_os.devices.nmea.sentences import parse
 from rt_robot_os.devices.nmea.sentences import PositionSentence
-from rt_robot_os.devices.nmea.source import FixSource
 from rt_robot_os.devices.nmea.wire import NmeaDecoder
 from rt_robot_os.devices.nmea.wire import NmeaFrame
 from rt_robot_os.devices.serial.device import serial_settings
@@ -77,9 +77,9 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         """Keep the settings; nothing is opened."""
         super().__init__(name, settings, NmeaDecoder())
         self._builder = FixBuilder(settings['uere_m'])
-        self._source = FixSource()
-        self._waiting: tuple[Fix, int] | None = None
-        self._published: Fix | None = None
+        self._source = NmeaFixSource()
+        self._waiting: tuple[GnssFix, int] | None = None
+        self._published: GnssFix | None = None
         self._must_wait = False
         self._contradicted = 0
         self._utc: tuple[str, tuple[int, int]] | None = None
@@ -192,7 +192,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         self._publish_fix(self._published, arrival_ns)
         return 1
 
-    def _publish_fix(self, fix: Fix, stamp_ns: int) -> None:
+    def _publish_fix(self, fix: GnssFix, stamp_ns: int) -> None:
         publisher = self._publishers[0]
         msg = publisher.msg
         msg.status.status = fix.status

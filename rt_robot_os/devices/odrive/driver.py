@@ -49,7 +49,7 @@ from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.motor_settings import motor_settings
 from rt_robot_os.devices.odrive import wire
 from rt_robot_os.devices.odrive.wire import OdriveDecoder
-from rt_robot_os.devices.odrive.wire import Reply
+from rt_robot_os.devices.odrive.wire import OdriveReply
 
 _REPLY_NS: Final = 80 * NS_PER_MS
 _QUIET_NS: Final = 50 * NS_PER_MS
@@ -68,7 +68,7 @@ _SIDES: Final = ('left', 'right')
 _ERROR_PROPERTY: Final = {'0.5': 'error', '0.6': 'active_errors'}
 
 
-class Question(NamedTuple):
+class OdriveQuery(NamedTuple):
     """
     What is asked, and what to do with the answer.
 
@@ -81,7 +81,7 @@ class Question(NamedTuple):
     use: Callable[[tuple[float, ...], int], int]
 
 
-class Odrive(MotorBoard[Reply]):
+class Odrive(MotorBoard[OdriveReply]):
     """An ODrive with two axes."""
 
     ANSWERS = True
@@ -122,7 +122,7 @@ class Odrive(MotorBoard[Reply]):
         self._forget()
 
     def _forget(self) -> None:
-        self._asked: tuple[Question, ...] = ()
+        self._asked: tuple[OdriveQuery, ...] = ()
         self._answers: list[tuple[tuple[float, ...], int]] = []
         self._asked_ns = self._quiet_until_ns = 0
         self._watched = [False, False]
@@ -149,7 +149,7 @@ class Odrive(MotorBoard[Reply]):
 
     # --- commands --------------------------------------------------------------------------------
 
-    def takes_orders(self, now_ns: int) -> bool:
+    def accepts_commands(self, now_ns: int) -> bool:
         """Bring both axes to closed loop control; stop when that does not come about."""
         if self._is_closed():
             return True
@@ -227,7 +227,7 @@ class Odrive(MotorBoard[Reply]):
         if not self._asked and now_ns >= self._quiet_until_ns:
             self._ask(self._due(now_ns), now_ns)
 
-    def handle(self, frame: Reply, arrival_ns: int) -> int:
+    def handle(self, frame: OdriveReply, arrival_ns: int) -> int:
         """Keep one answer, and use them when all have come: a lost one would shift the others."""
         if frame.refusal:
             self._refused(frame.refusal, arrival_ns)
@@ -251,7 +251,7 @@ class Odrive(MotorBoard[Reply]):
                 'left_state': self._states[0], 'right_state': self._states[1],
                 'left_error': f'0x{self._errors[0]:x}', 'right_error': f'0x{self._errors[1]:x}'}
 
-    def _ask(self, questions: tuple[Question, ...], now_ns: int) -> None:
+    def _ask(self, questions: tuple[OdriveQuery, ...], now_ns: int) -> None:
         if questions:
             self._asked, self._asked_ns = questions, now_ns
             self._tell(*(each.text for each in questions))
@@ -276,7 +276,7 @@ class Odrive(MotorBoard[Reply]):
 
     # --- what is asked ---------------------------------------------------------------------------
 
-    def _due(self, now_ns: int) -> tuple[Question, ...]:
+    def _due(self, now_ns: int) -> tuple[OdriveQuery, ...]:
         """Return what is to be asked together."""
         left, right = self._axes
         if not self.is_set_up():
@@ -284,26 +284,26 @@ class Odrive(MotorBoard[Reply]):
         if self._has_current and now_ns >= self._current_due_ns:
             # By itself: not every firmware has it.
             self._current_due_ns = now_ns + _BATTERY_NS
-            return (Question(wire.read('ibus'), 1, self._take_current),)
-        found: list[Question] = []
+            return (OdriveQuery(wire.read('ibus'), 1, self._take_current),)
+        found: list[OdriveQuery] = []
         if now_ns + self._early_ns >= self._counts_due_ns:
             self._counts_due_ns = max(self._counts_due_ns + self._period_ns, now_ns)
-            found += (Question(wire.feedback(left), 2, self._take_left),
-                      Question(wire.feedback(right), 2, self._take_right))
+            found += (OdriveQuery(wire.feedback(left), 2, self._take_left),
+                      OdriveQuery(wire.feedback(right), 2, self._take_right))
         if now_ns >= self._states_due_ns:
             self._states_due_ns = now_ns + _STATES_NS
             for side, axis in enumerate(self._axes):
-                found += (Question(wire.read(f'axis{axis}.{self._error_property}'), 1,
-                                   partial(self._take_error, side)),
-                          Question(wire.read(f'axis{axis}.current_state'), 1,
-                                   partial(self._take_state, side)))
+                found += (OdriveQuery(wire.read(f'axis{axis}.{self._error_property}'), 1,
+                                      partial(self._take_error, side)),
+                          OdriveQuery(wire.read(f'axis{axis}.current_state'), 1,
+                                      partial(self._take_state, side)))
         elif now_ns >= self._battery_due_ns:
             self._battery_due_ns = now_ns + _BATTERY_NS
-            found += (Question(wire.read('vbus_voltage'), 1, self._take_voltage),
+            found += (OdriveQuery(wire.read('vbus_voltage'), 1, self._take_voltage),
                       *self._watchdogs())
         return tuple(found)
 
-    def _set_up(self) -> tuple[Question, ...]:
+    def _set_up(self) -> tuple[OdriveQuery, ...]:
         """Set the watchdogs, and ask whether they are."""
         if not self._was_set_up:
             self._tell(wire.CLEAR_ERRORS)
@@ -313,9 +313,9 @@ class Odrive(MotorBoard[Reply]):
                        wire.feed(axis), wire.write(f'axis{axis}.config.enable_watchdog', 1))
         return self._watchdogs()
 
-    def _watchdogs(self) -> tuple[Question, ...]:
-        return tuple(Question(wire.read(f'axis{axis}.config.enable_watchdog'), 1,
-                              partial(self._take_watchdog, side))
+    def _watchdogs(self) -> tuple[OdriveQuery, ...]:
+        return tuple(OdriveQuery(wire.read(f'axis{axis}.config.enable_watchdog'), 1,
+                                 partial(self._take_watchdog, side))
                      for side, axis in enumerate(self._axes))
 
     def _take_watchdog(self, side: int, numbers: tuple[float, ...], now_ns: int) -> int:
@@ -328,10 +328,10 @@ class Odrive(MotorBoard[Reply]):
         return 0
 
     def _take_right(self, numbers: tuple[float, ...], now_ns: int) -> int:
-        return self.take_counts(self._left_turns, numbers[0], now_ns)
+        return self.update_counts(self._left_turns, numbers[0], now_ns)
 
     def _take_voltage(self, numbers: tuple[float, ...], now_ns: int) -> int:
-        return self.take_battery(numbers[0], now_ns, current_a=self._current_a)
+        return self.report_battery(numbers[0], now_ns, current_a=self._current_a)
 
     def _take_current(self, numbers: tuple[float, ...], now_ns: int) -> int:
         self._current_a = -numbers[0]
@@ -367,7 +367,7 @@ class Odrive(MotorBoard[Reply]):
                 bits |= _ERROR << side
             if self.is_commanded and self._states[side] != wire.CLOSED_LOOP:
                 bits |= _OPEN_LOOP << side
-        self.take_faults(bits)
+        self.report_faults(bits)
 
     def _why(self, side: int) -> str:
         """Return what is wrong with an axis; empty when it has no error."""

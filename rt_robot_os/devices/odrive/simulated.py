@@ -86,7 +86,7 @@ class SimulatedOdrive(SimulatedMotorBoard):
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
-        off = self.befallen('reset')
+        off = self.has_fault('reset')
         if off or self._off:
             self._switch_on()
             self._drive()
@@ -98,7 +98,7 @@ class SimulatedOdrive(SimulatedMotorBoard):
         """Return whether a motor in closed loop control is told to turn."""
         return any(axis.speed and axis.state == wire.CLOSED_LOOP for axis in self.axes)
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Take lines; one with a wrong checksum is ignored."""
         if self._off:
             return
@@ -122,7 +122,7 @@ class SimulatedOdrive(SimulatedMotorBoard):
             late = self._now_ns - axis.fed_ns > axis.timeout_s * NS_PER_S
             if axis.watched and late:
                 self._fail(axis, wire.WATCHDOG_ERROR)
-        if self.befallen('overcurrent'):
+        if self.has_fault('overcurrent'):
             self._fail(self.axes[0], _MOTOR_FAILED)
         self._drive()
         return b''

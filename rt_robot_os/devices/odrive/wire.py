@@ -94,7 +94,7 @@ def write(name: str, value: float) -> bytes:
     return b'w %s %s' % (name.encode(), f'{value:g}'.encode())
 
 
-class Reply(NamedTuple):
+class OdriveReply(NamedTuple):
     """
     One line of the controller.
 
@@ -109,7 +109,7 @@ class Reply(NamedTuple):
     end: int
 
 
-class OdriveDecoder(LineDecoder[Reply]):
+class OdriveDecoder(LineDecoder[OdriveReply]):
     """Turn bytes into lines."""
 
     LONGEST = 56
@@ -123,7 +123,7 @@ class OdriveDecoder(LineDecoder[Reply]):
         super().__init__()
         self._checked = checked
 
-    def line(self, buffer: bytes, at: int, end: int, arrived: int) -> Reply | None:
+    def line(self, buffer: bytes, at: int, end: int, arrived: int) -> OdriveReply | None:
         """Read a line."""
         match = _REPLY(buffer, at, end)
         if match is None:
@@ -135,7 +135,7 @@ class OdriveDecoder(LineDecoder[Reply]):
         elif self._checked:
             return None
         numbers = tuple(float(each) for each in (first, second) if each is not None)
-        return Reply(numbers, refusal or b'', end - at, arrived)
+        return OdriveReply(numbers, refusal or b'', end - at, arrived)
 
 
 def is_odrive(data: bytes) -> bool:

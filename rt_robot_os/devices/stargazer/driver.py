@@ -43,13 +43,13 @@ from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.stargazer import setup
 from rt_robot_os.devices.stargazer import wire
-from rt_robot_os.devices.stargazer.fusing import Fix
-from rt_robot_os.devices.stargazer.fusing import Fuser
-from rt_robot_os.devices.stargazer.fusing import Sighting
-from rt_robot_os.devices.stargazer.fusing import sighting
+from rt_robot_os.devices.stargazer.fusion import FusedPose
+from rt_robot_os.devices.stargazer.fusion import Fuser
+from rt_robot_os.devices.stargazer.fusion import LandmarkSighting
+from rt_robot_os.devices.stargazer.fusion import sighting
 from rt_robot_os.devices.stargazer.landmark_files import load_landmarks
 from rt_robot_os.devices.stargazer.setup import StarGazerSetup
-from rt_robot_os.devices.stargazer.wire import Mark
+from rt_robot_os.devices.stargazer.wire import CeilingMark
 from rt_robot_os.devices.stargazer.wire import StarGazerDecoder
 from rt_robot_os.devices.stargazer.wire import StarGazerFrame
 from rt_robot_os.motion.angles import wrapped
@@ -251,7 +251,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
         self._publish(fix, arrival_ns)
         return 1
 
-    def _sightings(self, marks: Sequence[Mark]) -> list[Sighting]:
+    def _sightings(self, marks: Sequence[CeilingMark]) -> list[LandmarkSighting]:
         found = []
         for mark in marks:
             landmark = self._reference or self._landmarks.get(mark.number)
@@ -284,7 +284,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
                               'hangs, and correct landmarks', number)
         self._suspects = suspects
 
-    def _publish(self, fix: Fix, arrival_ns: int) -> None:
+    def _publish(self, fix: FusedPose, arrival_ns: int) -> None:
         heading = wrapped(fix.yaw - self._mounting_yaw)
         cosine, sine = math.cos(heading), math.sin(heading)
         ahead, left = self._mounting

@@ -62,7 +62,7 @@ _JOB_BYTES: Final = 8192
 _HEAD: Final = 64
 
 
-class Corrections:
+class RtcmCorrections:
     """
     One source of corrections.
 

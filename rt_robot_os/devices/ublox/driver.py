@@ -65,7 +65,7 @@ from rt_robot_os.devices.nmea.wire import gga
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.ublox import wire
-from rt_robot_os.devices.ublox.corrections import Corrections
+from rt_robot_os.devices.ublox.corrections import RtcmCorrections
 from rt_robot_os.devices.ublox.setup import UbloxSetup
 from rt_robot_os.devices.ublox.wire import HighPrecision
 from rt_robot_os.devices.ublox.wire import NavPvt
@@ -122,9 +122,9 @@ class Ublox(SerialDevice[UbxFrame]):
         self._ahead: HighPrecision | None = None
         self._without_high_precision = 0
         self._latest: NavPvt | None = None
-        self._corrections: Corrections | None = None
+        self._corrections: RtcmCorrections | None = None
         if settings['corrections']:
-            self._corrections = Corrections(
+            self._corrections = RtcmCorrections(
                 name, settings['corrections'], settings['corrections_baud'], self.log,
                 self._gga)
 

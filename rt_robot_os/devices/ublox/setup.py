@@ -27,7 +27,7 @@ from typing import Final
 
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.serial.handshake import Handshake
-from rt_robot_os.devices.serial.handshake import Step
+from rt_robot_os.devices.serial.handshake import HandshakeStep
 from rt_robot_os.devices.ublox import wire
 from rt_robot_os.devices.ublox.wire import UbxFrame
 
@@ -90,7 +90,7 @@ class UbloxSetup:
             return
         self._handshake = Handshake(self._name, (step,), _REMEDY)
 
-    def _modern(self) -> Generator[Step, bool, None]:
+    def _modern(self) -> Generator[HandshakeStep, bool, None]:
         ports = []
         for port in wire.PORTS:
             if (yield _valset(f'NAV-PVT on {port.name}', {port.ubx_out: 1, port.nav_pvt: 1})):
@@ -115,12 +115,12 @@ class UbloxSetup:
         if not (yield _valset('CFG-RATE', rate)):
             self._refuse('CFG-RATE')
 
-    def _legacy(self) -> Generator[Step, bool, None]:
-        steps = [Step('CFG-MSG', wire.enable(wire.PVT), wire.CFG_MSG)]
+    def _legacy(self) -> Generator[HandshakeStep, bool, None]:
+        steps = [HandshakeStep('CFG-MSG', wire.enable(wire.PVT), wire.CFG_MSG)]
         if self._high_precision:
-            steps.append(Step('CFG-MSG of NAV-HPPOSLLH', wire.enable(wire.HPPOSLLH),
-                              wire.CFG_MSG))
-        steps.append(Step('CFG-RATE', wire.set_rate(self._rate_hz), wire.CFG_RATE))
+            steps.append(HandshakeStep('CFG-MSG of NAV-HPPOSLLH', wire.enable(wire.HPPOSLLH),
+                                       wire.CFG_MSG))
+        steps.append(HandshakeStep('CFG-RATE', wire.set_rate(self._rate_hz), wire.CFG_RATE))
         for step in steps:
             if not (yield step):
                 self._refuse(step.name)
@@ -131,5 +131,5 @@ class UbloxSetup:
                          'and set configure: false')
 
 
-def _valset(name: str, values: dict[int, int]) -> Step:
-    return Step(f'CFG-VALSET ({name})', wire.valset(values), wire.CFG_VALSET)
+def _valset(name: str, values: dict[int, int]) -> HandshakeStep:
+    return HandshakeStep(f'CFG-VALSET ({name})', wire.valset(values), wire.CFG_VALSET)

@@ -97,7 +97,7 @@ class SimulatedUblox(SimulatedNmea):
         fixed = self._time_s < self._corrected_until_s
         return _FIXED_DEVIATIONS_M if fixed else super().deviations_m()
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Take commands and acknowledge them; take corrections."""
         corrections = len(self._rtcm.feed(data))
         if corrections and wire.PORTS[0].rtcm_in in self._keys:

@@ -68,7 +68,7 @@ class SimulatedWitMotion(SimulatedDevice):
         )
         return b''.join(data for kind, data in frames if self._outputs >> (kind - 0x50) & 1)
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Take commands: unlock, outputs, rate."""
         received = self._received + data
         while True:
@@ -77,10 +77,10 @@ class SimulatedWitMotion(SimulatedDevice):
                 # A command that is not complete yet has less than five bytes.
                 self._received = received[-(wire.COMMAND_SIZE - 1):]
                 return
-            self._obey_one(received[at:at + wire.COMMAND_SIZE])
+            self._handle_one(received[at:at + wire.COMMAND_SIZE])
             received = received[at + wire.COMMAND_SIZE:]
 
-    def _obey_one(self, command: bytes) -> None:
+    def _handle_one(self, command: bytes) -> None:
         if command == wire.UNLOCK:
             self._unlocked = True
             return

@@ -49,7 +49,7 @@ from rt_robot_os.devices.serial.device import BITS_PER_BYTE
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.serial.handshake import Handshake
-from rt_robot_os.devices.serial.handshake import Step
+from rt_robot_os.devices.serial.handshake import HandshakeStep
 from rt_robot_os.devices.xsens import mtdata2
 from rt_robot_os.devices.xsens import wire
 from rt_robot_os.devices.xsens.mtdata2 import MtData2Parser
@@ -118,12 +118,12 @@ class Xsens(SerialDevice[XbusFrame]):
         self._counter = None
         self._problem = ''
         steps = [
-            Step('GoToConfig', wire.message(wire.GO_TO_CONFIG), wire.GO_TO_CONFIG),
-            Step('SetOutputConfiguration', wire.message(
+            HandshakeStep('GoToConfig', wire.message(wire.GO_TO_CONFIG), wire.GO_TO_CONFIG),
+            HandshakeStep('SetOutputConfiguration', wire.message(
                 wire.SET_OUTPUT_CONFIGURATION, wire.output_configuration(self._outputs)),
                 wire.SET_OUTPUT_CONFIGURATION),
-            Step('GoToMeasurement', wire.message(wire.GO_TO_MEASUREMENT),
-                 wire.GO_TO_MEASUREMENT),
+            HandshakeStep('GoToMeasurement', wire.message(wire.GO_TO_MEASUREMENT),
+                          wire.GO_TO_MEASUREMENT),
         ] if self._outputs else []
         self._setup = Handshake(self.name, steps, _REMEDY)
 

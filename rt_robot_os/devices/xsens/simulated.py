@@ -73,7 +73,7 @@ class SimulatedXsens(SimulatedDevice):
         return wire.mtdata2(
             (identifier, self._item(identifier, time_s)) for identifier in self._outputs)
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Take commands and acknowledge them."""
         for frame in self._decoder.feed(data):
             answer = b''

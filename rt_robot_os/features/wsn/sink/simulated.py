@@ -51,7 +51,7 @@ from rt_robot_os.features.wsn.simulator.scenario import Scenario
 from rt_robot_os.features.wsn.simulator.scenario import settled
 from rt_robot_os.features.wsn.simulator.scenario import TrafficSettings
 from rt_robot_os.messages.survey import survey_of
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.faults import SINK_FAULTS
@@ -137,7 +137,7 @@ class SimulatedSink(SimulatedDevice):
 
     @classmethod
     def made_for(
-        cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
+        cls, name: str, settings: Mapping[str, Any], place: RobotSite, device: Mapping[str, Any],
     ) -> SimulatedDevice:
         """
         Make the simulated counterpart of a device; nothing is plugged in yet.
@@ -224,7 +224,7 @@ class SimulatedSink(SimulatedDevice):
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
-        self.live.power(not self.befallen('reset'))
+        self.live.power(not self.has_fault('reset'))
         super().pump(now_ns)
 
     def sample(self, time_s: float) -> bytes:
@@ -233,7 +233,7 @@ class SimulatedSink(SimulatedDevice):
         self.live.advance(round(time_s * NS_PER_S))
         return b''.join(self._frames)
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Hand bytes to the mote; it answers."""
         self._frames.clear()
         self.live.from_host(data)

@@ -63,7 +63,7 @@ class _Known(NamedTuple):
     readable: bool
 
 
-class Recognisers:
+class SignatureTable:
     """What all devices know of their bytes."""
 
     def __init__(self) -> None:
@@ -77,7 +77,7 @@ class Recognisers:
             self._known = tuple(sorted(found, key=lambda each: not each.readable))
         return self._known
 
-    def recognised(self, data: bytes, baud: int) -> str:
+    def identify(self, data: bytes, baud: int) -> str:
         """
         Return whose bytes they are, and what to do; empty when that is not known.
 
@@ -94,7 +94,7 @@ class Recognisers:
         return ''
 
 
-RECOGNISERS: Final = Recognisers()
+SIGNATURES: Final = SignatureTable()
 
 
 @functools.cache
@@ -113,7 +113,7 @@ def known_chips() -> Chips:
 
 
 def _known_of(name: str, parts: DeviceParts) -> Iterator[_Known]:
-    for each in parts.recognisers:
+    for each in parts.signatures:
         try:
             fits = load_object(f'device {name!r}', each.function)
         except ConfigError:
@@ -121,7 +121,7 @@ def _known_of(name: str, parts: DeviceParts) -> Iterator[_Known]:
         if callable(fits):
             remedy = each.remedy or f'set type: {name}, or swap the ports'
             yield _Known(each.frames, remedy, fits, not each.remedy)
-    if not parts.recognisers and name in DRIVERS.foreign_names():
+    if not parts.signatures and name in DRIVERS.foreign_names():
         yield from _known_of_class(name, parts)
 
 
