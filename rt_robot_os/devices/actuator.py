@@ -66,7 +66,7 @@ class Actuator(Device):
 
     def __init__(self, name: str, settings: Mapping[str, Any], *rest: Any) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :param rest: further arguments of the base class of the port, such as a decoder.
         :raises TopicError: the class declares no input ``command``.

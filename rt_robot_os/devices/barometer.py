@@ -93,7 +93,7 @@ class Barometer(I2cDevice):
     TEMPERATURE_RANGE_C = (-40.0, 85.0)
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        """Keep the settings; nothing is opened."""
+        """Store the settings; nothing is opened."""
         super().__init__(name, settings)
         self._sea_level_pa: float = settings['sea_level_pa']
         self._pressure_stddev_pa: float = settings['pressure_stddev_pa']

@@ -48,7 +48,7 @@ class BatteryFiller:
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
         """
-        Keep the voltages.
+        Store the voltages.
 
         :param settings: with those of :func:`battery_settings`.
         """

@@ -183,7 +183,7 @@ class Device(PortOwner, ABC):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :param settings: a value for each of ``SETTINGS``, already checked.
         """
@@ -383,4 +383,4 @@ class Device(PortOwner, ABC):
 
     @abstractmethod
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now."""
+        """Return the current counters."""

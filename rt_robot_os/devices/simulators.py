@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The simulated devices by the name of the device, for who runs them and for the settings."""
+"""The registry of simulated devices, for the simulator and for the settings."""
 
 from __future__ import annotations
 

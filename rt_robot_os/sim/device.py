@@ -277,7 +277,7 @@ class SimulatedDevice(Simulated):
                 f'{self._baud}: lower rate_hz or raise baud'])
 
     def statistics(self) -> SimulatedStatistics:
-        """Return the counters as they are now."""
+        """Return the current counters."""
         return SimulatedStatistics(
             self._samples, self._skipped, self.port.bytes_sent, self.port.bytes_dropped)
 

@@ -30,13 +30,13 @@ from rt_robot_os.devices.arduino_bridge.simulated_firmware import WheelLoop
 from rt_robot_os.sim.motor_board import motor_simulation_settings
 from rt_robot_os.sim.motor_board import SimulatedMotorBoard
 
-# AUTO_STOP_INTERVAL of the firmware as it comes.
+# AUTO_STOP_INTERVAL of the original firmware.
 _AUTO_STOP_S: Final = 2.0
-# A sonar without an echo holds up everything.
+# A sonar without an echo blocks the firmware.
 _PING_NS: Final = 693 * NS_PER_MS
 _UART_BUFFER: Final = 64
 _LINE_END: Final = b'\r\n'
-# Rounds that a loop which was held up makes up for at once.
+# Rounds that a blocked loop catches up without delay.
 _MOST_MISSED: Final = 1000
 _HIGHEST_ANALOG: Final = 1023
 
@@ -46,7 +46,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
     A board with ros_arduino_bridge; its rate is that of its control loop.
 
     :ivar moving: its loop is closed and drives.
-    :ivar pwm: what its motors get, -255 to 255.
+    :ivar pwm: outputs to its motors, -255 to 255.
     """
 
     SETTINGS = motor_simulation_settings(wire.PID_RATE_HZ, 200.0) + (
@@ -97,12 +97,12 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
 
     @property
     def ticks(self) -> tuple[int, int]:
-        """Return what it has counted since it was switched on, or told to begin anew."""
+        """Return its counts since power-on, or since a command to reset them."""
         left, right = self.counts()
         return left - self._zero[0], right - self._zero[1]
 
     def handle_command(self, data: bytes) -> None:
-        """Take commands; while a sonar holds it up they wait."""
+        """Execute commands; while a sonar blocks it they wait."""
         if self._is_down():
             return
         data = self.thinned(data)
@@ -112,7 +112,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
             self._run(data, self._now_ns)
 
     def sample(self, time_s: float) -> bytes:
-        """Go one round of the control loop; it says nothing by itself."""
+        """Run one round of the control loop; it sends nothing by itself."""
         now_ns = self._start_ns + round(time_s * NS_PER_S)
         if self._is_down():
             return b''
@@ -179,10 +179,10 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
 
     def _round(self) -> None:
         """
-        Go one round.
+        Run one round.
 
-        One that does not drive forgets what it knew of its wheels once, and not what they count
-        while they run down: the next command begins with that.
+        A loop that does not drive resets its state once; counts made while the wheels coast remain
+        in it, and the next command starts with them.
         """
         ticks = self.ticks
         if self.moving:

@@ -80,7 +80,7 @@ class Bmp388Trimming(NamedTuple):
         Read the trimming.
 
         :param data: the 21 bytes from register 0x31.
-        :return: None when no chip can have left the factory with this.
+        :return: None if no valid chip can hold these values.
         """
         found = cls(*_TRIMMING.unpack(data))
         blank = not any(data) or set(data) == {0xFF}
@@ -91,7 +91,7 @@ class Bmp388Trimming(NamedTuple):
         return _TRIMMING.pack(*self)
 
     def scaled(self) -> Scaled:
-        """Return the coefficients that the formulas use."""
+        """Return the coefficients for the formulas."""
         offsets = (0, 0, 0, 1 << 14, 1 << 14, 0, 0, 0, 0, 0, 0, 0, 0, 0)
         return tuple((value - offset) * factor
                      for value, offset, factor in zip(self, offsets, _FACTORS))
@@ -108,7 +108,7 @@ def conversion_ns(oversampling_temperature: int, oversampling_pressure: int) -> 
 
 def raw(data: bytes) -> tuple[int, int]:
     """
-    Take the readings apart.
+    Unpack the readings.
 
     :param data: the six bytes from register 4.
     :return: raw pressure and raw temperature, 24 bit.

@@ -127,7 +127,7 @@ class Camera(CaptureDevice):
         self._calibration: SamplePublisher | None = None
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: Image, CompressedImage, CameraInfo, each if it is wanted."""
+        """Return the publications: Image, CompressedImage, CameraInfo, each if it is wanted."""
         s = self.settings
         head = {'header.frame_id': s['frame_id']}
         found = []
@@ -246,7 +246,7 @@ class Camera(CaptureDevice):
             self.observed.publish(now_ns)
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; with orders, also what became of them."""
+        """Return the current counters; with orders, also what became of them."""
         found = super().statistics()
         return replace(found, more={**found.more, **self._requests.statistics()})
 

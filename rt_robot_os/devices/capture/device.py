@@ -92,7 +92,7 @@ class CaptureDevice(Device):
     OPENING_S: ClassVar[float] = 10.0
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        """Keep the settings; nothing is opened."""
+        """Store the settings; nothing is opened."""
         super().__init__(name, settings)
         self._connection: socket.socket | None = None
         self._stop: Callable[[], object] | None = None
@@ -259,7 +259,7 @@ class CaptureDevice(Device):
         return samples
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; lost are frames without a slot, and overruns."""
+        """Return the current counters; lost are frames without a slot, and overruns."""
         return DeviceStatistics(
             bytes_read=self._bytes, frames=self._frames, samples=self._samples,
             rejected_frames=self._rejected, last_frame_ns=self._last_ns,

@@ -131,7 +131,7 @@ class SimulatedChip(Simulated):
 
     @abstractmethod
     def power_on(self, now_ns: int) -> None:
-        """Begin with the registers that the chip has after it got power."""
+        """Start with the registers of the chip after power-on."""
 
     @abstractmethod
     def advance(self, now_ns: int) -> None:
@@ -260,7 +260,7 @@ class RegisterChip(SimulatedChip):
     FIXED: ClassVar[frozenset[int]] = frozenset()
 
     def power_on(self, now_ns: int) -> None:
-        """Begin with the registers that the chip has after it got power."""
+        """Start with the registers of the chip after power-on."""
         self.registers = bytearray(256)
         self._pointer = 0
 

@@ -74,7 +74,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
     description = 'Satellite receiver with NMEA 0183 output (GPS, GLONASS, Galileo, BeiDou)'
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        """Keep the settings; nothing is opened."""
+        """Store the settings; nothing is opened."""
         super().__init__(name, settings, NmeaDecoder())
         self._builder = FixBuilder(settings['uere_m'])
         self._source = NmeaFixSource()
@@ -86,7 +86,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         self._others: set[str] = set()
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: NavSatFix, and TimeReference unless its topic is empty."""
+        """Return the publications: NavSatFix, and TimeReference unless its topic is empty."""
         settings = self.settings
         depth, rate_hz = settings['depth'], settings['output_rate_hz']
         frame = {'header.frame_id': settings['frame_id']}
@@ -107,7 +107,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         self._others.clear()
 
     def handle(self, frame: NmeaFrame, arrival_ns: int) -> int:
-        """Use one sentence; in the loop."""
+        """Handle one sentence; in the loop."""
         sentence = parse(frame.content)
         if sentence is None:
             self._ignored_frames += 1
@@ -142,7 +142,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
                 'another device, choose its driver')
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now."""
+        """Return the current counters."""
         return self._counters(contradicted=self._contradicted)
 
     def _take_position(self, sentence: PositionSentence, arrival_ns: int) -> int:

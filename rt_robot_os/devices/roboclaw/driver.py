@@ -111,7 +111,7 @@ class RoboClaw(MotorBoard[RoboClawReply]):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: there are gains, but no speed at full duty.
         """
@@ -277,7 +277,7 @@ class RoboClaw(MotorBoard[RoboClawReply]):
     # --- answers ---------------------------------------------------------------------------------
 
     def handle(self, frame: RoboClawReply, arrival_ns: int) -> int:
-        """Use one answer; in the loop."""
+        """Handle one answer; in the loop."""
         self._exchange.answered()
         if self._setup:
             self._go_on_with_set_up(frame, arrival_ns)

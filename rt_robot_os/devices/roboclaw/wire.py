@@ -163,9 +163,9 @@ class RoboClawDecoder(StreamDecoder[RoboClawReply]):
 
     def feed(self, data: bytes) -> list[RoboClawReply]:
         """
-        Take the next bytes of the stream; never raises.
+        Decode the next bytes of the stream; never raises.
 
-        :return: the answers that they complete, in order; the same however the stream is cut.
+        :return: the answers that they complete, in order; independent of how the stream is split.
         """
         held = len(self._pending)
         buffer, self._pending = self._pending + data, b''

@@ -96,10 +96,10 @@ class SerialDecoder(Protocol[FrameOutT]):
         """Return the number of bytes that wait for the rest of their frame."""
 
     def feed(self, data: bytes) -> Sequence[FrameOutT]:
-        """Take the next bytes of the stream and give the frames that they complete."""
+        """Decode the next bytes of the stream and give the frames that they complete."""
 
     def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
+        """Reject the pending bytes: the stream restarts."""
 
 
 def serial_settings(
@@ -150,7 +150,7 @@ class SerialDevice(Device, Generic[FrameT]):
         self, name: str, settings: Mapping[str, Any], decoder: SerialDecoder[FrameT],
     ) -> None:
         """
-        Keep settings and decoder; nothing is opened.
+        Store settings and decoder; nothing is opened.
 
         :param decoder: what turns the bytes into frames.
         :raises ConfigError: the port is neither a path nor an address.
@@ -180,7 +180,7 @@ class SerialDevice(Device, Generic[FrameT]):
     @abstractmethod
     def handle(self, frame: FrameT, arrival_ns: int) -> int:
         """
-        Use one frame; in the loop.
+        Handle one frame; in the loop.
 
         :return: number of samples published.
         """
@@ -313,7 +313,7 @@ class SerialDevice(Device, Generic[FrameT]):
         return silence_of(self._port) or self.IF_SILENT
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now."""
+        """Return the current counters."""
         return self._counters()
 
     def _counters(self, *, lost_samples: int = 0, contradicted: int = 0,

@@ -152,14 +152,14 @@ class StarGazer(SerialDevice[StarGazerFrame]):
         self._used_distance_m = 0.0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: PoseWithCovarianceStamped."""
+        """Return the publications: PoseWithCovarianceStamped."""
         s = self.settings
         return (TopicSpec(
             s['topic'], 'geometry_msgs/msg/PoseWithCovarianceStamped',
             {'header.frame_id': s['map_frame_id']}, s['depth'], s['output_rate_hz']),)
 
     def restart(self) -> None:
-        """Begin the set-up if it is wanted."""
+        """Start the set-up if it is configured."""
         self._fuser.forget()
         self._dead_zone = False
         self._mode = ''
@@ -186,7 +186,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
                 self.send(data)
 
     def handle(self, frame: StarGazerFrame, arrival_ns: int) -> int:
-        """Use one sentence; in the loop."""
+        """Handle one sentence; in the loop."""
         if not self.is_set_up():
             if not self._setup.takes(frame):
                 self._ignored_frames += 1
@@ -206,7 +206,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
         return 0
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; contradictions are marks that agree on nothing."""
+        """Return the current counters; contradictions are marks that agree on nothing."""
         more: dict[str, Value] = {
             'landmarks': len(self._landmarks), 'dead_zone': str(self._dead_zone).lower(),
             'dead_zone_sentences': self._dead_zones, 'unknown_marks': self._unknown,

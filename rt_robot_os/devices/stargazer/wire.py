@@ -214,7 +214,7 @@ def is_stargazer(data: bytes) -> bool:
     return len(found) >= _SURE
 
 
-# ---- from values to bytes -----------------------------------------------------------------------
+# ---- encoding -----------------------------------------------------------------------------------
 
 def sentence(kind: str, content: str) -> bytes:
     """Frame a content."""

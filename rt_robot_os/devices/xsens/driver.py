@@ -95,7 +95,7 @@ class Xsens(SerialDevice[XbusFrame]):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: ``configure`` is on, and rate and line do not go together.
         """
@@ -110,7 +110,7 @@ class Xsens(SerialDevice[XbusFrame]):
         self._lost = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: Imu, and MagneticField unless its topic is empty."""
+        """Return the publications: Imu, and MagneticField unless its topic is empty."""
         return imu_publications(self.settings)
 
     def restart(self) -> None:
@@ -144,7 +144,7 @@ class Xsens(SerialDevice[XbusFrame]):
             self.send(data)
 
     def handle(self, frame: XbusFrame, arrival_ns: int) -> int:
-        """Use one message; in the loop."""
+        """Handle one message; in the loop."""
         if frame.mid == mtdata2.MTDATA2:
             sample = self._parser.parse(frame.payload)
             # What comes before the set-up is done may be of other items and rates.
@@ -167,7 +167,7 @@ class Xsens(SerialDevice[XbusFrame]):
         return 0
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; contradictions are messages with broken items."""
+        """Return the current counters; contradictions are messages with broken items."""
         return self._counters(lost_samples=self._lost, contradicted=self._parser.malformed)
 
     def _publish(self, sample: MtSample, arrival_ns: int) -> int:

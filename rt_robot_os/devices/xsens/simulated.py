@@ -56,7 +56,7 @@ class SimulatedXsens(SimulatedDevice):
     BAUD = 115200
 
     def prepare(self) -> None:
-        """Begin as the device does after it got power."""
+        """Start in the state after power-on."""
         self._inertial = inertial(self.site, self.settings)
         self._product: str = self.settings['product']
         self._outputs = tuple(
