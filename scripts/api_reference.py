@@ -41,9 +41,10 @@ PAGES = {
     'modules': ('Modules', ['rt_robot_os.modules', 'rt_robot_os.topics.ports',
                             'rt_robot_os.base.schema', 'rt_robot_os.base.logger']),
     'devices': ('Devices', [f'rt_robot_os.devices.{name}' for name in (
-        'device', 'serial.device', 'framing', 'serial.handshake', 'imu', 'ranging', 'recognise',
+        'device', 'serial.device', 'framing', 'serial.handshake', 'imu', 'ranging', 'signatures',
         'i2c.device', 'capture.device')]),
-    'sim': ('Simulated devices', ['rt_robot_os.sim.device', 'rt_robot_os.devices.i2c.simulated_device']),
+    'sim': ('Simulated devices',
+            ['rt_robot_os.sim.device', 'rt_robot_os.devices.i2c.simulated_device']),
     'testing': ('Testing', ['rt_robot_os.testing']),
     'topics': ('Topics', ['rt_robot_os.topics']),
     'kernel': ('Kernel', ['rt_robot_os.kernel']),

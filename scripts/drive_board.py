@@ -30,7 +30,7 @@ import select
 import sys
 import time
 
-from rt_robot_os.devices.roboclaw.simulated_unit import Unit
+from rt_robot_os.devices.roboclaw.simulated_unit import SimulatedUnit
 from rt_robot_os.devices.roboclaw.wire import FIRST_ADDRESS
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.world.drive_base import DriveBase
@@ -48,7 +48,7 @@ def main(link: str, log: str) -> None:
     """Be the board until killed."""
     port = PtyPort(link)
     port.plug()
-    unit = Unit(FIRST_ADDRESS, 'USB Roboclaw 2x15a v4.2.4', False)
+    unit = SimulatedUnit(FIRST_ADDRESS, 'USB Roboclaw 2x15a v4.2.4', False)
     base = DriveBase(wheel_radius_m=RADIUS_M, wheel_separation_m=SEPARATION_M)
     last = (0, 0)
     moves = False
@@ -60,7 +60,7 @@ def main(link: str, log: str) -> None:
             if data:
                 angles = base.wheel_angles
                 unit.counts = (round(angles[0] / _RAD), round(angles[1] / _RAD))
-                answers = unit.obey(data, now_ns)
+                answers = unit.handle_command(data, now_ns)
                 if answers:
                     port.write(answers)
             unit.watch(now_ns)

@@ -203,14 +203,15 @@ def sink_piece(chance: random.Random) -> bytes:
         del packet[chance.randrange(len(packet)):]
     token = chance.choice((0x26, 0x27, 0x7E))
     return chance.choice((
-        *3 * (framing.frame(0x42, bytes(packet)),), framing.frame(0x41, bytes((token,)) + bytes(packet)),
+        *3 * (framing.frame(0x42, bytes(packet)),),
+        framing.frame(0x41, bytes((token,)) + bytes(packet)),
         framing.frame(0x40, bytes((token,))), framing.frame(0x45, bytes(packet)), b'\x7e'))
 
 
 def stargazer_piece(chance: random.Random) -> bytes:
     """Make a sentence of each form, of marks that agree and that do not."""
-    marks = [stargazer.Mark(chance.choice((1, 2, 24706)), chance.uniform(-180, 180),
-                            chance.uniform(-200, 200), chance.uniform(-200, 200), 220.0)
+    marks = [stargazer.CeilingMark(chance.choice((1, 2, 24706)), chance.uniform(-180, 180),
+                                   chance.uniform(-200, 200), chance.uniform(-200, 200), 220.0)
              for _ in range(chance.randrange(1, 5))]
     return chance.choice((
         stargazer.multi(marks), stargazer.single(marks[0], chance.choice('IFZ')),
@@ -247,7 +248,8 @@ def hokuyo_piece(chance: random.Random) -> bytes:
 
 PIECES: dict[str, Callable[[random.Random], bytes]] = {
     'bno055': bno055_piece, 'hokuyo': hokuyo_piece, 'maxbotix': maxbotix_piece, 'nmea': gps_piece,
-    'oximeter': oximeter_piece, 'sharp': sharp_piece, 'sink': sink_piece, 'stargazer': stargazer_piece, 'ublox': ublox_piece,
+    'oximeter': oximeter_piece, 'sharp': sharp_piece, 'sink': sink_piece,
+    'stargazer': stargazer_piece, 'ublox': ublox_piece,
     'witmotion': imu_piece, 'xsens': xsens_piece}
 
 # What answers the set-up, so that samples are published at all.

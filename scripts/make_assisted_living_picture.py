@@ -36,7 +36,7 @@ from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.settings import load
 from rt_robot_os.settings import to_json
 from rt_robot_os.settings.world import load_world
-from rt_robot_os.sim.orders import order
+from rt_robot_os.sim.commands import send_command
 from rt_robot_os.sim.world import World
 from svg_labels import Label
 from svg_labels import placed
@@ -68,7 +68,7 @@ def watched(seconds: float) -> list[Row]:
             while time.monotonic() < end:
                 time.sleep(0.5)
                 try:
-                    told = order(device_folder(path), 'world where')
+                    told = send_command(device_folder(path), 'world where')
                 except DeviceError:
                     continue
                 rows.append({words[0]: words[1:] for words in map(str.split, told.splitlines())})
@@ -110,7 +110,8 @@ def lying(last: Row) -> list[Segment]:
     half = LYING_M / 2 - 0.17  # the line has round ends
     along = half * math.cos(heading), half * math.sin(heading)
     head, feet = (point(x + side * along[0], y + side * along[1]) for side in (-1, 1))
-    return [(head[0] + aside, head[1], feet[0] + aside, feet[1]) for aside in (0, -9, -6, -3, 3, 6, 9)]
+    return [(head[0] + aside, head[1], feet[0] + aside, feet[1])
+            for aside in (0, -9, -6, -3, 3, 6, 9)]
 
 
 def segments_of(rows: list[Row], name: str) -> list[Segment]:

@@ -66,8 +66,8 @@ class House:
     def __init__(self) -> None:
         """Read the world."""
         self.world = World(load_world(ROOT / 'config' / 'maps' / 'house_world.yaml'))
-        self.twin = SimulatedSink('sink', {'period_ms': 2000.0, 'power_dbm': -25.0},
-                                  PtyPort('/nowhere'), site=Site(self.world))
+        self.simulated = SimulatedSink('sink', {'period_ms': 2000.0, 'power_dbm': -25.0},
+                                       PtyPort('/nowhere'), site=Site(self.world))
         self.model = NetworkModel(self.world.nodes)
         self.watch = NetworkWatch(self.model, Limits())
         self.names = {node.id: node.name for node in self.world.nodes} | {0: 'sink'}
@@ -84,7 +84,7 @@ class House:
             self.world.advance(now_ns)
             x, y, _ = self.world.base.pose
             self.model.sink_at(x, y, 0.4)
-            for frame in self._reader.feed(self.twin.sample(time_s)):
+            for frame in self._reader.feed(self.simulated.sample(time_s)):
                 self.model.take(self._decoder.decode(frame.packet), now_ns)
         self.watch.look(now_ns)
 

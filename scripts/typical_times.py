@@ -53,7 +53,7 @@ from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.settings import load
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
-from rt_robot_os.sim.orders import order
+from rt_robot_os.sim.commands import send_command
 from rt_robot_os.tools.plan.measure import measure
 from rt_robot_os.tools.plan.measured import Measured
 from rt_robot_os.tools.plan.typical import FORMAT
@@ -95,7 +95,7 @@ def measured(settings: RobotSettings, seconds: float, begun: Begun | None = None
 
 def somebody_needs_help(stack: ExitStack, path: Path) -> None:
     """Have her press her button in a while."""
-    later(stack, HELP_AFTER_S, lambda: order(device_folder(path), 'world press anna help'))
+    later(stack, HELP_AFTER_S, lambda: send_command(device_folder(path), 'world press anna help'))
 
 
 def it_explores(stack: ExitStack, path: Path) -> None:

@@ -48,7 +48,7 @@ from rt_robot_os.core.placement import choose_cpu
 from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.devices.registry import DRIVERS
-from rt_robot_os.devices.service import Services
+from rt_robot_os.devices.service import RunningServices
 from rt_robot_os.kernel import MonotonicClock
 from rt_robot_os.link.robots import hold_core
 from rt_robot_os.link.robots import remove_dead_lock
@@ -132,7 +132,7 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
          arguments: argparse.Namespace, by_hand: bool, signals: ExitStack,
          simulators: Simulators) -> int:
     duration_s: float | None = arguments.duration
-    services = Services()
+    services = RunningServices()
     writer: BlackBoxWriter | None = None
     try:
         ports = simulators.start(settings, device_folder(path))
@@ -169,7 +169,7 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
     return OK
 
 
-def _watch(services: Services, host: Host) -> None:
+def _watch(services: RunningServices, host: Host) -> None:
     """Have the core restart and report services that have ended."""
     def look() -> None:
         for text in services.check():

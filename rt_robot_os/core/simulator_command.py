@@ -36,14 +36,14 @@ from rt_robot_os.devices.simulators import SIMULATORS
 from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.linux.paths import socket_path
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.base import Simulated
+from rt_robot_os.sim.commands import execute_command
+from rt_robot_os.sim.commands import send_command
+from rt_robot_os.sim.commands import WHERE
+from rt_robot_os.sim.commands import WORLD
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.faults import FAULT_HELP
-from rt_robot_os.sim.orders import obey
-from rt_robot_os.sim.orders import order
-from rt_robot_os.sim.orders import WHERE
-from rt_robot_os.sim.orders import WORLD
 from rt_robot_os.sim.paths import hold_paths
 from rt_robot_os.sim.paths import release
 from rt_robot_os.sim.player import at_line_speed
@@ -54,7 +54,7 @@ from rt_robot_os.sim.player import Player
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.server import SimServer
 from rt_robot_os.sim.tcp_port import TcpPlug
-from rt_robot_os.sim.world.happenings import HAPPENINGS
+from rt_robot_os.sim.world.events import EVENT_FORMS
 
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World
@@ -99,7 +99,7 @@ def simulator(argv: Sequence[str]) -> int:
             for name, device in devices.items():
                 where = device.port.url if isinstance(device.port, TcpPlug) else device.path
                 print(f'{name} {where}', flush=True)
-            server.take_lines(sys.stdin.fileno(), lambda line: _inject(devices, line, world))
+            server.read_lines(sys.stdin.fileno(), lambda line: _inject(devices, line, world))
             _run(server, arguments.keep_running)
     except DeviceError as error:
         return _fail(error)
@@ -110,7 +110,7 @@ def simulator(argv: Sequence[str]) -> int:
 
 
 def _world(path: Path) -> World:
-    # Late: it needs NumPy, and most twins do not.
+    # Late: it needs NumPy, and most simulated devices do not.
     from rt_robot_os.settings.world import load_world
     from rt_robot_os.sim.world.world import World
     return World(load_world(path))
@@ -171,7 +171,7 @@ def build_devices(arguments: argparse.Namespace, world: World | None = None
     numbers = _per_device(arguments.tcp, types, '--tcp', problems)
     faults = _faults(arguments.fault, types, problems)
     folder = _folder(arguments.dir, problems)
-    place = Place(folder, world)
+    place = RobotSite(folder, world)
     devices: dict[str, Simulated] = {}
     for name, kind in types.items():
         settings: dict[str, Any] = {'faults': faults[name], 'seed': arguments.seed}
@@ -207,7 +207,7 @@ def _simulator_parser() -> argparse.ArgumentParser:
         'on ptys, chips on an emulated I2C bus.',
         epilog='A line "imu silent 3" on the standard input makes the device imu silent for three '
         f'seconds. Faults: {FAULT_HELP}. With a world, "{WORLD} person anna 2.0 1.0" makes anna '
-        f'stand there, and so on: {HAPPENINGS}. "{WORLD} {WHERE}" prints where all are.')
+        f'stand there, and so on: {EVENT_FORMS}. "{WORLD} {WHERE}" prints where all are.')
     parser.add_argument('devices', nargs='*', metavar='NAME:TYPE',
                         help=f'such as imu:witmotion; types: {", ".join(SIMULATORS.names())}')
     parser.add_argument('--dir', help='folder of the paths, '
@@ -302,7 +302,7 @@ def _folder(given: str | None, problems: list[str]) -> Path:
 def _inject(devices: dict[str, Simulated], line: str, world: World | None) -> None:
     """Obey a line such as ``imu silent 3`` or ``world kidnap 1.0 2.0 0.5``."""
     try:
-        _say(obey(line, devices, world))
+        _say(execute_command(line, devices, world))
     except ConfigError as error:
         _complain(str(error))
 
@@ -317,7 +317,7 @@ def _tell(arguments: argparse.Namespace) -> int:
     # Late: `--help` needs none of it.
     from rt_robot_os.core.simulators import device_folder
     try:
-        _say(order(Path(arguments.dir) if arguments.dir else device_folder(
+        _say(send_command(Path(arguments.dir) if arguments.dir else device_folder(
             socket_path(arguments.robot)), arguments.tell))
     except (ConfigError, DeviceError, StartError) as error:
         return _fail(error)

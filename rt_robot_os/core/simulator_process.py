@@ -32,9 +32,9 @@ from rt_robot_os.base.programs import ended_by_signals
 from rt_robot_os.devices.simulators import SIMULATORS
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.motion.mounting import Mounting
-from rt_robot_os.sim.base import Place
-from rt_robot_os.sim.orders import obey
-from rt_robot_os.sim.orders import OrderSocket
+from rt_robot_os.sim.base import RobotSite
+from rt_robot_os.sim.commands import CommandSocket
+from rt_robot_os.sim.commands import execute_command
 from rt_robot_os.sim.server import SimServer
 from rt_robot_os.sim.world_settings import WorldSettings
 
@@ -52,18 +52,18 @@ def build(devices: dict[str, Any], folder: Path, world: dict[str, Any] | None = 
     :raises RtRobotError: a setting is wrong, or a port cannot be made.
     """
     there = None if world is None else _world(world)
-    return device_server(devices, Place(
+    return device_server(devices, RobotSite(
         folder, there, {frame: Mounting(tuple(each['position_m']), tuple(each['rotation_rad']),
                                         each['parent'])
                         for frame, each in (mountings or {}).items()}))
 
 
-def device_server(devices: dict[str, Any], place: Place) -> SimServer:
+def device_server(devices: dict[str, Any], place: RobotSite) -> SimServer:
     """
     Make the simulated devices of a place, plugged in, with a socket for orders to them.
 
-    :param devices: by name: ``type``, settings of its twin (``sim``) and of the device itself
-        (``device``).
+    :param devices: by name: ``type``, settings of the simulated one (``sim``) and of the device
+        itself (``device``).
     :raises RtRobotError: a setting is wrong, or a port cannot be made.
     """
     made = {name: SIMULATORS.load(d['type']).made_for(name, d['sim'], place, d['device'])
@@ -72,14 +72,15 @@ def device_server(devices: dict[str, Any], place: Place) -> SimServer:
         device.port.plug()
     server = SimServer(tuple(made.values()), report=tell)
     try:
-        server.watch(OrderSocket(place.folder, lambda line: obey(line, made, place.world)))
+        server.watch(CommandSocket(place.folder,
+                                   lambda line: execute_command(line, made, place.world)))
     except DeviceError as error:
         tell(f'they take no orders: {error}')
     return server
 
 
 def _world(settings: dict[str, Any]) -> World:
-    # Late: it needs NumPy, and most twins do not.
+    # Late: it needs NumPy, and most simulated devices do not.
     from rt_robot_os.sim.world.world import World
     return World(WorldSettings(**settings))
 

@@ -15,10 +15,10 @@
 """
 Devices: the contract, the manager that keeps them alive, and one folder for each of them.
 
-A folder holds the driver, the wire format in both directions, the simulated twin, and the page.
+A folder holds the driver, the wire format in both directions, the simulated device, and the page.
 
-What authors of drivers need is here, each imported when it is asked for: the process of the
-simulated twins, whose folders lie here too, needs none of it.
+The names that authors of drivers need are here. Each is imported on first use, because the
+simulator, whose devices are in the same folders, needs none of them.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from rt_robot_os.devices.motor_faults import MotorFault
     from rt_robot_os.devices.partial_sums import PartialSums
     from rt_robot_os.devices.parts import DeviceParts
-    from rt_robot_os.devices.parts import Recogniser
+    from rt_robot_os.devices.parts import Signature
     from rt_robot_os.devices.ranging import RangeFiller
     from rt_robot_os.devices.serial.device import serial_settings
     from rt_robot_os.devices.serial.device import SerialDevice
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from rt_robot_os.topics.ports import Input
     from rt_robot_os.topics.ports import Output
 
-# Where each of them is, from this package.
+# The module of each name, below this package.
 _PLACES: Final = {
     'Actuator': 'actuator',
     'CaptureDevice': 'capture.device',
@@ -70,7 +70,7 @@ _PLACES: Final = {
     'Output': '.topics.ports',
     'PartialSums': 'partial_sums',
     'RangeFiller': 'ranging',
-    'Recogniser': 'parts',
+    'Signature': 'parts',
     'SamplePublisher': 'device',
     'SerialDevice': 'serial.device',
     'StreamDecoder': 'framing',
@@ -94,7 +94,7 @@ __all__ = [
     'Output',
     'PartialSums',
     'RangeFiller',
-    'Recogniser',
+    'Signature',
     'SamplePublisher',
     'SerialDevice',
     'StreamDecoder',

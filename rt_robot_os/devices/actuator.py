@@ -14,12 +14,12 @@
 
 
 """
-The actuator: a device that moves something, as long as somebody commands it and no longer.
+The actuator: a device that moves something only while it receives commands.
 
-A command is in force from when it is taken until it is ``command_timeout_s`` old. Then, and
-whenever the device is opened, given up, held or closed, it is brought to its safe state, and only
-a command that is published afterwards moves it again. After a gap, in which the core or the
-machine stood still, only one that was given afterwards does: its stamp says when.
+A command is active from when it is received until it is ``command_timeout_s`` old. Then, and
+whenever the device is opened, closed, held or goes to FAULT, it is brought to its safe state, and
+only a command that is published afterwards moves it again. After a gap, in which the core or the
+machine was suspended, only a command whose stamp is later than the gap moves it.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class Actuator(Device):
     """
     A device that moves something.
 
-    A driver names it before the base class of its port, declares the command and says how it is
-    carried out::
+    A driver derives from it before the base class of its port, declares the command and executes
+    it::
 
         class Wheels(Actuator, SerialDevice[Reply]):
             command = Input('cmd_vel_safe', wake=True, message='geometry_msgs/msg/Twist')
@@ -56,7 +56,7 @@ class Actuator(Device):
             def safe_state(self):
                 self.send(STOP)
 
-    :cvar command: the input. The newest command counts; with ``wake`` it is carried out at once,
+    :cvar command: the input. The newest command is used; with ``wake`` it is executed immediately,
         otherwise with the next poll.
     :cvar COMMAND_TIMEOUT_S: default of the setting ``command_timeout_s``.
     """
@@ -66,9 +66,9 @@ class Actuator(Device):
 
     def __init__(self, name: str, settings: Mapping[str, Any], *rest: Any) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
-        :param rest: what the base class of the port takes besides, such as a decoder.
+        :param rest: further arguments of the base class of the port, such as a decoder.
         :raises TopicError: the class declares no input ``command``.
         """
         super().__init__(name, settings, *rest)
@@ -81,9 +81,9 @@ class Actuator(Device):
     @abstractmethod
     def actuate(self, now_ns: int) -> None:
         """
-        Carry out ``self.command.msg``, without blocking.
+        Execute ``self.command.msg``, without blocking.
 
-        Called with each new command, and with each poll while the last one is in force.
+        Called with each new command, and with each poll while the last one is active.
 
         :raises DeviceError: the device is gone.
         """
@@ -100,35 +100,36 @@ class Actuator(Device):
 
     @classmethod
     def fields(cls) -> tuple[Field, ...]:
-        """Return everything that can be set: as for every device, and ``command_timeout_s``."""
+        """Return all settings: those of every device, and ``command_timeout_s``."""
         return (*super().fields(), Field(
             TIMEOUT, float, cls.COMMAND_TIMEOUT_S, 'Age of a command at which the device is '
             'brought to rest.', 's', 0.01, 60.0, live=True))
 
     @property
     def is_commanded(self) -> bool:
-        """Return whether a command is in force."""
+        """Return whether a command is active."""
         return self._deadline_ns != 0
 
     def is_moving(self) -> bool:
         """
-        Return whether the command in force moves anything.
+        Return whether the active command moves anything.
 
-        After one to stand silence is nothing to warn of. The default is that all of them do.
+        After a command to stop, missing commands cause no warning. The default is that every
+        command moves something.
         """
         return True
 
     def own_rounds_hz(self) -> float:
-        """Return how often a command in force is looked at by itself."""
+        """Return how often the age of an active command is checked."""
         return 1.0 / float(self.settings[TIMEOUT])
 
     def receive(self, now_ns: int, polled: bool) -> int:
         """
-        Carry out the newest command, or rest when the one in force is too old.
+        Execute the newest command, or rest when the active one is too old.
 
-        Its age counts from its stamp; from now if that should be in the future.
+        Its age counts from its stamp, or from now if the stamp is in the future.
 
-        :return: the time at which the command in force is too old; 0 when there is none.
+        :return: the time at which the active command becomes too old; 0 when there is none.
         """
         command = self.command
         is_new = command.latest()
@@ -153,12 +154,12 @@ class Actuator(Device):
         return self._deadline_ns
 
     def wake_up(self, now_ns: int) -> None:
-        """Have commands count only when they were given from now on."""
+        """Accept only commands that are stamped from now on."""
         self._awake_ns = now_ns
 
     def rest(self) -> None:
         """
-        Go to the safe state; what was published until now moves nothing any more.
+        Go to the safe state; commands published until now move nothing any more.
 
         :raises DeviceError: the device is gone.
         """
@@ -170,11 +171,11 @@ class Actuator(Device):
 
     def input_counters(self) -> Mapping[str, Value]:
         """
-        Return what became of the commands.
+        Return the counters of the commands.
 
-        ``commands`` were taken, ``late_commands`` of them were too old already, or of before a
-        gap; ``command_timeouts`` times the last one became too old, and ``rests`` times it was
-        brought to rest, for whatever reason. ``command`` says whether one is in force.
+        ``commands``: received. ``late_commands``: of these, too old on arrival or stamped before a
+        gap. ``command_timeouts``: times that the last one became too old. ``rests``: times that
+        the device was brought to rest, for any reason. ``command``: whether one is active.
         """
         return {'command': 'in force' if self._deadline_ns else 'none',
                 'commands': self._commands, 'late_commands': self._late,

@@ -16,7 +16,8 @@
 What all barometers have: three topics, and the altitude of the standard atmosphere.
 
 The altitude is a ``geometry_msgs/msg/PoseWithCovarianceStamped``: it has a stamp and a variance,
-and robot_localization takes it as it is. Only ``z`` is known; what is not has the variance 1e6.
+and robot_localization accepts it unmodified. Only ``z`` is known; the other components have the
+variance 1e6.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ _Z: Final = 2 * 6 + 2
 
 def barometer_settings(pressure_stddev_pa: float) -> tuple[Field, ...]:
     """
-    Declare the settings of a barometer besides those of its bus.
+    Declare the settings of a barometer, without those of its bus.
 
     :param pressure_stddev_pa: default noise.
     """
@@ -68,11 +69,11 @@ def averaging_settings(
     pressure: int, oversampling: tuple[int, ...], filters: tuple[int, ...],
 ) -> tuple[Field, ...]:
     """
-    Declare how a chip of Bosch averages.
+    Declare the averaging settings of a Bosch chip.
 
     :param pressure: default number of readings for a pressure.
-    :param oversampling: the numbers that there are.
-    :param filters: the coefficients that there are.
+    :param oversampling: the possible numbers.
+    :param filters: the possible coefficients.
     """
     return (
         Field('pressure_oversampling', int, pressure, 'Readings averaged for a pressure.',
@@ -87,12 +88,12 @@ def averaging_settings(
 class Barometer(I2cDevice):
     """A barometer on an I2C bus."""
 
-    # What the chip is made for: beyond it a reading is wrong.
+    # The range of the chip: a reading beyond it is wrong.
     PRESSURE_RANGE_PA = (30_000.0, 125_000.0)
     TEMPERATURE_RANGE_C = (-40.0, 85.0)
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        """Keep the settings; nothing is opened."""
+        """Store the settings; nothing is opened."""
         super().__init__(name, settings)
         self._sea_level_pa: float = settings['sea_level_pa']
         self._pressure_stddev_pa: float = settings['pressure_stddev_pa']
@@ -105,10 +106,10 @@ class Barometer(I2cDevice):
 
     def expect_time_for(self, conversion_ns: int) -> None:
         """
-        Check that a sample has the time that it takes.
+        Check that the conversions of a sample fit into its period.
 
         :param conversion_ns: longest time of all conversions of a sample.
-        :raises ConfigError: there is less between two samples.
+        :raises ConfigError: they take longer than the period.
         """
         if conversion_ns > self.period_ns:
             raise ConfigError([
@@ -121,7 +122,7 @@ class Barometer(I2cDevice):
         """Check that it is the right chip, and reset it."""
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: pressure; temperature and altitude where they have topics."""
+        """Return the publications: pressure; temperature and altitude if their topics are set."""
         s = self.settings
         frame = {'header.frame_id': s['frame_id']}
         kinds = [(s['topic'], 'sensor_msgs/msg/FluidPressure', frame)]
@@ -134,16 +135,16 @@ class Barometer(I2cDevice):
                      for topic, message, fixed in kinds)
 
     def changed(self, name: str) -> None:
-        """Take over the pressure at sea level; in the loop."""
+        """Apply a changed pressure at sea level; in the loop."""
         self._sea_level_pa = self.settings['sea_level_pa']
 
     def publish(self, pressure_pa: float, temperature_c: float, stamp_ns: int) -> int:
         """
-        Publish one measurement, unless it cannot be right; in the loop.
+        Publish one measurement, unless it is outside the range of the chip; in the loop.
 
         :param stamp_ns: when it was measured.
         :return: number of samples published.
-        :raises DeviceError: several measurements cannot be right.
+        :raises DeviceError: several measurements are outside the range.
         """
         low, high = self.PRESSURE_RANGE_PA
         coldest, hottest = self.TEMPERATURE_RANGE_C

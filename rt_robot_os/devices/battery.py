@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What boards that measure their battery have in common: settings, and the message."""
+"""Shared by boards that measure their battery: settings, and the message."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FULL: Final = 4
 
 
 def battery_settings(*, empty_v: float = 0.0, full_v: float = 0.0) -> tuple[Field, ...]:
-    """Declare what tells a voltage from a charge."""
+    """Declare the voltages from which the charge is computed."""
     return (
         Field('battery_empty_v', float, empty_v, 'Voltage of the empty battery; below it '
               'motor_faults has the bit 256. 0: it is not known.', 'V', 0.0, 1000.0),
@@ -42,11 +42,13 @@ def battery_settings(*, empty_v: float = 0.0, full_v: float = 0.0) -> tuple[Fiel
 
 
 class BatteryFiller:
-    """Fill in a ``sensor_msgs/msg/BatteryState``; what is not measured is NaN, as it asks."""
+    """
+    Fill in a ``sensor_msgs/msg/BatteryState``; a value that is not measured is NaN.
+    """
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
         """
-        Keep the voltages.
+        Store the voltages.
 
         :param settings: with those of :func:`battery_settings`.
         """
@@ -62,7 +64,7 @@ class BatteryFiller:
         """
         Fill it in.
 
-        :param current_a: negative when it is discharged, as ROS has it.
+        :param current_a: negative when the battery is discharged, as in ROS.
         """
         msg.voltage, msg.current = voltage_v, current_a
         msg.temperature = msg.charge = msg.capacity = msg.design_capacity = math.nan

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Calibration of a sensor that gives vectors: offset and scale of each axis, then the mounting.
+Calibration of a vector sensor: offset and scale of each axis, then the mounting.
 
 ``corrected = turn(scale * (measured - offset))``: offset and scale belong to the axes of the
-sensor, ``axes`` says what of them the frame's x, y and z are, such as ``-y x z``. A calibration is
-a part of the device's settings, so its file is a parameter file that is laid over the others.
+sensor; ``axes`` maps them to x, y and z of the frame, such as ``-y x z``. A calibration is a part
+of the device's settings, so its file is a parameter file that overrides the others.
 """
 
 from __future__ import annotations
@@ -63,14 +63,14 @@ class AxisMap:
         letters = [word.lstrip('+-') for word in words]
         plain = all(len(word) - len(letter) <= 1 for word, letter in zip(words, letters))
         if sorted(letters) != list(_LETTERS) or not plain:
-            raise ConfigError([f'{text!r}: name each of x, y, z once, with - where it is turned '
-                               'round, such as "-y x z"'])
+            raise ConfigError([f'{text!r}: name each of x, y, z once, with - where it is '
+                               'inverted, such as "-y x z"'])
         found = cls((_LETTERS.index(letters[0]), _LETTERS.index(letters[1]),
                      _LETTERS.index(letters[2])),
                     (_sign(words[0]), _sign(words[1]), _sign(words[2])))
         if found.determinant() < 0:
-            raise ConfigError([f'{text!r} is a mirror image, which no mounting can be: turn one '
-                               'axis round, or exchange two'])
+            raise ConfigError([f'{text!r} is a mirror image, which is not a possible mounting: '
+                               'invert one axis, or exchange two'])
         return found
 
     def determinant(self) -> float:
@@ -80,7 +80,7 @@ class AxisMap:
         return math.prod(self.signs) * (1.0 if even else -1.0)
 
     def inverse(self) -> AxisMap:
-        """Return the map that leads back."""
+        """Return the inverse map."""
         back = [self.axes.index(i) for i in range(3)]
         return AxisMap((back[0], back[1], back[2]),
                        (self.signs[back[0]], self.signs[back[1]], self.signs[back[2]]))
@@ -91,7 +91,7 @@ class AxisMap:
                         for axis, sign in zip(self.axes, self.signs))
 
     def apply(self, vector: Sequence[float]) -> Vector:
-        """Turn a vector from the axes of the sensor into those of the frame."""
+        """Map a vector from the axes of the sensor to those of the frame."""
         (a, b, c), (i, j, k) = self.axes, self.signs
         return i * vector[a], j * vector[b], k * vector[c]
 
@@ -115,14 +115,14 @@ class Calibration:
                                 for m, o, s in zip(measured, self.offset, self.scale)])
 
     def undo(self, corrected: Sequence[float]) -> Vector:
-        """Return what the sensor showed."""
+        """Return the uncorrected vector of the sensor."""
         x, y, z = self.axes.inverse().apply(corrected)
         return (x / self.scale[0] + self.offset[0], y / self.scale[1] + self.offset[1],
                 z / self.scale[2] + self.offset[2])
 
     def folded(self, unit: float) -> tuple[tuple[int, int, int], Vector, Vector]:
         """
-        Fold the size of a count in, so that the loop multiplies once.
+        Include the size of a count, so that the loop multiplies once.
 
         :param unit: of the vector, a count.
         :return: for each axis of the frame: the sensor's axis, factor of its counts, summand.
@@ -137,8 +137,9 @@ class Calibration:
 
 def axes_setting() -> Field:
     """Declare the mounting, one for all vectors of a device."""
-    return Field('axes', str, IDENTITY_AXES, 'Mounting: what of the axes of the sensor are x, y '
-                 'and z of the frame, such as "-y x z".')
+    return Field('axes', str, IDENTITY_AXES,
+                 'Mounting: the axes of the sensor that are x, y and z of the frame, such as "-y '
+                 'x z".')
 
 
 def vector_settings(vector: str, unit: str) -> tuple[Field, ...]:
@@ -148,10 +149,12 @@ def vector_settings(vector: str, unit: str) -> tuple[Field, ...]:
     :param vector: its name, such as ``acceleration``.
     """
     return (
-        Field(f'{vector}_offset', list, (0.0, 0.0, 0.0), f'What the sensor shows as {vector} when '
-              'there is none, on its own axes x, y, z.', unit=unit, item=float),
-        Field(f'{vector}_scale', list, (1.0, 1.0, 1.0), 'Factor of each of these axes, after the '
-              'offset was taken off.', item=float, minimum=0.5, maximum=2.0),
+        Field(f'{vector}_offset', list, (0.0, 0.0, 0.0),
+              f'Reading of the sensor at zero {vector}, on its own axes x, y, z.',
+              unit=unit, item=float),
+        Field(f'{vector}_scale', list, (1.0, 1.0, 1.0),
+              'Factor of each of these axes, after the offset is subtracted.',
+              item=float, minimum=0.5, maximum=2.0),
     )
 
 
@@ -184,7 +187,7 @@ def to_settings(calibrations: Mapping[str, Calibration]) -> dict[str, Any]:
     Write calibrations as settings.
 
     :param calibrations: by vector; all of one device, so all have the same axes.
-    :raises ConfigError: they have not.
+    :raises ConfigError: their axes differ.
     """
     mountings = {str(each.axes) for each in calibrations.values()}
     if len(mountings) != 1:
@@ -199,10 +202,10 @@ def to_settings(calibrations: Mapping[str, Calibration]) -> dict[str, Any]:
 
 def save(path: Path, device: str, calibrations: Mapping[str, Calibration]) -> None:
     """
-    Write a parameter file that is laid over the robot's own with a second ``--params-file``.
+    Write a parameter file that overrides the robot's own, with a second ``--params-file``.
 
     :param device: its name in the configuration.
-    :raises OSError: the file cannot be written; then an older one is left as it was.
+    :raises OSError: the file cannot be written; an older one is then left unchanged.
     """
     import yaml
     content = {'/**': {'ros__parameters': {device: to_settings(calibrations)}}}
@@ -216,7 +219,7 @@ def load(path: Path, device: str, vectors: Sequence[str]) -> dict[str, Calibrati
     Read what :func:`save` has written.
 
     :param vectors: names of the vectors.
-    :raises ConfigError: there is no such device or vector in it, or it is no such file.
+    :raises ConfigError: the file has no such device or vector, or is not a calibration.
     :raises OSError: the file cannot be read.
     """
     import yaml

@@ -14,11 +14,11 @@
 
 
 """
-The device: ``open``, ``close``, ``read`` and ``write`` for whatever is connected to the robot.
+The device: ``open``, ``close``, ``read`` and ``write`` for hardware of the robot.
 
-The SensorManager knows nothing else of a device. It asks for the publications, hands over one
-publisher for each, connects its inputs, and then calls ``receive``, ``write`` and ``read`` when it
-sees fit.
+The SensorManager knows only this interface. It asks for the publications, passes one publisher for
+each, connects the inputs, and then calls ``receive``, ``write`` and ``read`` periodically or when
+bytes arrive.
 """
 
 from __future__ import annotations
@@ -53,19 +53,20 @@ Value = Union[str, int, float]
 
 class SamplePublisher(Protocol):
     """
-    What the SensorManager hands over for each publication.
+    The publisher that the SensorManager passes for each publication.
 
-    :ivar msg: view of the message to fill in. It has the ROS message's own attribute names, nested
-        numbers may be set at once (``msg.angular_velocity = (x, y, z)``), numeric arrays are NumPy
-        views. It begins as a new ROS message with what was fixed, and keeps its values from one
-        publication to the next: what never changes may be set once, in :meth:`Device.bind`.
+    :ivar msg: view of the message to fill in. It has the attribute names of the ROS message;
+        nested numbers may be set together (``msg.angular_velocity = (x, y, z)``); numeric arrays
+        are NumPy views. It starts as a new ROS message with the fixed fields set, and keeps its
+        values from one publication to the next: a field that never changes may be set once, in
+        :meth:`Device.bind`.
     """
 
     msg: Any
 
     def fill(self, data: memoryview) -> None:
         """
-        Set the tail, or the longest sequence, of ``msg``, in pieces between which others may run.
+        Set the tail, or the longest sequence, of ``msg``, in pieces; other tasks may run between.
 
         After the publication of a sample above 64 KiB ``msg`` is another object.
         """
@@ -83,19 +84,20 @@ class DeviceStatistics:
     """
     Counters of one device since it was made; opening it again does not clear them.
 
-    :ivar bytes_read: bytes taken from the port.
+    :ivar bytes_read: bytes read from the port.
     :ivar frames: valid frames, used or not.
     :ivar samples: samples published.
     :ivar rejected_bytes: bytes that belong to no valid frame.
-    :ivar rejected_frames: frames that were there but had a bad checksum.
-    :ivar ignored_frames: valid frames that the driver has no use for.
+    :ivar rejected_frames: complete frames with a wrong checksum.
+    :ivar ignored_frames: valid frames that the driver does not use.
     :ivar last_frame_ns: arrival of the last valid frame on CLOCK_MONOTONIC, 0 = none yet.
-    :ivar lost_samples: samples not published because a frame of theirs is missing.
-    :ivar contradicted_samples: samples in which the device contradicted itself.
-    :ivar dropped_write_bytes: bytes for the device that found no room.
-    :ivar more: what only this device counts, by name. A text ``warning`` that is not empty makes
-        its ``/diagnostics`` a warning that says it.
-    :ivar deferred_bytes: bytes that waited for a later job, since one job handles only so many.
+    :ivar lost_samples: samples not published because one of their frames is missing.
+    :ivar contradicted_samples: samples whose frames contradict each other.
+    :ivar dropped_write_bytes: bytes for the device that the port had no room for.
+    :ivar more: counters of this kind of device, by name. A string ``warning`` that is not empty
+        sets its ``/diagnostics`` to WARN, with that message.
+    :ivar deferred_bytes: bytes that waited for a later job, because one job handles a limited
+        number.
     """
 
     bytes_read: int = 0
@@ -114,21 +116,21 @@ class DeviceStatistics:
 
 class Tap(Protocol):
     """
-    What listens to a device's bytes, for a recorder; called in the loop.
+    Receives a copy of a device's bytes, for a recorder; called in the loop.
 
-    :ivar command: whether the round that runs wrote first; the SensorManager sets it.
+    :ivar command: whether the current round wrote first; the SensorManager sets it.
     """
 
     command: bool
 
     def read(self, now_ns: int, data: bytes) -> None:
-        """Note what a round read, which may be nothing."""
+        """Record the bytes that a round read, which may be none."""
 
     def opened(self, now_ns: int) -> None:
-        """Note that the port was opened."""
+        """Record that the port was opened."""
 
     def failed(self, now_ns: int) -> None:
-        """Note that the port failed in this round."""
+        """Record that the port failed in this round."""
 
 
 class Device(PortOwner, ABC):
@@ -137,28 +139,28 @@ class Device(PortOwner, ABC):
 
     :cvar SETTINGS: the keys of the device's section in the configuration.
     :cvar description: one line for lists of drivers.
-    :cvar TAPPED: it tells :attr:`tap` every byte that it reads.
-    :cvar SHARES_PORT: several devices may be on one port, each with its setting ``address``.
-    :cvar ANSWERS: it asks and reads the answers when they come, so it is read on interrupt
+    :cvar TAPPED: it passes every byte that it reads to :attr:`tap`.
+    :cvar SHARES_PORT: several devices may use one port, each with its setting ``address``.
+    :cvar ANSWERS: it sends requests and reads the answers on arrival, so it is read on interrupt
         whatever its section says.
-    :cvar SERVICES: services of the process that it asks for, by name, see
+    :cvar SERVICES: names of the services of the process that it needs, see
         :mod:`rt_robot_os.devices.service`.
-    :cvar OPENING_S: how long it may be silent after it was opened, if that is more than
+    :cvar OPENING_S: how long it may send nothing after it was opened, if longer than
         ``timeout_s``.
-    :cvar IF_SILENT: what to check when nothing comes.
-    :cvar IF_GARBAGE: what to check when bytes come, but nothing valid.
-    :cvar IF_UNUSED: what to check when valid frames come, but none that gives a sample.
+    :cvar IF_SILENT: what to check when no bytes arrive.
+    :cvar IF_GARBAGE: what to check when bytes arrive, but no valid frame.
+    :cvar IF_UNUSED: what to check when valid frames arrive, but none that gives a sample.
     :ivar name: name of the device in the configuration, used in every error.
-    :ivar clock_ns: gives the time; that of the kernel once the device is managed.
+    :ivar clock_ns: returns the time; the kernel's clock once the device is managed.
     :ivar log: the device's logger: ``self.log.warn('%d bytes of garbage', count)``.
-    :ivar unread_since_ns: set for the first reads after a gap in which the core stood still: what
-        lies in the port may have come at any time since then; 0 otherwise.
-    :ivar tap: who listens to its bytes; None while nobody does.
-    :ivar resources: what its section names as ``resources``, by name, to be entered with ``with``.
-    :ivar services: what there is of the services that it asks for, by name.
+    :ivar unread_since_ns: set for the first reads after a gap in which the core was suspended:
+        bytes in the port may have arrived at any time since then; 0 otherwise.
+    :ivar tap: receives a copy of its bytes; None without a recorder.
+    :ivar resources: the ``resources`` of its section, by name, to be entered with ``with``.
+    :ivar services: the available ones of its ``SERVICES``, by name.
 
     It may declare :class:`Input` and :class:`Output` at class level, as modules do; they can be
-    used from :meth:`open` on. One that moves something is an
+    used from :meth:`open` on. A device that moves something is an
     :class:`rt_robot_os.devices.actuator.Actuator`.
     """
 
@@ -172,16 +174,16 @@ class Device(PortOwner, ABC):
     SERVICES: ClassVar[tuple[str, ...]] = ()
     OPENING_S: ClassVar[float] = 0.0
     IF_SILENT: ClassVar[str] = 'check its power, its wiring and its output settings'
-    IF_GARBAGE: ClassVar[str] = ('check the baud rate, and that it is the device that the '
-                                 'configuration says')
-    IF_UNUSED: ClassVar[str] = ('check what the device is set to send, and the settings of its '
-                                'section')
+    IF_GARBAGE: ClassVar[str] = ('check the baud rate, and that the connected device is the '
+                                 'configured one')
+    IF_UNUSED: ClassVar[str] = ('check which messages the device is set to send, and the settings '
+                                'of its section')
     resources: Mapping[str, AbstractContextManager[object]] = MappingProxyType({})
     services: Mapping[str, Any] = MappingProxyType({})
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :param settings: a value for each of ``SETTINGS``, already checked.
         """
@@ -194,18 +196,18 @@ class Device(PortOwner, ABC):
 
     @classmethod
     def fields(cls) -> tuple[Field, ...]:
-        """Return everything that can be set; where there is a frame, also where it is."""
+        """Return all settings; with a frame, those of its mounting too."""
         return with_mounting(super().fields())
 
     @classmethod
     def mountings(cls, settings: Mapping[str, Any]) -> Mapping[str, Mounting]:
         """
-        Return where the frames of the device are, by name: that of its setting ``frame_id``.
+        Return the mountings of the device's frames, by name: that of its setting ``frame_id``.
 
-        One with several frames overrides it.
+        A device with several frames overrides it.
 
-        :param settings: checked already, each by itself.
-        :raises ConfigError: they do not fit together; the text names the setting.
+        :param settings: already checked, each by itself.
+        :raises ConfigError: they contradict each other; the message names the setting.
         """
         frame_id = settings.get('frame_id', '')
         return {frame_id: mounting_of(settings)} if frame_id else {}
@@ -215,8 +217,8 @@ class Device(PortOwner, ABC):
         """
         Connect to the device.
 
-        :raises DeviceError: it cannot be reached; the message says what to do. Opening it again
-            later is allowed.
+        :raises DeviceError: it cannot be reached; the message contains the remedy. It may be
+            opened again later.
         """
 
     @abstractmethod
@@ -226,22 +228,22 @@ class Device(PortOwner, ABC):
     @abstractmethod
     def read(self, now_ns: int) -> int:
         """
-        Read what is there without blocking, decode it and publish it.
+        Read the available bytes without blocking, decode and publish them.
 
         :param now_ns: the time now on CLOCK_MONOTONIC.
         :return: number of samples published.
-        :raises DeviceError: the device is gone. No bytes whatever raise anything else.
+        :raises DeviceError: the device is gone. Whatever the bytes are, nothing else is raised.
         """
 
     def receive(self, now_ns: int, polled: bool) -> int:
         """
-        Take what its inputs have, without blocking: at the beginning of each round.
+        Process its inputs, without blocking, at the beginning of each round.
 
-        Only a device that overrides it is called; then publications on its inputs with ``wake``,
-        and the moment that it returns, make a round of their own, without :meth:`write`.
+        Called only if a driver overrides it. Then a publication on an input with ``wake``, and the
+        time that it returns, start an additional round, without :meth:`write`.
 
-        :param polled: the round is one at the rate of the device.
-        :return: the time at which it wants to be called at the latest; 0 when it need not be.
+        :param polled: the round is a periodic one, at the rate of the device.
+        :return: the latest time of the next call; 0 when none is needed.
         :raises DeviceError: the device is gone.
         """
         return 0
@@ -250,8 +252,8 @@ class Device(PortOwner, ABC):
         """
         Bring what the device moves to rest, without blocking; the port is open.
 
-        Called when the failure policy of its task or the watchdog says so, in any state of the
-        dialogue with the device. Only a driver that overrides it has a safe state.
+        Called by the failure policy of its task or by the watchdog, in any state of the protocol.
+        Only a driver that overrides it has a safe state.
 
         :raises DeviceError: the device is gone.
         """
@@ -259,17 +261,19 @@ class Device(PortOwner, ABC):
 
     def rest(self) -> None:
         """
-        Go to the safe state, and stay there whatever had been commanded before.
+        Go to the safe state, and stay there; earlier commands are discarded.
 
         :raises DeviceError: the device is gone.
         """
         self.safe_state()
 
     def wake_up(self, now_ns: int) -> None:
-        """Note that the core, or the machine, stood still until now; :meth:`rest` came first."""
+        """
+        Handle the end of a gap in which the core was suspended; called after :meth:`rest`.
+        """
 
     def input_counters(self) -> Mapping[str, Value]:
-        """Return counters of what :meth:`receive` took, besides those of :meth:`statistics`."""
+        """Return the counters of :meth:`receive`, in addition to those of :meth:`statistics`."""
         return {}
 
     def write(self, now_ns: int) -> None:
@@ -281,34 +285,36 @@ class Device(PortOwner, ABC):
 
     def maintain(self, now_ns: int) -> None:
         """
-        Do what may take longer, without waiting: at low priority, while the port is open.
+        Do longer work, without waiting; called at low priority while the port is open.
 
-        :raises DeviceError: the device has to be opened anew.
+        :raises DeviceError: the device has to be reopened.
         """
 
     def fileno(self) -> int | None:
-        """Return the descriptor that becomes readable with new data, None if there is none."""
+        """Return the descriptor that becomes readable when data arrive, None if there is none."""
         return None
 
     def diagnosis(self) -> str:
         """
-        Return what the bytes are that came although no frame was valid; empty when it cannot.
+        Return what the received bytes are although no frame is valid; empty if unknown.
 
-        Asked once each time the device is given up and its port closed, by the task of low
+        Called once each time the device goes to FAULT and its port is closed, by the task of low
         priority that recovers devices: it may take milliseconds.
         """
         return ''
 
     def unused(self) -> str:
         """
-        Return what the valid frames are that gave no sample, and what to do; empty when it cannot.
+        Return why valid frames give no sample, and the remedy; empty if unknown.
 
-        Asked once each time that samples stay away.
+        Called once each time that samples are missing.
         """
         return ''
 
     def silence(self) -> str:
-        """Return what to check when nothing comes; asked once each time the device is given up."""
+        """
+        Return what to check when no bytes arrive; called once each time the device goes to FAULT.
+        """
         return self.IF_SILENT
 
     @classmethod
@@ -323,40 +329,44 @@ class Device(PortOwner, ABC):
 
     @property
     def is_released(self) -> bool:
-        """Return whether anything but its rate and its bytes releases it."""
+        """Return whether anything except its rate and its bytes releases it."""
         return self.receives() or any(each.wake for each in self.reads())
 
     def own_rounds_hz(self) -> float:
-        """Return how often :meth:`receive` asks for a round at most; 0 when it does not."""
+        """Return the highest rate at which :meth:`receive` requests rounds; 0 when it does not."""
         return 0.0
 
     @classmethod
     def run_on(cls, settings: Mapping[str, Any]) -> RunOn:
         """
-        Return how what it moves goes on when this computer falls silent; of a sensor nothing does.
+        Return how far its motion continues when this computer stops sending; none for a sensor.
 
         :param settings: of the device, complete and checked.
         """
         return RunOn()
 
     def opening_s(self) -> float:
-        """Return how long it may be silent after it was opened, if more than ``timeout_s``."""
+        """
+        Return how long it may send nothing after it was opened, if longer than ``timeout_s``.
+        """
         return self.OPENING_S
 
     def quiet_s(self) -> float:
-        """Return how long it may be silent while all is well, if more than ``timeout_s``."""
+        """
+        Return how long it may send nothing in normal operation, if longer than ``timeout_s``.
+        """
         return 0.0
 
     def output_rate_hz(self) -> float:
-        """Return the setting ``output_rate_hz``, if it has that."""
+        """Return the setting ``output_rate_hz``, if it has one."""
         return float(self.settings.get('output_rate_hz', 0.0))
 
     def bind(self, publishers: Sequence[SamplePublisher]) -> None:
         """
-        Take the publishers, in the order of :meth:`publications`; outputs become theirs.
+        Bind the publishers, in the order of :meth:`publications`, and the outputs to theirs.
 
-        :raises TopicError: there are more or fewer of them than publications, or those leave out
-            one of the outputs.
+        :raises TopicError: their number is not that of the publications, or these leave out one of
+            the outputs.
         """
         topics = [spec.topic for spec in self.publications()]
         if len(publishers) != len(topics):
@@ -373,4 +383,4 @@ class Device(PortOwner, ABC):
 
     @abstractmethod
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now."""
+        """Return the current counters."""

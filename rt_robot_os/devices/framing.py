@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-What decoders of serial protocols have in common: the counters, and the loop that finds frames.
+Base classes of decoders of serial protocols: the counters, and the loop that finds frames.
 
-:class:`FrameDecoder` is for formats in which the beginning of a frame tells where its end is, or
-where to look for it. A subclass says how a frame begins, where it ends, and whether it is one::
+:class:`FrameDecoder` is for formats in which the beginning of a frame determines where its end is,
+or where to look for it. A subclass defines how a frame begins, where it ends, and whether it is
+valid::
 
     class SonarDecoder(FrameDecoder[SonarFrame]):
         STARTS = b'#'
@@ -32,8 +33,8 @@ where to look for it. A subclass says how a frame begins, where it ends, and whe
 
 :class:`LineDecoder` is for formats of lines.
 
-:class:`StreamDecoder` has the counters alone. SCIP needs a loop of its own, because only the end
-of an answer tells that there was one; so does WitMotion, whose frames are short and many.
+:class:`StreamDecoder` has only the counters. SCIP needs a loop of its own, because an answer is
+known only by its end; so does WitMotion, whose frames are short and many.
 """
 
 from __future__ import annotations
@@ -50,11 +51,11 @@ FrameT = TypeVar('FrameT')
 
 class StreamDecoder(ABC, Generic[FrameT]):
     """
-    The part of a decoder that counts; each byte fed is in a frame, rejected, or pending.
+    The counters of a decoder; each byte fed is in a frame, rejected, or pending.
 
     :ivar frames: valid frames so far.
     :ivar rejected_bytes: bytes that belong to no valid frame.
-    :ivar rejected_frames: what looked like a frame and was none, as a rule by its checksum.
+    :ivar rejected_frames: frames that were found and are invalid, usually by their checksum.
     """
 
     def __init__(self) -> None:
@@ -65,20 +66,20 @@ class StreamDecoder(ABC, Generic[FrameT]):
 
     @property
     def pending_bytes(self) -> int:
-        """Return the number of bytes that wait for the rest of their frame."""
+        """Return the number of bytes kept until the rest of their frame arrives."""
         return len(self._pending)
 
     def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
+        """Reject the pending bytes: the stream restarts."""
         self.rejected_bytes += len(self._pending)
         self._pending = b''
 
     @abstractmethod
     def feed(self, data: bytes) -> list[FrameT]:
         """
-        Take the next bytes of the stream; never raises.
+        Decode the next bytes of the stream; never raises.
 
-        :return: the frames that they complete, in order; the same however the stream is cut.
+        :return: the frames that they complete, in order; independent of how the stream is split.
         """
 
 
@@ -86,17 +87,17 @@ class FrameDecoder(StreamDecoder[FrameT]):
     """
     Find the frames in a stream of bytes; safe in the real-time loop, keeps less than ``LONGEST``.
 
-    After what is no frame it goes on with the next byte, so that a beginning found by chance hides
-    nothing behind it. Such beginnings cost more than good frames: ``PATTERN`` passes over most of
-    them at once, and :class:`rt_robot_os.devices.partial_sums.PartialSums` makes checksums of long
-    frames cheap.
+    After an invalid frame it continues with the next byte, so that a false start hides nothing
+    behind it. False starts cost more than valid frames: ``PATTERN`` skips most of them in one
+    step, and :class:`rt_robot_os.devices.partial_sums.PartialSums` makes checksums of long frames
+    cheap.
 
-    :cvar STARTS: the bytes with one of which every frame begins.
-    :cvar PATTERN: a regular expression of how a frame begins, where more than its first byte is
-        known; empty is one of ``STARTS``. It has to fit whatever ``end`` does not refuse, also
-        where the buffer ends in the middle of it. A dot is any byte.
+    :cvar STARTS: the possible first bytes of a frame.
+    :cvar PATTERN: a regular expression of the beginning of a frame, if more than its first byte is
+        known; empty: one of ``STARTS``. It must match everything that ``end`` does not refuse,
+        also where the buffer ends in the middle of it. A dot is any byte.
     :cvar SHORTEST: bytes of the shortest frame.
-    :cvar LONGEST: bytes of the longest frame; what would be longer is none.
+    :cvar LONGEST: bytes of the longest frame; a longer one is invalid.
     """
 
     STARTS: ClassVar[bytes]
@@ -106,7 +107,7 @@ class FrameDecoder(StreamDecoder[FrameT]):
 
     def __init__(self) -> None:
         super().__init__()
-        # Where the last frame ended, or the stream began; -1 when something else came since.
+        # Where the last frame ended, or the stream began; -1 after other bytes.
         self._follows = 0
         self._starts = frozenset(self.STARTS)
         pattern = self.PATTERN or b'[%s]' % re.escape(self.STARTS)
@@ -117,25 +118,25 @@ class FrameDecoder(StreamDecoder[FrameT]):
         """
         Return where a frame ends.
 
-        :param at: where one of ``STARTS`` stands; the bytes of the shortest frame are there.
-        :return: index just after its last byte. When more bytes are needed to know that: any index
-            behind the buffer, at most ``at + LONGEST``. 0 when it cannot be a frame.
+        :param at: index of one of ``STARTS``; at least ``SHORTEST`` bytes are available.
+        :return: index just after its last byte. When more bytes are needed to know it: any index
+            behind the buffer, at most ``at + LONGEST``. 0 when it is not a frame.
         """
 
     @abstractmethod
     def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> FrameT | None:
         """
-        Check and read a frame that is there as a whole.
+        Check and decode a complete frame.
 
-        :param arrived: its end in the chunk that completed it, which is its ``end``.
+        :param arrived: index of its end in the chunk that completed it; the frame's ``end``.
         :return: None when it is not valid, which is counted.
         """
 
     def feed(self, data: bytes) -> list[FrameT]:
         """
-        Take the next bytes of the stream; never raises.
+        Decode the next bytes of the stream; never raises.
 
-        :return: the frames that they complete, in order; the same however the stream is cut.
+        :return: the frames that they complete, in order; independent of how the stream is split.
         """
         held = len(self._pending)
         buffer = self._pending + data
@@ -174,9 +175,10 @@ class LineDecoder(StreamDecoder[FrameT]):
     """
     Find frames that are lines, ended by a line feed; safe in the real-time loop.
 
-    What stands before a line on the same line makes it none: a beginning that was lost is noticed.
+    Other bytes before a frame on the same line make it invalid, so that a lost beginning is
+    detected.
 
-    :cvar LONGEST: bytes of the longest line, its end included; a longer one is none.
+    :cvar LONGEST: bytes of the longest line, its end included; a longer one is invalid.
     """
 
     LONGEST: ClassVar[int]
@@ -188,23 +190,23 @@ class LineDecoder(StreamDecoder[FrameT]):
     @abstractmethod
     def line(self, buffer: bytes, at: int, end: int, arrived: int) -> FrameT | None:
         """
-        Check and read a line.
+        Check and decode a line.
 
         :param end: index just after its line feed.
-        :param arrived: that in the chunk which completed it.
+        :param arrived: the same index in the chunk that completed it.
         :return: None when it is not valid, which is counted.
         """
 
     def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
+        """Reject the pending bytes: the stream restarts."""
         super().reset()
         self._passing_over = False
 
     def feed(self, data: bytes) -> list[FrameT]:
         """
-        Take the next bytes of the stream; never raises.
+        Decode the next bytes of the stream; never raises.
 
-        :return: the lines that they complete, in order; the same however the stream is cut.
+        :return: the lines that they complete, in order; independent of how the stream is split.
         """
         held = len(self._pending)
         buffer = self._pending + data

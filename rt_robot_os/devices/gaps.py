@@ -12,7 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Notice that nothing ran for a while: the process was stopped or starved, the machine slept."""
+"""
+Detect gaps in which nothing ran: the process was stopped or starved, or the machine suspended.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +23,9 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.kernel import Clock
 
-#: Without a round for longer than this, and than some periods, there was a gap.
+#: A gap: no round for longer than this, and for longer than some periods.
 GAP_NS: Final = 250 * NS_PER_MS
-#: Within that time after a gap Linux has handed over what lay in a port.
+#: Within this time after a gap Linux has delivered the bytes that waited in a port.
 EMPTIED_NS: Final = 50 * NS_PER_MS
 _PERIODS: Final = 3
 
@@ -33,13 +35,13 @@ class Gaps:
     The gaps between the rounds of one device; safe in the real-time loop.
 
     Whatever the cause (SIGSTOP, suspend, swapping, a long native call, a task of higher priority
-    that does not end), the device was not served: what it was told last may be old, and so may be
-    what lies in its port.
+    that does not end), the device was not served: its last command may be old, and so may be the
+    bytes in its port.
 
-    :ivar count: how many there were.
-    :ivar longest_ns: the longest of them.
-    :ivar last_ns: the last of them.
-    :ivar since_ns: its beginning on the kernel's clock.
+    :ivar count: number of gaps.
+    :ivar longest_ns: length of the longest.
+    :ivar last_ns: length of the last.
+    :ivar since_ns: beginning of the last, on the kernel's clock.
     """
 
     __slots__ = ('count', 'longest_ns', 'last_ns', 'since_ns', '_clock', '_ran_ns',
@@ -52,12 +54,12 @@ class Gaps:
         self._suspended_ns = 0
 
     def restart(self) -> None:
-        """Begin with the next round: nothing was served until now."""
+        """Restart with the next round: nothing was served until now."""
         self._ran_ns = -1
 
     def round(self, now_ns: int, period_ns: int) -> int:  # noqa: A003
         """
-        Note a round.
+        Record a round.
 
         :param period_ns: longest time between two rounds.
         :return: the length of the gap that ends with this round; 0 without one.

@@ -14,10 +14,10 @@
 
 
 """
-What the drivers of inertial measurement units have in common: settings, covariances, the message.
+Shared by drivers of inertial measurement units: settings, covariances, the message.
 
-REP 145: what a device does not give has -1 in the first element of its covariance. The defaults of
-the standard deviations are in the order of what data sheets promise.
+REP 145: a quantity that a device does not give has -1 in the first element of its covariance. The
+defaults of the standard deviations are of the order that data sheets state.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from rt_robot_os.base.schema import TopicSpec
 IDENTITY: Final = (0.0, 0.0, 0.0, 1.0)
 NONE: Final = (0.0, 0.0, 0.0)
 
-_HONESTY: Final = ('The device reports none: the default is in the order of what data sheets '
-                   'promise, so measure yours.')
+_HONESTY: Final = ('The device reports none: the default is of the order that data sheets state, '
+                   'so measure yours.')
 
 
 def stddev(name: str, default: float, unit: str, of: str) -> Field:
@@ -50,7 +50,7 @@ def imu_settings(
     *, acceleration: float, angular_velocity: float, roll_pitch: float, yaw: float, mag_t: float,
 ) -> tuple[Field, ...]:
     """
-    Declare what every unit with a magnetometer has, with the defaults of one unit.
+    Declare the settings of every unit with a magnetometer, with the defaults of one unit.
 
     :param acceleration: standard deviation in m/s^2.
     :param angular_velocity: standard deviation in rad/s.
@@ -69,7 +69,7 @@ def imu_settings(
 
 
 def imu_publications(settings: Mapping[str, Any]) -> tuple[TopicSpec, ...]:
-    """Return what such a unit publishes: Imu, and MagneticField unless its topic is empty."""
+    """Return the publications of such a unit: Imu, and MagneticField unless its topic is empty."""
     fixed = {'header.frame_id': settings['frame_id']}
     kinds = [(settings['topic'], 'sensor_msgs/msg/Imu')]
     if settings['mag_topic']:
@@ -83,8 +83,8 @@ class ImuFiller:
     """
     Fill the messages of one unit; safe in the real-time loop.
 
-    The message lives in a ring whose slots hold what was published before, so every field is
-    filled in each time.
+    The message is in a ring whose slots hold earlier messages, so every field is filled in each
+    time.
     """
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
@@ -108,7 +108,7 @@ class ImuFiller:
         """
         Fill in a ``sensor_msgs/msg/Imu``.
 
-        :param acceleration: m/s^2; None when the device gave none, as the others.
+        :param acceleration: m/s^2; None, as for the others, when the device gave none.
         :param rate: rad/s.
         :param orientation: x, y, z, w.
         """

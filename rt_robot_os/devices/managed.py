@@ -15,9 +15,9 @@
 """
 One device under the SensorManager: polled, read on interrupt, closed after a fault, reopened.
 
-A fault is never final: the port is closed and opened again after a back-off that doubles up to a
-limit, and is reset once a frame arrived. Valid frames that give no sample are no fault, for the
-device is alive, but a warning that says what to do.
+A fault is never final: the port is closed and reopened after a back-off, which doubles up to a
+limit and is reset when a frame arrives. Valid frames that give no sample are not a fault, because
+the device is alive, but cause a warning with a remedy.
 """
 
 from __future__ import annotations
@@ -43,18 +43,18 @@ from rt_robot_os.kernel import TaskState
 from rt_robot_os.topics import Bus
 
 _CHECKS_PER_TIMEOUT = 8
-# Periods of the main topic by which a sample may be late before that is reported.
+# A sample that is late by more than this many periods of the main topic is reported.
 _PERIODS_WITHOUT_SAMPLE = 3
 
 
 class ManagedDevice:
     """
-    One device under the manager; its ``poll`` is the task that reads it.
+    One device under the manager; its ``poll`` is the function of the task that reads it.
 
-    :ivar arrival: the task that bytes and inputs release, None when the device is only polled.
-    :ivar guards: the device moves something as its inputs say, so it is brought to rest whenever
-        it is opened, given up or closed, and while one of its tasks is held.
-    :ivar by_schedule: each of its rounds is released from outside, by a replay; nothing else may.
+    :ivar arrival: the task that bytes and inputs release; None when the device is only polled.
+    :ivar guards: the device moves something by its inputs, so it is brought to rest whenever it is
+        opened or closed or goes to FAULT, and while one of its tasks is held.
+    :ivar by_schedule: each of its rounds is released by a replay, and by nothing else.
     """
 
     def __init__(self, device: Device, kernel: Kernel, recovery: RecoverySettings,
@@ -98,7 +98,7 @@ class ManagedDevice:
 
     def add_arrival(self, task: Task, interrupt: bool) -> None:
         """
-        Take the task that runs :meth:`take`.
+        Set the task that runs :meth:`serve_arrival`.
 
         :param interrupt: bytes release it.
         """
@@ -110,13 +110,15 @@ class ManagedDevice:
         """
         Connect the inputs of the device; outputs have been bound.
 
-        :raises TopicError: an input's topic is declared by nobody, or of another type.
+        :raises TopicError: the topic of an input is not declared, or has another type.
         """
         if self.task is not None:
             self.device.connect(bus, self.task, self.arrival)
 
-    def take(self) -> None:
-        """Receive, read and publish what has just arrived; safe in the real-time loop."""
+    def serve_arrival(self) -> None:
+        """
+        Receive, read and publish the bytes that have just arrived; safe in the real-time loop.
+        """
         if self._receives and _is_held(self.task):
             self._stay_at_rest()
         else:
@@ -154,20 +156,23 @@ class ManagedDevice:
             self._check(now_ns)
 
     def _wake_up(self, now_ns: int) -> None:
-        """After a gap: what moves is told to stop before anything else; our silence is our own."""
+        """After a gap: first stop what moves. The missing bytes are not the device's fault."""
         self.rest()
         self.device.wake_up(now_ns)
         self.device.unread_since_ns = self._gaps.since_ns
         self._emptied_ns = now_ns + EMPTIED_NS
         if self.guards:
-            self._note(Severity.WARN, f'not served for {self._gaps.last_ns / NS_PER_S:.1f} s, as '
-                       'the core or the machine stood still: brought to rest; only commands of '
-                       'after that count')
-        # The device was not silent; nobody listened.
+            self._note(Severity.WARN,
+                       f'not served for {self._gaps.last_ns / NS_PER_S:.1f} s, because the core '
+                       'or the machine was suspended: brought to rest; only later commands are '
+                       'executed')
+        # The device did send; it was not read.
         self._alive_ns = self._sample_ns = now_ns
 
     def _receive(self, now_ns: int, polled: bool) -> None:
-        """Let the device take its inputs; if it moves, not while its other task is held."""
+        """
+        Let the device process its inputs; if it moves something, not while its other task is held.
+        """
         if self.guards and _is_held(self.arrival):
             self._stay_at_rest()
             return
@@ -183,7 +188,7 @@ class ManagedDevice:
             self.rest()
 
     def rest(self) -> None:
-        """Bring what moves to rest if its port is open; an error is reported."""
+        """Bring the device to rest if its port is open; an error is reported."""
         if not self.guards or not self._port_open or self._at_rest:
             return
         self._at_rest = True
@@ -193,11 +198,11 @@ class ManagedDevice:
             self._note(Severity.ERROR, f'could not be brought to rest: {reason_of(error)}')
 
     def _check(self, now_ns: int) -> None:
-        """Look, now and then, whether valid frames come although nothing is published."""
+        """Check periodically whether valid frames arrive although nothing is published."""
         self._checked_ns = now_ns
         counters = self.device.statistics()
         if self._bytes_noted_ns < self._alive_ns:
-            # Samples came since the last look: what counts as garbage begins here.
+            # Samples arrived since the last check: bytes count as garbage from here on.
             self._bytes_noted_ns = now_ns
             self._bytes_when_alive = counters.bytes_read
         if counters.last_frame_ns > self._alive_ns:
@@ -211,7 +216,7 @@ class ManagedDevice:
             self._give_up(counters.bytes_read - self._bytes_when_alive)
 
     def _give_up(self, came: int) -> None:
-        """Give the device up because nothing valid came; whose bytes came is found out later."""
+        """Go to FAULT because no valid frame arrived; the bytes are identified later."""
         seconds = self._silence_ns() / NS_PER_S
         if came:
             self._undiagnosed = f'{came} bytes but no valid frame for {seconds:g} s'
@@ -220,18 +225,19 @@ class ManagedDevice:
             self._fault(f'silent for {seconds:g} s: {self.device.silence()}')
 
     def _diagnose(self) -> None:
-        """Find out whose bytes came, asking all devices there are, and tell; not in the loop."""
+        """Identify the bytes by the signatures of all devices, and report; not in the loop."""
         text, self._undiagnosed = self._undiagnosed, ''
         try:
             remedy = self.device.diagnosis()
-        except Exception as error:  # of a driver; the other devices wait to be opened
+        except Exception as error:
+            # An error of the driver must not keep other devices from being opened.
             remedy = ''
             self._note(Severity.WARN, f'could not be diagnosed: {reason_of(error)}')
         self.reason = f'{text}: {remedy or self.device.IF_GARBAGE}'
-        self._tell('garbage')
+        self._report('garbage')
 
     def _warn_of_no_sample(self, now_ns: int, frames: int) -> None:
-        """Say that valid frames come and none of them gives a sample, once until one does."""
+        """Report, once until a sample arrives, that valid frames give no sample."""
         late_ns = max(self._patience_ns(), self._sample_late_ns)
         if now_ns - self._sample_ns > late_ns:
             remedy = self.device.unused() or self.device.IF_UNUSED
@@ -247,10 +253,12 @@ class ManagedDevice:
         return max(self._patience_ns(), round(self.device.quiet_s() * NS_PER_S))
 
     def recover(self) -> None:
-        """Close what failed and open what is due; may take long, so at low priority."""
+        """
+        Close the device if it failed and reopen it if due; may take long, so at low priority.
+        """
         if self.state is DeviceState.FAULT and self._port_open:
             self._close_port()
-        # Behind it: what moves is brought to rest before anything is looked at.
+        # At its end: the device is brought to rest before anything is read.
         if self.state is DeviceState.FAULT and self._undiagnosed:
             self._diagnose()
         if self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING:
@@ -287,7 +295,7 @@ class ManagedDevice:
                 self._fault(reason_of(error))
 
     def _watch(self, arrival: Task) -> None:
-        """Let the port release the task; without that the device is polled all the same."""
+        """Let the port release the task; without a descriptor the device is only polled."""
         fd = self.device.fileno()
         text = 'it has no file descriptor'
         if fd is not None:
@@ -302,7 +310,7 @@ class ManagedDevice:
                        'set read: poll')
 
     def restart(self) -> None:
-        """Have the port closed and opened anew; for the kernel, after a failure."""
+        """Have the port closed and reopened; for the kernel, after a failure."""
         if self.state is not DeviceState.CLOSED:
             self.reason = 'restarted'
             self._retry_at_ns = self._kernel.now_ns()
@@ -311,12 +319,12 @@ class ManagedDevice:
     def safe_state(self) -> None:
         """Bring the device to its safe state, if its port is open; for the kernel."""
         is_open = self.state is DeviceState.ACTIVE or self.state is DeviceState.OPENING
-        if is_open and not self._at_rest:  # both of its tasks may be told
+        if is_open and not self._at_rest:  # both of its tasks may call this
             self.device.rest()
             self._at_rest = self.guards
 
     def close(self) -> None:
-        """Close the port for good, at rest; may be called twice."""
+        """Bring the device to rest and close the port finally; may be called twice."""
         self.state = DeviceState.CLOSED
         self._close_port()
         if self._undiagnosed:
@@ -349,7 +357,7 @@ class ManagedDevice:
             self._kernel.now_ns() - last_ns if last_ns else -1, counters)
 
     def _fault(self, reason: str) -> None:
-        """Close the device until its back-off is over."""
+        """Close the device until its back-off has passed."""
         reason = reason.removeprefix(f'{self.device.name}: ')
         self.reason = reason
         self.faults += 1
@@ -357,17 +365,17 @@ class ManagedDevice:
         self._pause_ns = min(2 * self._pause_ns, self._recovery.retry_maximum_ns)
         tells_now = not self._undiagnosed
         self.rest()
-        # After that: a recovery task above this one acts upon it at once.
+        # Last: a recovery task of higher priority reacts immediately.
         self.state = DeviceState.FAULT
-        self.rest()  # should a round have moved it in between
+        self.rest()  # in case a round has moved it in between
         if tells_now:
-            self._tell(reason)
+            self._report(reason)
 
-    def _tell(self, kind: str) -> None:
+    def _report(self, kind: str) -> None:
         """
-        Report why the device was given up, unless that was told before.
+        Report why the device went to FAULT, unless that was reported before.
 
-        :param kind: the same for reasons whose texts differ only in numbers.
+        :param kind: equal for reasons whose texts differ only in numbers.
         """
         if kind != self._told:
             self._told = kind

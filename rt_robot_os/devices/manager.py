@@ -15,14 +15,13 @@
 """
 The SensorManager: opens every device in its list, polls each by its own priority, and recovers.
 
-A device is polled by a task of its own: first its ``write``, then its ``read``, which publishes.
-It may also be read on interrupt: a second task of the same priority (so the two never preempt each
-other) reads as soon as bytes arrive. ``write`` stays on the grid of the first, which reads too, so
-that a device without interrupts, or an interrupt that was lost, costs time and nothing else. The
-second task also serves publications on inputs that wake the device, and its deadlines: a device
-that moves something is brought to rest by it even when the first one is held.
-Whatever may take long (opening a port, closing one) happens in one task of low priority that all
-others preempt, so a dead device never delays another.
+A device is polled by its own task: first its ``write``, then its ``read``, which publishes. It may
+also be read on interrupt: a second task of the same priority (so the two never preempt each other)
+reads when bytes arrive. ``write`` stays on the periodic grid of the first task, which reads too,
+so a missing interrupt only delays the sample. The second task also serves publications on inputs
+that wake the device, and its deadlines: it brings a device that moves something to rest even when
+the first task is held. Everything that may take long (opening and closing a port) runs in one task
+of low priority that all others preempt, so a failed device never delays another.
 """
 
 from __future__ import annotations
@@ -50,8 +49,8 @@ class SensorManager:
     """
     All devices of a robot; add them, then run the kernel.
 
-    :param recovery_priority: of the task that opens and closes ports; below all that matters.
-    :param services: what is offered to devices that ask for it, by name.
+    :param recovery_priority: of the task that opens and closes ports; below all important tasks.
+    :param services: the services for devices that name them, by name.
     """
 
     def __init__(self, kernel: Kernel, bus: Bus, reports: Reports,
@@ -75,11 +74,11 @@ class SensorManager:
 
         :param rate_hz: how often it is polled.
         :param priority: of its polling task, and of the one that reads on interrupt.
-        :param interrupt: read it as soon as bytes arrive, too.
-        :param declared: the rest of what its task declares, see ``Kernel.add_task``.
-        :param max_subscribers: how many may read each of its topics.
+        :param interrupt: also read it when bytes arrive.
+        :param declared: further declarations of its task, see ``Kernel.add_task``.
+        :param max_subscribers: limit of the subscriptions of each of its topics.
         :raises TaskError: a task of its name exists.
-        :raises TopicError: one of its topics is taken by another type.
+        :raises TopicError: one of its topics is already declared with another type.
         """
         publications = device.publications()
         for spec in publications:
@@ -96,7 +95,7 @@ class SensorManager:
         device.bind([self._bus.publisher(p.topic, managed.task) for p in publications])
         if interrupt or device.is_released:
             managed.add_arrival(self._kernel.add_task(
-                f'{device.name}/arrival', managed.take, priority=priority,
+                f'{device.name}/arrival', managed.serve_arrival, priority=priority,
                 on_restart=managed.restart,
                 on_safe_state=on_safe_state if managed.guards else None,
                 **of_arrival(declared, managed.guards)), interrupt)
@@ -107,7 +106,7 @@ class SensorManager:
         """
         Connect the inputs of all devices, once every topic of the robot is declared.
 
-        :raises TopicError: an input's topic is declared by nobody, or of another type.
+        :raises TopicError: the topic of an input is not declared, or has another type.
         """
         for managed in self._devices.values():
             managed.connect(self._bus)
@@ -121,7 +120,7 @@ class SensorManager:
         """
         Close every device; may be called twice.
 
-        :param call: calls what closes the device of a name, within bounds of its own.
+        :param call: calls the function that closes the named device, with a time limit.
         """
         for name, managed in self._devices.items():
             if call is None:
@@ -131,7 +130,7 @@ class SensorManager:
 
     def rest(self, call: Callable[[str, Callable[[], None]], object]) -> None:
         """
-        Bring all that moves to rest, while the ports stay open; no task may run any more.
+        Bring all devices that move something to rest, with ports open; no task may run any more.
 
         :param call: as for :meth:`close`.
         """
@@ -140,7 +139,7 @@ class SensorManager:
                 call(name, managed.rest)
 
     def statistics(self) -> tuple[SensorStatistics, ...]:
-        """Take the statistics of all devices."""
+        """Return the statistics of all devices."""
         return tuple(managed.statistics() for managed in self._devices.values())
 
     def _recover(self) -> None:

@@ -15,9 +15,9 @@
 """
 The motor board: two driven wheels on a serial port, as a differential drive.
 
-A ``geometry_msgs/msg/Twist`` becomes the speeds of two wheels; what their encoders count becomes
-``sensor_msgs/msg/JointState`` with angles that never wrap or jump. A driver says how its board is
-told and what it answers::
+A ``geometry_msgs/msg/Twist`` becomes the speeds of two wheels; the counts of their encoders become
+``sensor_msgs/msg/JointState`` with angles that never wrap or jump. A driver encodes the commands
+of its board and decodes its answers::
 
     class MyBoard(MotorBoard[Reply]):
         SETTINGS = motor_settings(baud=115200, rate_hz=50.0)
@@ -28,24 +28,24 @@ told and what it answers::
         def drive(self, left_rad_s, right_rad_s):   # of the board's own channels
             self.send(speeds(left_rad_s, right_rad_s))
 
-        def halt(self):                             # at once, whatever the state of the dialogue
+        def halt(self): # immediately, in any state of the protocol
             self.send(STOP)
 
         def write(self, now_ns):                    # each poll
             self.send(ASK_FOR_COUNTS)
 
         def handle(self, frame, arrival_ns):
-            return self.take_counts(frame.left, frame.right, arrival_ns)
+            return self.update_counts(frame.left, frame.right, arrival_ns)
 
-A driver also declares how long its board goes on when this computer falls silent, by
+A driver also declares how long its board continues when this computer stops sending, by
 :attr:`MotorBoard.SILENCE_S` or :meth:`MotorBoard.silence_s`. The modules between commands and
 wheels slow the robot accordingly.
 
-It calls :meth:`MotorBoard.take_counts`, :meth:`MotorBoard.take_battery` and
-:meth:`MotorBoard.take_faults` when it has something, :meth:`MotorBoard.line_failed` when bytes
-were lost, and ``super()`` where it overrides ``restart``, ``idle`` or ``statistics``. Swapped and
-inverted wheels, limits, wrong commands, jumps of the counters, wheels that do not obey and the
-latch that follows are dealt with here.
+It calls :meth:`MotorBoard.update_counts`, :meth:`MotorBoard.report_battery` and
+:meth:`MotorBoard.report_faults` when it has data, :meth:`MotorBoard.line_failed` when bytes were
+lost, and ``super()`` where it overrides ``restart``, ``idle`` or ``statistics``. This class
+handles swapped and inverted wheels, limits, invalid commands, jumps of the counters, wheels that
+do not follow their command, and the latch that follows.
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.motor_faults import MotorFaults
 from rt_robot_os.devices.motor_settings import motor_settings
-from rt_robot_os.devices.serial.device import Decoder
 from rt_robot_os.devices.serial.device import FrameT
+from rt_robot_os.devices.serial.device import SerialDecoder
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.motion.run_on import RunOn
@@ -82,13 +82,13 @@ from rt_robot_os.topics.ports import Output
 
 __all__ = ['motor_settings', 'MotorBoard']
 
-# No robot is told to go faster, in m/s or rad/s, by somebody who means it.
+# A command beyond this, in m/s or rad/s, is an error.
 _BEYOND_REASON: Final = 1000.0
-# What wheels can do besides: uphill, downhill, and pushed by hand.
+# Factor for speeds that are not commanded: downhill, or pushed by hand.
 _MARGIN: Final = 1.5
 _PUSHED_M_S: Final = 2.0
-# Counts that stay away for so long, and for so many of their periods, are missing; after a shorter
-# silence already the board may have been reset.
+# Counts are missing after this time and this number of periods; after a shorter pause already the
+# board may have been reset.
 _MISSING_S: Final = 0.4
 _SILENCE_S: Final = 0.25
 _LATE_PERIODS: Final = 3.0
@@ -101,14 +101,14 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
     """
     A board that drives two wheels.
 
-    :cvar COUNTER_BITS: width of its counters, after which they wrap; 0 for numbers that do not.
-    :cvar COUNTS_SURVIVE: opening the port resets neither the board nor its counters, so what they
-        counted meanwhile is believed, for a second's worth.
+    :cvar COUNTER_BITS: width of its counters, which wrap; 0 for numbers that do not wrap.
+    :cvar COUNTS_SURVIVE: opening the port resets neither the board nor its counters, so counts
+        made meanwhile are accepted, up to those of one second.
     :cvar SILENCE_S: longest time from the last command until the board stops by itself; 2 s where
         a driver does not declare it.
-    :cvar IF_SLOW: what shortens that time; shown by ``doctor``.
+    :cvar IF_SLOW: how to shorten that time; shown by ``doctor``.
     :ivar counters: the angles of the wheels.
-    :ivar faults: what is wrong now.
+    :ivar faults: the current faults.
     """
 
     COUNTER_BITS: ClassVar[int] = 32
@@ -122,9 +122,10 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
     battery = Output('battery', 'sensor_msgs/msg/BatteryState', rate_hz=1.0)
     motor_faults = Output('motor_faults', 'std_msgs/msg/UInt32', rate_hz=1.0)
 
-    def __init__(self, name: str, settings: Mapping[str, Any], decoder: Decoder[FrameT]) -> None:
+    def __init__(self, name: str, settings: Mapping[str, Any],
+                 decoder: SerialDecoder[FrameT]) -> None:
         """
-        Keep settings and decoder; nothing is opened.
+        Store settings and decoder; nothing is opened.
 
         :raises ConfigError: the port is neither a path nor an address.
         """
@@ -155,24 +156,25 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         self._wrong_commands = self._limited_commands = self._refused_commands = 0
         self._standstills = self._wrong_ways = self._lost_replies = 0
 
-    # --- what a driver brings --------------------------------------------------------------------
+    # --- to be defined by a driver
+    # --------------------------------------------------------------------
 
     @abstractmethod
     def drive(self, left_rad_s: float, right_rad_s: float) -> None:
         """
-        Tell the board the speeds of its wheels, without blocking.
+        Send the speeds of the wheels to the board, without blocking.
 
-        Called with each command and with each poll while it is in force.
+        Called with each command and with each poll while it is active.
 
-        :param left_rad_s: of the board's left channel, in the direction in which that counts up;
-            swapped and inverted wheels have been dealt with.
+        :param left_rad_s: of the board's left channel, positive where it counts up; swapped and
+            inverted wheels are already handled.
         :raises DeviceError: the device is gone.
         """
 
     @abstractmethod
     def halt(self) -> None:
         """
-        Tell the board to stop, without blocking, whatever the state of the dialogue with it.
+        Send the command to stop, without blocking, in any state of the protocol.
 
         :raises DeviceError: the device is gone.
         """
@@ -184,43 +186,45 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
 
     @classmethod
     def run_on(cls, settings: Mapping[str, Any]) -> RunOn:
-        """Return how far the robot goes on when this computer falls silent."""
+        """Return how far the robot continues when this computer stops sending."""
         if 'coast_s' not in settings:
-            return RunOn()  # a recording from before boards declared it replays as it was
+            return RunOn()  # so that recordings from before this declaration replay unchanged
         return RunOn(cls.silence_s(settings), float(settings['coast_s']))
 
-    def takes_orders(self, now_ns: int) -> bool:
+    def accepts_commands(self, now_ns: int) -> bool:
         """
         Get the board ready to drive, without blocking, and return whether it is.
 
-        Called before :meth:`drive` unless that is to stand; the command waits for the next poll.
+        Called before :meth:`drive`, unless the command is to stop; when False the command waits
+        for the next poll.
 
         :raises DeviceError: the device is gone.
         """
         return True
 
     def counts_per_revolution(self) -> float:
-        """Return what :meth:`take_counts` counts in one turn of a wheel."""
+        """Return the counts of :meth:`update_counts` for one turn of a wheel."""
         return float(self.settings['ticks_per_revolution'])
 
     def noise_counts(self) -> float:
-        """Return what an encoder may show of a wheel that stands still, in the same counts."""
+        """Return the noise of an encoder at standstill, in the same counts."""
         return 2.5
 
     def slowest_watched_rad_s(self) -> float:
-        """Return the slowest command at which a wheel has to turn."""
+        """Return the slowest command at which a wheel must turn."""
         return float(self.settings['standstill_from_m_s']) / self._radius_m
 
-    # --- what it tells ---------------------------------------------------------------------------
+    # --- what it reports -------------------------------------------------------------------------
 
-    def take_counts(self, left: float, right: float, arrival_ns: int) -> int:
+    def update_counts(self, left: float, right: float, arrival_ns: int) -> int:
         """
-        Publish what the encoders count.
+        Publish the counts of the encoders.
 
-        :param left: of the board's left channel; ticks, or any other number that goes with
+        :param left: of the board's left channel; ticks, or another unit that matches
             :meth:`counts_per_revolution`.
         :return: number of samples published.
-        :raises DeviceError: a wheel does not obey, and the board could not be stopped.
+        :raises DeviceError: a wheel does not follow its command, and the board could not be
+            stopped.
         """
         if self._swapped:
             left, right = right, left
@@ -229,11 +233,11 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         if reading is Reading.REJECTED:
             return 0
         if reading is Reading.REBASED:
-            self.faults.show(MotorFault.COUNTS_NEW, arrival_ns)
-            self.log.warn('its counters started anew (reset, or another board): brought to rest',
+            self.faults.flag_briefly(MotorFault.COUNTS_NEW, arrival_ns)
+            self.log.warn('its counters restarted (reset, or another board): brought to rest',
                           throttle_s=1.0)
             self.rest()
-        self.faults.keep(MotorFault.COUNTS_MISSING, False)
+        self.faults.set_active(MotorFault.COUNTS_MISSING, False)
         self._watch(arrival_ns)
         message = self.joint_states.msg
         message.position[:] = counters.position_rad
@@ -241,8 +245,8 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         self.joint_states.publish(arrival_ns)
         return 1
 
-    def take_battery(self, voltage_v: float, arrival_ns: int, current_a: float = math.nan,
-                     status: int = UNKNOWN) -> int:
+    def report_battery(self, voltage_v: float, arrival_ns: int, current_a: float = math.nan,
+                       status: int = UNKNOWN) -> int:
         """
         Publish the state of the battery.
 
@@ -252,28 +256,28 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         """
         self._battery.fill(self.battery.msg, voltage_v, current_a, status)
         self.battery.publish(arrival_ns)
-        self.faults.keep(MotorFault.BATTERY_LOW, self._battery.is_low(voltage_v))
+        self.faults.set_active(MotorFault.BATTERY_LOW, self._battery.is_low(voltage_v))
         return 1
 
-    def take_faults(self, bits: int) -> None:
+    def report_faults(self, bits: int) -> None:
         """
-        Take what the board reports of itself; it is told from bit 16 on.
+        Set the fault bits of the board; they are published from bit 16 on.
 
-        :param bits: at most 16 of them, 0 = none; what they mean is on the page of the board.
+        :param bits: at most 16 bits, 0 = none; their meaning is on the page of the board.
         """
-        self.faults.of_board(bits)
+        self.faults.set_board_bits(bits)
 
     def line_failed(self, now_ns: int) -> None:
-        """Count that an answer was lost or wrong; it is told for a second."""
+        """Count an answer that was lost or wrong; the fault is published for a second."""
         self._lost_replies += 1
-        self.faults.show(MotorFault.LINE, now_ns)
+        self.faults.flag_briefly(MotorFault.LINE, now_ns)
 
     def stop_for(self, fault: MotorFault, text: str) -> None:
         """
-        Stop, until a command to stand, or no command, says that somebody noticed.
+        Stop, until a command to stop, or no command, acknowledges the fault.
 
-        :param fault: its bits; 0 where those of the board say it.
-        :param text: what is wrong, and what to do.
+        :param fault: its bits; 0 if those of the board already report it.
+        :param text: what is wrong, and the remedy.
         :raises DeviceError: the device is gone.
         """
         self.log.error('%s; brought to rest', text, throttle_s=1.0)
@@ -283,17 +287,17 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
     # --- commands --------------------------------------------------------------------------------
 
     def actuate(self, now_ns: int) -> None:
-        """Carry out the command in force, within the limits; one that is no number is refused."""
+        """Execute the active command, within the limits; one that is not finite is refused."""
         twist = self.command.msg
         linear_m_s, angular_rad_s = twist.linear.x, twist.angular.z
         if not (abs(linear_m_s) <= _BEYOND_REASON and abs(angular_rad_s) <= _BEYOND_REASON):
             self._wrong_commands += 1
-            self.faults.show(MotorFault.COMMAND_REFUSED, now_ns)
+            self.faults.flag_briefly(MotorFault.COMMAND_REFUSED, now_ns)
             self.log.warn('a command of %s m/s and %s rad/s is refused: brought to rest',
                           linear_m_s, angular_rad_s, throttle_s=1.0)
-            super().rest()  # it is nobody's word that what holds the robot has been noticed
+            super().rest()  # it does not acknowledge the fault that holds the robot
             return
-        if not self.is_set_up() or self.faults.lasts(MotorFault.COUNTS_MISSING):
+        if not self.is_set_up() or self.faults.is_active(MotorFault.COUNTS_MISSING):
             self._refused_commands += 1
             return
         left, right = self._limited(*wheel_speeds(linear_m_s, angular_rad_s, self._separation_m))
@@ -301,7 +305,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
             if self.faults.is_latched:
                 self._refused_commands += 1
                 return
-            if not self.takes_orders(now_ns):
+            if not self.accepts_commands(now_ns):
                 return
         else:
             self.faults.release()
@@ -315,15 +319,15 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
 
     @property
     def is_driving(self) -> bool:
-        """Return whether a wheel is told to turn."""
+        """Return whether a wheel is commanded to turn."""
         return self._wheels_rad_s != _STILL
 
     def is_moving(self) -> bool:
-        """Return whether the command in force moves the robot."""
+        """Return whether the active command moves the robot."""
         return self.is_driving
 
     def _limited(self, left_m_s: float, right_m_s: float) -> tuple[float, float]:
-        """Return the speeds of the wheels in rad/s, scaled alike down to the limit."""
+        """Return the speeds of the wheels in rad/s, both scaled down to the limit."""
         limit_m_s: float = self.settings['maximum_wheel_speed_m_s']
         fastest_m_s = max(abs(left_m_s), abs(right_m_s))
         scale = 1.0 / self._radius_m
@@ -338,12 +342,12 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         self.halt()
 
     def rest(self) -> None:
-        """Stop the wheels and what a fault holds; only a new command moves them again."""
+        """Stop the wheels and release the latch; only a new command moves them again."""
         self.faults.release()
         super().rest()
 
     def restart(self) -> None:
-        """Begin anew: the port has just been opened."""
+        """Reset the state: the port was just opened."""
         self._wheels_rad_s = _STILL
         self.faults.clear()
         if self.COUNTS_SURVIVE:
@@ -351,16 +355,17 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         else:
             self.counters.forget()
 
-    # --- what is watched -------------------------------------------------------------------------
+    # --- supervision -----------------------------------------------------------------------------
 
     def idle(self, now_ns: int) -> int:
-        """Look after counts that stay away, and publish the faults."""
+        """Check for missing counts, and publish the faults."""
         if self.is_driving:
             since_ns = max(self._driven_ns, self.counters.stamp_ns)
             if now_ns - since_ns > self._missing_ns:
-                self.faults.keep(MotorFault.COUNTS_MISSING, True)
-                self.log.error('no counts of its encoders come although it is commanded to drive: '
-                               'check the line to the board; brought to rest', throttle_s=1.0)
+                self.faults.set_active(MotorFault.COUNTS_MISSING, True)
+                self.log.error('no counts of its encoders arrive although it is commanded to '
+                               'drive: check the line to the board; brought to rest',
+                               throttle_s=1.0)
                 super().rest()
         bits = self.faults.bits(now_ns)
         if bits != self._told_bits or now_ns - self._told_ns >= _FAULTS_EVERY_NS:
@@ -387,7 +392,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
     # --- declarations ----------------------------------------------------------------------------
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published, with frames and joints as they are set."""
+        """Return the publications, with the configured frames and joints."""
         header = {'header.frame_id': self.settings['frame_id']}
         joints = {'name': [self.settings['left_joint'], self.settings['right_joint']]}
         fixed = {'joint_states': {**header, **joints}, 'battery': header}
@@ -396,11 +401,13 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
             for attribute, spec in zip(self.used(Output), super().publications()))
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; contradictions are readings held back."""
+        """Return the current counters; contradictions are rejected readings."""
         return self._counters(contradicted=self.counters.rejected, more=self.motor_counters())
 
     def motor_counters(self) -> dict[str, Value]:
-        """Return what ``/diagnostics`` shows; ``warning`` is what holds the robot."""
+        """
+        Return the values for ``/diagnostics``; ``warning`` is the fault that holds the robot.
+        """
         left_rad, right_rad = self.counters.position_rad
         return {
             'warning': self.faults.text, 'motor_faults': max(self._told_bits, 0),

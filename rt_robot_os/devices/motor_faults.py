@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The faults of a motor board, as bits of ``motor_faults``, and the words for people."""
+"""The faults of a motor board, as bits of ``motor_faults``, and their texts."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 
-# How long what happened in a moment is shown.
+# How long a momentary fault is published.
 SHOWN_NS: Final = NS_PER_S
 BOARD_BITS: Final = 16
 
 
 class MotorFault(IntFlag):
     """
-    The bits that all boards share; those from 16 on are the board's own.
+    The bits that all boards share; bits from 16 on are specific to the board.
 
-    :cvar COUNTS_NEW: the counters started anew: the board was reset, or another one is there. What
-        the wheels turned meanwhile is not known.
-    :cvar COUNTS_MISSING: no counts came for 0.4 s of driving; the robot stands until they do.
-    :cvar COMMAND_REFUSED: the last command was not a number, or beyond all reason.
+    :cvar COUNTS_NEW: the counters restarted: the board was reset or replaced. The motion of the
+        wheels meanwhile is unknown.
+    :cvar COUNTS_MISSING: no counts arrived for 0.4 s of driving; the robot stands until they do.
+    :cvar COMMAND_REFUSED: the last command was not finite, or impossibly fast.
     :cvar LINE: bytes were lost between the board and here.
     """
 
@@ -48,21 +48,21 @@ class MotorFault(IntFlag):
     BATTERY_LOW = 256
 
 
-#: Bits that tell something and keep no wheel from its command.
+#: Bits that report something and stop no wheel.
 NEWS: Final = MotorFault.COMMAND_REFUSED | MotorFault.LINE | MotorFault.BATTERY_LOW
 _HOLDS: Final = {
     MotorFault.LEFT_STANDSTILL: 'the left wheel stands still',
     MotorFault.RIGHT_STANDSTILL: 'the right wheel stands still',
     MotorFault.LEFT_WRONG_WAY: 'the left wheel turns against its command',
     MotorFault.RIGHT_WRONG_WAY: 'the right wheel turns against its command',
-    MotorFault.COUNTS_NEW: 'its counters started anew',
-    MotorFault.COUNTS_MISSING: 'no counts of its encoders come',
+    MotorFault.COUNTS_NEW: 'its counters restarted',
+    MotorFault.COUNTS_MISSING: 'no counts of its encoders arrive',
 }
 
 
-def held_by(bits: int) -> str:
+def hold_reason(bits: int) -> str:
     """
-    Return why a board holds the wheels, or has just stopped them; empty when it did not.
+    Return why a board holds the wheels, or has just stopped them; empty if it does not.
 
     Safe in the real-time loop.
 
@@ -74,9 +74,9 @@ def held_by(bits: int) -> str:
 
 class MotorFaults:
     """
-    What is wrong with a board now; safe in the real-time loop.
+    The current faults of a board; safe in the real-time loop.
 
-    :ivar text: what to do about what stopped the robot; empty while nothing did.
+    :ivar text: the remedy for the fault that stopped the robot; empty without one.
     """
 
     def __init__(self) -> None:
@@ -87,7 +87,7 @@ class MotorFaults:
         self._until_ns: dict[MotorFault, int] = {}
 
     def latch(self, fault: MotorFault, text: str) -> None:
-        """Keep a fault that stopped the robot until :meth:`release`."""
+        """Latch a fault that stopped the robot until :meth:`release`."""
         self._latched |= fault
         self.text = text
 
@@ -102,31 +102,26 @@ class MotorFaults:
         self.text = ''
 
     def clear(self) -> None:
-        """Forget everything: the port was opened anew."""
+        """Clear everything: the port was reopened."""
         self.release()
         self._lasting = self._board = 0
         self._until_ns.clear()
 
-    def show(self, fault: MotorFault, now_ns: int) -> None:
-        """Show what happened for a second."""
+    def flag_briefly(self, fault: MotorFault, now_ns: int) -> None:
+        """Publish a momentary fault for a second."""
         self._until_ns[fault] = now_ns + SHOWN_NS
 
-    def keep(self, fault: MotorFault, is_there: bool) -> None:
-        """Show a fault as long as it is there."""
+    def set_active(self, fault: MotorFault, is_there: bool) -> None:
+        """Publish a fault while it is active."""
         self._lasting = self._lasting | fault if is_there else self._lasting & ~fault
 
-    def lasts(self, fault: MotorFault) -> bool:
-        """Return whether a fault that is kept is there."""
+    def is_active(self, fault: MotorFault) -> bool:
+        """Return whether a fault set by :meth:`set_active` is active."""
         return bool(self._lasting & fault)
 
-    def of_board(self, bits: int) -> None:
-        """Take what the board reports, at most 16 bits."""
+    def set_board_bits(self, bits: int) -> None:
+        """Set the bits that the board reports, at most 16."""
         self._board = (bits & 0xFFFF) << BOARD_BITS
-
-    @property
-    def board_bits(self) -> int:
-        """Return what the board reported last."""
-        return self._board >> BOARD_BITS
 
     def bits(self, now_ns: int) -> int:
         """Return all of them."""

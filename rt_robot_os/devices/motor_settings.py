@@ -36,7 +36,7 @@ def motor_settings(
 
     :param rate_hz: default of the rate at which the counters are read.
     :param ticks_per_revolution: default, of the wheel; None leaves the setting out.
-    :param coast_s: default, of a board that lets its wheels run down; less for one that brakes.
+    :param coast_s: default, for a board that lets its wheels coast; less for one that brakes.
     """
     serial = tuple(each for each in serial_settings(
         baud=baud, frame_id='base_link', topic='', rate_hz=rate_hz)
@@ -47,27 +47,35 @@ def motor_settings(
               'ten times.', '', 1.0, 1e7),)
     return serial + (
         Field('wheel_radius_m', float, wheel_radius_m, 'Radius of the wheels.', 'm', 0.001, 2.0),
-        Field('wheel_separation_m', float, wheel_separation_m, 'Distance of the wheels, from '
-              'the middle of one to that of the other.', 'm', 0.01, 5.0),
+        Field('wheel_separation_m', float, wheel_separation_m,
+              'Distance of the wheels, from centre to centre.',
+              'm', 0.01, 5.0),
     ) + ticks + (
-        Field('inverted_left', bool, False, 'The left wheel turns backwards when the board says '
-              'forwards, its encoder too.'),
-        Field('inverted_right', bool, False, 'As inverted_left, of the right wheel.'),
+        Field('inverted_left', bool, False,
+              'The left wheel and its encoder turn backwards when the board commands forwards.'),
+        Field('inverted_right', bool, False, 'As inverted_left, for the right wheel.'),
         Field('swapped', bool, False, "The right wheel is on the board's left channel, and the "
               'other way round.'),
-        Field('maximum_wheel_speed_m_s', float, maximum_wheel_speed_m_s, 'A command is scaled '
-              'down to it, both wheels alike, so that the robot stays on its curve.', 'm/s', 0.01,
-              20.0),
-        Field('maximum_jump', float, 0.0, 'Counts between two readings that are believed; 0: as '
-              'many as 1.5 times maximum_wheel_speed_m_s allows, or 2 m/s.', '', 0.0, 1e7),
-        Field('standstill_s', float, 0.4, 'A wheel that stands still so long although it is '
-              'commanded to turn stops the robot: its encoder, its motor or the wheel is stuck.',
+        Field('maximum_wheel_speed_m_s', float, maximum_wheel_speed_m_s,
+              'A faster command is scaled down to it, both wheels by the same factor, so that the '
+              'robot stays on its curve.',
+              'm/s', 0.01, 20.0),
+        Field('maximum_jump', float, 0.0,
+              'Largest accepted difference between two readings, in counts; 0: that of 1.5 times '
+              'maximum_wheel_speed_m_s, or of 2 m/s.',
+              '', 0.0, 1e7),
+        Field('standstill_s', float, 0.4,
+              'A wheel that stands still for this time although it is commanded to turn stops the '
+              'robot: its encoder, its motor or the wheel is stuck.',
               's', 0.1, 10.0),
-        Field('coast_s', float, coast_s, 'How far it rolls after the board has taken the power '
-              'from its motors, over the speed before: 0.12 m at 0.3 m/s are 0.4 s. Measure it, '
-              'with the load that it carries.', 's', 0.0, 10.0, before=ABSENT),
-        Field('standstill_from_m_s', float, 0.03, 'Slowest command at which that is watched; '
-              'below it friction may hold the wheel.', 'm/s', 0.001, 20.0),
+        Field('coast_s', float, coast_s,
+              'How far it rolls after the board has switched off its motors, divided by the speed '
+              'before: 0.12 m at 0.3 m/s are 0.4 s. Measure it, with its load.',
+              's', 0.0, 10.0, before=ABSENT),
+        Field('standstill_from_m_s', float, 0.03,
+              'Slowest command at which standstill is detected; below it friction may hold the '
+              'wheel.',
+              'm/s', 0.001, 20.0),
         Field('left_joint', str, 'left_wheel_joint', 'Name in joint_states, as in the URDF.'),
         Field('right_joint', str, 'right_wheel_joint', 'Name in joint_states, as in the URDF.'),
     ) + battery_settings(empty_v=empty_v, full_v=full_v)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The settings that say where the frame of a device is on the robot: declared here, for all."""
+"""The settings of the mounting of a device's frame on the robot, for all devices."""
 
 from __future__ import annotations
 
@@ -29,23 +29,25 @@ _ORIGIN: Final = (0.0, 0.0, 0.0)
 def mounting_settings(*, length: int = 3, whose: str = 'frame_id', more: str = ''
                       ) -> tuple[Field, ...]:
     """
-    Declare where a device is; one with a setting ``frame_id`` has these without a word.
+    Declare the mounting of a device; one with a setting ``frame_id`` has these automatically.
 
     :param length: of the two lists; 0 for a device with several frames, which checks them.
     :param whose: the setting that names the frame which is mounted.
-    :param more: what else there is to say of them.
+    :param more: an addition to their descriptions.
     """
     return (
-        Field('mounting_m', list, _ORIGIN, f'Where {whose} is in parent_frame_id: x ahead, y to '
-              f'the left, z up{more}.', 'm', item=float, length=length),
-        Field('mounting_rad', list, _ORIGIN, 'How it is turned there, as URDF has it: roll, '
-              'pitch, yaw about the fixed axes x, y, z.', 'rad', item=float, length=length),
-        Field('parent_frame_id', str, BASE_FRAME, 'The frame that it is mounted on.'),
+        Field('mounting_m', list, _ORIGIN,
+              f'Position of {whose} in parent_frame_id: x ahead, y to the left, z up{more}.',
+              'm', item=float, length=length),
+        Field('mounting_rad', list, _ORIGIN,
+              'Its rotation there, as in URDF: roll, pitch, yaw about the fixed axes x, y, z.',
+              'rad', item=float, length=length),
+        Field('parent_frame_id', str, BASE_FRAME, 'The frame on which it is mounted.'),
     )
 
 
 def with_mounting(fields: tuple[Field, ...]) -> tuple[Field, ...]:
-    """Add the settings of the mounting behind the frame, if there is one and they are missing."""
+    """Add the settings of the mounting after the frame, if it exists and they are missing."""
     return tuple(_with_mounting(fields))
 
 

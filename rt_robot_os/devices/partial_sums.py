@@ -15,9 +15,9 @@
 """
 Prefix sums: the sum of any part of a buffer in constant time, for checksums of frames.
 
-Where many false beginnings stand close together, each with a long frame behind it, adding up each
-of those frames would cost a thousand times what good frames do. Running sums of the whole buffer
-are made once, at some nanoseconds a byte, and tell the sum of any part by a subtraction.
+Where many false starts stand close together, each with a long frame behind it, summing each of
+those frames would cost a thousand times more than valid frames. Running sums of the whole buffer
+are computed once, in some nanoseconds a byte; the sum of any part is then one subtraction.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from typing import Final
 
 import numpy as np
 
-# Good frames are added up one by one: cheaper, as long as there are few and they are short.
+# Few and short frames are summed one by one, which is cheaper.
 _FEW: Final = 2
 _SHORT: Final = 512
 
 
 class PartialSums:
     """
-    Sums modulo 256; safe in the loop, refers to the last buffer that it was asked about.
+    Sums modulo 256; safe in the loop, keeps the sums of the last buffer.
 
-    A part begins at index 1 or later: every frame has something in front of what is added up.
+    A part begins at index 1 or later: every frame has a byte before the summed ones.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class PartialSums:
                 second[end - 1] - second[begin - 1] - (end - begin) * before & 0xFF)
 
     def _is_cheap(self, buffer: bytes, size: int) -> bool:
-        """Return whether to add up the part alone; if not, the running sums are there."""
+        """Return whether to sum the part alone; if not, the running sums are available."""
         if buffer is not self._buffer:
             self._buffer = buffer
             self._asked = 0
@@ -74,7 +74,7 @@ class PartialSums:
         if self._asked <= _FEW and size <= _SHORT:
             return True
         if not self._first:
-            # 8-bit numbers are added modulo 256 by themselves.
+            # 8-bit numbers are added modulo 256 implicitly.
             first = np.cumsum(np.frombuffer(buffer, np.uint8), dtype=np.uint8)
             self._first = first.tobytes()
             self._second = np.cumsum(first, dtype=np.uint8).tobytes()

@@ -13,17 +13,17 @@
 # limitations under the License.
 
 """
-What a device consists of: the parts that its folder declares, each imported when it is needed.
+The parts of a device, which its folder declares; each is imported when it is needed.
 
-The folder of a device, here or in another package, says in its ``__init__.py``::
+The folder of a device, here or in another package, declares in its ``__init__.py``::
 
     PARTS = DeviceParts(
         driver='.driver:MySonar',
-        twin='.twin:SimulatedSonar',
-        recognisers=(Recogniser('sonar frames', '.wire:is_sonar'),))
+        simulated='.simulated:SimulatedSonar',
+        signatures=(Signature('sonar frames', '.wire:is_sonar'),))
 
-They are names and not objects: the core never imports a twin, and the process of the twins never a
-driver. A name that begins with a dot is one of the folder.
+They are names, not objects: the core never imports a simulated device, and the simulator never a
+driver. A name that begins with a dot is relative to the folder.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from dataclasses import replace
 
 
 @dataclass(frozen=True)
-class Recogniser:
+class Signature:
     """
-    What tells the bytes of a device when another driver cannot read them: two ports are swapped.
+    Identifies the bytes of a device for other drivers, such as when two ports are swapped.
 
-    :ivar frames: what people call the bytes, such as ``sonar frames``.
-    :ivar function: ``module:function``; it takes some hundred bytes that begin and end anywhere,
-        and gives True only when it is sure. Not called in the task of a device.
-    :ivar remedy: what to do about them; empty for ``set type: NAME, or swap the ports``. With it
-        the bytes are such as no driver reads, and are asked about last.
+    :ivar frames: a name for the bytes, such as ``sonar frames``.
+    :ivar function: ``module:function``; receives some hundred bytes that begin and end anywhere in
+        a frame, and returns True only when it is certain. Not called in the task of a device.
+    :ivar remedy: what to do; empty for ``set type: NAME, or swap the ports``. A signature with a
+        remedy is for bytes that no driver reads, and is checked last.
     """
 
     frames: str
@@ -52,7 +52,7 @@ class Recogniser:
         """
         Check what a package declares.
 
-        :raises TypeError: it is no name.
+        :raises TypeError: the function is not given by its name.
         """
         _check_name('function', self.function)
 
@@ -63,15 +63,16 @@ class DeviceParts:
     The parts of a device.
 
     :ivar driver: ``module:Class``, a :class:`rt_robot_os.devices.device.Device`.
-    :ivar twin: ``module:Class``, a :class:`rt_robot_os.sim.base.Simulated`; empty without one.
-    :ivar recognisers: of its bytes, the surest first.
-    :ivar chips: ``module:NAME`` of what tells it on an I2C bus from other chips: register -> value
-        -> name of the chip; empty without one.
+    :ivar simulated: ``module:Class``, a :class:`rt_robot_os.sim.base.Simulated`; empty without
+        one.
+    :ivar signatures: of its bytes, the most certain first.
+    :ivar chips: ``module:NAME`` of a table of chip ids on I2C: register -> value -> name of the
+        chip; empty without one.
     """
 
     driver: str
-    twin: str = ''
-    recognisers: tuple[Recogniser, ...] = ()
+    simulated: str = ''
+    signatures: tuple[Signature, ...] = ()
     chips: str = ''
 
     def __post_init__(self) -> None:
@@ -81,20 +82,20 @@ class DeviceParts:
         :raises TypeError: a part is not given by its name.
         """
         for part, target in (
-                ('driver', self.driver), ('twin', self.twin), ('chips', self.chips)):
+                ('driver', self.driver), ('simulated', self.simulated), ('chips', self.chips)):
             if target != '':
                 _check_name(part, target)
-        if not (isinstance(self.recognisers, tuple)
-                and all(isinstance(each, Recogniser) for each in self.recognisers)):
-            raise TypeError(f'recognisers = {self.recognisers!r}: must be a tuple of Recogniser, '
-                            'also of one: (Recogniser(...),)')
+        if not (isinstance(self.signatures, tuple)
+                and all(isinstance(each, Signature) for each in self.signatures)):
+            raise TypeError(f'signatures = {self.signatures!r}: must be a tuple of Signature, '
+                            'also of one: (Signature(...),)')
 
     def inside(self, folder: str) -> DeviceParts:
-        """Return them with the whole names of their modules."""
+        """Return them with absolute module names."""
         return DeviceParts(
-            _whole(self.driver, folder), _whole(self.twin, folder),
+            _whole(self.driver, folder), _whole(self.simulated, folder),
             tuple(replace(each, function=_whole(each.function, folder))
-                  for each in self.recognisers),
+                  for each in self.signatures),
             _whole(self.chips, folder))
 
 

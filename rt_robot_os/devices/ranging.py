@@ -14,10 +14,10 @@
 
 
 """
-What range finders with one beam have in common: settings, the message, and REP 117.
+Shared by range finders with one beam: settings, the message, and REP 117.
 
-REP 117: nearer than it can measure is -inf, nothing within its range is +inf; both are readings
-and are published. No reading publishes nothing.
+REP 117: a target nearer than the range is -inf, none within the range is +inf; both are readings
+and are published. Without a reading nothing is published.
 """
 
 from __future__ import annotations
@@ -38,16 +38,19 @@ INFRARED: Final = 1
 def range_settings(
     *, minimum_m: float, maximum_m: float, field_of_view_rad: float, stddev_m: float,
 ) -> tuple[Field, ...]:
-    """Declare what every range finder has, with the defaults of one."""
+    """Declare the settings of every range finder, with the defaults of one."""
     return (
-        Field('minimum_m', float, minimum_m, 'Shortest distance that it measures; what is not '
-              'beyond it is -inf.', 'm', 0.0, 1000.0),
-        Field('maximum_m', float, maximum_m, 'Longest distance that it measures; what is beyond '
-              'it is +inf.', 'm', 0.001, 1000.0),
+        Field('minimum_m', float, minimum_m,
+              'Shortest distance that it measures; at or below it the reading is -inf.',
+              'm', 0.0, 1000.0),
+        Field('maximum_m', float, maximum_m,
+              'Longest distance that it measures; beyond it the reading is +inf.',
+              'm', 0.001, 1000.0),
         Field('field_of_view_rad', float, field_of_view_rad, 'Width of its beam.', 'rad', 0.0,
               math.pi),
-        Field('range_stddev_m', float, stddev_m, 'Standard deviation of a distance; measure '
-              'yours. 0: not known.', 'm', 0.0, 100.0),
+        Field('range_stddev_m', float, stddev_m,
+              'Standard deviation of a distance; measure yours. 0: unknown.',
+              'm', 0.0, 100.0),
     )
 
 
@@ -56,7 +59,7 @@ class RangeFiller:
 
     def __init__(self, name: str, settings: Mapping[str, Any], radiation: int) -> None:
         """
-        Take the limits.
+        Store the limits.
 
         :param name: of the device, for errors.
         :param radiation: ``ULTRASOUND`` or ``INFRARED``.

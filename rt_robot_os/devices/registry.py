@@ -12,7 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The drivers by the name that ``type`` has in the configuration: a view of the table."""
+"""
+The registry of drivers, by the ``type`` in the configuration: a view of the table of devices.
+"""
 
 from __future__ import annotations
 

@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-Services of the process that devices ask for by name, such as what starts captures.
+Services of the process that devices name, such as the one that starts captures.
 
-A service is started before the core asks for real time, for all devices that name it in their
-``SERVICES``. That of another package is added by the entry-point group
-``rt_robot_os.device_services``.
+A service is started before the core enters real-time mode, for all devices that name it in their
+``SERVICES``. Other packages add services by the entry-point group ``rt_robot_os.device_services``.
 """
 
 from __future__ import annotations
@@ -39,18 +38,18 @@ class Service(ABC):
     @abstractmethod
     def start(self, path: Path) -> Any:
         """
-        Start it, and wait until it can be used.
+        Start it, and wait until it is ready.
 
-        :param path: where a socket of its own may be; a leftover may lie there.
-        :return: what devices get of it, in their ``services``.
+        :param path: for a socket of its own; an old one may exist.
+        :return: the value for devices, in their ``services``.
         :raises DeviceError: it cannot be started.
         """
 
     def check(self) -> str:
         """
-        Start it again if it has ended; called by the lowest task, must not wait.
+        Restart it if it has ended; called by the task of lowest priority, must not wait.
 
-        :return: what to report; empty when nothing has changed.
+        :return: what to report; empty if nothing has changed.
         """
         return ''
 
@@ -68,18 +67,18 @@ SERVICES: Final[PluginRegistry[Service]] = PluginRegistry(
 )
 
 
-class Services:
-    """The services that the devices of a robot ask for; nothing runs before :meth:`start`."""
+class RunningServices:
+    """The services that the devices of a robot name; none runs before :meth:`start`."""
 
     def __init__(self) -> None:
         self._running: list[Service] = []
 
     def start(self, drivers: Iterable[type[Device]], path: Path) -> dict[str, Any]:
         """
-        Start what the drivers ask for, each service once.
+        Start the services that the drivers name, each once.
 
-        :param path: of the link's socket; those of the services lie beside it.
-        :return: what devices get, by the name of the service.
+        :param path: of the link's socket; those of the services are in the same folder.
+        :return: the values for devices, by the name of the service.
         :raises ConfigError: there is no such service.
         :raises DeviceError: one cannot be started.
         """
@@ -92,7 +91,7 @@ class Services:
         return offered
 
     def check(self) -> list[str]:
-        """Start those again that have ended, and return what to report; does not wait."""
+        """Restart those that have ended, and return what to report; does not wait."""
         return [text for service in self._running if (text := service.check())]
 
     def stop(self) -> None:

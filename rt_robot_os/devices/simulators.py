@@ -12,16 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The simulated devices by the name of the device, for who runs them and for the settings."""
+"""The registry of simulated devices, for the simulator and for the settings."""
 
 from __future__ import annotations
 
 from typing import Final
 
 from rt_robot_os.devices.table import DeviceRegistry
-from rt_robot_os.devices.table import OLD_TWINS
+from rt_robot_os.devices.table import OLD_SIMULATORS
 from rt_robot_os.sim.base import Simulated
 
 SIMULATORS: Final[DeviceRegistry[Simulated]] = DeviceRegistry(
     Simulated,  # type: ignore[type-abstract]
-    'simulated device for the driver', lambda parts: parts.twin, OLD_TWINS, optional=True)
+    'simulated device for the driver', lambda parts: parts.simulated, OLD_SIMULATORS,
+    optional=True)

@@ -31,10 +31,10 @@ _SHARED = ('budget_ns', 'on_budget', 'failure', 'restart_ns', 'restart_maximum_n
 
 class DeviceState(Enum):
     """
-    Where a device stands.
+    The state of a device.
 
-    CLOSED: not started. OPENING: its port is open, nothing valid came yet. ACTIVE: it delivers.
-    FAULT: it does not; it will be tried again.
+    CLOSED: not started. OPENING: its port is open, no valid frame yet. ACTIVE: valid frames
+    arrive. FAULT: none do; it will be reopened.
     """
 
     CLOSED = 'closed'
@@ -46,14 +46,13 @@ class DeviceState(Enum):
 @dataclass(frozen=True)
 class SensorStatistics:
     """
-    A device and how it fares.
+    The state of a device, and its counters.
 
-    :ivar reason: why it is in FAULT, or was before it was opened again; of an active one, its own
-        warning, or what to do where its frames are valid but give no sample. Empty once it
-        delivers.
-    :ivar faults: times that it went to FAULT.
-    :ivar opened: times that its port was opened.
-    :ivar age_ns: since the last valid frame; -1 when there was none.
+    :ivar reason: why it is in FAULT, or was before it was reopened; when active, its own warning,
+        or the remedy where its valid frames give no sample. Otherwise empty.
+    :ivar faults: number of changes to FAULT.
+    :ivar opened: number of times that its port was opened.
+    :ivar age_ns: time since the last valid frame; -1 if there was none.
     """
 
     name: str
@@ -68,10 +67,10 @@ class SensorStatistics:
 @dataclass(frozen=True)
 class RecoverySettings:
     """
-    When a device counts as dead and when it is tried again.
+    When a device goes to FAULT and when it is reopened.
 
     :ivar timeout_ns: without a valid frame for this long it goes to FAULT.
-    :ivar retry_ns: first pause before opening it again; it doubles with each failure.
+    :ivar retry_ns: first pause before reopening; it doubles with each failure.
     :ivar retry_maximum_ns: longest pause.
     """
 
@@ -82,21 +81,24 @@ class RecoverySettings:
 
 def of_arrival(declared: Mapping[str, Any], guards: bool) -> dict[str, Any]:
     """
-    Return what holds for the task that reads on arrival as well; the grid is the other's.
+    Return the declarations of the polling task that apply to the task that reads on arrival.
 
-    :param guards: it brings the device to rest when the other task does not: it must go on.
+    :param guards: it brings the device to rest when the polling task does not, so it must keep
+        running.
     """
     found = {key: declared[key] for key in _SHARED if key in declared}
     if guards and found.get('failure') is not FailurePolicy.SAFE_STATE:
         found['failure'] = FailurePolicy.CONTINUE
     elif found.get('failure') is FailurePolicy.SAFE_STATE and not guards:
-        # Bytes are read by the polling task too, which decides for the device.
+        # The polling task also reads bytes, so its policy decides for the device.
         found['failure'] = FailurePolicy.STOP
     return found
 
 
 def reason_of(error: Exception) -> str:
-    """Return what went wrong; anything but a DeviceError is a defect of the driver: say where."""
+    """
+    Return the reason of an error; one that is not a DeviceError is a defect of the driver.
+    """
     if isinstance(error, DeviceError):
         return str(error)
     place = error.__traceback__

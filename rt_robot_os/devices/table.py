@@ -13,17 +13,18 @@
 # limitations under the License.
 
 """
-The one table of devices, by the name that ``type`` has in the configuration.
+The table of all devices, by the ``type`` in the configuration.
 
 Each line names a folder of this package; features add theirs in their manifests
 (:mod:`rt_robot_os.base.features`), other packages in the same form::
 
     entry_points={'rt_robot_os.devices': ['my_sonar = my_package.my_sonar']}
 
-What is in a folder its ``PARTS`` say (:mod:`rt_robot_os.devices.parts`). The drivers
-(:mod:`rt_robot_os.devices.registry`), the twins (:mod:`rt_robot_os.sim.base`) and the recognisers
-(:mod:`rt_robot_os.devices.recognise`) are views of this table, which imports none of them: it is
-read in processes that need only one of the three.
+The ``PARTS`` of a folder declare its content (:mod:`rt_robot_os.devices.parts`). The drivers
+(:mod:`rt_robot_os.devices.registry`), the simulated devices
+(:mod:`rt_robot_os.devices.simulators`) and the signatures (:mod:`rt_robot_os.devices.signatures`)
+are views of this table, which imports none of them: it is read in processes that need only one of
+the three.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ T = TypeVar('T')
 GROUP: Final = 'rt_robot_os.devices'
 _PARTS: Final = 'PARTS'
 
-# Recognisers are asked in this order: u-blox before NMEA, whose sentences it sends as well; those
-# that a chance could deceive last.
+# Signatures are checked in this order: u-blox before NMEA, whose sentences it sends as well; those
+# that random bytes could match last.
 _OWN: Final = {
     **{name: f'rt_robot_os.devices.{name}' for name in (
         'bmp280',
@@ -73,16 +74,17 @@ _OWN: Final = {
     **of_features(),
 }
 
-# Groups of the release before: drivers and twins apart, each `module:Class`.
+# Entry-point groups of the previous release: drivers and simulated devices apart, each
+# `module:Class`.
 OLD_DRIVERS: Final = 'rt_robot_os.drivers'
-OLD_TWINS: Final = 'rt_robot_os.simulators'
+OLD_SIMULATORS: Final = 'rt_robot_os.simulators'
 
 
 def parts_of(name: str, what: str = '') -> DeviceParts | None:
     """
-    Return the parts of a device; None when there is none of that name.
+    Return the parts of a device; None if the name is unknown.
 
-    :param what: what is asked for, in errors.
+    :param what: the requested part, for errors.
     :raises ConfigError: its folder cannot be imported, or declares no parts.
     """
     place = _OWN.get(name) or entry_point_targets(GROUP).get(name)
@@ -92,34 +94,36 @@ def parts_of(name: str, what: str = '') -> DeviceParts | None:
     found = load_object(what or f'device {name!r}', f'{folder}:{attribute or _PARTS}')
     if not isinstance(found, DeviceParts):
         raise ConfigError([
-            f'{what or f"device {name!r}"} ({place}) is broken: what the group {GROUP} names must '
-            f'declare {_PARTS} = DeviceParts(...); report it to its author'])
+            f'{what or f"device {name!r}"} ({place}) is broken: the module in the group {GROUP} '
+            f'must declare {_PARTS} = DeviceParts(...); report it to its author'])
     return found.inside(folder)
 
 
 def all_parts() -> Iterator[tuple[str, DeviceParts]]:
-    """Yield all devices and their parts, those of other packages first; no broken ones."""
+    """
+    Yield all devices and their parts, those of other packages first; broken ones are left out.
+    """
     others = entry_point_targets(OLD_DRIVERS, GROUP).keys() - _OWN.keys()
     for name in (*sorted(others), *_OWN):
         try:
             parts = parts_of(name)
         except ConfigError:
-            continue  # it is told to who names it
+            continue  # reported when the device is used
         if parts is not None:
             yield name, parts
 
 
 class DeviceRegistry(PluginRegistry[T]):
-    """One part of all devices, by name."""
+    """A registry of one part of all devices, by name."""
 
     def __init__(self, base: type[T], noun: str, part: Callable[[DeviceParts], str],
                  old_group: str, optional: bool = False) -> None:
         """
-        Keep what the part is; nothing is imported.
+        Select the part; nothing is imported.
 
-        :param part: gives its ``module:Class``; empty for a device without it.
-        :param old_group: where other packages named it in the release before.
-        :param optional: some devices are without it.
+        :param part: returns its ``module:Class``; empty for a device without it.
+        :param old_group: entry-point group for it in the previous release.
+        :param optional: some devices do not have it.
         """
         super().__init__(GROUP, base, noun, _OWN)
         self._part = part
@@ -127,11 +131,11 @@ class DeviceRegistry(PluginRegistry[T]):
         self._optional = optional
 
     def __contains__(self, name: str) -> bool:
-        """Return whether a device of that name has this part; a broken one may have it."""
+        """Return whether a device has this part; a broken one counts as having it."""
         return super().__contains__(name) and (not self._optional or self._has(name))
 
     def names(self) -> tuple[str, ...]:
-        """Return the names of all devices with this part, sorted; broken ones too."""
+        """Return the sorted names of all devices with this part, including broken ones."""
         found = super().names()
         return tuple(filter(self._has, found)) if self._optional else found
 
@@ -139,28 +143,31 @@ class DeviceRegistry(PluginRegistry[T]):
         """
         Import a class.
 
-        :raises ConfigError: there is no such name, or its plug-in is broken.
+        :raises ConfigError: the name is unknown, or its plug-in is broken.
         """
         found = super().load(name)
         if told := self.deprecation(name):
-            # Not of the caller: a program that runs as __main__ would print its own line of code.
+            # stacklevel 1: with that of the caller, a program run as __main__ would print its own
+            # line of code.
             warnings.warn(told, DeprecationWarning, stacklevel=1)
         return found
 
     def deprecation(self, name: str) -> str:
-        """Say that a name comes from an entry-point group that goes; else nothing."""
+        """
+        Return a warning if a name comes from a deprecated entry-point group; otherwise empty.
+        """
         if name in _OWN or name in entry_point_targets(GROUP):
             return ''
         if name not in entry_point_targets(self._old_group):
             return ''
-        return (f'type {name}: the entry-point group {self._old_group} goes with the next '
-                f'release: its package must name it in {GROUP} (docs/writing_a_driver.md)')
+        return (f'type {name}: the entry-point group {self._old_group} will be removed in the '
+                f'next release: its package must name it in {GROUP} (docs/writing_a_driver.md)')
 
     def _has(self, name: str) -> bool:
         try:
             return bool(self._target(name))
         except ConfigError:
-            return True  # what is wrong is told to who names it
+            return True  # the error is reported when the device is used
 
     def _target(self, name: str) -> str:
         parts = parts_of(name, f'{self._noun} {name!r}')
@@ -172,5 +179,5 @@ class DeviceRegistry(PluginRegistry[T]):
 
 def _old_parts(name: str) -> DeviceParts | None:
     driver = entry_point_targets(OLD_DRIVERS).get(name, '')
-    twin = entry_point_targets(OLD_TWINS).get(name, '')
-    return DeviceParts(driver, twin) if driver or twin else None
+    simulated = entry_point_targets(OLD_SIMULATORS).get(name, '')
+    return DeviceParts(driver, simulated) if driver or simulated else None

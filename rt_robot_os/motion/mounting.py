@@ -81,7 +81,7 @@ OPTICAL: Final = Mounting(rotation_rad=(-math.pi / 2, 0.0, -math.pi / 2))
 
 def mounting_of(settings: Mapping[str, Any], index: int = 0) -> Mounting:
     """
-    Read the mounting from the settings of a device, as its driver and its twin have them.
+    Read the mounting from the settings of a driver or of its simulated device.
 
     :param index: of a device with several frames, which one; three numbers alone are of all.
     """

@@ -112,13 +112,13 @@ def _simulators() -> PluginRegistry[Any]:
 
 
 def _simulator(name: str) -> Kind:
-    from rt_robot_os.sim.base import Place
     from rt_robot_os.devices.simulators import SIMULATORS
+    from rt_robot_os.sim.base import RobotSite
     cls = SIMULATORS.load(name)
 
     def check(section: str, values: Mapping[str, Any], device: Mapping[str, Any]) -> None:
         # A port opens nothing before it is plugged.
-        cls.made_for(section, values, Place(Path()), device).check_speed()
+        cls.made_for(section, values, RobotSite(Path()), device).check_speed()
 
     return Kind(tuple(cls.SETTINGS), check=check)
 

@@ -92,7 +92,7 @@ P = TypeVar('P', bound=Plug)
 NOWHERE: Final = Site()
 
 
-class Place:
+class RobotSite:
     """
     Where the simulated devices of one robot are plugged in, and what they look at.
 
@@ -145,10 +145,10 @@ class Simulated(ABC):
     @classmethod
     @abstractmethod
     def made_for(
-        cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
+        cls, name: str, settings: Mapping[str, Any], place: RobotSite, device: Mapping[str, Any],
     ) -> Simulated:
         """
-        Make the twin of a device; nothing is plugged in yet.
+        Make the simulated counterpart of a device; nothing is plugged in yet.
 
         :param settings: some of ``SETTINGS``; the others have their default.
         :param device: the settings of the driver, as far as they are known.

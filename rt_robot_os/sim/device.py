@@ -37,7 +37,7 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.sim.base import complete
 from rt_robot_os.sim.base import NOWHERE
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.faults import check
@@ -46,7 +46,7 @@ from rt_robot_os.sim.faults import fault_settings
 from rt_robot_os.sim.faults import FAULTS
 from rt_robot_os.sim.faults import plan_of
 from rt_robot_os.sim.line import at_wrong_speed
-from rt_robot_os.sim.line import SerialLine
+from rt_robot_os.sim.line import LineTiming
 from rt_robot_os.sim.pty_port import PtyPort
 
 _BITS_PER_BYTE: Final = 10
@@ -130,7 +130,7 @@ class SimulatedDevice(Simulated):
         self.random = random.Random(self.settings['seed'])
         self._line_random = random.Random(self.settings['seed'] + 1)
         self._baud = self.BAUD if baud is None else baud
-        self._line = SerialLine(self._baud)
+        self._line = LineTiming(self._baud)
         self._started = False
         self._now_ns = 0
         self._start_ns = 0
@@ -144,10 +144,10 @@ class SimulatedDevice(Simulated):
 
     @classmethod
     def made_for(
-        cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
+        cls, name: str, settings: Mapping[str, Any], place: RobotSite, device: Mapping[str, Any],
     ) -> SimulatedDevice:
         """
-        Make the twin of a device; nothing is plugged in yet.
+        Make the simulated counterpart of a device; nothing is plugged in yet.
 
         :raises ConfigError: a setting is wrong, or the line is too slow for the rate.
         """
@@ -178,12 +178,12 @@ class SimulatedDevice(Simulated):
         """Return what another device would send; the default is a satellite receiver."""
         return b'$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n'
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Take what the driver has sent; the default ignores it."""
 
     def reply(self, data: bytes) -> bool:
         """
-        Answer the driver, from within :meth:`obey`; it leaves behind what is on the line already.
+        Answer the driver, from within :meth:`handle_command`, after what is on the line already.
 
         :return: False when the line has no room; then nothing is sent.
         """
@@ -228,7 +228,7 @@ class SimulatedDevice(Simulated):
         commands = self.port.read()
         # Another device in its place does not know what the commands mean.
         if commands and 'wrong' not in active:
-            self.obey(commands)
+            self.handle_command(commands)
         self._make_samples(now_ns)
         data = self._line.take(now_ns)
         if data and 'silent' not in active:
@@ -252,7 +252,7 @@ class SimulatedDevice(Simulated):
         check(fault, duration_s, self.KNOWN_FAULTS)
         self._injected.append((fault, duration_s))
 
-    def befallen(self, fault: str) -> bool:
+    def has_fault(self, fault: str) -> bool:
         """Return whether a fault is active at the time of the last ``pump``."""
         return fault in self._plan.active(self._now_ns)
 
@@ -277,7 +277,7 @@ class SimulatedDevice(Simulated):
                 f'{self._baud}: lower rate_hz or raise baud'])
 
     def statistics(self) -> SimulatedStatistics:
-        """Return the counters as they are now."""
+        """Return the current counters."""
         return SimulatedStatistics(
             self._samples, self._skipped, self.port.bytes_sent, self.port.bytes_dropped)
 

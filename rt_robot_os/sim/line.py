@@ -28,7 +28,7 @@ _BITS_PER_BYTE: Final = 10
 _FIFO: Final = 16
 
 
-class SerialLine:
+class LineTiming:
     """
     Bytes on their way, bounded.
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What the twins of motor boards have in common: the robot that they move, and its encoders.
+What simulated motor boards have in common: the robot that they move, and its encoders.
 
 The robot is that of the one world; without a world it is one of its own, on a floor without end.
 """
@@ -39,9 +39,9 @@ _ENCODER_FAULTS: Final = ('left_encoder', 'right_encoder')
 Pair = tuple[float, float]
 
 
-def motor_twin_settings(rate_hz: float, maximum_hz: float) -> tuple[Field, ...]:
+def motor_simulation_settings(rate_hz: float, maximum_hz: float) -> tuple[Field, ...]:
     """
-    Declare the settings that the twin of every motor board has.
+    Declare the settings that every simulated motor board has.
 
     :param rate_hz: default of the rate.
     """
@@ -108,7 +108,7 @@ class SimulatedMotorBoard(SimulatedDevice):
         """Return what both encoders show, in rad from the start; a broken one stands still."""
         turned, seen, missed = self.base.wheel_angles, self._seen, self._missed
         left, right = (
-            missed[side] + (turned[side] - seen[side] if self.befallen(fault) else 0.0)
+            missed[side] + (turned[side] - seen[side] if self.has_fault(fault) else 0.0)
             for side, fault in enumerate(_ENCODER_FAULTS))
         self._missed, self._seen = (left, right), turned
         return self._of_channels(turned[0] - left, turned[1] - right)
@@ -125,7 +125,7 @@ class SimulatedMotorBoard(SimulatedDevice):
 
     def thinned(self, data: bytes) -> bytes:
         """Return what is left of bytes on a line that loses some while the fault says so."""
-        if not data or not self.befallen('loss'):
+        if not data or not self.has_fault('loss'):
             return data
         chance = self.random.random
         return bytes(byte for byte in data if chance() >= _LOSS)

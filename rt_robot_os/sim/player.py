@@ -32,7 +32,7 @@ from typing import Final
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.sim.line import SerialLine
+from rt_robot_os.sim.line import LineTiming
 from rt_robot_os.sim.pty_port import PtyPort
 
 MAX_LOG_BYTES: Final = 256 * 1024 * 1024
@@ -138,7 +138,7 @@ class Player:
         self.port = port
         self.rounds = 0
         self._pieces = pieces
-        self._line = SerialLine(max(1, round(baud * speed)) if baud else 0, capacity=65536)
+        self._line = LineTiming(max(1, round(baud * speed)) if baud else 0, capacity=65536)
         self._speed = speed
         self._loop = loop
         self._wait = wait_for_reader

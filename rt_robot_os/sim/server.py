@@ -59,7 +59,7 @@ class Pumped(Protocol):
         """Unplug."""
 
 
-class Watched(Protocol):
+class CommandInput(Protocol):
     """What is served when it is readable."""
 
     def fileno(self) -> int:
@@ -96,13 +96,13 @@ class SimServer:
         self._last_problem = ''
         self._input_fd: int | None = None
         self._on_line: Callable[[str], None] | None = None
-        self._orders: Watched | None = None
+        self._orders: CommandInput | None = None
         self._received = b''
         self._stopped = False
         self._wake_read, self._wake_write = os.pipe()
         os.set_blocking(self._wake_write, False)
 
-    def take_lines(self, fd: int, on_line: Callable[[str], None]) -> None:
+    def read_lines(self, fd: int, on_line: Callable[[str], None]) -> None:
         """
         Hand over each line of text that comes from a file descriptor; its end is not an exit.
 
@@ -111,7 +111,7 @@ class SimServer:
         self._input_fd = fd
         self._on_line = on_line
 
-    def watch(self, orders: Watched) -> None:
+    def watch(self, orders: CommandInput) -> None:
         """Serve something else, too, whenever it is readable."""
         self._orders = orders
 

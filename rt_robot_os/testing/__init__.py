@@ -18,7 +18,7 @@ What the tests of your own drivers and modules use: no hardware, no waiting.
 For a driver: :class:`DriverContract`, the suite that every serial driver has to pass (and
 :class:`DecoderContract`, the part of it that needs a decoder only);
 :func:`scripted`, a device whose port gives the bytes of the test; :func:`rig`, a driver and its
-simulated twin on a real pty with time in the test's hand. For what moves something:
+simulated device on a real pty with time in the test's hand. For what moves something:
 :class:`ActuatorContract` as well. For a module: :class:`ModuleBench`, a
 kernel on the virtual clock. Needs pytest, and the contracts hypothesis; a robot needs neither.
 """

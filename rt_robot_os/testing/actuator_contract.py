@@ -18,14 +18,14 @@ What every actuator on a serial port has to do; its test inherits it.
 
     class TestMyWheels(ActuatorContract):
         actuator = MyWheels
-        twin = SimulatedWheels
+        simulated = SimulatedWheels
         speed = 0.5
 
         def fill(self, message, speed):
             message.linear.x = speed
 
-        def moves(self, twin):
-            return twin.speed_mm_s != 0
+        def moves(self, simulated):
+            return simulated.speed_mm_s != 0
 
 It is that nothing moves unless somebody commands it now; the bytes go over a real pty, time is in
 the test's hand.
@@ -65,15 +65,15 @@ class ActuatorContract:
     The contract.
 
     :cvar actuator: the driver.
-    :cvar twin: its simulated twin. It should have no watchdog of its own, or one longer than
-        ``command_timeout_s``: what stops it here is the driver.
+    :cvar simulated: its simulated device. It should have no watchdog of its own, or one longer
+        than ``command_timeout_s``: what stops it here is the driver.
     :cvar speed: a command that moves it, for :meth:`fill`.
     :cvar changes: settings of the driver other than the defaults.
-    :cvar sim: settings of the twin other than the defaults.
+    :cvar sim: settings of the simulated device other than the defaults.
     """
 
     actuator: ClassVar[type[Actuator]]
-    twin: ClassVar[type[SimulatedDevice]]
+    simulated: ClassVar[type[SimulatedDevice]]
     speed: ClassVar[float]
     changes: ClassVar[Mapping[str, Any]] = {}
     sim: ClassVar[Mapping[str, Any]] = {}
@@ -83,7 +83,7 @@ class ActuatorContract:
         """Fill in a command."""
 
     @abstractmethod
-    def moves(self, twin: Any) -> bool:
+    def moves(self, simulated: Any) -> bool:
         """Return whether the simulated device moves, or was last told to."""
 
     @pytest.fixture
@@ -95,7 +95,7 @@ class ActuatorContract:
     @contextmanager
     def made(self, folder: Path, **settings: Any) -> Iterator[ActuatorRig]:
         """Make a robot of one actuator, with other settings."""
-        made = ActuatorRig(folder, self.actuator, self.twin, self.fill, self.sim,
+        made = ActuatorRig(folder, self.actuator, self.simulated, self.fill, self.sim,
                            **{**self.changes, **settings})
         try:
             yield made
@@ -106,14 +106,14 @@ class ActuatorContract:
         rig.steer(self.speed)
         rig.run(300)
         assert rig.managed.state in (DeviceState.ACTIVE, DeviceState.OPENING), rig.managed.reason
-        assert self.moves(rig.twin)
+        assert self.moves(rig.simulated)
 
     # --- commands --------------------------------------------------------------------------------
 
     def test_nothing_moves_before_the_first_command(self, rig: ActuatorRig) -> None:
         for _ in range(20):
             rig.run(20)
-            assert not self.moves(rig.twin)
+            assert not self.moves(rig.simulated)
         counters = rig.counters()
         assert (counters['command'], counters['commands']) == ('none', 0)
 
@@ -122,19 +122,19 @@ class ActuatorContract:
         rig.steer(None)
         rig.managed.restart()
         rig.run(_LATE_MS)
-        assert not self.moves(rig.twin)
+        assert not self.moves(rig.simulated)
 
     def test_a_command_moves_it_until_it_is_too_old(self, rig: ActuatorRig) -> None:
         self._driving(rig)
         rig.steer(None)
         timeout_ms = round(rig.device.settings[TIMEOUT] * 1000)
         rig.run(timeout_ms - 30)
-        assert self.moves(rig.twin)
+        assert self.moves(rig.simulated)
         rig.run(35)
-        assert not self.moves(rig.twin)
+        assert not self.moves(rig.simulated)
         rests = rig.counters()['rests']
         rig.run(3 * timeout_ms)
-        assert not self.moves(rig.twin)
+        assert not self.moves(rig.simulated)
         counters = rig.counters()
         assert (counters['command_timeouts'], counters['command']) == (1, 'none')
         assert counters['rests'] == rests, 'it is brought to rest once'
@@ -143,7 +143,7 @@ class ActuatorContract:
         self._driving(rig)
         rig.steer(None)
         rig.run(1000)
-        assert not self.moves(rig.twin)
+        assert not self.moves(rig.simulated)
         self._driving(rig)
         assert rig.counters()['command_timeouts'] == 1
 
@@ -151,15 +151,15 @@ class ActuatorContract:
         rig.run(_LATE_MS)
         rig.steer(self.speed, offset_ns=3600 * NS_PER_S, only=1)
         rig.run(100)
-        assert self.moves(rig.twin)
+        assert self.moves(rig.simulated)
         rig.run(round(rig.device.settings[TIMEOUT] * 1000))
-        assert not self.moves(rig.twin)
+        assert not self.moves(rig.simulated)
 
     def test_a_command_that_is_old_when_it_comes_moves_nothing(self, rig: ActuatorRig) -> None:
         late_ns = round(1.5 * rig.device.settings[TIMEOUT] * NS_PER_S)
         rig.steer(self.speed, offset_ns=-late_ns)
         rig.run(500)
-        assert not self.moves(rig.twin)
+        assert not self.moves(rig.simulated)
         assert rig.counters()['late_commands'] >= 10
 
     @pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
@@ -168,7 +168,7 @@ class ActuatorContract:
         rig.steer(value)
         rig.run(200)
         if math.isnan(value):
-            assert not self.moves(rig.twin)
+            assert not self.moves(rig.simulated)
         assert rig.managed.faults == 0, rig.managed.reason
 
     def test_the_age_limit_can_be_set(self, tmp_path: Path) -> None:
@@ -176,7 +176,7 @@ class ActuatorContract:
             self._driving(rig)
             rig.steer(None)
             rig.run(105)
-            assert not self.moves(rig.twin)
+            assert not self.moves(rig.simulated)
 
     # --- life ------------------------------------------------------------------------------------
 
@@ -184,14 +184,14 @@ class ActuatorContract:
         self._driving(rig)
         rig.manager.close()
         rig.pump()
-        assert not self.moves(rig.twin)
+        assert not self.moves(rig.simulated)
 
     def test_the_end_of_the_robot_brings_it_to_rest_before_it_is_closed(
             self, rig: ActuatorRig) -> None:
         self._driving(rig)
         rig.manager.rest(lambda name, function: function())
         rig.pump()
-        assert not self.moves(rig.twin)
+        assert not self.moves(rig.simulated)
         assert rig.device.fileno() is not None
 
     def test_after_it_was_unplugged_it_waits_for_a_new_command(self, rig: ActuatorRig) -> None:
@@ -200,7 +200,7 @@ class ActuatorContract:
         rig.steer(self.speed, only=2)  # before it is opened again
         rig.run(250)
         assert rig.managed.faults >= 1
-        assert not self.moves(rig.twin), 'it went on by itself, or by an old command'
+        assert not self.moves(rig.simulated), 'it went on by itself, or by an old command'
         self._driving(rig)
 
     @pytest.mark.parametrize('policy', [
@@ -209,7 +209,7 @@ class ActuatorContract:
             self, rig: ActuatorRig, policy: FailurePolicy) -> None:
         self._driving(rig)
         moves: list[bool] = []
-        rig.each = lambda: moves.append(self.moves(rig.twin))
+        rig.each = lambda: moves.append(self.moves(rig.simulated))
         rig.hold(policy)
         rig.kernel.run(500 * NS_PER_MS)
         assert not any(moves[40:100])

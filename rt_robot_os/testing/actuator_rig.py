@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""An actuator under the SensorManager and its twin on a real pty, on the virtual clock."""
+"""An actuator under the SensorManager, its simulated device on a real pty, the virtual clock."""
 
 from __future__ import annotations
 
@@ -118,19 +118,19 @@ class ActuatorRig:
     :param folder: for the pty's path, such as pytest's ``tmp_path``.
     :param fill: fills in a command, from a message and a speed in the driver's own unit.
     :param settings: of the driver, other than the defaults.
-    :ivar twin: the simulated device.
+    :ivar simulated: the simulated device.
     :ivar kernel: on the virtual clock.
     :ivar managed: the device under the manager.
     :ivar each: called each millisecond, after the device did its work.
     """
 
-    def __init__(self, folder: Path, driver: type[Actuator], twin: type[SimulatedDevice],
+    def __init__(self, folder: Path, driver: type[Actuator], simulated: type[SimulatedDevice],
                  fill: Callable[[Any, float], None], sim: Mapping[str, Any],
                  **settings: Any) -> None:
         self._wire = _Wire(folder / 'device')
         values = settings_of(driver, **{
-            'port': str(self._wire.plug.link), 'baud': twin.BAUD, **settings})
-        self.twin = twin('twin', sim, self._wire.plug, site=Site(device=values))
+            'port': str(self._wire.plug.link), 'baud': simulated.BAUD, **settings})
+        self.simulated = simulated('simulated', sim, self._wire.plug, site=Site(device=values))
         self.device = driver('dut', values)
         made: Any = self.device
         made.make_port = self._wire.open
@@ -153,17 +153,17 @@ class ActuatorRig:
         self.kernel.add_task('line', self.pump, priority=1, rate_hz=_LINE_HZ)
         self.kernel.add_task('steer', self._command, priority=40, rate_hz=POLL_HZ,
                              phase_ns=NS_PER_MS)
-        self.twin.pump(self.kernel.now_ns())
+        self.simulated.pump(self.kernel.now_ns())
 
     def pump(self) -> None:
         """Let the device take all that was sent to it, and send what is due."""
         now_ns, wire = self.kernel.now_ns(), self._wire
-        self.twin.pump(now_ns)
+        self.simulated.pump(now_ns)
         end_s = time.monotonic() + _WAIT_S
         while wire.plug.plugged and wire.plug.received < wire.written:
             assert time.monotonic() < end_s, 'what the driver sent did not arrive'
             select.select([wire.plug.fileno()], [], [], _WAIT_S)
-            self.twin.pump(now_ns)
+            self.simulated.pump(now_ns)
         while not wire.driver_has_all():  # on the virtual clock Linux takes no time
             assert time.monotonic() < end_s, 'what the device sent did not arrive'
             os.sched_yield()
@@ -202,10 +202,12 @@ class ActuatorRig:
         self._wire.plug.unplug()
 
     def close(self) -> None:
-        """Close the device as the core does, let the twin hear it, and unplug that."""
+        """
+        Close the device as the core does, let the simulated device receive it, and unplug that.
+        """
         self.manager.close()
         self.pump()
-        self.twin.close()
+        self.simulated.close()
 
     def hold(self, policy: FailurePolicy) -> None:
         """Apply a failure policy to the polling task at the next 20 ms, as the watchdog would."""

@@ -27,7 +27,7 @@ from typing import NamedTuple
 from rt_robot_os.devices.framing import FrameDecoder
 from rt_robot_os.testing.examples import check_with_examples
 from rt_robot_os.testing.examples import strategies
-from rt_robot_os.testing.work import dearest
+from rt_robot_os.testing.work import costliest_input
 from rt_robot_os.testing.work import steps_per_byte
 
 # No decoder may hold back more than this for what looks like the beginning of a frame.
@@ -217,7 +217,7 @@ class DecoderContract:
         seeds = [*self.tokens, b'\n', b'\x00', *heads, *(frame[:-1] for frame in frames[:4]),
                  *(head + far for head in heads for far in (b'\xff', b'\x07\xff', b'\xff\x07',
                                                             b'\xff\x07\xff'))]
-        cost, piece = dearest(self.decoder, seeds, size, 40)
+        cost, piece = costliest_input(self.decoder, seeds, size, 40)
         allowed = max(MOST_TIMES_GOOD * good, FEW_STEPS)
         assert cost <= allowed, (
             f'{piece!r} again and again costs {cost:.0f} steps a byte, good frames {good:.1f}: at '

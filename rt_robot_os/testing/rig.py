@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A driver and its simulated twin on a real pty, with time in the test's hand."""
+"""A driver and its simulated device on a real pty, with time in the test's hand."""
 
 from __future__ import annotations
 

@@ -114,8 +114,8 @@ def steps_per_byte(decoder: Any, data: bytes) -> float:
     return meter.steps / len(data)
 
 
-def dearest(decoder: Callable[[], Any], seeds: Sequence[bytes], size: int, rounds: int,
-            ) -> tuple[float, bytes]:
+def costliest_input(decoder: Callable[[], Any], seeds: Sequence[bytes], size: int, rounds: int,
+                    ) -> tuple[float, bytes]:
     """
     Search for the bytes that cost most when they are repeated.
 

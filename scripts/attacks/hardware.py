@@ -35,7 +35,7 @@ import time
 
 from rt_robot_os.core.simulator_process import device_server
 from rt_robot_os.motion.mounting import Mounting
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
 
@@ -49,7 +49,7 @@ def main(folder: Path) -> None:
     world = World(WorldSettings(**given['world']))
     mountings = {frame: Mounting(tuple(each['position_m']), tuple(each['rotation_rad']),
                                  each['parent']) for frame, each in given['mountings'].items()}
-    server = device_server(given['devices'], Place(folder, world, mountings))
+    server = device_server(given['devices'], RobotSite(folder, world, mountings))
     base, due_ns = world.base, 0
     with (folder / TRACK).open('w', buffering=1) as track:
         def record() -> bool:

@@ -64,7 +64,7 @@ from rt_robot_os.link import LinkClient  # noqa: E402
 from rt_robot_os.linux.paths import socket_path  # noqa: E402
 from rt_robot_os.motion.grid_map import GridMap  # noqa: E402
 from rt_robot_os.settings import load  # noqa: E402
-from rt_robot_os.sim.orders import order  # noqa: E402
+from rt_robot_os.sim.commands import send_command  # noqa: E402
 
 SHIPPED = ROOT / 'config' / 'service_robot.yaml'
 PATIENCE_S = 30.0
@@ -290,13 +290,13 @@ class Robot:
         if ahead_m_s is not None:
             self._sender = Sender(self.socket, topic, ahead_m_s, turning_rad_s, rate_hz)
 
-    def order(self, line: str) -> str:
+    def send_command(self, line: str) -> str:
         """
         Have something happen to a device or to the world, such as ``laser silent 3``.
 
         :raises ConfigError: it cannot happen.
         """
-        return order(self._hardware, line)
+        return send_command(self._hardware, line)
 
     # ---- the truth -----------------------------------------------------------------------------
 

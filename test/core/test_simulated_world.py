@@ -32,8 +32,8 @@ from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.devices.maxbotix.driver import MaxBotix
 from rt_robot_os.settings import load
-from rt_robot_os.sim.orders import obey
-from rt_robot_os.sim.orders import order
+from rt_robot_os.sim.commands import execute_command
+from rt_robot_os.sim.commands import send_command
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing.fakes import bind
@@ -78,7 +78,7 @@ def test_a_person_steps_in_the_way_of_a_robot_that_runs(
 
     try:
         measured(0.65, 0.71)  # 1.0 - 0.1 - 0.22
-        order(folder, 'world person anna 0.0 3.0')
+        send_command(folder, 'world person anna 0.0 3.0')
         measured(2.65, 2.71)
         assert simulator(['--dir', str(folder), '--tell', 'world person anna 0.0 2.0']) == 0
         measured(1.65, 1.71)
@@ -89,14 +89,14 @@ def test_a_person_steps_in_the_way_of_a_robot_that_runs(
         assert simulator(['--dir', str(folder), '--tell', 'world person bob 0.0 2.0']) == 2
         assert 'no such person; there are anna' in capsys.readouterr().err
         with pytest.raises(ConfigError, match='sonar, imu and one of the faults'):
-            order(folder, 'sonra silent 3')
+            send_command(folder, 'sonra silent 3')
     finally:
         driver.close()
 
 
 def test_where_nobody_takes_orders_that_is_told(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match='no simulated devices take orders there'):
-        order(tmp_path, 'world walk anna')
+        send_command(tmp_path, 'world walk anna')
 
 
 def test_an_order_reaches_the_world_or_a_device_or_is_refused() -> None:
@@ -108,11 +108,11 @@ def test_an_order_reaches_the_world_or_a_device_or_is_refused() -> None:
             done.append((fault, duration_s))
 
     devices: Any = {'imu': Deaf()}
-    obey('', devices, world)
-    obey('world person anna 1 2', devices, world)
-    obey('imu silent 3', devices, None)
+    execute_command('', devices, world)
+    execute_command('world person anna 1 2', devices, world)
+    execute_command('imu silent 3', devices, None)
     assert done == [('silent', 3.0)] and (world.people[0].x, world.people[0].y) == (1.0, 2.0)
     with pytest.raises(ConfigError, match='there is no world'):
-        obey('world walk anna', devices, None)
+        execute_command('world walk anna', devices, None)
     with pytest.raises(ConfigError, match='write DEVICE FAULT SECONDS'):
-        obey('imu silent long', devices, world)
+        execute_command('imu silent long', devices, world)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A robot of one motor board and its twin, for tests: on the virtual clock, over a real pty."""
+"""A robot of one motor board, simulated on a real pty, on the virtual clock."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class BoardRobot(ActuatorRig):
     """
 
     def __init__(self, folder: Path, driver: type[MotorBoard[Any]],
-                 twin: type[SimulatedMotorBoard], sim: dict[str, Any],
+                 simulated: type[SimulatedMotorBoard], sim: dict[str, Any],
                  fill: Callable[[Any, float], None] = fill, **settings: Any) -> None:
-        super().__init__(folder, driver, twin, fill, sim, **settings)
+        super().__init__(folder, driver, simulated, fill, sim, **settings)
         self.readers = {topic: self.bus.subscribe(topic, 'test') for topic in (
             each.topic for each in self.device.publications())}
         self._sent = 0
@@ -55,9 +55,9 @@ class BoardRobot(ActuatorRig):
     def _interrupt(self) -> None:
         if self.disturb is not None:
             self.disturb()
-        sent, self._sent = self._sent, self.twin.port.bytes_sent
+        sent, self._sent = self._sent, self.simulated.port.bytes_sent
         descriptor = self.device.fileno()
-        if self._sent != sent and descriptor is not None and self.twin.port.plugged:
+        if self._sent != sent and descriptor is not None and self.simulated.port.plugged:
             select.select([descriptor], [], [], 5.0)
             assert self.managed.arrival is not None
             self.kernel.release(self.managed.arrival)
@@ -78,7 +78,7 @@ class BoardRobot(ActuatorRig):
 
     def odometry_error_rad(self) -> float:
         """Compare what the driver says that the wheels turned with what they did."""
-        device, made = self.device, self.twin
+        device, made = self.device, self.simulated
         assert isinstance(device, MotorBoard) and isinstance(made, SimulatedMotorBoard)
         return max(abs(told - true) for told, true in zip(
             device.counters.position_rad, made.base.wheel_angles))

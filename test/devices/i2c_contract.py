@@ -56,7 +56,7 @@ class I2cContract:
     The contract.
 
     :cvar driver: the class under test.
-    :cvar simulator: its twin.
+    :cvar simulator: its simulated device.
     :cvar named: what the errors call the chip.
     :cvar stranger: what is said of the chip that the fault wrong puts in its place.
     """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The driver of ros_arduino_bridge and its simulated twin."""
+"""The driver of ros_arduino_bridge and its simulated device."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ ROBOT = {'wheel_radius_m': 0.0325, 'wheel_separation_m': 0.2, 'ticks_per_revolut
 
 class TestArduinoBridge(ActuatorContract):
     actuator = ArduinoBridge
-    twin = SimulatedArduinoBridge
+    simulated = SimulatedArduinoBridge
     speed = 0.3
     changes = {**ROBOT, 'reset_wait_s': 0.0}
     sim = {'boot_s': 0.1}
@@ -51,8 +51,8 @@ class TestArduinoBridge(ActuatorContract):
     def fill(self, message: Any, speed: float) -> None:
         message.linear.x = speed
 
-    def moves(self, twin: Any) -> bool:
-        return bool(twin.moving or any(twin.pwm))
+    def moves(self, simulated: Any) -> bool:
+        return bool(simulated.moving or any(simulated.pwm))
 
 
 class TestReplyDecoder(DecoderContract):
@@ -80,7 +80,7 @@ class Robot:
 
     def __init__(self, rig: ActuatorRig) -> None:
         self.rig = rig
-        self.twin: Any = rig.twin
+        self.simulated: Any = rig.simulated
         self.samples: list[tuple[float, float, float, float, float]] = []
         self._joints = rig.bus.subscribe('joint_states', 'test')
         self._faults = rig.bus.subscribe('motor_faults', 'test')
@@ -112,10 +112,10 @@ class Robot:
         return self.rig.counters()
 
     def moves(self) -> bool:
-        return bool(self.twin.moving or any(self.twin.pwm))
+        return bool(self.simulated.moving or any(self.simulated.pwm))
 
     def true_rad(self) -> tuple[float, float]:
-        left, right = self.twin.base.wheel_angles
+        left, right = self.simulated.base.wheel_angles
         return left, right
 
     def stand(self) -> None:
@@ -147,7 +147,7 @@ def robot(folder: Path, fill: Any = None, sim: Any = None, **settings: Any) -> I
 def test_it_drives_as_fast_as_it_is_told(tmp_path: Path) -> None:
     with robot(tmp_path) as made:
         made.drive(0.3, 3000)
-        assert made.twin.base.velocity[0] == pytest.approx(0.3, rel=0.06)
+        assert made.simulated.base.velocity[0] == pytest.approx(0.3, rel=0.06)
         speed = [sum(sample[3:]) / 2 for sample in made.samples[-20:]]
         assert sum(speed) / 20 * 0.0325 == pytest.approx(0.3, rel=0.06)
         made.stand()
@@ -166,7 +166,7 @@ def test_wheels_may_be_wired_in_any_way(tmp_path: Path, wiring: dict[str, bool])
         message.linear.x, message.angular.z = speed, 2 * speed
     with robot(tmp_path, turning, **wiring) as made:
         made.drive(0.2, 1500)
-        linear, angular = made.twin.base.velocity
+        linear, angular = made.simulated.base.velocity
         assert linear == pytest.approx(0.2, rel=0.15)
         assert angular == pytest.approx(0.4, rel=0.25)
         made.stand()
@@ -178,7 +178,7 @@ def test_too_fast_a_command_keeps_its_curve(tmp_path: Path) -> None:
         message.linear.x, message.angular.z = speed, 5 * speed
     with robot(tmp_path, turning, maximum_wheel_speed_m_s=0.3) as made:
         made.drive(2.0, 2000)
-        linear, angular = made.twin.base.velocity
+        linear, angular = made.simulated.base.velocity
         assert linear + 0.1 * angular == pytest.approx(0.3, rel=0.06)
         assert angular / linear == pytest.approx(5.0, rel=0.1)
         assert made.counters()['limited_commands'] > 50
@@ -206,15 +206,15 @@ def test_a_broken_encoder_stops_it_within_half_a_second(
         tmp_path: Path, fault: str, side: str) -> None:
     with robot(tmp_path) as made:
         made.drive(0.3, 2000)
-        before = made.twin.base.pose
-        made.twin.inject(fault, 3.0)
+        before = made.simulated.base.pose
+        made.simulated.inject(fault, 3.0)
         made.rig.run(500)
         assert not made.moves()
         assert made.faults == MotorFault[f'{side.upper()}_STANDSTILL']
         assert made.rig.managed.state is DeviceState.ACTIVE
         reason = made.rig.managed.statistics().reason
         assert f'the {side} wheel stands still although it is commanded to turn' in reason
-        assert math.dist(before[:2], made.twin.base.pose[:2]) < 0.5
+        assert math.dist(before[:2], made.simulated.base.pose[:2]) < 0.5
         # Whoever goes on commanding has noticed nothing.
         made.rig.run(2000)
         assert not made.moves()
@@ -230,7 +230,7 @@ def test_a_broken_encoder_stops_it_within_half_a_second(
 def test_after_silence_a_fault_lets_it_drive_again(tmp_path: Path) -> None:
     with robot(tmp_path) as made:
         made.drive(0.3, 500)
-        made.twin.inject('left_encoder', 1.0)
+        made.simulated.inject('left_encoder', 1.0)
         made.rig.run(1200)
         assert not made.moves()
         made.rig.steer(None)
@@ -242,9 +242,9 @@ def test_after_silence_a_fault_lets_it_drive_again(tmp_path: Path) -> None:
 def test_a_motor_that_turns_the_wrong_way_does_not_run_away(tmp_path: Path) -> None:
     with robot(tmp_path) as made:
         made.rig.run(200)
-        made.twin._signs = -1.0, 1.0
-        told = made.twin.base.set_duty
-        made.twin.base.set_duty = lambda left, right: told(-left, right)
+        made.simulated._signs = -1.0, 1.0
+        told = made.simulated.base.set_duty
+        made.simulated.base.set_duty = lambda left, right: told(-left, right)
         made.drive(0.3, 700)
         assert not made.moves()
         assert MotorFault.LEFT_WRONG_WAY & made.faults
@@ -258,7 +258,7 @@ def test_unplugged_while_it_drives_nothing_jumps_and_nothing_moves_by_itself(
     with robot(tmp_path) as made:
         made.drive(0.3, 2000)
         made.rig.steer(None)
-        made.twin.inject('unplug', 0.5)
+        made.simulated.inject('unplug', 0.5)
         made.rig.run(480)
         assert made.rig.managed.state is DeviceState.FAULT
         assert made.moves(), 'the board knows nothing of it and goes on'
@@ -276,7 +276,7 @@ def test_another_board_in_its_place_moves_nothing(tmp_path: Path) -> None:
         made.stand()
         there = made.samples[-1][1:3]
         made.rig.unplug()
-        made.twin._zero = -123456, 98765
+        made.simulated._zero = -123456, 98765
         made.rig.run(1000)
         assert made.rig.managed.state is DeviceState.ACTIVE
         assert made.samples[-1][1:3] == there
@@ -287,13 +287,13 @@ def test_a_reset_while_it_drives_moves_nothing(tmp_path: Path, driven_ms: int) -
     with robot(tmp_path, sim={'boot_s': 0.4}, pid_gains=[30, 20, 0, 60]) as made:
         made.rig.run(200)
         made.drive(0.3, driven_ms)
-        made.twin.inject('reset', 0.05)
+        made.simulated.inject('reset', 0.05)
         made.rig.run(600)
         assert made.faults & MotorFault.COUNTS_NEW
         assert made.faults & MotorFault.LINE
         made.rig.run(1500)
         assert made.moves(), 'commands go on, so does it'
-        assert made.twin._gains.p == 30
+        assert made.simulated._gains.p == 30
         made.stand()
         assert made.counters()['counter_resets'] == 1
         assert max(map(abs, made.steps())) < 0.5
@@ -307,7 +307,7 @@ def test_lost_bytes_cost_no_odometry(tmp_path: Path) -> None:
         message.linear.x, message.angular.z = speed, 2 * speed
     with robot(tmp_path, turning) as made:
         made.drive(0.2, 500)
-        made.twin.inject('loss', 10.0)
+        made.simulated.inject('loss', 10.0)
         for speed in (0.2, -0.2, 0.3, 0.1, -0.3):
             made.drive(speed, 2000)
         counters = made.counters()
@@ -320,7 +320,7 @@ def test_lost_bytes_cost_no_odometry(tmp_path: Path) -> None:
 def test_stops_get_through_a_line_that_loses_bytes(tmp_path: Path) -> None:
     with robot(tmp_path) as made:
         made.rig.run(200)
-        made.twin.inject('loss', 60.0)
+        made.simulated.inject('loss', 60.0)
         for _ in range(10):
             made.drive(0.3, 600)
             made.rig.steer(None)
@@ -334,7 +334,7 @@ def test_it_begins_without_a_jerk(tmp_path: Path) -> None:
         lowest: list[int] = []
         made.drive(0.3, 1000)
         made.stand()
-        made.each(lambda: lowest.append(min(made.twin.pwm)))
+        made.each(lambda: lowest.append(min(made.simulated.pwm)))
         made.drive(0.3, 500)
         assert made.moves()
         assert min(lowest) == 0
@@ -349,8 +349,8 @@ def test_a_board_that_does_not_answer_is_told(tmp_path: Path) -> None:
 
 def test_a_firmware_without_a_base_is_told(tmp_path: Path) -> None:
     with robot(tmp_path) as made:
-        answer = made.twin._answer
-        made.twin._answer = lambda command, *rest: (
+        answer = made.simulated._answer
+        made.simulated._answer = lambda command, *rest: (
             wire.INVALID if command in 'emru' else answer(command, *rest))
         made.drive(0.3, 2000)
         assert made.rig.managed.faults >= 1
@@ -371,7 +371,7 @@ def test_the_battery_is_read_from_its_pin(tmp_path: Path) -> None:
         assert battery.msg.percentage == pytest.approx(0.29, abs=0.01)
         assert math.isnan(battery.msg.current)
         assert made.faults == 0
-        made.twin.settings['battery_v'] = 9.9
+        made.simulated.settings['battery_v'] = 9.9
         made.rig.run(1500)
         assert made.faults == MotorFault.BATTERY_LOW
 
@@ -399,7 +399,7 @@ def test_its_bytes_are_recognised() -> None:
 def test_whatever_befalls_the_line_costs_no_odometry(tmp_path: Path, fault: str) -> None:
     with robot(tmp_path) as made:
         made.drive(0.3, 1000)
-        made.twin.inject(fault, 0.8)
+        made.simulated.inject(fault, 0.8)
         made.rig.run(3000)
         assert made.rig.managed.state is DeviceState.ACTIVE, made.rig.managed.reason
         assert made.moves(), 'commands go on, so does it'
@@ -416,5 +416,5 @@ def test_a_speed_that_the_firmware_rounds_off_is_no_broken_encoder(tmp_path: Pat
         assert made.faults == 0
     with robot(tmp_path, ticks_per_revolution=360.0, pid_gains=[20, 12, 0, 20]) as made:
         made.drive(0.035, 3000)
-        assert made.twin.base.velocity[0] == pytest.approx(0.035, rel=0.15)
+        assert made.simulated.base.velocity[0] == pytest.approx(0.035, rel=0.15)
         assert made.faults == 0

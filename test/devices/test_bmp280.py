@@ -12,7 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The BMP280: the data sheet's example, its modes, and its twin against the formula."""
+"""
+The BMP280: the data sheet's example, its modes, and its simulated device against the formula.
+"""
 
 from __future__ import annotations
 
@@ -88,7 +90,7 @@ def test_more_counts_are_more_degrees(raws: list[int]) -> None:
 
 @given(data=st.binary(min_size=24, max_size=24), raws=st.binary(min_size=6, max_size=6))
 def test_any_trimming_and_any_reading_raise_nothing(data: bytes, raws: bytes) -> None:
-    trimming = chip.Trimming.unpack(data)
+    trimming = chip.Bmp280Trimming.unpack(data)
     if trimming is not None:
         assert trimming.pack() == data
         chip.compensate(trimming, *chip.raw(raws))
@@ -97,7 +99,7 @@ def test_any_trimming_and_any_reading_raise_nothing(data: bytes, raws: bytes) ->
 
 @pytest.mark.parametrize('data', [bytes(24), b'\xff' * 24, bytes(6) + TRIMMING.pack()[6:]])
 def test_a_blank_trimming_is_none(data: bytes) -> None:
-    assert chip.Trimming.unpack(data) is None
+    assert chip.Bmp280Trimming.unpack(data) is None
 
 
 @given(pressure=PRESSURES, temperature=TEMPERATURES)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The BMP388: its formula against exact fractions, its modes, and its twin."""
+"""The BMP388: its formula against exact fractions, its modes, and its simulated device."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class TestBmp388(I2cContract):
     stranger = 'probably a BMP280'
 
 
-def exact(trim: chip.Trimming, raw_p: int, raw_t: int) -> tuple[Fraction, Fraction]:
+def exact(trim: chip.Bmp388Trimming, raw_p: int, raw_t: int) -> tuple[Fraction, Fraction]:
     """Compute the formulas of the data sheet in fractions, term by term as they are printed."""
     def scaled(value: int, exponent: int, offset: int = 0) -> Fraction:
         return (Fraction(value) - offset) / Fraction(2) ** exponent
@@ -63,7 +63,7 @@ def exact(trim: chip.Trimming, raw_p: int, raw_t: int) -> tuple[Fraction, Fracti
 
 @given(data=st.binary(min_size=21, max_size=21), raw_p=RAW, raw_t=RAW)
 def test_the_formula_is_that_of_the_data_sheet(data: bytes, raw_p: int, raw_t: int) -> None:
-    trimming = chip.Trimming.unpack(data)
+    trimming = chip.Bmp388Trimming.unpack(data)
     if trimming is None:
         return
     assert trimming.pack() == data
@@ -75,12 +75,12 @@ def test_the_formula_is_that_of_the_data_sheet(data: bytes, raw_p: int, raw_t: i
 
 @pytest.mark.parametrize('data', [bytes(21), b'\xff' * 21])
 def test_a_blank_trimming_is_none(data: bytes) -> None:
-    assert chip.Trimming.unpack(data) is None
+    assert chip.Bmp388Trimming.unpack(data) is None
 
 
 def test_the_bytes_of_the_trimming_are_where_the_chip_has_them() -> None:
     data = bytes(range(21))
-    found = chip.Trimming.unpack(data)
+    found = chip.Bmp388Trimming.unpack(data)
     assert found is not None
     assert (found.t1, found.t2, found.t3) == (0x0100, 0x0302, 4)
     assert (found.p1, found.p4, found.p5, found.p6, found.p7) == (0x0605, 10, 0x0C0B, 0x0E0D, 15)

@@ -131,7 +131,7 @@ def drive(
         return device, sent
 
 
-def obey(number: int, request: bytes) -> bytes:
+def handle_command(number: int, request: bytes) -> bytes:
     """Answer as the device does."""
     if request[1] == wire.WRITE:
         return DONE
@@ -139,7 +139,7 @@ def obey(number: int, request: bytes) -> bytes:
 
 
 def test_the_set_up_is_one_step_at_a_time_with_the_pauses_of_the_data_sheet() -> None:
-    _, sent = drive(obey, range(0, 300 * MS, 5 * MS), mode='imu')
+    _, sent = drive(handle_command, range(0, 300 * MS, 5 * MS), mode='imu')
     assert [data for _, data in sent[:8]] == [
         'aa010001', 'aa003d0100', 'aa00070100', 'aa003b0180', 'aa003e0100', 'aa003f0100',
         'aa003d0108', 'aa01082e']
@@ -151,7 +151,7 @@ def test_the_set_up_is_one_step_at_a_time_with_the_pauses_of_the_data_sheet() ->
 
 def test_at_most_one_request_is_under_way() -> None:
     def mute(number: int, request: bytes) -> bytes:
-        return b'' if number > 7 else obey(number, request)
+        return b'' if number > 7 else handle_command(number, request)
 
     device, sent = drive(mute, range(0, 500 * MS, 5 * MS))
     # Each is given up after its time, and counted.
@@ -163,7 +163,7 @@ def test_at_most_one_request_is_under_way() -> None:
 
 def test_an_overrun_is_asked_again_at_once_and_the_grid_stays() -> None:
     def overrun(number: int, request: bytes) -> bytes:
-        return wire.status_answer(7) if number == 9 else obey(number, request)
+        return wire.status_answer(7) if number == 9 else handle_command(number, request)
 
     device, sent = drive(overrun, range(0, 200 * MS, 5 * MS))
     times = [at for at, data in sent if data == 'aa01082e']
@@ -173,7 +173,7 @@ def test_an_overrun_is_asked_again_at_once_and_the_grid_stays() -> None:
 
 def test_an_overrun_while_it_is_set_up_is_asked_again() -> None:
     def overrun(number: int, request: bytes) -> bytes:
-        return wire.status_answer(7) if number in (1, 3, 4) else obey(number, request)
+        return wire.status_answer(7) if number in (1, 3, 4) else handle_command(number, request)
 
     _, sent = drive(overrun, range(0, 300 * MS, 5 * MS))
     assert [data for _, data in sent[:5]] == [
@@ -183,7 +183,7 @@ def test_an_overrun_while_it_is_set_up_is_asked_again() -> None:
 
 def test_another_refusal_is_counted_and_asked_again_in_time() -> None:
     def refuse(number: int, request: bytes) -> bytes:
-        return wire.status_answer(2) if number == 9 else obey(number, request)
+        return wire.status_answer(2) if number == 9 else handle_command(number, request)
 
     device, sent = drive(refuse, range(0, 200 * MS, 5 * MS))
     times = [at for at, data in sent if data == 'aa01082e']

@@ -37,15 +37,15 @@ BOARDS = {
 
 
 def moves(robot: Any) -> bool:
-    twin = robot.twin
-    return bool(twin.unit.drive.moves) if hasattr(twin, 'unit') else any(twin.told)
+    simulated = robot.simulated
+    return bool(simulated.unit.drive.moves) if hasattr(simulated, 'unit') else any(simulated.told)
 
 
 def befall(robot: Any, chance: random.Random) -> None:
     """Have something happen, and let some time pass."""
     what = chance.choice((*FAULTS, *FAULTS, 'steer', 'steer', 'stop', 'nobody', 'unplug'))
     if what in FAULTS:
-        robot.twin.inject(what, chance.choice((0.05, 0.3, 0.7)))
+        robot.simulated.inject(what, chance.choice((0.05, 0.3, 0.7)))
     elif what == 'unplug':
         robot.unplug()
     else:
@@ -56,9 +56,9 @@ def befall(robot: Any, chance: random.Random) -> None:
 @pytest.mark.parametrize('seed', range(3))
 @pytest.mark.parametrize('board', BOARDS)
 def test_after_a_storm(tmp_path: Path, board: str, seed: int) -> None:
-    driver, twin, settings = BOARDS[board]
+    driver, simulated, settings = BOARDS[board]
     chance = random.Random(seed)
-    with board_robot(tmp_path, driver, twin, {'seed': seed}, **settings) as robot:
+    with board_robot(tmp_path, driver, simulated, {'seed': seed}, **settings) as robot:
         robot.run(300)
         for _ in range(12):
             befall(robot, chance)

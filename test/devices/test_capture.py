@@ -102,14 +102,14 @@ def rig() -> Iterator[Callable[..., Rig]]:
 @given(st.binary(max_size=80))
 def test_no_packet_raises(packet: bytes) -> None:
     packets.parse_frame(packet)
-    packets.parse_give_back(packet)
+    packets.parse_release(packet)
 
 
 @given(st.integers(0, 9), st.integers(-(1 << 62), 1 << 62), st.integers(0, 1 << 63))
 def test_a_frame_comes_back_as_it_was(slot: int, stamp_ns: int, seq: int) -> None:
     frame = CapturedFrame(slot, stamp_ns, seq, 5, 6, 7, 8, -1.5, -0.25)
     assert packets.parse_frame(frame.encode()) == frame
-    assert packets.parse_give_back(packets.give_back(slot)) == slot
+    assert packets.parse_release(packets.encode_release(slot)) == slot
 
 
 def test_the_last_words_of_a_process_that_has_not_read_everything_are_told() -> None:

@@ -36,7 +36,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.logger import Logger
 from rt_robot_os.devices.ublox import corrections
 from rt_robot_os.devices.ublox import wire
-from rt_robot_os.devices.ublox.corrections import Corrections
+from rt_robot_os.devices.ublox.corrections import RtcmCorrections
 from rt_robot_os.devices.ublox.driver import Ublox
 from rt_robot_os.devices.ublox.rtcm import crc24q
 from rt_robot_os.devices.ublox.rtcm import message
@@ -101,11 +101,11 @@ def station() -> Iterator[socket.socket]:
         yield listener
 
 
-def source(port: str) -> Corrections:
-    return Corrections('gps', port, 0, Logger('gps'))
+def source(port: str) -> RtcmCorrections:
+    return RtcmCorrections('gps', port, 0, Logger('gps'))
 
 
-def maintain_until(made: Corrections, condition: Callable[[], bool], now_ns: int = S) -> None:
+def maintain_until(made: RtcmCorrections, condition: Callable[[], bool], now_ns: int = S) -> None:
     deadline = time.monotonic() + 60
     while not condition():
         assert time.monotonic() < deadline, made.problem

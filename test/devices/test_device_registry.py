@@ -29,21 +29,21 @@ from rt_robot_os import devices
 from rt_robot_os.base import features
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.bmp280.driver import Bmp280
-from rt_robot_os.devices.recognise import known_chips
-from rt_robot_os.devices.recognise import Recognisers
 from rt_robot_os.devices.registry import DRIVERS
+from rt_robot_os.devices.signatures import known_chips
+from rt_robot_os.devices.signatures import SignatureTable
 from rt_robot_os.devices.simulators import SIMULATORS
 
 FILES = {
     'their_lidar/__init__.py':
-        'from rt_robot_os.devices import DeviceParts, Recogniser\n'
-        "PARTS = DeviceParts(driver='.driver:Lidar', twin='.twin:SimulatedLidar',\n"
-        "                    recognisers=(Recogniser('lidar frames', '.wire:is_lidar'),),\n"
+        'from rt_robot_os.devices import DeviceParts, Signature\n'
+        "PARTS = DeviceParts(driver='.driver:Lidar', simulated='.simulated:SimulatedLidar',\n"
+        "                    signatures=(Signature('lidar frames', '.wire:is_lidar'),),\n"
         "                    chips='.wire:CHIPS')\n",
     'their_lidar/driver.py':
         'from rt_robot_os.devices.nmea.driver import NmeaGps\n'
         'class Lidar(NmeaGps):\n    pass\n',
-    'their_lidar/twin.py':
+    'their_lidar/simulated.py':
         'from rt_robot_os.devices.nmea.simulated import SimulatedNmea\n'
         'class SimulatedLidar(SimulatedNmea):\n    pass\n',
     'their_lidar/wire.py':
@@ -66,9 +66,9 @@ FILES = {
         'from their_lidar.driver import Lidar\n'
         'PARTS = DeviceParts(driver=Lidar)\n',
     'their_comma.py':
-        'from rt_robot_os.devices import DeviceParts, Recogniser\n'
+        'from rt_robot_os.devices import DeviceParts, Signature\n'
         "PARTS = DeviceParts(driver='their_lidar.driver:Lidar',\n"
-        "                    recognisers=(Recogniser('frames', '.wire:is_it')))\n",
+        "                    signatures=(Signature('frames', '.wire:is_it')))\n",
     'their_drivers-1.0.dist-info/METADATA':
         'Metadata-Version: 2.1\nName: their-drivers\nVersion: 1.0\n',
     'their_drivers-1.0.dist-info/entry_points.txt':
@@ -89,7 +89,7 @@ FILES = {
         'old_lidar = their_lidar.driver:Lidar\n'
         'lidar = their_broken:X\n'
         '[rt_robot_os.simulators]\n'
-        'old_lidar = their_lidar.twin:SimulatedLidar\n',
+        'old_lidar = their_lidar.simulated:SimulatedLidar\n',
 }
 
 
@@ -137,21 +137,21 @@ def test_a_folder_with_a_driver_is_a_device() -> None:
     assert named == set(DRIVERS.names()) - set(DRIVERS.foreign_names())
 
 
-def test_drivers_bring_no_twins_and_twins_no_drivers() -> None:
+def test_drivers_import_no_simulated_devices_and_these_no_drivers() -> None:
     drivers = imported_by(
         'from rt_robot_os.devices.registry import DRIVERS\n'
-        'from rt_robot_os.devices.recognise import RECOGNISERS\n'
+        'from rt_robot_os.devices.signatures import RECOGNISERS\n'
         "[DRIVERS.load(name) for name in ('bmp280', 'nmea')]\nRECOGNISERS.prepare()")
     assert 'rt_robot_os.devices.ublox.wire' in drivers
-    assert [name for name in drivers if name.endswith('.twin')] == []
+    assert [name for name in drivers if name.endswith('.simulated')] == []
     assert not any(name.startswith('rt_robot_os.sim') for name in drivers)
-    twins = imported_by(
+    simulated = imported_by(
         'from rt_robot_os.devices.simulators import SIMULATORS\nSIMULATORS.names()\n'
         "[SIMULATORS.load(name) for name in ('bmp280', 'nmea')]")
-    assert 'rt_robot_os.devices.bmp280.simulated' in twins
-    assert [name for name in twins if name.endswith('.driver')] == []
+    assert 'rt_robot_os.devices.bmp280.simulated' in simulated
+    assert [name for name in simulated if name.endswith('.driver')] == []
     # What drivers derive from would bring NumPy and the topics: three times the start.
-    assert not {'numpy', 'serial', 'rt_robot_os.devices.device', 'rt_robot_os.topics'} & twins
+    assert not {'numpy', 'serial', 'rt_robot_os.devices.device', 'rt_robot_os.topics'} & simulated
 
 
 def test_the_front_for_authors_of_drivers_is_whole_and_imports_what_is_asked_for() -> None:
@@ -172,11 +172,11 @@ def test_an_unknown_name_lists_what_exists() -> None:
 @pytest.mark.usefixtures('other_package')
 def test_a_device_of_another_package_is_the_same_thing() -> None:
     assert 'lidar' in DRIVERS.names() and 'lidar' in SIMULATORS.names()
-    assert 'their_lidar' not in sys.modules or 'their_lidar.twin' not in sys.modules
+    assert 'their_lidar' not in sys.modules or 'their_lidar.simulated' not in sys.modules
     assert DRIVERS.load('lidar').__name__ == 'Lidar'
-    assert 'their_lidar.twin' not in sys.modules
+    assert 'their_lidar.simulated' not in sys.modules
     assert SIMULATORS.load('lidar').__name__ == 'SimulatedLidar'
-    assert Recognisers().recognised(b'LIDAR 1 LIDAR 2', 9600) == (
+    assert SignatureTable().identify(b'LIDAR 1 LIDAR 2', 9600) == (
         'these are lidar frames at 9600 baud: set type: lidar, or swap the ports')
 
 
@@ -210,7 +210,7 @@ def test_chips_of_another_package_are_named_too() -> None:
 
 
 @pytest.mark.usefixtures('other_package')
-def test_a_device_needs_no_twin() -> None:
+def test_a_device_needs_no_simulated_device() -> None:
     assert DRIVERS.load('lonely').__name__ == 'Lidar'
     assert 'lonely' not in SIMULATORS.names()
     with pytest.raises(ConfigError, match="no simulated device for the driver 'lonely': use one"):
@@ -224,14 +224,14 @@ def test_a_device_needs_no_twin() -> None:
     ('number', 'not a class derived from Device'), ('other', 'not a class derived from Device'),
     ('bare', r'must declare PARTS = DeviceParts\(...\)'),
     ('object', "driver = <class 'their_lidar.driver.Lidar'>: must be a name in quotes"),
-    ('comma', 'must be a tuple of Recogniser, also of one')])
+    ('comma', 'must be a tuple of Signature, also of one')])
 def test_a_broken_driver_is_reported_and_the_others_work(name: str, message: str) -> None:
     with pytest.raises(ConfigError, match=f'{name}.*{message}'):
         DRIVERS.load(name)
     assert DRIVERS.load('lidar').__name__ == 'Lidar'
     assert DRIVERS.load('nmea').__name__ == 'NmeaGps'
     assert any(name in problem for problem in DRIVERS.problems())
-    assert 'lidar frames' in Recognisers().recognised(b'LIDAR LIDAR', 0)
+    assert 'lidar frames' in SignatureTable().identify(b'LIDAR LIDAR', 0)
 
 
 @pytest.mark.usefixtures('other_package')

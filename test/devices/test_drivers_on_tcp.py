@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every serial driver with its twin on a network: the same samples as on a line."""
+"""Every serial driver with its simulated device on a network: the same samples as on a line."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ KINDS = [name for name in DRIVERS.names()
 
 @pytest.fixture(params=KINDS)
 def on_tcp(request: pytest.FixtureRequest) -> Iterator[Rig]:
-    """Give a driver and its twin, connected over TCP."""
-    driver, twin = DRIVERS.load(request.param), SIMULATORS.load(request.param)
+    """Give a driver and its simulated device, connected over TCP."""
+    driver, simulator = DRIVERS.load(request.param), SIMULATORS.load(request.param)
     plug = TcpPlug(0)
-    simulated: Any = twin('sim', {}, plug)  # type: ignore[call-arg]
+    simulated: Any = simulator('sim', {}, plug)  # type: ignore[call-arg]
     plug.plug()
     given = {f.name: GIVEN[f.name] for f in driver.fields() if f.name in GIVEN}
     made = Rig(simulated, driver('dut', settings_of(driver, port=plug.url, **given)))

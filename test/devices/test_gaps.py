@@ -62,8 +62,8 @@ def wait_for_bytes(descriptor: int | None, count: int) -> None:
 
 @pytest.fixture(params=sorted(BOARDS))
 def robot(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[BoardRobot]:
-    driver, twin, sim, settings = BOARDS[request.param]
-    with board_robot(tmp_path, driver, twin, sim, command_timeout_s=5.0, **settings) as made:
+    driver, simulated, sim, settings = BOARDS[request.param]
+    with board_robot(tmp_path, driver, simulated, sim, command_timeout_s=5.0, **settings) as made:
         made.steer(0.2)
         made.run(3000)
         assert made.device.is_moving()
@@ -109,18 +109,18 @@ def test_the_time_of_a_gap_is_no_silence_of_the_device(robot: BoardRobot) -> Non
 
 
 def test_what_lay_in_the_port_may_be_as_old_as_the_gap(tmp_path: Path) -> None:
-    driver, twin, sim, settings = BOARDS['kobuki']  # it sends by itself
-    with board_robot(tmp_path, driver, twin, sim, **settings) as robot:
+    driver, simulated, sim, settings = BOARDS['kobuki']  # it sends by itself
+    with board_robot(tmp_path, driver, simulated, sim, **settings) as robot:
         robot.run(1000)
         joints = robot.readers['joint_states']
         while joints.take():
             pass
         began_ns = robot.kernel.now_ns()
-        descriptor, sent = robot.device.fileno(), robot.twin.port.bytes_sent
+        descriptor, sent = robot.device.fileno(), robot.simulated.port.bytes_sent
         for _ in range(5):
             robot.kernel.clock.spend(100 * MS)
-            robot.twin.pump(robot.kernel.now_ns())
-        wait_for_bytes(descriptor, robot.twin.port.bytes_sent - sent)
+            robot.simulated.pump(robot.kernel.now_ns())
+        wait_for_bytes(descriptor, robot.simulated.port.bytes_sent - sent)
         woke_ns = robot.kernel.now_ns()
         robot.run(40)
         stamps = []

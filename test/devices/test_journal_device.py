@@ -170,13 +170,13 @@ def test_damage_in_the_middle_is_told_and_the_rest_kept(
 
 
 def test_a_simulated_journal_is_the_real_thing_and_may_be_full(tmp_path: Path) -> None:
-    twin = SimulatedJournal('journal', {'faults': ['full at 5 for 20']}, tmp_path / 'sim')
-    twin.pump(0)
-    one = Rig(twin.path)
+    simulated = SimulatedJournal('journal', {'faults': ['full at 5 for 20']}, tmp_path / 'sim')
+    simulated.pump(0)
+    one = Rig(simulated.path)
     try:
         for number, now_s in enumerate((0, 10)):
             one.device.open()
-            twin.pump(now_s * NS_PER_S)  # starts its process, and befalls it
+            simulated.pump(now_s * NS_PER_S)  # starts its process, and befalls it
             one.until(lambda: sum('restored' in each for each in one.said) > number)
             one.keep(number + 1)
             if not now_s:
@@ -188,7 +188,7 @@ def test_a_simulated_journal_is_the_real_thing_and_may_be_full(tmp_path: Path) -
         assert [each['generation'] for each in one.said if 'restored' in each] == [1, 0]
     finally:
         one.device.close()
-        twin.close()
+        simulated.close()
 
 
 def test_only_this_user_reads_what_is_about_people(

@@ -38,19 +38,19 @@ from rt_robot_os.testing import ActuatorContract
 from rt_robot_os.testing import DecoderContract
 from rt_robot_os.testing.fakes import scripted
 
-CORE = wire.Core(4711, 2, 1, 4, 65535, 1, -20, 20, 4, 22, 167, 3)
+CORE = wire.CoreSensors(4711, 2, 1, 4, 65535, 1, -20, 20, 4, 22, 167, 3)
 
 
 class TestKobuki(ActuatorContract):
     actuator = Kobuki
-    twin = SimulatedKobuki
+    simulated = SimulatedKobuki
     speed = 0.3
 
     def fill(self, message: Any, speed: float) -> None:
         fill(message, speed)
 
-    def moves(self, twin: Any) -> bool:
-        return any(twin.told)
+    def moves(self, simulated: Any) -> bool:
+        return any(simulated.told)
 
 
 class TestKobukiDecoder(DecoderContract):
@@ -86,11 +86,11 @@ def test_it_drives_as_commanded_and_says_so(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(3000)
     assert robot.managed.state is DeviceState.ACTIVE, robot.managed.reason
-    assert robot.twin.base.velocity == pytest.approx((0.3, 0.0), abs=0.003)
+    assert robot.simulated.base.velocity == pytest.approx((0.3, 0.0), abs=0.003)
     position, velocity = robot.take(
         'joint_states', lambda msg: ([*msg.position], [*msg.velocity]))[-1]
     assert velocity == pytest.approx([0.3 / 0.035] * 2, rel=0.03)
-    assert position == pytest.approx([*robot.twin.base.wheel_angles], abs=0.2)
+    assert position == pytest.approx([*robot.simulated.base.wheel_angles], abs=0.2)
     assert robot.take('battery', lambda msg: (msg.voltage, msg.power_supply_status))[-1] == (
         pytest.approx(16.4), 2)
     assert set(robot.take('bumper')) == {0}
@@ -104,7 +104,7 @@ def test_it_drives_as_commanded_and_says_so(robot: Any) -> None:
 
 def test_its_counters_wrap_and_its_odometry_does_not(robot: Any) -> None:
     # 65536 ticks are 5.6 m: let the left counter begin before its end, the right one at half.
-    robot.twin._zero = 1500, 32768 + 1500
+    robot.simulated._zero = 1500, 32768 + 1500
     robot.run(500)
     resets = robot.counters()['counter_resets']
     robot.steer(0.7)
@@ -123,21 +123,21 @@ def test_it_turns_the_way_that_is_commanded(
     with robot_of(tmp_path, {}, fill=turning) as robot:
         robot.steer(1.0)
         robot.run(1500)
-        assert robot.twin.base.velocity == pytest.approx((linear, angular), abs=0.01)
+        assert robot.simulated.base.velocity == pytest.approx((linear, angular), abs=0.01)
         assert robot.odometry_error_rad() < 0.5
         rate, (z, w) = robot.take('imu/data', lambda msg: (
             msg.angular_velocity.z, (msg.orientation.z, msg.orientation.w)))[-1]
         assert rate == pytest.approx(angular, abs=0.02)
-        assert 2 * math.atan2(z, w) == pytest.approx(robot.twin.base.pose[2], abs=0.05)
+        assert 2 * math.atan2(z, w) == pytest.approx(robot.simulated.base.pose[2], abs=0.05)
 
 
 def test_wheels_of_another_size_are_told_so(tmp_path: Path) -> None:
     # Worn wheels: as the driver has it, not as the base thinks.
     with robot_of(tmp_path, {}, wheel_radius_m=0.034) as robot:
-        robot.twin.base.fit(0.034, wire.SEPARATION_M)
+        robot.simulated.base.fit(0.034, wire.SEPARATION_M)
         robot.steer(0.3)
         robot.run(1500)
-        assert robot.twin.base.velocity[0] == pytest.approx(0.3, abs=0.004)
+        assert robot.simulated.base.velocity[0] == pytest.approx(0.3, abs=0.004)
 
 
 def test_the_gyroscope_can_be_left_out(tmp_path: Path) -> None:
@@ -173,16 +173,17 @@ def test_the_bumper(robot: Any, contact_deg: float, bits: int) -> None:
     robot.run(300)
     robot.take('bumper')
     at = math.radians(contact_deg)
-    reach = robot.twin.base.radius_m + 0.003
-    robot.twin.base._obstacles = lambda x, y, m: [(reach * math.cos(at), reach * math.sin(at))]
+    reach = robot.simulated.base.radius_m + 0.003
+    point = reach * math.cos(at), reach * math.sin(at)
+    robot.simulated.base._obstacles = lambda x, y, m: [point]
     robot.run(25)
     assert (robot.take('bumper') or [0])[-1] == bits
 
 
 def test_in_the_world_it_bumps_into_who_stands_there(robot: Any) -> None:
     # Somebody stands 1 m ahead.
-    robot.twin.world = World(WorldSettings(map='open', people=('anna 0.0 1.0 0.0',)))
-    robot.twin.prepare()
+    robot.simulated.world = World(WorldSettings(map='open', people=('anna 0.0 1.0 0.0',)))
+    robot.simulated.prepare()
     robot.steer(0.3)
     robot.run(2000)
     assert set(robot.take('bumper')) == {0}
@@ -191,7 +192,7 @@ def test_in_the_world_it_bumps_into_who_stands_there(robot: Any) -> None:
     robot.steer(None)
     robot.run(1000)
     assert set(robot.take('bumper')) == {2}, 'it still stands against her'
-    base = robot.twin.world.base
+    base = robot.simulated.world.base
     assert 0.3 < base.pose[0] < 0.8
     assert base.wheel_radius_m == 0.035
     robot.steer(-0.3)
@@ -201,7 +202,7 @@ def test_in_the_world_it_bumps_into_who_stands_there(robot: Any) -> None:
 
 def test_a_base_that_is_lifted_tells_cliff_and_wheel_drop(robot: Any) -> None:
     robot.run(300)
-    robot.twin.lifted = True
+    robot.simulated.lifted = True
     robot.run(100)
     assert robot.take('bumper')[-1] == 24
     assert robot.faults() >> 16 == 0b1100
@@ -210,10 +211,10 @@ def test_a_base_that_is_lifted_tells_cliff_and_wheel_drop(robot: Any) -> None:
 def test_a_button_is_told_when_it_is_pressed(robot: Any) -> None:
     robot.run(300)
     robot.take('buttons')
-    core = robot.twin._core
-    robot.twin._core = lambda: core()._replace(buttons=4)
+    core = robot.simulated._core
+    robot.simulated._core = lambda: core()._replace(buttons=4)
     robot.run(25)
-    robot.twin._core = core
+    robot.simulated._core = core
     robot.run(25)
     assert robot.take('buttons') == [4, 0]
 
@@ -222,35 +223,35 @@ def test_a_button_is_told_when_it_is_pressed(robot: Any) -> None:
 
 def test_nothing_is_sent_while_nothing_is_commanded(robot: Any) -> None:
     robot.run(3000)
-    before = robot.twin._told_ns
+    before = robot.simulated._told_ns
     robot.run(1000)
-    assert robot.twin._told_ns == before, 'it would never stop by itself'
+    assert robot.simulated._told_ns == before, 'it would never stop by itself'
     robot.steer(0.2)
     robot.run(500)
     # This computer stands still.
     now_ns = robot.kernel.now_ns()
-    robot.twin.pump(now_ns + 550_000_000)
-    assert any(robot.twin.told)
-    robot.twin.pump(now_ns + 650_000_000)
-    assert not any(robot.twin.told)
+    robot.simulated.pump(now_ns + 550_000_000)
+    assert any(robot.simulated.told)
+    robot.simulated.pump(now_ns + 650_000_000)
+    assert not any(robot.simulated.told)
 
 
 def test_a_stop_that_is_lost_is_repeated(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(500)
-    obey, stops = robot.twin.obey, []
+    handle_command, stops = robot.simulated.handle_command, []
 
     def lose(data: bytes) -> None:
         if data == wire.velocity_command(0.0, 0.0):
             stops.append(data)
         if len(stops) != 1:
-            obey(data)
+            handle_command(data)
 
-    robot.twin.obey = lose
+    robot.simulated.handle_command = lose
     robot.steer(None)
     robot.run(400)
     assert len(stops) > 2
-    assert not any(robot.twin.told)
+    assert not any(robot.simulated.told)
 
 
 @pytest.mark.parametrize('after_ms', [300, 4000])
@@ -260,18 +261,18 @@ def test_a_base_that_was_switched_off_and_on_costs_no_wrong_odometry(
     robot.run(after_ms)
     assert robot.odometry_error_rad() < 0.5
     robot.faults()
-    before = robot.twin.base.wheel_angles
-    robot.twin.inject('reset', 0.5)
+    before = robot.simulated.base.wheel_angles
+    robot.simulated.inject('reset', 0.5)
     robot.run(520)
-    rolled = robot.twin.base.wheel_angles[0] - before[0]
+    rolled = robot.simulated.base.wheel_angles[0] - before[0]
     for _ in range(100):
         robot.run(10)
-        told, true = robot.device.counters.position_rad, robot.twin.base.wheel_angles
+        told, true = robot.device.counters.position_rad, robot.simulated.base.wheel_angles
         assert -rolled - 0.9 < told[0] - true[0] < 0.5
     assert robot.counters()['counter_resets'] >= 1
     assert robot.faults() & MotorFault.COUNTS_NEW
     assert robot.managed.faults == 0
-    assert any(robot.twin.told), 'it goes on by the commands that come'
+    assert any(robot.simulated.told), 'it goes on by the commands that come'
 
 
 def test_a_computer_that_stood_still_takes_no_base_for_another() -> None:
@@ -293,7 +294,7 @@ def test_a_computer_that_stood_still_takes_no_base_for_another() -> None:
 def test_lost_bytes_cost_packets_and_no_wrong_odometry(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(500)
-    robot.twin.inject('loss', 5.0)
+    robot.simulated.inject('loss', 5.0)
     robot.run(5500)
     statistics = robot.device.statistics()
     assert statistics.rejected_bytes > 1000
@@ -308,15 +309,15 @@ def test_a_broken_encoder_stops_the_robot_within_half_a_second(
         robot: Any, fault: str, bit: MotorFault) -> None:
     robot.steer(0.3)
     robot.run(1000)
-    robot.twin.inject(fault, 10.0)
+    robot.simulated.inject(fault, 10.0)
     robot.run(500)
-    assert not any(robot.twin.told)
+    assert not any(robot.simulated.told)
     assert robot.faults() & bit
 
 
 def test_an_overcurrent_is_told(robot: Any) -> None:
     robot.run(500)
-    robot.twin.inject('overcurrent', 1.0)
+    robot.simulated.inject('overcurrent', 1.0)
     robot.run(500)
     assert robot.faults() >> 16 == 3
     robot.run(1000)
@@ -328,9 +329,9 @@ def test_an_overcurrent_is_told(robot: Any) -> None:
 def test_a_clock_that_stands_still_is_no_news(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(1000)
-    robot.twin.inject('stuck', 10.0)
+    robot.simulated.inject('stuck', 10.0)
     robot.run(900)
-    assert not any(robot.twin.told), 'it drove on what it was told once'
+    assert not any(robot.simulated.told), 'it drove on what it was told once'
     assert robot.faults() & (
         MotorFault.COUNTS_MISSING | MotorFault.LEFT_STANDSTILL | MotorFault.RIGHT_STANDSTILL)
     robot.steer(None)
@@ -348,11 +349,11 @@ def test_unplugged_while_driving_nothing_moves_until_a_new_command(robot: Any) -
     assert robot.managed.state is DeviceState.FAULT
     robot.run(2000)
     assert robot.managed.state is DeviceState.ACTIVE
-    assert not any(robot.twin.told)
+    assert not any(robot.simulated.told)
     assert robot.counters()['counter_resets'] == 0
     robot.steer(0.3)
     robot.run(200)
-    assert any(robot.twin.told)
+    assert any(robot.simulated.told)
 
 
 def test_another_base_in_its_place_is_noticed(robot: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -361,7 +362,7 @@ def test_another_base_in_its_place_is_noticed(robot: Any, monkeypatch: pytest.Mo
     robot.run(20)
     monkeypatch.setattr(
         'rt_robot_os.devices.kobuki.simulated._UNIQUE_ID', struct.pack('<3I', 1, 2, 3))
-    robot.twin._zero = (4321, -999)
+    robot.simulated._zero = (4321, -999)
     before = robot.device.counters.position_rad
     robot.run(2000)
     assert robot.device.counters.position_rad == pytest.approx(before, abs=0.1)
@@ -375,5 +376,5 @@ def test_a_command_beyond_reason_stops_it(robot: Any, speed: float) -> None:
     robot.run(500)
     robot.steer(speed)
     robot.run(100)
-    assert not any(robot.twin.told)
+    assert not any(robot.simulated.told)
     assert robot.faults() & MotorFault.COMMAND_REFUSED

@@ -22,10 +22,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 from rt_robot_os.devices.kobuki import wire
-from rt_robot_os.devices.kobuki.wire import Core
+from rt_robot_os.devices.kobuki.wire import CoreSensors
 from rt_robot_os.devices.kobuki.wire import KobukiDecoder
 
-CORE = Core(4711, 2, 1, 4, 65535, 1, -20, 20, 4, 22, 167, 3)
+CORE = CoreSensors(4711, 2, 1, 4, 65535, 1, -20, 20, 4, 22, 167, 3)
 
 
 def frame(*parts: tuple[int, bytes]) -> wire.KobukiFrame:

@@ -12,7 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The MS5611: the examples of data sheet and note, the second order, its commands, its twin."""
+"""
+The MS5611: the examples of data sheet and note, the second order, commands, simulated device.
+"""
 
 from __future__ import annotations
 

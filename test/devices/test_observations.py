@@ -40,10 +40,10 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.devices.camera.orders import OBSERVED_BYTES
-from rt_robot_os.devices.camera.orders import order_of
-from rt_robot_os.devices.camera.orders import OrderDesk
-from rt_robot_os.devices.capture.avi import Frame
+from rt_robot_os.devices.camera.requests import ObservationRequests
+from rt_robot_os.devices.camera.requests import OBSERVED_BYTES
+from rt_robot_os.devices.camera.requests import parse_request
+from rt_robot_os.devices.capture.avi import AviFrame
 from rt_robot_os.devices.capture.avi import laid_out
 from rt_robot_os.devices.capture.avi import write_avi
 from rt_robot_os.devices.capture.observation_folder import file_name
@@ -95,7 +95,7 @@ def test_a_clip_holds_each_picture_at_its_time(steps: list[tuple[int, bytes]], r
     frames, at_ms = [], 5
     for step_ms, jpeg in steps:
         at_ms += step_ms
-        frames.append(Frame(at_ms * NS_PER_MS, jpeg))
+        frames.append(AviFrame(at_ms * NS_PER_MS, jpeg))
     file = io.BytesIO()
     count = write_avi(file, frames, 64, 48, rate_hz)
     pictures, head, index = movie(file.getvalue())
@@ -128,7 +128,7 @@ def test_the_ring_keeps_no_more_than_it_may(steps: list[tuple[int, int]], second
     ring, at_ms, given_frames = ClipRing(seconds, most), 0, []
     for step_ms, size in steps:
         at_ms += step_ms
-        frame = Frame(at_ms * NS_PER_MS, bytes(size))
+        frame = AviFrame(at_ms * NS_PER_MS, bytes(size))
         ring.add(frame)
         given_frames.append(frame)
         kept = ring.since(0)
@@ -140,8 +140,8 @@ def test_the_ring_keeps_no_more_than_it_may(steps: list[tuple[int, int]], second
 # ---- the folder ------------------------------------------------------------------------------
 
 def keep(folder: ObservationFolder, size: int = 10, **more: Any) -> Any:
-    return folder.keep(('anna', 'a1', 'picture'), '.jpg', size,
-                       more.get('write', lambda file: file.write(bytes(size))))
+    return folder.store(('anna', 'a1', 'picture'), '.jpg', size,
+                        more.get('write', lambda file: file.write(bytes(size))))
 
 
 def test_the_oldest_files_make_room_and_no_others(tmp_path: Path) -> None:
@@ -205,7 +205,7 @@ _ANY = st.one_of(st.none(), st.booleans(), st.floats(), st.integers(), st.text(m
     st.sampled_from(['order', 'alarm', 'subject', 'before_s', 'after_s', 'id', 'x']),
     _ANY | st.sampled_from(['clip', 'picture', 2.5])).map(json.dumps)))
 def test_whatever_is_ordered_is_answered(text: str) -> None:
-    desk = OrderDesk('eye', {'observe_topic': 'x', 'clip_s': 5.0})
+    desk = ObservationRequests('eye', {'observe_topic': 'x', 'clip_s': 5.0})
     handed: list[dict[str, Any]] = []
     told = desk.take(text, 1, 2, lambda order: handed.append(order) or '')  # type: ignore
     assert (told is None) == bool(handed)
@@ -214,17 +214,17 @@ def test_whatever_is_ordered_is_answered(text: str) -> None:
 
 
 def test_an_order_is_bounded() -> None:
-    order = order_of(json.dumps({'order': 'clip', 'alarm': 'a' * 99, 'before_s': 99,
-                                 'after_s': 1e9, 'id': -1}), 5.0)
+    order = parse_request(json.dumps({'order': 'clip', 'alarm': 'a' * 99, 'before_s': 99,
+                                      'after_s': 1e9, 'id': -1}), 5.0)
     assert (order['before_s'], order['after_s'], len(order['alarm']), order['id']) == (
         5.0, 60.0, 64, 0)
     for odd in ({'before_s': True}, {'after_s': 'x'}, {'after_s': float('nan')}):
         with pytest.raises(ValueError, match='seconds'):
-            order_of(json.dumps({'order': 'clip', **odd}), 5.0)
+            parse_request(json.dumps({'order': 'clip', **odd}), 5.0)
 
 
 def test_an_order_of_long_ago_is_not_carried_out() -> None:
-    desk = OrderDesk('eye', {'observe_topic': 'x', 'clip_s': 5.0})
+    desk = ObservationRequests('eye', {'observe_topic': 'x', 'clip_s': 5.0})
     told = desk.take('{"order":"picture"}', 1, 11 * NS_PER_S, lambda order: pytest.fail())
     assert told is not None and 'was not there' in told['problem']
     assert desk.statistics()['orders_late'] == 1
@@ -277,7 +277,7 @@ def test_a_clip_has_the_seconds_before_and_after(tmp_path: Path, rate_hz: float)
         at_s = number / rate_hz
         made.take(Seen(at_s))
         if abs(at_s - 5.0) < 0.4 / rate_hz:
-            made.order(order('clip', at_s, 1.5, 2.0), 0)
+            made.request(order('clip', at_s, 1.5, 2.0), 0)
     made.close()
     answer, = told
     assert (answer['kind'], answer['id'], answer['subject']) == ('clip', 3, 'anna')
@@ -291,7 +291,7 @@ def test_a_clip_has_the_seconds_before_and_after(tmp_path: Path, rate_hz: float)
 def test_a_clip_without_a_past_has_the_seconds_after(tmp_path: Path) -> None:
     made, told, _ = observations(tmp_path, clip_s=0.0)
     made.take(Seen(1.0))
-    made.order(order('clip', 1.0, 2.0, 1.0), 0)
+    made.request(order('clip', 1.0, 2.0, 1.0), 0)
     for number in range(12):
         made.take(Seen(1.0 + 0.2 * number))
     made.close()
@@ -302,19 +302,19 @@ def test_a_camera_that_ends_leaves_the_clip_that_it_has(tmp_path: Path) -> None:
     made, told, _ = observations(tmp_path)
     for number in range(10):
         made.take(Seen(0.2 * number))
-    made.order(order('clip', 1.8, 2.0, 30.0), 0)
+    made.request(order('clip', 1.8, 2.0, 30.0), 0)
     made.close()
     assert told[0]['frames'] == 10 and Path(told[0]['file']).exists()
 
 
 def test_what_cannot_be_is_answered_with_its_problem(tmp_path: Path) -> None:
     made, told, eye = observations(tmp_path, observations_mb=1e-6)
-    made.order(order('picture', 1.0), 0)
-    made.order(order('dance', 1.0), 0)
+    made.request(order('picture', 1.0), 0)
+    made.request(order('dance', 1.0), 0)
     for _ in range(5):
-        made.order(order('clip', 1.0, 1.0, 1.0), 0)
+        made.request(order('clip', 1.0, 1.0, 1.0), 0)
     eye.broken = True
-    made.order(order('picture', 1.0), 0)
+    made.request(order('picture', 1.0), 0)
     made.close()
     problems = ' '.join(answer['problem'] for answer in told)
     for part in ('observations_mb', "'dance'", '4 clips', 'it is dark', 'no picture has come'):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The driver of ODrive motor controllers and its simulated twin."""
+"""The driver of ODrive motor controllers and its simulated device."""
 
 from __future__ import annotations
 
@@ -62,15 +62,15 @@ def forward(message: Any, speed: float) -> None:
 
 class TestOdrive(ActuatorContract):
     actuator = Odrive
-    twin = SimulatedOdrive
+    simulated = SimulatedOdrive
     speed = 0.3
     changes = {**ROBOT, 'watchdog_s': 5.0}
 
     def fill(self, message: Any, speed: float) -> None:
         forward(message, speed)
 
-    def moves(self, twin: Any) -> bool:
-        return bool(twin.is_driving)
+    def moves(self, simulated: Any) -> bool:
+        return bool(simulated.is_driving)
 
 
 class TestOdriveWithoutChecksums(TestOdrive):
@@ -132,10 +132,10 @@ def test_its_bytes_are_recognised() -> None:
     (b'r vbus_voltage *93v 0 1\n', said('12.300000')), (b'x *88\n', said('unknown command'))])
 def test_the_twin_answers_as_the_firmware_does(tmp_path: Path, line: bytes, answer: bytes
                                                ) -> None:
-    twin = SimulatedOdrive('twin', {}, PtyPort(tmp_path / 'odrive'), 0)
+    simulated = SimulatedOdrive('simulated', {}, PtyPort(tmp_path / 'odrive'), 0)
     heard: list[bytes] = []
-    twin.reply = lambda data: bool(heard.append(data)) or True  # type: ignore[method-assign]
-    twin.obey(line)
+    simulated.reply = lambda data: bool(heard.append(data)) or True  # type: ignore[method-assign]
+    simulated.handle_command(line)
     assert b''.join(heard) == answer
 
 
@@ -146,7 +146,7 @@ class Robot:
 
     def __init__(self, rig: ActuatorRig) -> None:
         self.rig = rig
-        self.twin: Any = rig.twin
+        self.simulated: Any = rig.simulated
         self.samples: list[tuple[float, float]] = []
         self._joints = rig.bus.subscribe('joint_states', 'test')
         self._faults = rig.bus.subscribe('motor_faults', 'test')
@@ -201,9 +201,9 @@ def test_it_drives_as_fast_as_it_is_told(tmp_path: Path, changes: dict[str, Any]
         message.linear.x, message.angular.z = speed, speed
     with robot(tmp_path, fill=turning, **changes) as made:
         made.drive(0.3, 2000)
-        assert made.twin.base.velocity == pytest.approx((0.3, 0.3), rel=0.02)
+        assert made.simulated.base.velocity == pytest.approx((0.3, 0.3), rel=0.02)
         made.stand()
-        assert made.samples[-1] == pytest.approx(made.twin.base.wheel_angles, abs=1e-4)
+        assert made.samples[-1] == pytest.approx(made.simulated.base.wheel_angles, abs=1e-4)
         assert made.faults == 0
         assert made.rig.counters()['lost_replies'] == 0
         assert made.rig.managed.faults == 0
@@ -212,18 +212,18 @@ def test_it_drives_as_fast_as_it_is_told(tmp_path: Path, changes: dict[str, Any]
 def test_no_axis_is_closed_before_the_first_command(tmp_path: Path) -> None:
     with robot(tmp_path) as made:
         made.rig.run(1000)
-        assert [axis.state for axis in made.twin.axes] == [wire.IDLE, wire.IDLE]
-        assert [axis.watched for axis in made.twin.axes] == [True, True]
+        assert [axis.state for axis in made.simulated.axes] == [wire.IDLE, wire.IDLE]
+        assert [axis.watched for axis in made.simulated.axes] == [True, True]
         assert made.rig.managed.state is DeviceState.ACTIVE
 
 
 def test_its_watchdog_takes_over_when_the_computer_is_gone(tmp_path: Path) -> None:
     with robot(tmp_path, watchdog_s=0.4) as made:
         made.drive(0.3, 1000)
-        made.twin.inject('unplug', 5.0)
+        made.simulated.inject('unplug', 5.0)
         made.rig.run(450)
-        assert [axis.state for axis in made.twin.axes] == [wire.IDLE, wire.IDLE]
-        assert made.twin.axes[0].error == wire.WATCHDOG_ERROR
+        assert [axis.state for axis in made.simulated.axes] == [wire.IDLE, wire.IDLE]
+        assert made.simulated.axes[0].error == wire.WATCHDOG_ERROR
 
 
 @pytest.mark.parametrize('firmware, text', [('0.5', r'error 0x40 \(motor failed\)'),
@@ -231,30 +231,30 @@ def test_its_watchdog_takes_over_when_the_computer_is_gone(tmp_path: Path) -> No
 def test_an_error_of_an_axis_stops_both_wheels(tmp_path: Path, firmware: str, text: str) -> None:
     with robot(tmp_path, firmware=firmware) as made:
         made.drive(0.3, 1000)
-        made.twin.inject('overcurrent', 0.5)
+        made.simulated.inject('overcurrent', 0.5)
         made.rig.run(500)
-        assert not made.twin.is_driving
+        assert not made.simulated.is_driving
         assert made.board_faults & 1
         assert re.search(r'axis0 \(left wheel\) has ' + text, made.reason)
         made.rig.run(2000)
-        assert not made.twin.is_driving, 'whoever goes on commanding has noticed nothing'
+        assert not made.simulated.is_driving, 'whoever goes on commanding has noticed nothing'
         made.drive(0.0, 100)
         made.drive(0.3, 1000)
-        assert made.twin.is_driving
+        assert made.simulated.is_driving
         assert (made.faults, made.reason) == (0, '')
 
 
 def test_a_controller_that_is_not_calibrated_is_told(tmp_path: Path) -> None:
     with robot(tmp_path, sim={'calibrated': False}) as made:
         made.drive(0.3, 3000)
-        assert not made.twin.is_driving
+        assert not made.simulated.is_driving
         assert 'axis0 (left wheel) has error 0x1 (invalid state)' in made.reason
         assert made.board_faults & 4
 
 
 def test_a_controller_without_the_second_axis_is_told(tmp_path: Path) -> None:
     with robot(tmp_path) as made:
-        made.twin._numbers = 0, 5
+        made.simulated._numbers = 0, 5
         made.rig.run(1500)
         assert made.rig.managed.faults >= 1
         reasons = [report.text for report in made.rig.reports.since(0)[2]]
@@ -265,9 +265,9 @@ def test_a_controller_without_the_second_axis_is_told(tmp_path: Path) -> None:
 def test_a_command_that_is_no_speed_stops_it(tmp_path: Path, speed: float) -> None:
     with robot(tmp_path) as made:
         made.drive(0.3, 1000)
-        assert made.twin.is_driving
+        assert made.simulated.is_driving
         made.drive(speed, 200)
-        assert not made.twin.is_driving
+        assert not made.simulated.is_driving
         assert made.faults & MotorFault.COMMAND_REFUSED
 
 
@@ -276,9 +276,9 @@ def test_a_broken_encoder_stops_it_within_half_a_second(
         tmp_path: Path, fault: str, bit: int) -> None:
     with robot(tmp_path) as made:
         made.drive(0.3, 1000)
-        made.twin.inject(fault, 10.0)
+        made.simulated.inject(fault, 10.0)
         made.rig.run(500)
-        assert not made.twin.is_driving
+        assert not made.simulated.is_driving
         assert made.faults == bit
 
 
@@ -286,42 +286,42 @@ def test_unplugged_while_it_drives_nothing_is_lost(tmp_path: Path) -> None:
     with robot(tmp_path, watchdog_s=0.3) as made:
         made.drive(0.3, 1000)
         made.rig.steer(None)
-        made.twin.inject('unplug', 0.6)
+        made.simulated.inject('unplug', 0.6)
         made.rig.run(590)
         assert made.rig.managed.state is DeviceState.FAULT
         made.rig.run(600)
         assert made.rig.managed.state is DeviceState.ACTIVE
-        assert not made.twin.is_driving
+        assert not made.simulated.is_driving
         made.stand()
         # Its counters had gone on, by less than wheels can turn in a second.
-        assert made.samples[-1] == pytest.approx(made.twin.base.wheel_angles, abs=1e-4)
+        assert made.samples[-1] == pytest.approx(made.simulated.base.wheel_angles, abs=1e-4)
         made.drive(0.3, 1000)
-        assert made.twin.is_driving
+        assert made.simulated.is_driving
 
 
 def test_a_reset_while_it_drives_moves_nothing(tmp_path: Path) -> None:
     with robot(tmp_path) as made:
         made.drive(0.3, 2000)
-        made.twin.inject('reset', 0.2)
+        made.simulated.inject('reset', 0.2)
         made.rig.run(2500)
         assert max(map(abs, made.steps())) < 0.5
         assert made.rig.counters()['counter_resets'] == 1
-        assert [axis.watched for axis in made.twin.axes] == [True, True]
+        assert [axis.watched for axis in made.simulated.axes] == [True, True]
         made.stand()
         made.drive(0.3, 1000)
-        assert made.twin.is_driving
+        assert made.simulated.is_driving
 
 
 def test_lost_bytes_cost_no_odometry(tmp_path: Path) -> None:
     with robot(tmp_path) as made:
         made.drive(0.2, 500)
-        made.twin.inject('loss', 8.0)
+        made.simulated.inject('loss', 8.0)
         for speed in (0.2, -0.2, 0.3, 0.1):
             made.drive(speed, 2000)
         assert made.rig.counters()['lost_replies'] > 10
         assert made.rig.managed.faults == 0
         made.stand()
-        assert made.samples[-1] == pytest.approx(made.twin.base.wheel_angles, abs=1e-4)
+        assert made.samples[-1] == pytest.approx(made.simulated.base.wheel_angles, abs=1e-4)
 
 
 def test_voltage_and_current_are_those_of_the_battery(tmp_path: Path) -> None:
@@ -344,12 +344,12 @@ def test_both_wheels_on_one_axis_are_refused() -> None:
 def test_whatever_befalls_the_line_costs_no_odometry(tmp_path: Path, fault: str) -> None:
     with robot(tmp_path, watchdog_s=5.0) as made:
         made.drive(0.3, 1000)
-        made.twin.inject(fault, 0.8)
+        made.simulated.inject(fault, 0.8)
         made.rig.run(3000)
         assert made.rig.managed.state is DeviceState.ACTIVE, made.reason
-        assert made.twin.is_driving, 'commands go on, so does it'
+        assert made.simulated.is_driving, 'commands go on, so does it'
         made.stand()
-        assert made.samples[-1] == pytest.approx(made.twin.base.wheel_angles, abs=1e-4)
+        assert made.samples[-1] == pytest.approx(made.simulated.base.wheel_angles, abs=1e-4)
         assert made.rig.counters()['counter_resets'] == 0
 
 

@@ -40,15 +40,15 @@ from rt_robot_os.testing import settings_of
 
 class TestRoboClaw(ActuatorContract):
     actuator = RoboClaw
-    twin = SimulatedRoboClaw
+    simulated = SimulatedRoboClaw
     speed = 0.3
     changes = WHEELS
 
     def fill(self, message: Any, speed: float) -> None:
         fill(message, speed)
 
-    def moves(self, twin: Any) -> bool:
-        return bool(twin.unit.drive.moves)
+    def moves(self, simulated: Any) -> bool:
+        return bool(simulated.unit.drive.moves)
 
 
 @pytest.fixture
@@ -67,12 +67,12 @@ def test_it_drives_as_commanded_and_says_so(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(2000)
     assert robot.managed.state is DeviceState.ACTIVE, robot.managed.reason
-    assert robot.twin.base.velocity[0] == pytest.approx(0.3, rel=0.01)
+    assert robot.simulated.base.velocity[0] == pytest.approx(0.3, rel=0.01)
     samples = robot.take('joint_states', lambda msg: ([*msg.position], [*msg.velocity]))
     assert len(samples) == pytest.approx(14, abs=2), 'the last that the topic keeps'
     position, velocity = samples[-1]
     assert velocity == pytest.approx([6.0, 6.0], rel=0.03)
-    assert position == pytest.approx([*robot.twin.base.wheel_angles], abs=0.3)
+    assert position == pytest.approx([*robot.simulated.base.wheel_angles], abs=0.3)
     assert robot.take('battery', lambda msg: msg.voltage)[-1] == pytest.approx(12.3)
     assert robot.faults() == 0
     counters = robot.counters()
@@ -114,17 +114,17 @@ def test_wheels_wired_otherwise_turn_the_same_way(
         robot._fill = lambda message, speed: setattr(message.angular, 'z', speed)
         robot.steer(1.0)
         robot.run(1500)
-        assert robot.twin.base.velocity == pytest.approx((0.0, 1.0), abs=0.02)
+        assert robot.simulated.base.velocity == pytest.approx((0.0, 1.0), abs=0.02)
         assert robot.odometry_error_rad() < 0.3
         assert robot.device.counters.velocity_rad_s == pytest.approx((-3.0, 3.0), abs=0.2)
 
 
 def test_in_the_world_it_moves_the_robot_there(robot: Any) -> None:
-    robot.twin.world = World(WorldSettings(map='open', start=(1.0, 2.0, math.pi / 2)))
-    robot.twin.prepare()
+    robot.simulated.world = World(WorldSettings(map='open', start=(1.0, 2.0, math.pi / 2)))
+    robot.simulated.prepare()
     robot.steer(0.3)
     robot.run(2000)
-    x, y, yaw = robot.twin.world.base.pose
+    x, y, yaw = robot.simulated.world.base.pose
     assert (x, yaw) == (pytest.approx(1.0), pytest.approx(math.pi / 2))
     wheel_rad = robot.device.counters.position_rad[0]
     assert y - 2.0 == pytest.approx(wheel_rad * 0.05, abs=0.02)
@@ -133,13 +133,13 @@ def test_in_the_world_it_moves_the_robot_there(robot: Any) -> None:
 def test_its_own_watchdog_is_set_and_stops_it(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(500)
-    assert robot.twin.unit.timeout_tenths == 3
+    assert robot.simulated.unit.timeout_tenths == 3
     # This computer stands still: nothing is sent any more.
     now_ns = robot.kernel.now_ns()
-    robot.twin.pump(now_ns + 250_000_000)
-    assert robot.twin.unit.drive.moves
-    robot.twin.pump(now_ns + 560_000_000)
-    assert not robot.twin.unit.drive.moves
+    robot.simulated.pump(now_ns + 250_000_000)
+    assert robot.simulated.unit.drive.moves
+    robot.simulated.pump(now_ns + 560_000_000)
+    assert not robot.simulated.unit.drive.moves
 
 
 def test_an_acceleration_is_left_to_the_unit_and_a_stop_is_at_once(tmp_path: Path) -> None:
@@ -147,23 +147,23 @@ def test_an_acceleration_is_left_to_the_unit_and_a_stop_is_at_once(tmp_path: Pat
         robot.run(200)
         robot.steer(0.5)
         robot.run(520)
-        assert robot.twin.base.velocity[0] == pytest.approx(0.25, abs=0.05)
+        assert robot.simulated.base.velocity[0] == pytest.approx(0.25, abs=0.05)
         robot.run(800)
-        assert robot.twin.base.velocity[0] == pytest.approx(0.5, abs=0.01)
+        assert robot.simulated.base.velocity[0] == pytest.approx(0.5, abs=0.01)
         robot.steer(0.0)
         robot.run(30)
-        assert not robot.twin.unit.drive.moves
+        assert not robot.simulated.unit.drive.moves
 
 
 def test_the_velocity_control_is_left_alone_unless_it_is_set(tmp_path: Path) -> None:
     with robot_of(tmp_path, {}) as robot:
         robot.run(300)
-        assert robot.twin.unit.gains == {}
+        assert robot.simulated.unit.gains == {}
     gains = {'velocity_p': 1.0, 'velocity_i': 0.5, 'velocity_d': 0.25, 'velocity_qpps': 44000}
     with robot_of(tmp_path, {}, **gains) as robot:
         robot.run(300)
         expected = wire.gains(0x80, wire.SET_PID_1, 1.0, 0.5, 0.25, 44000).data[2:-2]
-        assert robot.twin.unit.gains == {wire.SET_PID_1: expected, wire.SET_PID_2: expected}
+        assert robot.simulated.unit.gains == {wire.SET_PID_1: expected, wire.SET_PID_2: expected}
     with pytest.raises(ConfigError, match='velocity_qpps 0: measure the speed'):
         RoboClaw('base', settings_of(RoboClaw, port='x', velocity_p=1.0, **WHEELS))
 
@@ -174,29 +174,29 @@ def test_a_command_beyond_reason_stops_it(robot: Any, speed: float) -> None:
     robot.run(500)
     robot.steer(speed)
     robot.run(100)
-    assert not robot.twin.unit.drive.moves
+    assert not robot.simulated.unit.drive.moves
     assert robot.faults() & MotorFault.COMMAND_REFUSED
     robot.steer(0.3)
     robot.run(100)
-    assert robot.twin.unit.drive.moves
+    assert robot.simulated.unit.drive.moves
 
 
 def test_a_stop_goes_before_everything_else(tmp_path: Path) -> None:
     # At 9600 baud one turn takes 40 ms on the line.
     with robot_of(tmp_path, {}, answer_timeout_s=0.1, output_rate_hz=10.0) as robot:
-        robot.twin._line.byte_ns = 1_041_666
+        robot.simulated._line.byte_ns = 1_041_666
         robot.steer(0.3)
         robot.run(1010)
-        assert robot.twin.unit.drive.moves
+        assert robot.simulated.unit.drive.moves
         for step in range(12):
             robot.run(7 + step)
             robot.steer(None)
             robot.publish(0.3)
             robot.run(100)
-            assert robot.twin.unit.drive.moves
+            assert robot.simulated.unit.drive.moves
             robot.publish(0.0)
             robot.run(2)
-            assert not robot.twin.unit.drive.moves, 'the stop waited for an answer'
+            assert not robot.simulated.unit.drive.moves, 'the stop waited for an answer'
         robot.run(500)
         assert robot.counters()['retries'] == 0, 'nothing was lost'
         assert not robot.faults() & MotorFault.LINE
@@ -212,28 +212,28 @@ def test_a_unit_that_loses_its_power_costs_no_wrong_odometry(
     robot.run(after_ms)
     assert robot.odometry_error_rad() < 0.3
     robot.faults()
-    before = robot.twin.base.wheel_angles
-    robot.twin.inject('reset', 0.25)
+    before = robot.simulated.base.wheel_angles
+    robot.simulated.inject('reset', 0.25)
     robot.run(260)
     # What it turned without power and until it is set up again may be missing, and no more.
-    rolled = robot.twin.base.wheel_angles[0] - before[0]
+    rolled = robot.simulated.base.wheel_angles[0] - before[0]
     for _ in range(100):
         robot.run(10)
-        told, true = robot.device.counters.position_rad, robot.twin.base.wheel_angles
+        told, true = robot.device.counters.position_rad, robot.simulated.base.wheel_angles
         assert -rolled - 0.9 < told[0] - true[0] < 0.3
     assert robot.counters()['counter_resets'] == 1
     assert robot.faults() & MotorFault.COUNTS_NEW
     assert robot.managed.faults == 0
     # It is set up again, and goes on by the commands that come.
-    assert robot.twin.unit.timeout_tenths == 3
-    assert robot.twin.unit.drive.moves
+    assert robot.simulated.unit.timeout_tenths == 3
+    assert robot.simulated.unit.drive.moves
     assert robot.counters()['set_ups'] == 2
 
 
 def test_lost_bytes_cost_repetitions_and_no_wrong_odometry(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(500)
-    robot.twin.inject('loss', 5.0)
+    robot.simulated.inject('loss', 5.0)
     robot.run(5500)
     counters = robot.counters()
     assert counters['retries'] > 10
@@ -241,7 +241,7 @@ def test_lost_bytes_cost_repetitions_and_no_wrong_odometry(robot: Any) -> None:
     assert counters['counter_resets'] == 0
     assert robot.odometry_error_rad() < 0.3
     assert robot.managed.faults == 0
-    assert robot.twin.unit.drive.moves
+    assert robot.simulated.unit.drive.moves
 
 
 @pytest.mark.parametrize('seed', [1, 2, 3])
@@ -251,8 +251,8 @@ def test_noise_is_never_a_movement(robot: Any, seed: int) -> None:
     robot.run(500)
 
     def disturb() -> None:
-        if robot.twin.port.plugged and noise.random() < 0.05:
-            robot.twin.port.write(noise.randbytes(noise.randrange(1, 20)))
+        if robot.simulated.port.plugged and noise.random() < 0.05:
+            robot.simulated.port.write(noise.randbytes(noise.randrange(1, 20)))
 
     robot.disturb = disturb
     robot.run(3000)
@@ -268,18 +268,19 @@ def test_a_broken_encoder_stops_the_robot_within_half_a_second(
         robot: Any, fault: str, bit: MotorFault) -> None:
     robot.steer(0.3)
     robot.run(1000)
-    robot.twin.inject(fault, 10.0)
+    robot.simulated.inject(fault, 10.0)
     robot.run(520)
-    assert not robot.twin.unit.drive.moves
+    assert not robot.simulated.unit.drive.moves
     assert robot.faults() & bit
     assert 'stands still although it is commanded' in robot.managed.statistics().reason
     robot.run(1000)
-    assert not robot.twin.unit.drive.moves, 'commands that go on say nothing of having noticed'
+    assert not robot.simulated.unit.drive.moves, (
+        'continued commands are no acknowledgement of the fault')
 
 
 def test_an_overcurrent_is_told(robot: Any) -> None:
     robot.run(500)
-    robot.twin.inject('overcurrent', 1.0)
+    robot.simulated.inject('overcurrent', 1.0)
     robot.run(500)
     assert robot.faults() >> 16 == 0x4000
     assert robot.managed.statistics().reason == 'it reports overcurrent of M1'
@@ -294,7 +295,7 @@ def test_an_overcurrent_is_told(robot: Any) -> None:
 def test_the_status_of_old_firmware_is_read_as_well(tmp_path: Path) -> None:
     with robot_of(tmp_path, {'old_status': True}) as robot:
         robot.run(1000)
-        robot.twin.inject('overcurrent', 1.0)
+        robot.simulated.inject('overcurrent', 1.0)
         robot.run(500)
         assert robot.faults() >> 16 == 0x4000
         assert robot.counters()['timeouts'] == 1, 'it has to be found out once'
@@ -309,12 +310,12 @@ def test_unplugged_while_driving_nothing_moves_until_a_new_command(robot: Any) -
     assert robot.managed.state is DeviceState.FAULT
     robot.run(2000)
     assert robot.managed.state is DeviceState.ACTIVE
-    assert not robot.twin.unit.drive.moves
+    assert not robot.simulated.unit.drive.moves
     # It kept its power, so that its counters tell what it rolled meanwhile.
     assert robot.counters()['counter_resets'] == 0
     robot.steer(0.3)
     robot.run(200)
-    assert robot.twin.unit.drive.moves
+    assert robot.simulated.unit.drive.moves
 
 
 def test_plugged_in_again_it_goes_on_with_the_commands_that_come(robot: Any) -> None:
@@ -324,18 +325,18 @@ def test_plugged_in_again_it_goes_on_with_the_commands_that_come(robot: Any) -> 
     robot.run(3000)
     assert robot.managed.faults >= 1
     assert robot.managed.state is DeviceState.ACTIVE
-    assert robot.twin.unit.drive.moves, robot.managed.statistics().reason
+    assert robot.simulated.unit.drive.moves, robot.managed.statistics().reason
     assert robot.faults() == 0
 
 
 def test_a_watchdog_that_changed_is_set_again(robot: Any) -> None:
     robot.steer(0.3)
     robot.run(1000)
-    robot.twin.unit.timeout_tenths = 0
+    robot.simulated.unit.timeout_tenths = 0
     robot.run(400)
-    assert robot.twin.unit.timeout_tenths == 3
+    assert robot.simulated.unit.timeout_tenths == 3
     robot.run(200)
-    assert robot.twin.unit.drive.moves, 'it goes on by the commands that come'
+    assert robot.simulated.unit.drive.moves, 'it goes on by the commands that come'
 
 
 def test_another_unit_in_its_place_is_noticed(robot: Any) -> None:
@@ -346,8 +347,8 @@ def test_another_unit_in_its_place_is_noticed(robot: Any) -> None:
     robot.run(1000)
     robot.unplug()
     robot.run(20)
-    robot.twin.unit._version = b'USB Roboclaw 2x30a v4.1.34\n\x00'
-    robot.twin.unit.offsets = [123456, -99]
+    robot.simulated.unit._version = b'USB Roboclaw 2x30a v4.1.34\n\x00'
+    robot.simulated.unit.offsets = [123456, -99]
     robot.run(1000)
     after = robot.device.counters.position_rad
     assert after[0] - before[0] < 3.0
@@ -360,13 +361,13 @@ def test_a_unit_of_another_kind_is_refused(tmp_path: Path) -> None:
     with robot_of(tmp_path, {}, identity='2x30A') as robot:
         robot.steer(0.3)
         robot.run(1000)
-        assert not robot.twin.unit.drive.moves
+        assert not robot.simulated.unit.drive.moves
         assert 'it is a USB Roboclaw 2x15a v4.2.4, and identity is' in robot.managed.reason
 
 
 def test_a_unit_with_another_address_is_silent(tmp_path: Path) -> None:
     with robot_of(tmp_path, {}) as robot:
-        robot.twin.unit.address = 0x81
+        robot.simulated.unit.address = 0x81
         robot.run(1500)
         assert robot.managed.faults >= 1
         assert 'packet serial mode with this address' in robot.managed.reason
@@ -374,8 +375,8 @@ def test_a_unit_with_another_address_is_silent(tmp_path: Path) -> None:
 
 def test_a_unit_that_does_not_know_a_command_is_told_so(tmp_path: Path) -> None:
     with robot_of(tmp_path, {}) as robot:
-        size = robot.twin.unit._size
-        robot.twin.unit._size = lambda buffer: -1 if buffer[1:2] == b'\x0f' else size(buffer)
+        size = robot.simulated.unit._size
+        robot.simulated.unit._size = lambda buffer: -1 if buffer[1:2] == b'\x0f' else size(buffer)
         robot.run(1500)
         assert robot.managed.state is not DeviceState.ACTIVE
         texts = [r.text for r in robot.reports.since(0)[2]]

@@ -38,7 +38,8 @@ EXCHANGES = [(wire.ask(ADDRESS, command), wire.answer(ADDRESS, command, data), d
 EXCHANGES.append((wire.speeds(ADDRESS, 100, -100), wire.ACKNOWLEDGED, b''))
 
 
-def fed(request: wire.Request, *chunks: bytes) -> tuple[RoboClawDecoder, list[wire.Reply]]:
+def fed(request: wire.RoboClawRequest, *chunks: bytes) -> tuple[RoboClawDecoder,
+                                                                list[wire.RoboClawReply]]:
     decoder = RoboClawDecoder()
     decoder.expect(request)
     return decoder, [reply for chunk in chunks for reply in decoder.feed(chunk)]
@@ -83,7 +84,7 @@ def test_an_acceleration_that_has_no_room_is_limited() -> None:
 
 @given(exchange=st.sampled_from(EXCHANGES), cuts=st.lists(st.integers(0, 40), max_size=6))
 def test_an_answer_is_read_however_it_is_cut(
-        exchange: tuple[wire.Request, bytes, bytes], cuts: list[int]) -> None:
+        exchange: tuple[wire.RoboClawRequest, bytes, bytes], cuts: list[int]) -> None:
     request, answer, data = exchange
     places = sorted({0, len(answer), *(min(cut, len(answer)) for cut in cuts)})
     decoder, replies = fed(request, *(answer[a:b] for a, b in pairwise(places)))
@@ -93,7 +94,7 @@ def test_an_answer_is_read_however_it_is_cut(
 
 @given(exchange=st.sampled_from(EXCHANGES), at=st.integers(0, 40), flip=st.integers(1, 255))
 def test_an_answer_with_a_wrong_byte_is_none(
-        exchange: tuple[wire.Request, bytes, bytes], at: int, flip: int) -> None:
+        exchange: tuple[wire.RoboClawRequest, bytes, bytes], at: int, flip: int) -> None:
     request, answer, _ = exchange
     at %= len(answer)
     damaged = answer[:at] + bytes((answer[at] ^ flip,)) + answer[at + 1:]
@@ -104,7 +105,8 @@ def test_an_answer_with_a_wrong_byte_is_none(
 
 
 @given(exchange=st.sampled_from(EXCHANGES), at=st.integers(0, 40))
-def test_a_lost_byte_is_no_answer(exchange: tuple[wire.Request, bytes, bytes], at: int) -> None:
+def test_a_lost_byte_is_no_answer(exchange: tuple[wire.RoboClawRequest, bytes, bytes],
+                                  at: int) -> None:
     request, answer, data = exchange
     at %= len(answer)
     short = answer[:at] + answer[at + 1:]
@@ -119,7 +121,8 @@ def test_a_lost_byte_is_no_answer(exchange: tuple[wire.Request, bytes, bytes], a
 @settings(max_examples=60)
 @given(asked=st.sampled_from(EXCHANGES), got=st.sampled_from(EXCHANGES))
 def test_an_answer_to_something_else_is_none(
-        asked: tuple[wire.Request, bytes, bytes], got: tuple[wire.Request, bytes, bytes]) -> None:
+        asked: tuple[wire.RoboClawRequest, bytes, bytes],
+        got: tuple[wire.RoboClawRequest, bytes, bytes]) -> None:
     assume(asked[0].command != got[0].command and asked[0].asks)
     decoder, replies = fed(asked[0], got[1])
     assert replies == []
@@ -136,11 +139,11 @@ def test_an_answer_of_another_unit_is_none() -> None:
 @given(chunks=st.lists(st.one_of(
     st.binary(max_size=60), st.sampled_from([e[1] for e in EXCHANGES]),
     st.sampled_from([e[0] for e in EXCHANGES])), max_size=12))
-def test_any_bytes_are_accounted_for(chunks: list[bytes | wire.Request]) -> None:
+def test_any_bytes_are_accounted_for(chunks: list[bytes | wire.RoboClawRequest]) -> None:
     decoder = RoboClawDecoder()
     fed_bytes = framed = 0
     for chunk in chunks:
-        if isinstance(chunk, wire.Request):
+        if isinstance(chunk, wire.RoboClawRequest):
             decoder.expect(chunk)
             continue
         fed_bytes += len(chunk)

@@ -23,10 +23,10 @@ from hypothesis import strategies as st
 import pytest
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.devices.roboclaw import wire
-from rt_robot_os.devices.roboclaw.exchange import Exchange
 from rt_robot_os.devices.roboclaw.exchange import MOST_WAITING
+from rt_robot_os.devices.roboclaw.exchange import RequestQueue
 from rt_robot_os.devices.roboclaw.exchange import TRIES
-from rt_robot_os.devices.roboclaw.simulated_unit import Unit
+from rt_robot_os.devices.roboclaw.simulated_unit import SimulatedUnit
 from rt_robot_os.devices.roboclaw.wire import RoboClawDecoder
 
 ADDRESS = 0x80
@@ -40,15 +40,15 @@ class Bench:
 
     def __init__(self) -> None:
         self.decoder = RoboClawDecoder()
-        self.exchange = Exchange(self.decoder, 30 * NS_PER_MS)
-        self.unit = Unit(ADDRESS, 'USB Roboclaw 2x15a v4.2.4', False)
+        self.exchange = RequestQueue(self.decoder, 30 * NS_PER_MS)
+        self.unit = SimulatedUnit(ADDRESS, 'USB Roboclaw 2x15a v4.2.4', False)
         self.now_ns = 10**9
         self.sent: list[bytes] = []
-        self.answers: list[wire.Reply] = []
+        self.answers: list[wire.RoboClawReply] = []
 
     def send(self, data: bytes) -> bytes:
         self.sent.append(data)
-        return self.unit.obey(data, self.now_ns)
+        return self.unit.handle_command(data, self.now_ns)
 
     def hear(self, data: bytes) -> None:
         for reply in self.decoder.feed(data):
@@ -104,7 +104,7 @@ def test_a_lost_byte_costs_a_repetition_and_no_mistake(spoiled: list[bool]) -> N
 def test_a_late_answer_is_not_taken_for_the_next_one(bench: Bench) -> None:
     bench.exchange.add(lambda: ENCODERS)
     bench.exchange.add(lambda: STOP)
-    late = bench.unit.obey(bench.exchange.due(0), 0)
+    late = bench.unit.handle_command(bench.exchange.due(0), 0)
     assert bench.exchange.due(31 * NS_PER_MS) == b''
     bench.hear(late)
     assert bench.answers == [], 'it was given up'
@@ -114,7 +114,7 @@ def test_a_late_answer_is_not_taken_for_the_next_one(bench: Bench) -> None:
 
 def test_a_stop_does_not_wait(bench: Bench) -> None:
     bench.exchange.add(lambda: ENCODERS)
-    first = bench.unit.obey(bench.exchange.due(10**9), 10**9)
+    first = bench.unit.handle_command(bench.exchange.due(10**9), 10**9)
     stop = bench.exchange.interrupt(lambda: STOP)
     assert stop == STOP.data
     # Its acknowledgement comes behind the answer that is on its way.
@@ -128,7 +128,7 @@ def test_a_stop_does_not_wait(bench: Bench) -> None:
 
 def test_a_stop_behind_a_lost_answer_is_repeated_first(bench: Bench) -> None:
     bench.exchange.add(lambda: ENCODERS)
-    first = bench.unit.obey(bench.exchange.due(10**9), 10**9)
+    first = bench.unit.handle_command(bench.exchange.due(10**9), 10**9)
     bench.hear(first[1:] + bench.send(bench.exchange.interrupt(lambda: STOP)))
     bench.run(200)
     assert [r.request for r in bench.answers] == [STOP, ENCODERS]
@@ -144,7 +144,7 @@ def test_stops_that_nobody_answers_are_no_end_of_them(bench: Bench) -> None:
 
 
 def test_one_that_is_put_first_is_asked_once(bench: Bench) -> None:
-    def battery() -> wire.Request:
+    def battery() -> wire.RoboClawRequest:
         return BATTERY
 
     bench.exchange.add(lambda: ENCODERS)
@@ -155,7 +155,7 @@ def test_one_that_is_put_first_is_asked_once(bench: Bench) -> None:
 
 
 def test_one_that_is_always_put_first_starves_nothing(bench: Bench) -> None:
-    def battery() -> wire.Request:
+    def battery() -> wire.RoboClawRequest:
         return BATTERY
 
     for _ in range(3):
@@ -176,22 +176,22 @@ def test_only_so_many_wait(bench: Bench) -> None:
 # --- the simulated unit --------------------------------------------------------------------------
 
 def test_a_unit_forgets_half_a_request_after_a_pause() -> None:
-    unit = Unit(ADDRESS, 'x', False)
+    unit = SimulatedUnit(ADDRESS, 'x', False)
     data = wire.speeds(ADDRESS, 500, 500).data
-    assert unit.obey(data[:5], 0) == b''
-    assert unit.obey(data[5:], 5 * NS_PER_MS) == wire.ACKNOWLEDGED
-    assert unit.obey(data[:5], 10**9) == b''
-    assert unit.obey(data[5:], 10**9 + 11 * NS_PER_MS) == b''
-    assert unit.obey(data, 2 * 10**9) == wire.ACKNOWLEDGED
+    assert unit.handle_command(data[:5], 0) == b''
+    assert unit.handle_command(data[5:], 5 * NS_PER_MS) == wire.ACKNOWLEDGED
+    assert unit.handle_command(data[:5], 10**9) == b''
+    assert unit.handle_command(data[5:], 10**9 + 11 * NS_PER_MS) == b''
+    assert unit.handle_command(data, 2 * 10**9) == wire.ACKNOWLEDGED
 
 
 def test_a_unit_refuses_a_wrong_crc_and_stops_when_nothing_comes() -> None:
-    unit = Unit(ADDRESS, 'x', False)
+    unit = SimulatedUnit(ADDRESS, 'x', False)
     data = wire.speeds(ADDRESS, 500, 500).data
-    assert unit.obey(data[:-1] + bytes((data[-1] ^ 1,)), 0) == b''
+    assert unit.handle_command(data[:-1] + bytes((data[-1] ^ 1,)), 0) == b''
     assert (unit.dropped, unit.drive.moves) == (1, False)
-    unit.obey(wire.serial_timeout(ADDRESS, 0.5).data, 10**9)
-    unit.obey(data, 10**9)
+    unit.handle_command(wire.serial_timeout(ADDRESS, 0.5).data, 10**9)
+    unit.handle_command(data, 10**9)
     unit.watch(10**9 + 500 * NS_PER_MS)
     assert unit.drive.moves
     unit.watch(10**9 + 501 * NS_PER_MS)
@@ -199,9 +199,9 @@ def test_a_unit_refuses_a_wrong_crc_and_stops_when_nothing_comes() -> None:
 
 
 def test_a_counter_that_is_set_goes_on_from_there() -> None:
-    unit = Unit(ADDRESS, 'x', False)
+    unit = SimulatedUnit(ADDRESS, 'x', False)
     unit.counts = 10, -10
-    unit.obey(wire.encoder(ADDRESS, wire.SET_ENCODER_2, 1 << 30).data, 0)
+    unit.handle_command(wire.encoder(ADDRESS, wire.SET_ENCODER_2, 1 << 30).data, 0)
     unit.counts = 15, -15
-    answer = unit.obey(ENCODERS.data, 0)
+    answer = unit.handle_command(ENCODERS.data, 0)
     assert wire.encoder_counts(answer[:-2]) == (15, (1 << 30) - 5)

@@ -13,7 +13,9 @@
 # limitations under the License.
 
 
-"""What the motor boards declare of a silent computer, compared with what their twins do."""
+"""
+What the motor boards declare of a silent computer, compared with what their simulated devices do.
+"""
 
 from __future__ import annotations
 
@@ -53,21 +55,21 @@ BOARDS = [
     pytest.param(Odrive, SimulatedOdrive, {**TICKLESS, 'watchdog_s': 1.0}, id='slow_odrive')]
 
 
-@pytest.mark.parametrize(('driver', 'twin', 'settings'), BOARDS)
+@pytest.mark.parametrize(('driver', 'simulated', 'settings'), BOARDS)
 def test_a_board_goes_on_no_farther_than_it_declares(
-        tmp_path: Path, driver: Any, twin: Any, settings: dict[str, Any]) -> None:
+        tmp_path: Path, driver: Any, simulated: Any, settings: dict[str, Any]) -> None:
     sim = {'boot_s': 0.1} if driver is ArduinoBridge else {}
-    with board_robot(tmp_path, driver, twin, sim, **settings) as robot:
+    with board_robot(tmp_path, driver, simulated, sim, **settings) as robot:
         robot.steer(0.4)
         robot.run(3000)
-        speed_m_s, (x, _, _) = robot.twin.base.velocity[0], robot.twin.base.pose
+        speed_m_s, (x, _, _) = robot.simulated.base.velocity[0], robot.simulated.base.pose
         assert speed_m_s == pytest.approx(0.4, rel=0.1)
         # This computer is gone: nothing is read or written any more.
         begun_ns = robot.kernel.now_ns()
         for ms in range(1, 12_000, 2):
-            robot.twin.pump(begun_ns + ms * NS_PER_MS)
-        assert robot.twin.base.velocity[0] == pytest.approx(0.0, abs=1e-3)
-        way_m = robot.twin.base.pose[0] - x
+            robot.simulated.pump(begun_ns + ms * NS_PER_MS)
+        assert robot.simulated.base.velocity[0] == pytest.approx(0.0, abs=1e-3)
+        way_m = robot.simulated.base.pose[0] - x
         declared_m = robot.device.run_on(robot.device.settings).way_m(speed_m_s)
         assert 0.5 * declared_m < way_m < declared_m
 

@@ -32,7 +32,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.stargazer import wire
 from rt_robot_os.devices.stargazer.driver import StarGazer
-from rt_robot_os.devices.stargazer.wire import Mark
+from rt_robot_os.devices.stargazer.wire import CeilingMark
 from rt_robot_os.devices.stargazer.wire import StarGazerDecoder
 from rt_robot_os.motion.angles import yaw_of
 
@@ -41,8 +41,8 @@ ROOM = ['24706: 0, 0, 0', '24594: -1.5, 0, 0', '48: 1.0, 2.0, 1.5707963267948966
 
 
 def seen(number: int = 24706, angle_deg: float = 0.0, x_cm: float = 0.0, y_cm: float = 0.0,
-         z_cm: float = 220.0) -> Mark:
-    return Mark(number, angle_deg, x_cm, y_cm, z_cm)
+         z_cm: float = 220.0) -> CeilingMark:
+    return CeilingMark(number, angle_deg, x_cm, y_cm, z_cm)
 
 
 class TestStarGazer(DriverContract):

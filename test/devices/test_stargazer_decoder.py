@@ -24,27 +24,30 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 from rt_robot_os.devices.stargazer import wire
+from rt_robot_os.devices.stargazer.wire import CeilingMark
 from rt_robot_os.devices.stargazer.wire import is_stargazer
-from rt_robot_os.devices.stargazer.wire import Mark
 from rt_robot_os.devices.stargazer.wire import StarGazerDecoder
 
 NUMBERS = st.integers(0, 999_999)
 LENGTHS = st.integers(-99_999, 99_999).map(lambda each: each / 100)
-MARKS = st.builds(Mark, NUMBERS, st.integers(-18_000, 18_000).map(lambda each: each / 100),
+MARKS = st.builds(CeilingMark, NUMBERS, st.integers(-18_000, 18_000).map(lambda each: each / 100),
                   LENGTHS, LENGTHS, st.integers(1, 65_000).map(lambda each: each / 100))
 
 
 @pytest.mark.parametrize('text, mode, marks', [
-    ('~^I+150.23|-33.12|+12.00|64`', 'I', [Mark(64, 150.23, -33.12, 12.0, None)]),
-    ('~^F+150.23|-33.12|+12.00|64`', 'F', [Mark(64, 150.23, -33.12, 12.0, None)]),
-    ('~^Z+150.23|-33.12|+12.00|64`', 'Z', [Mark(64, 150.23, -33.12, 12.0, None)]),
-    ('~^I24706|-96.61|-48.13|-21.35|221.64`', 'I', [Mark(24706, -96.61, -48.13, -21.35, 221.64)]),
-    ('~^F48|+1|2|-3|-182.39`', 'F', [Mark(48, 1.0, 2.0, -3.0, 182.39)]),
-    ('~^124706|-96.61|-48.13|-21.35|221.64`', 'I', [Mark(24706, -96.61, -48.13, -21.35, 221.64)]),
-    ('~^148|-175.91|+98.74|+7.10|182.39`', 'I', [Mark(48, -175.91, 98.74, 7.1, 182.39)]),
+    ('~^I+150.23|-33.12|+12.00|64`', 'I', [CeilingMark(64, 150.23, -33.12, 12.0, None)]),
+    ('~^F+150.23|-33.12|+12.00|64`', 'F', [CeilingMark(64, 150.23, -33.12, 12.0, None)]),
+    ('~^Z+150.23|-33.12|+12.00|64`', 'Z', [CeilingMark(64, 150.23, -33.12, 12.0, None)]),
+    ('~^I24706|-96.61|-48.13|-21.35|221.64`', 'I',
+     [CeilingMark(24706, -96.61, -48.13, -21.35, 221.64)]),
+    ('~^F48|+1|2|-3|-182.39`', 'F', [CeilingMark(48, 1.0, 2.0, -3.0, 182.39)]),
+    ('~^124706|-96.61|-48.13|-21.35|221.64`', 'I',
+     [CeilingMark(24706, -96.61, -48.13, -21.35, 221.64)]),
+    ('~^148|-175.91|+98.74|+7.10|182.39`', 'I', [CeilingMark(48, -175.91, 98.74, 7.1, 182.39)]),
     ('~^224706|-96.28|-48.90|-21.13|220.50|24594|-94.27|+101.58|-17.80|230.71`', 'I',
-     [Mark(24706, -96.28, -48.9, -21.13, 220.5), Mark(24594, -94.27, 101.58, -17.8, 230.71)])])
-def test_sentences_of_vendor_and_drivers(text: str, mode: str, marks: list[Mark]) -> None:
+     [CeilingMark(24706, -96.28, -48.9, -21.13, 220.5),
+      CeilingMark(24594, -94.27, 101.58, -17.8, 230.71)])])
+def test_sentences_of_vendor_and_drivers(text: str, mode: str, marks: list[CeilingMark]) -> None:
     frame, = StarGazerDecoder().feed(text.encode())
     assert (frame.mode, list(frame.marks), frame.size) == (mode, marks, len(text))
 
@@ -92,7 +95,7 @@ def test_a_sentence_without_an_end_is_dropped() -> None:
 
 @settings(max_examples=100, deadline=None)
 @given(marks=st.lists(MARKS, min_size=1, max_size=5), cut=st.integers(0, 400))
-def test_what_is_written_is_read(marks: list[Mark], cut: int) -> None:
+def test_what_is_written_is_read(marks: list[CeilingMark], cut: int) -> None:
     first = marks[0]
     stream = (wire.multi(marks) + wire.single(first, 'F')
               + wire.old(first._replace(z_cm=None), 'Z'))
@@ -115,7 +118,7 @@ def test_any_text_is_read_or_rejected(text: str) -> None:
 
 
 def test_it_is_recognised_from_the_middle() -> None:
-    stream = wire.multi([Mark(48, 1.0, 2.0, 3.0, 200.0)]) * 4
+    stream = wire.multi([CeilingMark(48, 1.0, 2.0, 3.0, 200.0)]) * 4
     assert is_stargazer(stream[11:])
     assert is_stargazer(b'one`~*DeadZone`~*DeadZone`')
     assert not is_stargazer(b'~~~```^^|||' * 30)

@@ -27,7 +27,7 @@ pytest.importorskip('visualization_msgs', reason='its messages are not installed
 
 from geometry_msgs.msg import Point  # noqa: E402, I100
 from rt_robot_os.core.simulators import device_folder  # noqa: E402
-from rt_robot_os.sim.orders import order  # noqa: E402
+from rt_robot_os.sim.commands import send_command  # noqa: E402
 from sensor_msgs.msg import Temperature  # noqa: E402
 from std_msgs.msg import Float64  # noqa: E402
 from visualization_msgs.msg import Marker  # noqa: E402
@@ -93,13 +93,13 @@ def test_thirty_nodes_report_and_the_tree_mends_itself(world: Any, until: Until)
     until(lambda: pictures and len(picture().parents) == NODES and not picture().dead,
           'thirty nodes in the picture')
     folder = device_folder(world.folder / 'robot.sock')
-    order(folder, 'world alarm anna')
+    send_command(folder, 'world alarm anna')
     until(lambda: alarms and alarms[-1].data == 1.0, 'an alarm')
     before = picture()
     relay = max((name for name in before.names.values() if name not in ('sink', 'anna', 'bob')),
                 key=lambda name: len(before.children(name)))
     assert before.children(relay), 'it takes several hops'
-    order(folder, f'world node {relay} off')
+    send_command(folder, f'world node {relay} off')
     until(lambda: relay in picture().dead, f'{relay} dead in the picture')
     until(lambda: not picture().children(relay) and picture().dead == {relay}
           and len(picture().parents) == NODES - 1, 'other ways for all others')

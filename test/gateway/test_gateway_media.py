@@ -43,7 +43,7 @@ from rt_robot_os.gateway.gateway import Gateway  # noqa: E402
 from rt_robot_os.gateway.settings import GatewaySettings  # noqa: E402
 from rt_robot_os.link.cdr import string_message  # noqa: E402
 from rt_robot_os.link.client import LinkClient  # noqa: E402
-from rt_robot_os.sim.orders import order  # noqa: E402
+from rt_robot_os.sim.commands import send_command  # noqa: E402
 
 YAML = """
 robot:
@@ -70,9 +70,10 @@ class Robot:
         (folder / 'robot.yaml').write_text(YAML.replace('FOLDER', str(folder)))
         self.process = start_core(folder)
 
-    def order(self, **order: Any) -> None:
+    def send_command(self, **send_command: Any) -> None:
         with LinkClient(self.folder / 'robot.sock', 'test') as client:
-            client.publish(client.advertise('agent/observe'), string_message(json.dumps(order)))
+            client.publish(client.advertise('agent/observe'),
+                           string_message(json.dumps(send_command)))
 
     def close(self) -> None:
         self.process.terminate()
@@ -125,13 +126,13 @@ def test_pictures_come_while_somebody_looks_and_files_come_once(
         name = next(iter(services.hub.robots))
         _look(address, name, logged_in(services))
         wait_until(lambda: not services.media.gallery.viewers, 'the end of looking')
-        robot.order(order='picture', alarm='a1', subject='anna')
-        robot.order(order='clip', alarm='a1', subject='anna', before_s=1.0, after_s=0.2)
+        robot.order(send_command='picture', alarm='a1', subject='anna')
+        robot.order(send_command='clip', alarm='a1', subject='anna', before_s=1.0, after_s=0.2)
         wait_until(lambda: running.gateway.statistics()['files_sent'] == 2, 'the answers')
         wait_until(lambda: running.gateway.statistics()['files_waiting'] == 0, 'the tidying')
         assert services.media.files.counts().files == 2
     # What is observed while there is no gateway is found by the next, and nothing twice.
-    robot.order(order='picture', alarm='a2', subject='anna')
+    robot.order(send_command='picture', alarm='a2', subject='anna')
     folder = robot.folder / 'observations'
     wait_until(lambda: len(list(folder.glob('observed_*'))) == 3, 'the file')
     with closing(Running(robot, address, token, tmp_path)):
@@ -145,7 +146,7 @@ def test_why_a_camera_gives_no_picture_is_what_its_device_says(
     with closing(Running(robot, address, token, tmp_path)):
         wait_until(lambda: any(each.about.get('cameras') == ['camera'] and each.connected
                                for each in services.hub.robots.values()), 'the greeting')
-        order(robot.folder / 'robot', 'camera unplug 600')
+        send_command(robot.folder / 'robot', 'camera unplug 600')
         with closing(MediaPeer(address, '/camera', logged_in(services))) as browser:
             name = next(iter(services.hub.robots))
             browser.say('look', robot=name, camera='camera', rate_hz=20.0)

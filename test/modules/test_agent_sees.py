@@ -23,8 +23,8 @@ import pytest
 from rt_robot_os.features.agent.person_finder import PersonFinder
 from rt_robot_os.features.health.whereabouts import Whereabouts
 from rt_robot_os.motion.walls import disc_distances
-from rt_robot_os.sim.world.people import Person
-from rt_robot_os.sim.world.scene import Way
+from rt_robot_os.sim.world.people import SimulatedPerson
+from rt_robot_os.sim.world.scene import WalkingRoute
 from test_agent_drive import Helper
 from test_service_robot import ANGLES
 
@@ -40,7 +40,7 @@ class Seeing(Helper):
     FINDER = True
 
     def __init__(self, folder: Path) -> None:
-        self.body = Person(Way('anna', 0.0, (BODY, (9.0, 9.0))))
+        self.body = SimulatedPerson(WalkingRoute('anna', 0.0, (BODY, (9.0, 9.0))))
         self.body.fall(self.HEADING)
         self.body.step(2.0, -9.0, -9.0, 0.2)
         self.gaps_m: list[float] = []

@@ -31,7 +31,7 @@ from fake_robot import RobotScript
 from fake_robot import token_of
 from processes import wait_until
 import pytest
-from rt_robot_os.devices.capture.avi import Frame
+from rt_robot_os.devices.capture.avi import AviFrame
 from rt_robot_os.devices.capture.avi import write_avi
 
 Image = pytest.importorskip('PIL.Image', reason='Pillow is not installed')
@@ -58,7 +58,7 @@ def jpeg(level: int) -> bytes:
 
 def avi(frames: list[bytes], rate_hz: float = 5.0) -> bytes:
     found = io.BytesIO()
-    write_avi(found, [Frame(round(n * 1e9 / rate_hz), each) for n, each in enumerate(frames)
+    write_avi(found, [AviFrame(round(n * 1e9 / rate_hz), each) for n, each in enumerate(frames)
                       if each], 64, 48, rate_hz)
     return found.getvalue()
 

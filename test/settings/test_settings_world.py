@@ -27,7 +27,7 @@ from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
 from rt_robot_os.settings.world import load_world
-from rt_robot_os.sim.orders import obey
+from rt_robot_os.sim.commands import execute_command
 from rt_robot_os.sim.world import World
 
 Loader = Callable[..., RobotSettings]
@@ -136,7 +136,7 @@ def test_what_the_page_shows_works(
     orders = re.findall(r'--tell "world (.*?)"', page)
     assert len(orders) > 4
     for order in orders:
-        obey(f'world {order}', {}, world)
+        execute_command(f'world {order}', {}, world)
     assert (world.people[0].x, world.base.slip, world.lamps) == (3.4, 0.3, 0.0)
     code, = re.findall(r'```python\n(.*?)```', page, re.DOTALL)
     exec(code.replace('my_map.yaml', world.settings.map), {})

@@ -20,13 +20,13 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 from rt_robot_os.sim.line import at_wrong_speed
-from rt_robot_os.sim.line import SerialLine
+from rt_robot_os.sim.line import LineTiming
 
 BYTE_NS = 10 * 10**9 // 9600
 
 
 def test_each_byte_takes_ten_bits() -> None:
-    line = SerialLine(9600)
+    line = LineTiming(9600)
     assert line.push(b'abc', 1000)
     assert line.take(1000 + BYTE_NS - 1) == b''
     assert line.take(1000 + BYTE_NS) == b'a'
@@ -35,7 +35,7 @@ def test_each_byte_takes_ten_bits() -> None:
 
 
 def test_what_is_pushed_while_the_line_is_busy_follows_without_a_gap() -> None:
-    line = SerialLine(9600)
+    line = LineTiming(9600)
     line.push(b'ab', 0)
     line.push(b'cd', 10)
     assert line.take(4 * BYTE_NS - 1) == b'abc'
@@ -43,7 +43,7 @@ def test_what_is_pushed_while_the_line_is_busy_follows_without_a_gap() -> None:
 
 
 def test_an_idle_line_begins_when_the_next_is_due() -> None:
-    line = SerialLine(9600)
+    line = LineTiming(9600)
     line.push(b'a', 0)
     line.take(10**9)
     line.push(b'b', 10**10)
@@ -52,7 +52,7 @@ def test_an_idle_line_begins_when_the_next_is_due() -> None:
 
 
 def test_a_full_line_takes_all_or_nothing() -> None:
-    line = SerialLine(9600, capacity=4)
+    line = LineTiming(9600, capacity=4)
     assert line.push(b'abc', 0)
     assert not line.push(b'de', 0)
     assert line.push(b'd', 0)
@@ -61,7 +61,7 @@ def test_a_full_line_takes_all_or_nothing() -> None:
 
 
 def test_without_a_speed_everything_leaves_when_it_is_due() -> None:
-    line = SerialLine(0)
+    line = LineTiming(0)
     line.push(b'abc', 5)
     assert line.take(4) == b''
     assert line.take(5) == b'abc'
@@ -73,7 +73,7 @@ def test_without_a_speed_everything_leaves_when_it_is_due() -> None:
 def test_no_byte_is_lost_or_early_and_the_line_says_when_to_come_back(
     pieces: list[tuple[bytes, int]], steps: list[int], baud: int,
 ) -> None:
-    line = SerialLine(baud)
+    line = LineTiming(baud)
     due = 0
     for data, gap in pieces:
         due += gap

@@ -143,7 +143,7 @@ def test_lines_come_whole_and_the_end_of_input_is_no_end() -> None:
     read_end, write_end = os.pipe()
     device, lines = FakeDevice(1_000_000), []
     server = SimServer([device])
-    server.take_lines(read_end, lines.append)
+    server.read_lines(read_end, lines.append)
     parts = [b'imu si', b'lent 3\ngps', b' stuck 1\n', None]
 
     def next_part() -> bool:

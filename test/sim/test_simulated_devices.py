@@ -182,12 +182,12 @@ def test_the_imu_obeys_the_commands_of_the_driver(tmp_path: Path) -> None:
 
 def test_commands_without_unlocking_are_not_obeyed(tmp_path: Path) -> None:
     device = SimulatedWitMotion('x', {}, PtyPort(tmp_path / 'x'))
-    device.obey(bytes.fromhex('ffaa030b00'))
+    device.handle_command(bytes.fromhex('ffaa030b00'))
     assert device.rate_hz == 100.0
     for part in (b'noise\xff', b'\xaa\x69\x88', b'\xb5\xff\xaa', b'\x03\x0b', b'\x00'):
-        device.obey(part)
+        device.handle_command(part)
     assert device.rate_hz == 200.0
-    device.obey(bytes.fromhex('ffaa02020 0'.replace(' ', '')))
+    device.handle_command(bytes.fromhex('ffaa02020 0'.replace(' ', '')))
     assert len(device.sample(0.0)) == 11
 
 

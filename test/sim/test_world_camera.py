@@ -35,7 +35,7 @@ from rt_robot_os.devices.camera.simulated import SimulatedCamera
 from rt_robot_os.devices.capture.room_view import RoomView
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.motion.grid_map import GridMap
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
@@ -170,7 +170,7 @@ def test_a_camera_driver_gets_pictures_of_the_world(tmp_path: Path, room: str) -
                                 people=('anna 0 0.5 0.0',)))
     settings = settings_of(Camera, port=str(tmp_path / 'camera'), width=160, height=120,
                            output_rate_hz=200.0, mounting_m=[0.0, 0.0, 0.9])
-    twin = SimulatedCamera.made_for('camera', {}, Place(tmp_path, world), settings)
+    simulated = SimulatedCamera.made_for('camera', {}, RobotSite(tmp_path, world), settings)
     driver = Camera('camera', settings)
     publishers = bind(driver)
     began_ns = time.monotonic_ns()
@@ -182,19 +182,19 @@ def test_a_camera_driver_gets_pictures_of_the_world(tmp_path: Path, room: str) -
         while not (images and bool(of_colour(np.asarray(images[-1].data).reshape(120, 160, 3),
                                              SHIRT).any()) == shown):
             assert time.monotonic() < deadline
-            twin.pump(time.monotonic_ns())
+            simulated.pump(time.monotonic_ns())
             select.select([driver.fileno()], [], [], 0.02)
             driver.read(time.monotonic_ns())
 
     try:
-        twin.pump(began_ns)
+        simulated.pump(began_ns)
         driver.open()
         until(True)
         world.inject('person anna 0.5 -1.8'.split())
         until(False)
     finally:
         driver.close()
-        twin.close()
+        simulated.close()
 
 
 @pytest.mark.parametrize('changes', [
@@ -203,9 +203,9 @@ def test_a_camera_driver_gets_pictures_of_the_world(tmp_path: Path, room: str) -
 def test_it_looks_where_its_frame_looks(tmp_path: Path, changes: dict[str, Any]) -> None:
     world = World(WorldSettings(map='open', start=(1.0, 2.0, 0.2)))
     settings = settings_of(Camera, port='x', mounting_m=[0.1, 0.0, 0.9], **changes)
-    twin = SimulatedCamera('camera', {}, tmp_path / 'camera', Site(world, settings))
-    x, y, height, yaw, pitch = twin.scene()['camera']
+    simulated = SimulatedCamera('camera', {}, tmp_path / 'camera', Site(world, settings))
+    x, y, height, yaw, pitch = simulated.scene()['camera']
     assert (x, y, height) == pytest.approx((1.0 + 0.1 * math.cos(0.2), 2.0 + 0.1 * math.sin(0.2),
                                             0.9))
     assert (yaw, pitch) == pytest.approx((0.7, 0.3))
-    twin.close()
+    simulated.close()

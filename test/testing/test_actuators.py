@@ -27,7 +27,7 @@ from rt_robot_os.devices import Input
 from rt_robot_os.testing import ActuatorContract
 from rt_robot_os.testing import settings_of
 from wheels.driver import Wheels
-from wheels.twin import SimulatedWheels
+from wheels.simulated import SimulatedWheels
 from wheels.wire import order
 
 
@@ -35,14 +35,14 @@ class Contract(ActuatorContract):
     """Not collected: its name does not begin with Test."""
 
     actuator = Wheels
-    twin = SimulatedWheels
+    simulated = SimulatedWheels
     speed = 0.5
 
     def fill(self, message: Any, speed: float) -> None:
         message.linear.x = speed
 
-    def moves(self, twin: Any) -> bool:
-        return bool(twin.speed_mm_s)
+    def moves(self, simulated: Any) -> bool:
+        return bool(simulated.speed_mm_s)
 
 
 class TestWheels(Contract):

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import pytest
 from rt_robot_example.battery_gauge.driver import BatteryGauge
-from rt_robot_example.battery_gauge.twin import SimulatedBatteryGauge
+from rt_robot_example.battery_gauge.simulated import SimulatedBatteryGauge
 from rt_robot_example.battery_gauge.wire import encode
 from rt_robot_example.battery_gauge.wire import FRAME_BYTES
 from rt_robot_example.battery_gauge.wire import GaugeDecoder

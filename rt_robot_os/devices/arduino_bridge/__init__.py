@@ -15,10 +15,10 @@
 """Arduinos with the firmware ros_arduino_bridge."""
 
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.parts import Signature
 
 PARTS = DeviceParts(
     driver='.driver:ArduinoBridge',
-    twin='.simulated:SimulatedArduinoBridge',
-    recognisers=(Recogniser('answers of ros_arduino_bridge', '.wire:is_arduino_bridge'),),
+    simulated='.simulated:SimulatedArduinoBridge',
+    signatures=(Signature('answers of ros_arduino_bridge', '.wire:is_arduino_bridge'),),
 )

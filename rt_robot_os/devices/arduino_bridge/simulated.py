@@ -27,16 +27,16 @@ from rt_robot_os.devices.arduino_bridge.simulated_firmware import MOST_PWM
 from rt_robot_os.devices.arduino_bridge.simulated_firmware import number
 from rt_robot_os.devices.arduino_bridge.simulated_firmware import Parser
 from rt_robot_os.devices.arduino_bridge.simulated_firmware import WheelLoop
-from rt_robot_os.sim.motor_board import motor_twin_settings
+from rt_robot_os.sim.motor_board import motor_simulation_settings
 from rt_robot_os.sim.motor_board import SimulatedMotorBoard
 
-# AUTO_STOP_INTERVAL of the firmware as it comes.
+# AUTO_STOP_INTERVAL of the original firmware.
 _AUTO_STOP_S: Final = 2.0
-# A sonar without an echo holds up everything.
+# A sonar without an echo blocks the firmware.
 _PING_NS: Final = 693 * NS_PER_MS
 _UART_BUFFER: Final = 64
 _LINE_END: Final = b'\r\n'
-# Rounds that a loop which was held up makes up for at once.
+# Rounds that a blocked loop catches up without delay.
 _MOST_MISSED: Final = 1000
 _HIGHEST_ANALOG: Final = 1023
 
@@ -46,10 +46,10 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
     A board with ros_arduino_bridge; its rate is that of its control loop.
 
     :ivar moving: its loop is closed and drives.
-    :ivar pwm: what its motors get, -255 to 255.
+    :ivar pwm: outputs to its motors, -255 to 255.
     """
 
-    SETTINGS = motor_twin_settings(wire.PID_RATE_HZ, 200.0) + (
+    SETTINGS = motor_simulation_settings(wire.PID_RATE_HZ, 200.0) + (
         Field('boot_s', float, 0.5, 'Time of its boot loader, after a reset.', 's', 0.0, 10.0),
     )
     BAUD = 57600
@@ -81,7 +81,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
-        off = self.befallen('reset')
+        off = self.has_fault('reset')
         if off and not self._off:
             self._boot()
             self.duty(0.0, 0.0)
@@ -97,12 +97,12 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
 
     @property
     def ticks(self) -> tuple[int, int]:
-        """Return what it has counted since it was switched on, or told to begin anew."""
+        """Return its counts since power-on, or since a command to reset them."""
         left, right = self.counts()
         return left - self._zero[0], right - self._zero[1]
 
-    def obey(self, data: bytes) -> None:
-        """Take commands; while a sonar holds it up they wait."""
+    def handle_command(self, data: bytes) -> None:
+        """Execute commands; while a sonar blocks it they wait."""
         if self._is_down():
             return
         data = self.thinned(data)
@@ -112,7 +112,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
             self._run(data, self._now_ns)
 
     def sample(self, time_s: float) -> bytes:
-        """Go one round of the control loop; it says nothing by itself."""
+        """Run one round of the control loop; it sends nothing by itself."""
         now_ns = self._start_ns + round(time_s * NS_PER_S)
         if self._is_down():
             return b''
@@ -179,10 +179,10 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
 
     def _round(self) -> None:
         """
-        Go one round.
+        Run one round.
 
-        One that does not drive forgets what it knew of its wheels once, and not what they count
-        while they run down: the next command begins with that.
+        A loop that does not drive resets its state once; counts made while the wheels coast remain
+        in it, and the next command starts with them.
         """
         ticks = self.ticks
         if self.moving:
@@ -201,4 +201,4 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
         self.duty(self.pwm[0] / MOST_PWM, self.pwm[1] / MOST_PWM)
 
     def _is_down(self) -> bool:
-        return self.befallen('reset') or self._now_ns < self._boot_until_ns
+        return self.has_fault('reset') or self._now_ns < self._boot_until_ns

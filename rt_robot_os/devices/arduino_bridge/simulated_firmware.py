@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the firmware ros_arduino_bridge does with its commands, without time and motors.
+How the firmware ros_arduino_bridge executes commands, without time and motors.
 
-Written after what a real one did, byte by byte: arguments are lenient, the loop computes in
-integers, of which most have 16 bits, and what it remembers of its encoders outlives a stop.
+Modelled on a real one, byte by byte: arguments are lenient, the loop computes in integers, most of
+them of 16 bits, and its state of the encoders is kept over a stop.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _SPACE: Final = 32
 
 
 class Parser:
-    """The firmware's reading of commands, one byte at a time."""
+    """The firmware's parser of commands, one byte at a time."""
 
     def __init__(self) -> None:
         self._begin()
@@ -42,7 +42,7 @@ class Parser:
         self._arguments = [b'', b'']
 
     def take(self, data: bytes) -> list[tuple[str, bytes, bytes]]:
-        """Return the commands that bytes complete: a letter and two arguments, maybe empty."""
+        """Return the commands that bytes complete: a letter and two arguments, possibly empty."""
         found: list[tuple[str, bytes, bytes]] = []
         for byte in data:
             if byte == _RETURN:
@@ -52,7 +52,7 @@ class Parser:
             elif byte == _SPACE:
                 self._argument = min(self._argument + 1, 2)
             elif not self._argument:
-                self._command = byte  # the last one counts
+                self._command = byte  # the last one is used
             else:
                 at = self._argument - 1
                 self._arguments[at] = (self._arguments[at] + bytes((byte,)))[:_MOST_ARGUMENT]
@@ -60,7 +60,7 @@ class Parser:
 
 
 def number(text: bytes) -> int:
-    """Read the digits that an argument begins with; 0 when there are none. 16 bits, as atoi."""
+    """Read the leading digits of an argument; 0 without any. 16 bits, as atoi."""
     negative = text[:1] == b'-'
     digits = text[1:] if text[:1] in (b'-', b'+') else text
     value = 0
@@ -76,7 +76,7 @@ def _wrapped(value: int) -> int:
 
 
 def _divided(value: int, by: int) -> int:
-    """Divide as C does, towards zero."""
+    """Divide with rounding towards zero, as C does."""
     return abs(value) // by * (1 if value >= 0 else -1)
 
 
@@ -94,7 +94,7 @@ class WheelLoop:
     """
     The control loop of one wheel.
 
-    :ivar target: ticks that it shall make in a round.
+    :ivar target: commanded ticks in a round.
     :ivar output: -255 to 255.
     """
 
@@ -109,7 +109,7 @@ class WheelLoop:
         self._ticks = ticks
 
     def step(self, ticks: int, gains: Gains) -> int:
-        """Go one round; return the output."""
+        """Run one round; return the output."""
         went = _wrapped(ticks - self._ticks)
         error = self.target - went
         # An int has 16 bits there: after a jump of the counts the product overflows.

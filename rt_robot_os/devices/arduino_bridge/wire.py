@@ -16,11 +16,11 @@
 The bytes of ros_arduino_bridge, the firmware that Arduinos of hobby robots run.
 
 A command is one letter and up to two arguments, ended by a carriage return; each has one line as
-its answer, ended by CR LF, which does not say what it answers::
+its answer, ended by CR LF, which does not identify the command::
 
     e            1024 -17     counts of both encoders
-    m 20 -20     OK           ticks that each wheel shall make in a round of the control loop
-    b            57600        speed of the line; some put a space before it
+    m 20 -20     OK           commanded ticks of each wheel in a round of the control loop
+    b            57600        speed of the line; some firmwares put a space before it
 
 Source: hbrobotics/ros_arduino_bridge and its descendants.
 """
@@ -39,7 +39,7 @@ BAUD: Final = b'b\r'
 DONE: Final = b'OK'
 INVALID: Final = b'Invalid Command'
 
-# The loop runs each 1000 / 30 = 33 ms: the firmware divides whole numbers.
+# The loop runs each 1000 / 30 = 33 ms: the firmware divides integers.
 PID_RATE_HZ: Final = 1000 / 33
 # Its numbers have 16 bits.
 FASTEST: Final = 32767
@@ -60,15 +60,15 @@ def gains(p: int, d: int, i: int, scale: int) -> bytes:
 
 
 def analog(pin: int) -> bytes:
-    """Return the question for the voltage of a pin; the answer is 0 to 1023."""
+    """Return the request for the voltage of a pin; the answer is 0 to 1023."""
     return b'a %d\r' % pin
 
 
-class Reply(NamedTuple):
+class BridgeReply(NamedTuple):
     """
     One line of the board.
 
-    :ivar text: ``OK`` or ``Invalid Command``; empty where there are numbers.
+    :ivar text: ``OK`` or ``Invalid Command``; empty if there are numbers.
     :ivar numbers: one or two.
     :ivar size: bytes of the line.
     """
@@ -79,25 +79,25 @@ class Reply(NamedTuple):
     end: int
 
 
-class ReplyDecoder(LineDecoder[Reply]):
+class ReplyDecoder(LineDecoder[BridgeReply]):
     """
-    Turn bytes into lines; one that no command is answered with is none.
+    Decode lines; one that is not the answer to any command is rejected.
 
     There is no checksum: a line that lost a digit may look right.
     """
 
     LONGEST = 27
 
-    def line(self, buffer: bytes, at: int, end: int, arrived: int) -> Reply | None:
+    def line(self, buffer: bytes, at: int, end: int, arrived: int) -> BridgeReply | None:
         """Read a line."""
         match = _REPLY(buffer, at, end)
         if match is None:
             return None
         numbers = tuple(int(each) for each in match.groups() if each is not None)
-        return Reply(b'' if numbers else buffer[at:end].strip(), numbers, end - at, arrived)
+        return BridgeReply(b'' if numbers else buffer[at:end].strip(), numbers, end - at, arrived)
 
 
 def is_arduino_bridge(data: bytes) -> bool:
-    """Return whether bytes are what the firmware says to somebody else's commands."""
+    """Return whether bytes are answers of the firmware to commands of another program."""
     lines = data.split(b'\n')[1:-1]
     return len(lines) >= _SURE and all(line == INVALID + b'\r' for line in lines)

@@ -18,6 +18,6 @@ from rt_robot_os.devices.parts import DeviceParts
 
 PARTS = DeviceParts(
     driver='.driver:Bmp280',
-    twin='.simulated:SimulatedBmp280',
+    simulated='.simulated:SimulatedBmp280',
     chips='.wire:CHIPS',
 )

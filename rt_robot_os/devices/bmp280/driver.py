@@ -16,9 +16,9 @@
 Bosch BMP280 barometer on I2C.
 
 ``mode: forced`` starts each conversion and fetches it when it is done, so each sample is new and
-its moment known. In ``mode: normal`` the chip measures by itself, pausing in between; that is what
-its filter was made for. The registers of the settings are read with each measurement: a chip that
-had no power for a moment is noticed, and set up again.
+its time known. In ``mode: normal`` the chip measures by itself, with pauses; its filter is made
+for that mode. The registers of the settings are read with each measurement, so a chip that lost
+its power for a moment is detected, and set up again.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rt_robot_os.devices.bmp280 import wire as chip
 from rt_robot_os.devices.i2c.device import i2c_settings
 from rt_robot_os.devices.i2c.device import Transactions
 
-# A conversion that is not over after this many times its longest time is not one.
+# A conversion has failed after this many times its longest time.
 _PATIENCE: Final = 4
 
 
@@ -46,8 +46,9 @@ class Bmp280(Barometer):
         *i2c_settings(address=0x76, addresses=(0x76, 0x77), frame_id='baro_link',
                       topic='baro/pressure', rate_hz=25.0, maximum_hz=155.0),
         *barometer_settings(1.3),
-        Field('mode', str, 'forced', 'Forced: each sample is asked for. Normal: the chip measures '
-              'by itself.', choices=('forced', 'normal')),
+        Field('mode', str, 'forced',
+              'Forced: the driver starts each measurement. Normal: the chip measures by itself.',
+              choices=('forced', 'normal')),
         *averaging_settings(4, tuple(chip.OVERSAMPLING), tuple(chip.FILTER)),
     )
     description = 'Bosch BMP280 barometer (I2C): pressure, temperature, altitude'
@@ -55,7 +56,7 @@ class Bmp280(Barometer):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: a conversion takes longer than there is between two samples.
         """
@@ -67,11 +68,11 @@ class Bmp280(Barometer):
         self._normal = settings['mode'] == 'normal'
         mode = chip.NORMAL if self._normal else chip.FORCED
         self._control = (chip.OVERSAMPLING[over_t] << 5 | chip.OVERSAMPLING[over_p] << 2 | mode)
-        # The longest pause with which there is a new conversion for each sample.
+        # The longest pause that gives a new conversion for each sample.
         fitting = [field for pause, field in chip.STANDBY_NS.items()
                    if pause + self._conversion_ns <= self.period_ns]
         self._config = (fitting or [0])[-1] << 5 | chip.FILTER[settings['filter']] << 2
-        self._trimming: chip.Trimming | None = None
+        self._trimming: chip.Bmp280Trimming | None = None
         self._started_ns = 0
 
     def identify(self) -> Transactions[None]:
@@ -91,7 +92,7 @@ class Bmp280(Barometer):
         """Read the trimming and write the settings."""
         if (yield self.fetch(chip.STATUS, 1))[0] & chip.STATUS_UPDATING:
             return self.then(self._set_up, now_ns + chip.START_UP_NS)
-        self._trimming = chip.Trimming.unpack(
+        self._trimming = chip.Bmp280Trimming.unpack(
             (yield self.fetch(chip.CALIBRATION, chip.CALIBRATION_SIZE)))
         if self._trimming is None:
             self.then(self._set_up, now_ns + chip.START_UP_NS)
@@ -110,7 +111,7 @@ class Bmp280(Barometer):
         return self.then(self._fetch_forced, self._started_ns + self._conversion_ns)
 
     def _fetch_forced(self, now_ns: int) -> Transactions[int]:
-        """Fetch the conversion; the chip has gone to sleep after it."""
+        """Fetch the conversion; the chip sleeps after it."""
         data = yield self.fetch(chip.STATUS, chip.BURST_SIZE)
         if data[1] & 3 == chip.FORCED or data[0] & chip.STATUS_MEASURING:
             if now_ns - self._started_ns < _PATIENCE * self._conversion_ns:
@@ -131,7 +132,7 @@ class Bmp280(Barometer):
         if data[1] != control or data[2] & 0xFC != self._config:
             return self.reject(
                 f'its settings read 0x{data[1]:02x} 0x{data[2]:02x} and were set to '
-                f'0x{control:02x} 0x{self._config:02x}, was it without power?')
+                f'0x{control:02x} 0x{self._config:02x}, did it lose power?')
         trimming = self._trimming
         if trimming is None:
             return 0

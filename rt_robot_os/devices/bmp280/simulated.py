@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A simulated BMP280: its registers, its modes and the time that its conversions take."""
+"""A simulated BMP280: its registers, its modes and the duration of its conversions."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from rt_robot_os.sim.world import Air
 from rt_robot_os.sim.world import air_settings
 from rt_robot_os.sim.world import raw_readings
 
-# Those of the worked example of the data sheet.
-TRIMMING: Final = chip.Trimming(
+# From the worked example of the data sheet.
+TRIMMING: Final = chip.Bmp280Trimming(
     27504, 26435, -1000, 36477, -10685, 3024, 2855, 140, -7, 15500, -14600, 6000)
 
 _RAW_MAXIMUM: Final = (1 << 20) - 1
@@ -37,7 +37,9 @@ _FILTER: Final = {field: times for times, field in chip.FILTER.items()}
 _STANDBY_NS: Final = {field: pause for pause, field in chip.STANDBY_NS.items()}
 
 
-def encode(trimming: chip.Trimming, pressure_pa: float, temperature_c: float) -> tuple[int, int]:
+def encode(
+        trimming: chip.Bmp280Trimming, pressure_pa: float, temperature_c: float,
+) -> tuple[int, int]:
     """Return the raw readings, pressure and temperature, nearest to physical values."""
     return raw_readings(chip.compensate, trimming, (pressure_pa, temperature_c), 0, _RAW_MAXIMUM)
 
@@ -49,7 +51,7 @@ class SimulatedBmp280(RegisterChip):
     PAIRS = True
 
     def prepare(self) -> None:
-        """Begin as the device does after it got power."""
+        """Start in the state after power-on."""
         self.air = Air(self.settings, self.random, self.site)
         self.conversions = 0
         self._began_ns = 0
@@ -58,7 +60,7 @@ class SimulatedBmp280(RegisterChip):
         self._filtered: float | None = None
 
     def power_on(self, now_ns: int) -> None:
-        """Begin with the registers that the chip has after it got power."""
+        """Start with the registers of the chip after power-on."""
         super().power_on(now_ns)
         self.registers[chip.ID] = chip.CHIP_ID
         trimming = TRIMMING.pack()
@@ -120,7 +122,7 @@ class SimulatedBmp280(RegisterChip):
 
     @staticmethod
     def _conversion_ns(control: int) -> int:
-        """Return the typical time, 13 % below the longest; 0 when one of the two is off."""
+        """Return the typical time, 13 % below the longest; 0 if one of the two is off."""
         over_t = _OVERSAMPLING.get(control >> 5, 16 if control >> 5 else 0)
         over_p = _OVERSAMPLING.get(control >> 2 & 7, 16 if control >> 2 & 7 else 0)
         if not over_t or not over_p:

@@ -16,8 +16,8 @@
 Bosch BMP280: registers, and pressure and temperature from raw readings.
 
 The data sheet gives the compensation twice, in 64-bit integers and in floating point. The driver
-uses the second, which keeps the fractions of a hundredth of a degree; :func:`compensate_int64` is
-the first to the bit, and tests hold one against the other.
+uses the second, which keeps fractions of 0.01 degrees; :func:`compensate_int64` is the first, bit
+for bit, and tests compare the two.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ STANDBY_NS: Final = {
 _TRIMMING: Final = struct.Struct('<HhhHhhhhhhhh')
 
 
-class Trimming(NamedTuple):
+class Bmp280Trimming(NamedTuple):
     """The factory trimming of one chip, as it is stored."""
 
     t1: int
@@ -76,12 +76,12 @@ class Trimming(NamedTuple):
     p9: int
 
     @classmethod
-    def unpack(cls, data: bytes) -> Trimming | None:
+    def unpack(cls, data: bytes) -> Bmp280Trimming | None:
         """
         Read the trimming.
 
         :param data: the 24 bytes from register 0x88.
-        :return: None when no chip can have left the factory with this.
+        :return: None if no valid chip can hold these values.
         """
         found = cls(*_TRIMMING.unpack(data))
         blank = not any(data) or set(data) == {0xFF}
@@ -100,7 +100,7 @@ def conversion_ns(oversampling_temperature: int, oversampling_pressure: int) -> 
 
 def raw(data: bytes) -> tuple[int, int]:
     """
-    Take the readings apart.
+    Unpack the readings.
 
     :param data: the six bytes from register 0xF7.
     :return: raw pressure and raw temperature, 20 bit.
@@ -109,11 +109,11 @@ def raw(data: bytes) -> tuple[int, int]:
             data[3] << 12 | data[4] << 4 | data[5] >> 4)
 
 
-def compensate(trim: Trimming, raw_p: int, raw_t: int) -> tuple[float, float]:
+def compensate(trim: Bmp280Trimming, raw_p: int, raw_t: int) -> tuple[float, float]:
     """
     Compute in floating point; safe in the loop, raises nothing.
 
-    :return: pressure in Pa and temperature in degrees C; pressure 0 when it cannot be computed.
+    :return: pressure in Pa and temperature in degrees C; pressure 0 if it cannot be computed.
     """
     t1, t2, t3, p1, p2, p3, p4, p5, p6, p7, p8, p9 = trim
     fine = (raw_t / 16384.0 - t1 / 1024.0) * t2
@@ -131,7 +131,7 @@ def compensate(trim: Trimming, raw_p: int, raw_t: int) -> tuple[float, float]:
     return p, fine / 5120.0
 
 
-def compensate_int64(trim: Trimming, raw_p: int, raw_t: int) -> tuple[int, int, int]:
+def compensate_int64(trim: Bmp280Trimming, raw_p: int, raw_t: int) -> tuple[int, int, int]:
     """
     Compute in integers, as the data sheet does in 64 bit.
 
@@ -151,7 +151,7 @@ def compensate_int64(trim: Trimming, raw_p: int, raw_t: int) -> tuple[int, int, 
     v1 = (((1 << 47) + v1) * p1) >> 33
     if v1 == 0:
         return 0, temperature, fine
-    # C divides towards zero, Python downwards.
+    # C rounds a quotient towards zero, Python down.
     dividend = (((1048576 - raw_p) << 31) - v2) * 3125
     p = abs(dividend) // abs(v1) * (1 if (dividend < 0) == (v1 < 0) else -1)
     v1 = (p9 * (p >> 13) * (p >> 13)) >> 25

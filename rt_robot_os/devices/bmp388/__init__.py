@@ -18,6 +18,6 @@ from rt_robot_os.devices.parts import DeviceParts
 
 PARTS = DeviceParts(
     driver='.driver:Bmp388',
-    twin='.simulated:SimulatedBmp388',
+    simulated='.simulated:SimulatedBmp388',
     chips='.wire:CHIPS',
 )

@@ -15,8 +15,8 @@
 """
 Bosch BMP388 and BMP390 barometers on I2C.
 
-The chip measures by itself at the rate that is set, and says when a measurement is new. Each read
-has the event register in it too: a chip that had no power for a moment says so there.
+The chip measures by itself at the configured rate, and flags new measurements. Each read includes
+the event register, which shows a chip that lost its power for a moment.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from rt_robot_os.devices.bmp388 import wire as chip
 from rt_robot_os.devices.i2c.device import i2c_settings
 from rt_robot_os.devices.i2c.device import Transactions
 
-# Of a period: how often a measurement that is late is looked for.
+# Fraction of the period after which a late measurement is polled again.
 _LOOKS: Final = 8
 
 
@@ -50,7 +50,7 @@ class Bmp388(Barometer):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: a conversion takes longer than there is between two samples.
         """
@@ -80,12 +80,12 @@ class Bmp388(Barometer):
     def _set_up(self, now_ns: int) -> Transactions[int]:
         """Read the trimming and write the settings."""
         data = yield self.fetch(chip.CALIBRATION, chip.CALIBRATION_SIZE)
-        trimming = chip.Trimming.unpack(data)
+        trimming = chip.Bmp388Trimming.unpack(data)
         if trimming is None:
             self.then(self._set_up, now_ns + chip.START_UP_NS)
             return self.reject('its trimming is blank')
         self._scaled = trimming.scaled()
-        yield self.fetch(chip.EVENT, 1)  # reading it clears what the reset left there
+        yield self.fetch(chip.EVENT, 1)  # reading it clears the flag of the reset
         yield self.put(chip.OVERSAMPLING_REGISTER, self._oversampling)
         yield self.put(chip.RATE, self._rate)
         yield self.put(chip.CONFIG, self._filter)
@@ -93,7 +93,7 @@ class Bmp388(Barometer):
         return self.then(self._check, now_ns + chip.START_UP_NS)
 
     def _check(self, now_ns: int) -> Transactions[int]:
-        """Ask whether the chip takes the settings."""
+        """Check whether the chip accepts the settings."""
         self._expected_ns = now_ns
         self.then(self._fetch, now_ns)
         if (yield self.fetch(chip.ERROR, 1))[0] & chip.ERROR_CONFIG:
@@ -105,12 +105,12 @@ class Bmp388(Barometer):
         data = yield self.fetch(chip.STATUS, chip.BURST_SIZE)
         if data[chip.EVENT - chip.STATUS] & chip.EVENT_POWER_ON:
             self.then(self.begin, now_ns)
-            return self.reject('it had no power for a moment')
+            return self.reject('it lost its power for a moment')
         if data[0] & chip.STATUS_READY != chip.STATUS_READY:
             self._expected_ns = now_ns + self.period_ns // _LOOKS
             return self.then(self._fetch, self._expected_ns)
         self._bytes_read += len(data)
-        # The clock of the chip is its own, and it measured at the latest now.
+        # The chip has its own clock, and has measured at the latest now.
         self._expected_ns = min(self._expected_ns, now_ns) + self.period_ns
         self.then(self._fetch, self._expected_ns)
         raw_p, raw_t = chip.raw(data[1:7])

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A simulated BMP388: its registers, and conversions at the rate that is set."""
+"""A simulated BMP388: its registers, and conversions at the configured rate."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from rt_robot_os.sim.world import Air
 from rt_robot_os.sim.world import air_settings
 from rt_robot_os.sim.world import raw_readings
 
-# No data sheet has an example: numbers of the size that the chips have.
-TRIMMING: Final = chip.Trimming(
+# No data sheet has an example; these values are of a typical size.
+TRIMMING: Final = chip.Bmp388Trimming(
     27800, 19000, -7, -1000, -6000, 35, 0, 26000, 31000, -7, -7, 9000, 30, -60)
 
 _SCALED: Final = TRIMMING.scaled()
@@ -49,14 +49,14 @@ class SimulatedBmp388(RegisterChip):
     FOREIGN = {0xD0: 0x58}
 
     def prepare(self) -> None:
-        """Begin as the device does after it got power."""
+        """Start in the state after power-on."""
         self.air = Air(self.settings, self.random, self.site)
         self.conversions = 0
         self._began_ns = 0
         self._cycles = 0
 
     def power_on(self, now_ns: int) -> None:
-        """Begin with the registers that the chip has after it got power."""
+        """Start with the registers of the chip after power-on."""
         super().power_on(now_ns)
         self.registers[chip.ID] = _CHIP_ID
         self.registers[chip.STATUS] = _COMMAND_READY
@@ -79,7 +79,7 @@ class SimulatedBmp388(RegisterChip):
                 self.registers[chip.ERROR] |= chip.ERROR_CONFIG
 
     def read(self, register: int, now_ns: int) -> int:
-        """Read a register; some are cleared by it."""
+        """Read a register; some are cleared by reading."""
         value = self.registers[register]
         if register in (chip.EVENT, chip.ERROR):
             self.registers[register] = 0

@@ -56,7 +56,7 @@ _FACTORS: Final = (2.0**8, 2.0**-30, 2.0**-48, 2.0**-20, 2.0**-29, 2.0**-32, 2.0
                    2.0**-6, 2.0**-8, 2.0**-15, 2.0**-48, 2.0**-48, 2.0**-65)
 
 
-class Trimming(NamedTuple):
+class Bmp388Trimming(NamedTuple):
     """The factory trimming of one chip, as it is stored."""
 
     t1: int
@@ -75,12 +75,12 @@ class Trimming(NamedTuple):
     p11: int
 
     @classmethod
-    def unpack(cls, data: bytes) -> Trimming | None:
+    def unpack(cls, data: bytes) -> Bmp388Trimming | None:
         """
         Read the trimming.
 
         :param data: the 21 bytes from register 0x31.
-        :return: None when no chip can have left the factory with this.
+        :return: None if no valid chip can hold these values.
         """
         found = cls(*_TRIMMING.unpack(data))
         blank = not any(data) or set(data) == {0xFF}
@@ -91,7 +91,7 @@ class Trimming(NamedTuple):
         return _TRIMMING.pack(*self)
 
     def scaled(self) -> Scaled:
-        """Return the coefficients that the formulas use."""
+        """Return the coefficients for the formulas."""
         offsets = (0, 0, 0, 1 << 14, 1 << 14, 0, 0, 0, 0, 0, 0, 0, 0, 0)
         return tuple((value - offset) * factor
                      for value, offset, factor in zip(self, offsets, _FACTORS))
@@ -108,7 +108,7 @@ def conversion_ns(oversampling_temperature: int, oversampling_pressure: int) -> 
 
 def raw(data: bytes) -> tuple[int, int]:
     """
-    Take the readings apart.
+    Unpack the readings.
 
     :param data: the six bytes from register 4.
     :return: raw pressure and raw temperature, 24 bit.
@@ -120,7 +120,7 @@ def compensate(scaled: Scaled, raw_p: int, raw_t: int) -> tuple[float, float]:
     """
     Compute pressure and temperature; safe in the loop, raises nothing.
 
-    :param scaled: from :meth:`Trimming.scaled`.
+    :param scaled: from :meth:`Bmp388Trimming.scaled`.
     :return: pressure in Pa and temperature in degrees C.
     """
     t1, t2, t3, p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11 = scaled

@@ -18,6 +18,6 @@ from rt_robot_os.devices.parts import DeviceParts
 
 PARTS = DeviceParts(
     driver='.driver:Bno055',
-    twin='.simulated:SimulatedBno055',
+    simulated='.simulated:SimulatedBno055',
     chips='.wire:CHIPS',
 )

@@ -14,19 +14,19 @@
 
 
 """
-The Bosch BNO055 over its UART: a unit that fuses by itself and answers when it is asked.
+The Bosch BNO055 over its UART: a unit with internal fusion that answers requests.
 
 One ``sensor_msgs/msg/Imu`` for each answer, and magnetic field and temperature on their own
 topics. The driver sets the device up at each opening (chip id, configuration mode, units, power,
-mode) and then asks for all registers at once, ``output_rate_hz`` times a second; at most one
-request is under way. A bus overrun, which the device reports when it was asked at a bad moment, is
-answered by asking again.
+mode) and then requests all registers together, ``output_rate_hz`` times a second; at most one
+request is in flight. After a bus overrun, which the device reports for a request at a bad moment,
+the request is repeated.
 
 The stamp is the arrival of the answer, 4.5 ms after the request at 115200 baud.
 
-Orientation is the quaternion of the device, whose yaw is that of its own compass in mode ``ndof``
-and counts from the start in mode ``imu``. While the device says that it is not calibrated
-(system status 0, ``ndof``) the standard deviation of yaw is pi: heading unknown.
+Orientation is the quaternion of the device: its yaw is that of its compass in mode ``ndof``, and
+relative to the start in mode ``imu``. While the device reports that it is not calibrated (system
+status 0, ``ndof``) the standard deviation of yaw is pi: heading unknown.
 """
 
 from __future__ import annotations
@@ -51,16 +51,16 @@ from rt_robot_os.devices.imu import ImuFiller
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.serial.handshake import Handshake
-from rt_robot_os.devices.serial.handshake import Step
+from rt_robot_os.devices.serial.handshake import HandshakeStep
 
 _READ, _WRITE = 0, 1
-# A wrong chip id counts when it is read twice: once may be noise.
+# A wrong chip id is accepted only if it is read twice: once may be noise.
 _SURE: Final = 2
 _MODES: Final = {'ndof': wire.MODE_NDOF, 'imu': wire.MODE_IMU}
-# The data sheet's times for changing the mode, with some room.
+# The data sheet's times for changing the mode, with a margin.
 _TO_CONFIG_NS: Final = 30 * NS_PER_MS
 _FROM_CONFIG_NS: Final = 20 * NS_PER_MS
-# An answer takes 4.5 ms; after this long there is none.
+# An answer takes 4.5 ms; after this time it is missing.
 _TIMEOUT_NS: Final = 50 * NS_PER_MS
 _REQUEST: Final = wire.read_request(wire.BLOCK_FIRST, wire.BLOCK_SIZE)
 _REMEDY: Final = ('check both wires (TX to RX, RX to TX) and that PS1 is high and PS0 low, which '
@@ -87,12 +87,13 @@ class Bno055(SerialDevice[Bno055Frame]):
         Field('mode', str, 'ndof', 'Fusion: ndof with magnetometer, imu without.',
               choices=tuple(_MODES)),
         Field('external_crystal', bool, False,
-              'Use the crystal of the board, if it has one; more exact than the one inside.'),
+              'Use the crystal of the board, if it has one; it is more exact than the internal '
+              'clock.'),
     )
     description = 'Bosch BNO055 over UART: acceleration, rate, attitude, field, temperature'
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        """Keep the settings; nothing is opened."""
+        """Store the settings; nothing is opened."""
         super().__init__(name, settings, Bno055Decoder())
         self._filler = ImuFiller(settings)
         self._period_ns = period_from_rate(settings['output_rate_hz'])
@@ -108,7 +109,7 @@ class Bno055(SerialDevice[Bno055Frame]):
         self._refused = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: Imu, and MagneticField and Temperature with a topic."""
+        """Return the publications: Imu, and MagneticField and Temperature with a topic."""
         settings = self.settings
         found = imu_publications(settings)
         if settings['temperature_topic']:
@@ -118,14 +119,15 @@ class Bno055(SerialDevice[Bno055Frame]):
         return found
 
     def restart(self) -> None:
-        """Begin the set-up."""
-        def setting(name: str, register: int, value: int, pause_ns: int = 0) -> Step:
-            return Step(name, wire.write_request(register, bytes((value,))), _WRITE, pause_ns)
+        """Start the set-up."""
+        def setting(name: str, register: int, value: int, pause_ns: int = 0) -> HandshakeStep:
+            return HandshakeStep(name, wire.write_request(register, bytes((value,))), _WRITE,
+                                 pause_ns)
 
         crystal = wire.EXTERNAL_CRYSTAL if self.settings['external_crystal'] else 0
         self._setup = Handshake(self.name, (
-            Step('the question for its chip id',
-                 wire.read_request(wire.REGISTER_CHIP_ID, 1), _READ),
+            HandshakeStep('the request for its chip id',
+                          wire.read_request(wire.REGISTER_CHIP_ID, 1), _READ),
             setting('configuration mode', wire.REGISTER_MODE, wire.MODE_CONFIG, _TO_CONFIG_NS),
             setting('page 0', wire.REGISTER_PAGE, 0),
             setting('units', wire.REGISTER_UNITS, wire.UNITS_SI),
@@ -144,9 +146,9 @@ class Bno055(SerialDevice[Bno055Frame]):
 
     def write(self, now_ns: int) -> None:
         """
-        Send what is due: a step of the set-up, or the request for the next sample.
+        Send a step of the set-up, or the request for the next sample, if due.
 
-        :raises DeviceError: the port is gone, the device does not answer or is no BNO055.
+        :raises DeviceError: the port is gone, or the device does not answer or is not a BNO055.
         """
         if self._wrong_ids >= _SURE:
             raise DeviceError(
@@ -168,14 +170,14 @@ class Bno055(SerialDevice[Bno055Frame]):
             if self._again:
                 self._again = False
             elif self._due_ns:
-                # On its grid, but never a burst to make up for what was missed.
+                # On its grid, but without a burst for missed samples.
                 self._due_ns += ((now_ns - self._due_ns) // self._period_ns + 1) * self._period_ns
             else:
                 self._due_ns = now_ns + self._period_ns
 
     def idle(self, now_ns: int) -> int:
         """
-        Ask again when an answer has just come: the next ``write`` may be late for the grid.
+        Send the next request right after an answer: the next ``write`` may be late for the grid.
 
         :raises DeviceError: the port is gone.
         """
@@ -184,7 +186,7 @@ class Bno055(SerialDevice[Bno055Frame]):
         return 0
 
     def handle(self, frame: Bno055Frame, arrival_ns: int) -> int:
-        """Use one answer; in the loop."""
+        """Handle one answer; in the loop."""
         step = self._setup.step
         if step is not None:
             self._go_on(step, frame, arrival_ns)
@@ -202,10 +204,10 @@ class Bno055(SerialDevice[Bno055Frame]):
         return 0
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; lost are requests that got no answer."""
+        """Return the current counters; lost samples are requests without an answer."""
         return self._counters(lost_samples=self._lost, contradicted=self._refused)
 
-    def _go_on(self, step: Step, frame: Bno055Frame, arrival_ns: int) -> None:
+    def _go_on(self, step: HandshakeStep, frame: Bno055Frame, arrival_ns: int) -> None:
         if step.key == _READ and len(frame.data) == 1:
             self._chip_id = frame.data[0]
             if self._chip_id == wire.CHIP_ID:

@@ -13,7 +13,9 @@
 # limitations under the License.
 
 
-"""A simulated BNO055 on its UART: registers that are read and written, nothing unasked."""
+"""
+A simulated BNO055 on its UART: registers that are read and written; it sends nothing by itself.
+"""
 
 from __future__ import annotations
 
@@ -46,22 +48,23 @@ _MAX_PENDING: Final = 256
 
 
 class SimulatedBno055(SimulatedDevice):
-    """A BNO055; as delivered it is in configuration mode."""
+    """A BNO055; it starts in configuration mode."""
 
     SETTINGS = common_settings(100.0, 100.0) + (
         world.NOISE_SETTING,
         ON_SETTING,
         Field('chip_id', int, wire.CHIP_ID, 'The chip id that it reports; 160 is a BNO055.',
               minimum=0, maximum=255),
-        Field('overrun_every', int, 0, 'Each so many requests it reports a bus overrun; 0 never.',
+        Field('overrun_every', int, 0,
+              'It reports a bus overrun once in this number of requests; 0: never.',
               minimum=0, maximum=1_000_000),
-        Field('calibration_s', float, 0.0, 'Time until it counts as calibrated.', unit='s',
-              minimum=0.0, maximum=1e6),
+        Field('calibration_s', float, 0.0,
+              'Time until it reports that it is calibrated.', unit='s', minimum=0.0, maximum=1e6),
     )
     BAUD = 115200
 
     def prepare(self) -> None:
-        """Begin as the device does after it got power."""
+        """Start in the state after power-on."""
         self._inertial = inertial(self.site, self.settings)
         self._registers = bytearray(_REGISTERS)
         self._registers[wire.REGISTER_CHIP_ID] = self.settings['chip_id']
@@ -70,7 +73,7 @@ class SimulatedBno055(SimulatedDevice):
         self._requests = 0
 
     def sample(self, time_s: float) -> bytes:
-        """Measure: the registers change, nothing is sent."""
+        """Measure: update the registers, send nothing."""
         fusing = self._registers[wire.REGISTER_MODE] in _FUSING
         felt = self._inertial
         roll, pitch, yaw = (math.degrees(v) for v in felt.angular_velocity(time_s))
@@ -85,7 +88,7 @@ class SimulatedBno055(SimulatedDevice):
         self._registers[BLOCK_FIRST:BLOCK_FIRST + BLOCK_SIZE] = block
         return b''
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Answer each request."""
         received = (self._received + data)[-_MAX_PENDING:]
         while received:

@@ -14,13 +14,13 @@
 
 
 """
-What a Bosch BNO055 answers over its UART: ``BB LEN data`` to a read, ``EE STATUS`` otherwise.
+The answers of a Bosch BNO055 over its UART: ``BB LEN data`` to a read, ``EE STATUS`` otherwise.
 
-There is no checksum and no word of what was asked. So only the lengths that are ever asked for
-count, only statuses that exist, and of the large block only one whose quaternion is a rotation (or
-nothing at all, before fusion begins). A flipped bit elsewhere in the data cannot be noticed.
+There is no checksum, and an answer does not identify its request. So only requested lengths and
+existing statuses are accepted, and the large block only if its quaternion is a rotation (or all
+zero, before fusion begins). A flipped bit elsewhere in the data cannot be detected.
 
-Requests, and answers for simulated ones and tests, are made here as well.
+Requests, and answers for simulated devices and tests, are encoded here as well.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Bno055Decoder(FrameDecoder[Bno055Frame]):
     """
     Find the answers in a stream of bytes; safe in the loop, keeps less than 48 bytes.
 
-    A rejected frame is a block that cannot be a measurement.
+    A block that is not a possible measurement is a rejected frame.
     """
 
     STARTS = bytes((DATA, STATUS))
@@ -84,14 +84,14 @@ class Bno055Decoder(FrameDecoder[Bno055Frame]):
     PATTERN = rb'\xbb(?:[\x01\x2e]|\Z)|\xee(?:[\x01-\x0a]|\Z)'
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Return where an answer ends, 0 when there is none of that kind."""
+        """Return where an answer ends, 0 if there is none of that kind."""
         second = buffer[at + 1]
         if buffer[at] == STATUS:
             return at + 2 if second in STATUSES else 0
         return at + 2 + second if second in (1, BLOCK_SIZE) else 0
 
     def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> Bno055Frame | None:
-        """Read an answer; a block needs a rotation in it."""
+        """Decode an answer; a block must contain a rotation."""
         second = buffer[at + 1]
         if buffer[at] == STATUS:
             return Bno055Frame(second, b'', arrived)
@@ -101,13 +101,13 @@ class Bno055Decoder(FrameDecoder[Bno055Frame]):
 
 
 def _plausible(buffer: bytes, at: int) -> bool:
-    """Return whether the quaternion of a block is a rotation, or nothing."""
+    """Return whether the quaternion of a block is a rotation, or all zero."""
     w, x, y, z = _QUATERNION(buffer, at + _QUATERNION_AT)
     length = w * w + x * x + y * y + z * z
     return not length or -_TOLERANCE < length - _UNIT < _TOLERANCE
 
 
-# ---- from values to bytes ---------------------------------------------------------------------
+# ---- encoding ---------------------------------------------------------------------------------
 
 START: Final = 0xAA
 WRITE: Final = 0x00
@@ -125,7 +125,7 @@ CHIPS: Final = {REGISTER_CHIP_ID: {CHIP_ID: 'BNO055'}}
 MODE_CONFIG: Final = 0x00
 MODE_IMU: Final = 0x08
 MODE_NDOF: Final = 0x0C
-# m/s^2, degrees a second, degrees, Celsius; angles as Android has them.
+# m/s^2, degrees a second, degrees, Celsius; angles with the signs of Android.
 UNITS_SI: Final = 0x80
 EXTERNAL_CRYSTAL: Final = 0x80
 
@@ -153,7 +153,7 @@ def data_answer(data: bytes) -> bytes:
 
 
 def status_answer(status: int) -> bytes:
-    """Answer a write, or refuse."""
+    """Encode the answer to a write, or a refusal."""
     return bytes((STATUS, status))
 
 
@@ -163,7 +163,7 @@ def block(
     calibration: int = 0xFF,
 ) -> bytes:
     """
-    Make the registers from acceleration to calibration status; angles are left 0.
+    Encode the registers from acceleration to calibration status; angles are 0.
 
     :param quaternion: w, x, y, z; zeros before fusion begins.
     :param calibration: two bits each: system, gyroscope, accelerometer, magnetometer.

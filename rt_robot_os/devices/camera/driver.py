@@ -36,10 +36,10 @@ from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.camera.camera_info import load_calibration
 from rt_robot_os.devices.camera.camera_info import uncalibrated
-from rt_robot_os.devices.camera.orders import OBSERVATION_SETTINGS
-from rt_robot_os.devices.camera.orders import OBSERVED_BYTES
-from rt_robot_os.devices.camera.orders import OrderDesk
-from rt_robot_os.devices.camera.orders import PICTURE
+from rt_robot_os.devices.camera.requests import OBSERVATION_SETTINGS
+from rt_robot_os.devices.camera.requests import ObservationRequests
+from rt_robot_os.devices.camera.requests import OBSERVED_BYTES
+from rt_robot_os.devices.camera.requests import PICTURE
 from rt_robot_os.devices.capture.device import CaptureDevice
 from rt_robot_os.devices.capture.packets import CapturedFrame
 from rt_robot_os.devices.device import DeviceStatistics
@@ -112,7 +112,7 @@ class Camera(CaptureDevice):
         if bool(s['observe_topic']) != bool(s['observed_topic']):
             raise ConfigError([f'{name}: observe_topic and observed_topic go together: name both, '
                                'or none'])
-        self._orders = OrderDesk(name, s)
+        self._requests = ObservationRequests(name, s)
         # Stills that were ordered and not answered; and whether no picture has come since.
         self._stills, self._held_up = 0, False
         self._bytes_per_row = s['width'] * _CHANNELS[s['encoding']]
@@ -127,7 +127,7 @@ class Camera(CaptureDevice):
         self._calibration: SamplePublisher | None = None
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: Image, CompressedImage, CameraInfo, each if it is wanted."""
+        """Return the publications: Image, CompressedImage, CameraInfo, each if it is wanted."""
         s = self.settings
         head = {'header.frame_id': s['frame_id']}
         found = []
@@ -204,10 +204,10 @@ class Camera(CaptureDevice):
 
         :raises DeviceError: the process has ended, or says what does not work.
         """
-        if self._orders.ordered:
+        if self._requests.enabled:
             while self.observe.take():
-                told = self._orders.take(str(self.observe.msg.data), self.observe.stamp_ns, now_ns,
-                                         self.order)
+                told = self._requests.take(str(self.observe.msg.data), self.observe.stamp_ns,
+                                           now_ns, self.request)
                 if told is not None:
                     self.observe_ended(told, now_ns)
         return super().read(now_ns)
@@ -225,14 +225,14 @@ class Camera(CaptureDevice):
         """Return how long it may be silent: a still holds its pictures up."""
         return _STILL_S if self._held_up else 0.0
 
-    def order(self, order: dict[str, Any]) -> str:
+    def request(self, request: dict[str, Any]) -> str:
         """
         Hand an order to the process; safe in the loop.
 
         :return: why it cannot be; empty when it was.
         """
-        problem = super().order(order)
-        if not problem and order['order'] == PICTURE:
+        problem = super().request(request)
+        if not problem and request['order'] == PICTURE:
             self._stills += 1
             self._held_up = True
         return problem
@@ -241,14 +241,14 @@ class Camera(CaptureDevice):
         """Publish what has become of an order."""
         if told.get('kind') == PICTURE:
             self._stills = max(0, self._stills - 1)
-        if self._orders.ordered:
-            self.observed.msg.data = self._orders.answer(told)
+        if self._requests.enabled:
+            self.observed.msg.data = self._requests.answer(told)
             self.observed.publish(now_ns)
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; with orders, also what became of them."""
+        """Return the current counters; with orders, also what became of them."""
         found = super().statistics()
-        return replace(found, more={**found.more, **self._orders.statistics()})
+        return replace(found, more={**found.more, **self._requests.statistics()})
 
     def handle(self, frame: CapturedFrame, data: memoryview) -> int:
         """Publish a picture; in the loop, preempted after each 64 KiB."""

@@ -44,14 +44,14 @@ _VIDEO: Final = b'00dc'
 _MOST_FRAMES: Final = 100_000
 
 
-class Frame(NamedTuple):
+class AviFrame(NamedTuple):
     """A picture and its moment."""
 
     stamp_ns: int
     jpeg: bytes
 
 
-def laid_out(frames: Sequence[Frame], rate_hz: float) -> list[bytes]:
+def laid_out(frames: Sequence[AviFrame], rate_hz: float) -> list[bytes]:
     """
     Return a picture, or nothing, for each moment of a rate, from the first to the last frame.
 
@@ -66,7 +66,7 @@ def laid_out(frames: Sequence[Frame], rate_hz: float) -> list[bytes]:
     return [places.get(place, b'') for place in range(max(places) + 1)]
 
 
-def write_avi(file: BinaryIO, frames: Sequence[Frame], width: int, height: int, rate_hz: float
+def write_avi(file: BinaryIO, frames: Sequence[AviFrame], width: int, height: int, rate_hz: float
               ) -> int:
     """
     Write a file.

@@ -37,7 +37,7 @@ from rt_robot_os.devices.capture.scene_memory import SceneMemory
 
 
 @dataclass(frozen=True)
-class Picture:
+class CameraPicture:
     """A picture that is wanted."""
 
     pixels: Pixels
@@ -91,7 +91,7 @@ class CameraFrames:
             from PIL import Image
             self._image = Image
 
-    def frames(self) -> Iterator[Picture]:
+    def frames(self) -> Iterator[CameraPicture]:
         """Yield picture after picture."""
         settings = self._settings
         wanted = (settings['height'], settings['width'])
@@ -109,7 +109,7 @@ class CameraFrames:
                 raise DeviceError(f'{settings["port"]} gives {pixels.shape[1]}x{pixels.shape[0]} '
                                   f'pixels, not {wanted[1]}x{wanted[0]}: set width and height, '
                                   'and the size in the calibration, to what it gives')
-            yield Picture(self._encoded(pixels), stamp_ns, seq, self)
+            yield CameraPicture(self._encoded(pixels), stamp_ns, seq, self)
             seq += 1
 
     def _encoded(self, pixels: Pixels) -> Pixels:

@@ -36,7 +36,7 @@ from typing import Final
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.capture import packets
 from rt_robot_os.devices.capture.packets import CapturedFrame
-from rt_robot_os.devices.capture.packets import Kind
+from rt_robot_os.devices.capture.packets import PacketKind
 from rt_robot_os.devices.capture.spawn import spawn_worker
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
@@ -92,7 +92,7 @@ class CaptureDevice(Device):
     OPENING_S: ClassVar[float] = 10.0
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        """Keep the settings; nothing is opened."""
+        """Store the settings; nothing is opened."""
         super().__init__(name, settings)
         self._connection: socket.socket | None = None
         self._stop: Callable[[], object] | None = None
@@ -120,7 +120,7 @@ class CaptureDevice(Device):
     def observe_ended(self, told: dict[str, Any], now_ns: int) -> None:
         """Take what the process says of an order; in the loop."""
 
-    def order(self, order: dict[str, Any]) -> str:
+    def request(self, request: dict[str, Any]) -> str:
         """
         Hand an order to the process; safe in the loop.
 
@@ -130,7 +130,7 @@ class CaptureDevice(Device):
         if connection is None or not self._ready:
             return 'the camera is not open: look at /diagnostics'
         try:
-            connection.send(packets.encode_json(Kind.ORDER, order))
+            connection.send(packets.encode_json(PacketKind.REQUEST, request))
         except BlockingIOError:
             return 'its process takes no orders: it hangs'
         except OSError as error:
@@ -160,7 +160,7 @@ class CaptureDevice(Device):
             self._connection = self._start(
                 port if synthetic else self.services.get('captures'))
             allowed = os.sched_getaffinity(0)
-            send_with_fd(self._connection, packets.encode_json(Kind.OPEN, {
+            send_with_fd(self._connection, packets.encode_json(PacketKind.OPEN, {
                 'source': self.SOURCE, 'name': self.name, 'slots': SLOTS,
                 'slot_bytes': self.slot_bytes(),
                 # A core that is pinned wants its CPU for itself.
@@ -226,12 +226,12 @@ class CaptureDevice(Device):
 
     def _take(self, connection: socket.socket, packet: memoryview, now_ns: int) -> int:
         kind = packet[0]
-        if kind == Kind.PROBLEM:
+        if kind == PacketKind.PROBLEM:
             raise DeviceError(f'{self.name}: {bytes(packet[1:]).decode("utf-8", "replace")}')
-        if kind == Kind.READY:
+        if kind == PacketKind.READY:
             self._ready = True
             return 0
-        if kind == Kind.OBSERVED:
+        if kind == PacketKind.OBSERVED:
             try:
                 self.observe_ended(packets.parse_json(packet), now_ns)
             except ValueError:
@@ -250,7 +250,7 @@ class CaptureDevice(Device):
         samples = self.handle(frame, memory.slots[frame.slot])
         self._samples += samples
         try:
-            connection.send(packets.give_back(frame.slot))
+            connection.send(packets.encode_release(frame.slot))
         except BlockingIOError:
             pass  # it reads nothing: it will be silent, and started anew
         except OSError as error:
@@ -259,7 +259,7 @@ class CaptureDevice(Device):
         return samples
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; lost are frames without a slot, and overruns."""
+        """Return the current counters; lost are frames without a slot, and overruns."""
         return DeviceStatistics(
             bytes_read=self._bytes, frames=self._frames, samples=self._samples,
             rejected_frames=self._rejected, last_frame_ns=self._last_ns,

@@ -41,7 +41,7 @@ _ODD: Final = re.compile(r'[^A-Za-z0-9-]+')
 _LONGEST_WORD: Final = 32
 
 
-class Kept(NamedTuple):
+class StoredObservation(NamedTuple):
     """A file that is on the disk: where, how long, and how many older ones made room."""
 
     path: Path
@@ -86,8 +86,8 @@ class ObservationFolder:
         self._most_files = most_files
         self._most_bytes = most_bytes
 
-    def keep(self, words: tuple[str, ...], suffix: str, size: int,
-             write: Callable[[BinaryIO], object]) -> Kept:
+    def store(self, words: tuple[str, ...], suffix: str, size: int,
+              write: Callable[[BinaryIO], object]) -> StoredObservation:
         """
         Write a file, and delete the oldest ones that are too many.
 
@@ -108,7 +108,7 @@ class ObservationFolder:
             raise DeviceError(
                 f'{self.folder} takes no file: {error.strerror or error}; make room on the disk, '
                 'or set observations_folder to one that can be written') from error
-        return Kept(path, written, deleted)
+        return StoredObservation(path, written, deleted)
 
     def _free_path(self, words: tuple[str, ...], suffix: str) -> Path:
         while True:

@@ -16,8 +16,8 @@
 What a camera's process keeps of what it sees: the last seconds in a ring, stills, and clips.
 
 The process that captures calls :meth:`Observations.take` with each picture and
-:meth:`Observations.order` with each order. Compressing for a file, writing and ``fsync`` happen in
-a thread of their own, so that the pictures go on meanwhile.
+:meth:`Observations.request` with each order. Compressing for a file, writing and ``fsync`` happen
+in a thread of their own, so that the pictures go on meanwhile.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from typing import Protocol
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.devices.capture.avi import Frame
+from rt_robot_os.devices.capture.avi import AviFrame
 from rt_robot_os.devices.capture.avi import write_avi
 from rt_robot_os.devices.capture.observation_folder import default_folder
 from rt_robot_os.devices.capture.observation_folder import ObservationFolder
@@ -53,7 +53,7 @@ _STILL_QUALITY: Final = 92
 _MB: Final = 1_000_000
 
 
-class Seen(Protocol):
+class CapturedPicture(Protocol):
     """A picture that a camera has given."""
 
     @property
@@ -64,7 +64,7 @@ class Seen(Protocol):
         """Return it compressed."""
 
 
-class Eye(Protocol):
+class StillCamera(Protocol):
     """A camera, from the thread that captures."""
 
     def still(self) -> tuple[Pixels, int]:
@@ -92,10 +92,10 @@ class ClipRing:
         self.crowded = 0
         self._keep_ns = round(seconds * NS_PER_S)
         self._most_bytes = most_bytes
-        self._frames: deque[Frame] = deque()
+        self._frames: deque[AviFrame] = deque()
         self._bytes = 0
 
-    def add(self, frame: Frame) -> None:
+    def add(self, frame: AviFrame) -> None:
         """Take a picture, the newest."""
         if self._keep_ns <= 0:
             return
@@ -108,16 +108,16 @@ class ClipRing:
             self._bytes -= len(frames.popleft().jpeg)
             self.crowded += 1
 
-    def since(self, from_ns: int) -> list[Frame]:
+    def since(self, from_ns: int) -> list[AviFrame]:
         """Return the pictures from a moment on."""
         return [frame for frame in self._frames if frame.stamp_ns >= from_ns]
 
 
 @dataclass
 class _Clip:
-    order: Mapping[str, Any]
+    request: Mapping[str, Any]
     end_ns: int
-    frames: list[Frame]
+    frames: list[AviFrame]
     size: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -134,7 +134,7 @@ class Observations:
         has become of an order.
     """
 
-    def __init__(self, settings: Mapping[str, Any], eye: Eye,
+    def __init__(self, settings: Mapping[str, Any], eye: StillCamera,
                  answer: Callable[[dict[str, Any]], object]) -> None:
         self._settings = settings
         self._eye = eye
@@ -152,7 +152,7 @@ class Observations:
 
     # ---- the thread that captures ------------------------------------------------------------
 
-    def take(self, seen: Seen) -> None:
+    def take(self, seen: CapturedPicture) -> None:
         """Take a picture for the ring, and for the clips that go on."""
         stamp_ns = seen.stamp_ns
         # A little early is in time: pictures and clips have rates of their own.
@@ -160,7 +160,7 @@ class Observations:
         if late_ns >= 0 and (self._settings['clip_s'] > 0 or self._clips):
             grid_ns = self._next_ns if late_ns < self._period_ns else stamp_ns
             self._next_ns = grid_ns + self._period_ns
-            frame = Frame(stamp_ns, seen.jpeg())
+            frame = AviFrame(stamp_ns, seen.jpeg())
             self._ring.add(frame)
             for clip in self._clips:
                 if clip.size + len(frame.jpeg) <= self._most_bytes and stamp_ns <= clip.end_ns:
@@ -168,32 +168,33 @@ class Observations:
                     clip.size += len(frame.jpeg)
         for clip in [each for each in self._clips if stamp_ns >= each.end_ns]:
             self._clips.remove(clip)
-            self._wait(clip.order, functools.partial(self._write_clip, clip))
+            self._wait(clip.request, functools.partial(self._write_clip, clip))
 
-    def order(self, order: Mapping[str, Any], now_ns: int) -> None:
-        """Carry an order out, or begin to: ``order``, ``alarm``, ``subject``, times in s."""
-        if order.get('order') == PICTURE:
+    def request(self, request: Mapping[str, Any], now_ns: int) -> None:
+        """Carry an order out, or begin to: ``request``, ``alarm``, ``subject``, times in s."""
+        if request.get('order') == PICTURE:
             try:
                 pixels, stamp_ns = self._eye.still()
             except DeviceError as error:
-                self._fail(order, str(error))
+                self._fail(request, str(error))
                 return
-            self._wait(order, functools.partial(self._write_still, order, pixels, stamp_ns))
-        elif order.get('order') == CLIP:
+            self._wait(request, functools.partial(self._write_still, request, pixels, stamp_ns))
+        elif request.get('order') == CLIP:
             if len(self._clips) >= _CLIPS_MOST:
-                self._fail(order, f'{_CLIPS_MOST} clips are being taken already')
+                self._fail(request, f'{_CLIPS_MOST} clips are being taken already')
                 return
-            before_ns, after_ns = (round(order[key] * NS_PER_S) for key in ('before_s', 'after_s'))
-            begun_ns = order.get('t_ns', now_ns)
-            self._clips.append(_Clip(order, begun_ns + after_ns,
+            before_ns, after_ns = (round(request[key] * NS_PER_S)
+                                   for key in ('before_s', 'after_s'))
+            begun_ns = request.get('t_ns', now_ns)
+            self._clips.append(_Clip(request, begun_ns + after_ns,
                                      self._ring.since(begun_ns - before_ns)))
         else:
-            self._fail(order, f'nobody knows the order {str(order.get("order"))[:20]!r}')
+            self._fail(request, f'nobody knows the order {str(request.get("order"))[:20]!r}')
 
     def close(self) -> None:
         """End: clips that go on are written as they are; waits a little for the disk."""
         for clip in self._clips:
-            self._wait(clip.order, functools.partial(self._write_clip, clip))
+            self._wait(clip.request, functools.partial(self._write_clip, clip))
         self._clips.clear()
         try:
             self._jobs.put_nowait(None)
@@ -201,46 +202,47 @@ class Observations:
             return
         self._thread.join(2.0)
 
-    def _wait(self, order: Mapping[str, Any], job: Callable[[], dict[str, Any]]) -> None:
+    def _wait(self, request: Mapping[str, Any], job: Callable[[], dict[str, Any]]) -> None:
         try:
-            self._jobs.put_nowait((order, job))
+            self._jobs.put_nowait((request, job))
         except queue.Full:
-            self._fail(order, f'{_WAITING_MOST} files wait for the disk already')
+            self._fail(request, f'{_WAITING_MOST} files wait for the disk already')
 
-    def _fail(self, order: Mapping[str, Any], problem: str) -> None:
-        self._answer({**_told_of(order), 'problem': problem[:300]})
+    def _fail(self, request: Mapping[str, Any], problem: str) -> None:
+        self._answer({**_identity_of(request), 'problem': problem[:300]})
 
     # ---- the thread that writes --------------------------------------------------------------
 
     def _work(self) -> None:
         while (waiting := self._jobs.get()) is not None:
-            order, job = waiting
+            request, job = waiting
             try:
                 found = job()
             except (RtRobotError, ValueError) as error:
-                self._fail(order, str(error))
+                self._fail(request, str(error))
             except Exception as error:  # of a library: the next order may fare better
-                self._fail(order, f'{type(error).__name__}: {error}')
+                self._fail(request, f'{type(error).__name__}: {error}')
             else:
-                self._answer({**_told_of(order), **found})
+                self._answer({**_identity_of(request), **found})
 
-    def _keep(self, order: Mapping[str, Any], suffix: str, size: int, write: Any
-              ) -> dict[str, Any]:
+    def _store(self, request: Mapping[str, Any], suffix: str, size: int, write: Any
+               ) -> dict[str, Any]:
         if self._folder is None:
             settings = self._settings
             named = settings['observations_folder']
             self._folder = ObservationFolder(
                 Path(named).expanduser() if named else default_folder(),
                 settings['observations_files'], round(settings['observations_mb'] * _MB))
-        kept = self._folder.keep(
-            (str(order.get('subject', '')), str(order.get('alarm', '')), str(order['order'])),
+        kept = self._folder.store(
+            (str(request.get('subject', '')), str(request.get('alarm', '')),
+             str(request['order'])),
             suffix, size, write)
         return {'file': str(kept.path), 'bytes': kept.bytes, 'deleted': kept.deleted}
 
-    def _write_still(self, order: Mapping[str, Any], pixels: Pixels, stamp_ns: int
+    def _write_still(self, request: Mapping[str, Any], pixels: Pixels, stamp_ns: int
                      ) -> dict[str, Any]:
         packed = self._eye.packed(pixels, _STILL_QUALITY)
-        found = self._keep(order, '.jpg', len(packed), lambda file: file.write(packed))
+        found = self._store(request, '.jpg', len(packed), lambda file: file.write(packed))
         return {**found, 'width': pixels.shape[1], 'height': pixels.shape[0], 't_ns': stamp_ns}
 
     def _write_clip(self, clip: _Clip) -> dict[str, Any]:
@@ -250,13 +252,14 @@ class Observations:
                               'any, and whether clip_s is above 0')
         width, height = settings['width'], settings['height']
         rate_hz = min(settings['clip_rate_hz'], settings['output_rate_hz'])
-        found = self._keep(clip.order, '.avi', clip.size, lambda file: write_avi(
+        found = self._store(clip.request, '.avi', clip.size, lambda file: write_avi(
             file, frames, width, height, rate_hz))
         return {**found, 'width': width, 'height': height, 't_ns': frames[0].stamp_ns,
                 'end_ns': frames[-1].stamp_ns, 'frames': len(frames),
                 'crowded': self._ring.crowded}
 
 
-def _told_of(order: Mapping[str, Any]) -> dict[str, Any]:
-    return {'id': order.get('id', 0), 'alarm': str(order.get('alarm', ''))[:64],
-            'subject': str(order.get('subject', ''))[:64], 'kind': str(order.get('order'))[:20]}
+def _identity_of(request: Mapping[str, Any]) -> dict[str, Any]:
+    return {'id': request.get('id', 0), 'alarm': str(request.get('alarm', ''))[:64],
+            'subject': str(request.get('subject', ''))[:64],
+            'kind': str(request.get('order'))[:20]}

@@ -18,7 +18,7 @@ The protocol between a device of the core and the process that captures for it.
 A SOCK_SEQPACKET socket; the first byte of a packet is its kind. The core begins with ``OPEN``:
 what is wanted, as JSON, and the memory file for the frames (SCM_RIGHTS). The worker answers
 ``READY``, then sends a ``FRAME`` for each slot that it has filled, and gets the slot back in a
-``GIVE_BACK``. A ``PROBLEM`` is its last packet: the reason, as text. An ``ORDER`` asks for a
+``RELEASE``. A ``PROBLEM`` is its last packet: the reason, as text. An ``REQUEST`` asks for a
 picture or a clip in a file, an ``OBSERVED`` says what has become of one; both are JSON.
 """
 
@@ -34,18 +34,18 @@ from typing import Final
 VERSION: Final = 1
 PACKET_BYTES_MAXIMUM: Final = 16 * 1024
 _FRAME: Final = struct.Struct('<BxxxIqQIIQQff')
-_GIVE_BACK: Final = struct.Struct('<BxxxI')
+_RELEASE: Final = struct.Struct('<BxxxI')
 
 
-class Kind(IntEnum):
+class PacketKind(IntEnum):
     """What a packet is."""
 
     OPEN = 1
     READY = 2
     FRAME = 3
-    GIVE_BACK = 4
+    RELEASE = 4
     PROBLEM = 5
-    ORDER = 6
+    REQUEST = 6
     OBSERVED = 7
 
 
@@ -76,31 +76,31 @@ class CapturedFrame:
 
     def encode(self) -> bytes:
         """Make the packet."""
-        return _FRAME.pack(Kind.FRAME, self.slot, self.stamp_ns, self.seq, self.first, self.second,
-                           self.dropped, self.overruns, self.rms_db, self.peak_db)
+        return _FRAME.pack(PacketKind.FRAME, self.slot, self.stamp_ns, self.seq, self.first,
+                           self.second, self.dropped, self.overruns, self.rms_db, self.peak_db)
 
 
 def parse_frame(packet: bytes | memoryview) -> CapturedFrame | None:
     """Read a ``FRAME``; None when it is none."""
-    if len(packet) != _FRAME.size or packet[0] != Kind.FRAME:
+    if len(packet) != _FRAME.size or packet[0] != PacketKind.FRAME:
         return None
     return CapturedFrame(*_FRAME.unpack(packet)[1:])
 
 
-def give_back(slot: int) -> bytes:
+def encode_release(slot: int) -> bytes:
     """Make the packet that gives a slot back."""
-    return _GIVE_BACK.pack(Kind.GIVE_BACK, slot)
+    return _RELEASE.pack(PacketKind.RELEASE, slot)
 
 
-def parse_give_back(packet: bytes | memoryview) -> int | None:
+def parse_release(packet: bytes | memoryview) -> int | None:
     """Read which slot is given back; None when the packet is something else."""
-    if len(packet) != _GIVE_BACK.size or packet[0] != Kind.GIVE_BACK:
+    if len(packet) != _RELEASE.size or packet[0] != PacketKind.RELEASE:
         return None
-    slot: int = _GIVE_BACK.unpack(packet)[1]
+    slot: int = _RELEASE.unpack(packet)[1]
     return slot
 
 
-def encode_json(kind: Kind, content: dict[str, Any]) -> bytes:
+def encode_json(kind: PacketKind, content: dict[str, Any]) -> bytes:
     """Make a packet that carries JSON."""
     return bytes([kind]) + json.dumps({**content, 'version': VERSION}).encode()
 
@@ -119,4 +119,4 @@ def parse_json(packet: bytes | memoryview) -> dict[str, Any]:
 
 def problem(text: str) -> bytes:
     """Make the packet with the reason why nothing can be captured."""
-    return bytes([Kind.PROBLEM]) + text.encode('utf-8', 'replace')[:4000]
+    return bytes([PacketKind.PROBLEM]) + text.encode('utf-8', 'replace')[:4000]

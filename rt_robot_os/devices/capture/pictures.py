@@ -77,7 +77,7 @@ class PictureSource(Protocol):
         """Close it."""
 
 
-class Grid:
+class FrameTimer:
     """The moments of a source that has no rate of its own."""
 
     def __init__(self, rate_hz: float) -> None:
@@ -102,12 +102,12 @@ class SyntheticPictures:
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
         self._pattern = Pattern(settings['width'], settings['height'])
-        self._grid = Grid(settings['output_rate_hz'])
+        self._timer = FrameTimer(settings['output_rate_hz'])
         self._numbers = itertools.count()
 
     def grab(self) -> tuple[Pixels, int] | None:
         """Make the next picture at its moment."""
-        moment_ns = self._grid.wait()
+        moment_ns = self._timer.wait()
         return self._pattern.frame(next(self._numbers)), moment_ns
 
     def still(self, width: int, height: int) -> tuple[Pixels, int]:
@@ -138,11 +138,11 @@ class RoomPictures:
         self._size, self._k = (width, height), calibration.k
         self._view = RoomView(width, height, calibration.k)
         self._scene = scene
-        self._grid = Grid(settings['output_rate_hz'])
+        self._timer = FrameTimer(settings['output_rate_hz'])
 
     def grab(self) -> tuple[Pixels, int] | None:
         """Draw what is before the camera at its moment."""
-        moment_ns = self._grid.wait()
+        moment_ns = self._timer.wait()
         return self._view.picture(self._shown()), moment_ns
 
     def still(self, width: int, height: int) -> tuple[Pixels, int]:
@@ -186,7 +186,7 @@ class PictureFolder:
                               f'{", ".join(_SUFFIXES)}')
         self._paths = sorted(found, key=_natural)
         self._place = 0
-        self._grid = Grid(settings['output_rate_hz'])
+        self._timer = FrameTimer(settings['output_rate_hz'])
 
     def grab(self) -> tuple[Pixels, int] | None:
         """Read the next picture at its moment."""
@@ -194,7 +194,7 @@ class PictureFolder:
             return None
         path = self._paths[self._place]
         self._place += 1
-        return self._read(path), self._grid.wait()
+        return self._read(path), self._timer.wait()
 
     def still(self, width: int, height: int) -> tuple[Pixels, int]:
         """Read the last picture once more: it has the size that it has."""
@@ -238,7 +238,8 @@ class OpenCvCapture:
         self._last: Pixels | None = None
         self._live = is_camera(port)
         self._cv2 = cv2
-        self._grid = None if self._live or '://' in port else Grid(settings['output_rate_hz'])
+        self._timer = None if self._live or '://' in port else FrameTimer(
+            settings['output_rate_hz'])
         self._capture = cv2.VideoCapture(port, cv2.CAP_V4L2 if self._live else cv2.CAP_ANY)
         if not self._capture.isOpened():
             raise DeviceError(f'{port} {_why_closed(self._live)}')
@@ -269,8 +270,8 @@ class OpenCvCapture:
                 return None
             raise DeviceError(f'{self._port} {_why_nothing(self._live)}')
         self._any = True
-        if self._grid is not None:
-            moment_ns = self._grid.wait()
+        if self._timer is not None:
+            moment_ns = self._timer.wait()
         self._last = np.asarray(picture, np.uint8)
         return self._last, moment_ns
 

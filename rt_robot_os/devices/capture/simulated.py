@@ -34,7 +34,7 @@ from rt_robot_os.devices.capture.host import CaptureHost
 from rt_robot_os.devices.capture.spawn import CAPTURE
 from rt_robot_os.sim.base import complete
 from rt_robot_os.sim.base import NOWHERE
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.faults import FaultPlan
@@ -106,10 +106,10 @@ class SimulatedCapture(Simulated):
         self._now_ns = 0
 
     @classmethod
-    def made_for(cls, name: str, settings: Mapping[str, Any], place: Place,
+    def made_for(cls, name: str, settings: Mapping[str, Any], place: RobotSite,
                  device: Mapping[str, Any]) -> SimulatedCapture:
         """
-        Make the twin of a device; nothing is plugged in yet.
+        Make the simulated counterpart of a device; nothing is plugged in yet.
 
         :raises ConfigError: a setting is wrong.
         """

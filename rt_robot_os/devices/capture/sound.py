@@ -34,7 +34,7 @@ import numpy as np
 
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.needs import require
-from rt_robot_os.devices.capture.pictures import Grid
+from rt_robot_os.devices.capture.pictures import FrameTimer
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 
 NS_PER_S: Final = 1_000_000_000
@@ -78,7 +78,7 @@ class Tone:
         self.overruns = 0
         self._rate_hz = settings['sample_rate_hz']
         self._channels = settings['channels']
-        self._grid = Grid(self._rate_hz / settings['block'])
+        self._grid = FrameTimer(self._rate_hz / settings['block'])
         self._step = np.arange(settings['block'])
         self._block = settings['block']
         self._place = 0
@@ -109,7 +109,7 @@ class RoomSound:
         self._scene = scene
         self._rate_hz = settings['sample_rate_hz']
         self._shape = settings['block'], settings['channels']
-        self._grid = Grid(self._rate_hz / settings['block'])
+        self._grid = FrameTimer(self._rate_hz / settings['block'])
         self._chance = np.random.default_rng(1)
 
     def read(self) -> tuple[Samples, int] | None:
@@ -152,7 +152,7 @@ class WavFile:
                               f'set sample_rate_hz: {found[0]} and channels: {found[1]}'
                               + ('' if found[2] == 2 else ', and convert it to 16 bit'))
         self._rate_hz, self._channels, _ = found
-        self._grid = Grid(self._rate_hz / self._block)
+        self._grid = FrameTimer(self._rate_hz / self._block)
 
     def read(self) -> tuple[Samples, int] | None:
         """Read the next block when its last sample would be there; the last one is padded."""

@@ -35,7 +35,7 @@ from typing import Protocol
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.capture import packets
 from rt_robot_os.devices.capture.packets import CapturedFrame
-from rt_robot_os.devices.capture.packets import Kind
+from rt_robot_os.devices.capture.packets import PacketKind
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import Loans
@@ -67,7 +67,7 @@ class Captured(Protocol):
         """Return the level and the peak of sound, in dB below full scale."""
 
 
-class Source(Protocol):
+class FrameSource(Protocol):
     """What is captured."""
 
     @property
@@ -85,20 +85,21 @@ class Source(Protocol):
         """Close it."""
 
 
-class Keeper(Protocol):
+class ObservationStore(Protocol):
     """What keeps pictures in files."""
 
     def take(self, seen: Any) -> None:
         """Take a picture."""
 
-    def order(self, order: dict[str, Any], now_ns: int) -> None:
+    def request(self, request: dict[str, Any], now_ns: int) -> None:
         """Carry an order out."""
 
     def close(self) -> None:
         """End, and finish what was begun."""
 
 
-def keeper_of(kind: str, settings: dict[str, Any], source: Any, answer: Any) -> Keeper | None:
+def observation_store(kind: str, settings: dict[str, Any], source: Any,
+                      answer: Any) -> ObservationStore | None:
     """Return what keeps pictures, if it is a camera that is to."""
     if kind != 'camera' or not settings.get('observe_topic'):
         return None
@@ -106,7 +107,8 @@ def keeper_of(kind: str, settings: dict[str, Any], source: Any, answer: Any) -> 
     return Observations(settings, source, answer)
 
 
-def source_of(kind: str, settings: dict[str, Any], scene: SceneMemory | None = None) -> Source:
+def frame_source(kind: str, settings: dict[str, Any],
+                 scene: SceneMemory | None = None) -> FrameSource:
     """
     Open what the settings ask for.
 
@@ -123,7 +125,7 @@ def source_of(kind: str, settings: dict[str, Any], scene: SceneMemory | None = N
     raise DeviceError(f'nobody can capture {kind!r}')
 
 
-class Worker:
+class CaptureWorker:
     """
     A connection, the memory that came with it, and a source.
 
@@ -138,7 +140,7 @@ class Worker:
         length, ancillary, _, _ = connection.recvmsg_into([buffer], FD_BYTES,
                                                           socket.MSG_CMSG_CLOEXEC)
         fds = received_fds(ancillary)
-        if not length or buffer[0] != Kind.OPEN or len(fds) != 1:
+        if not length or buffer[0] != PacketKind.OPEN or len(fds) != 1:
             raise DeviceError('the core said something else than what to open')
         try:
             self.wanted = packets.parse_json(memoryview(buffer)[:length])
@@ -148,7 +150,7 @@ class Worker:
         self._memory = MemoryFile.received(fds[0], self.wanted['slots'],
                                            self.wanted['slot_bytes'])
         self._loans = Loans(self.wanted['slots'])
-        self._keeper: Keeper | None = None
+        self._store: ObservationStore | None = None
         self.dropped = 0
 
     def place(self) -> None:
@@ -162,24 +164,24 @@ class Worker:
         :raises DeviceError: the source fails.
         """
         kind, settings = self.wanted['source'], self.wanted['settings']
-        source = source_of(kind, settings, self._scene)
-        self._keeper = keeper_of(kind, settings, source, self._tell)
+        source = frame_source(kind, settings, self._scene)
+        self._store = observation_store(kind, settings, source, self._tell)
         try:
-            self._connection.send(packets.encode_json(Kind.READY, {}))
+            self._connection.send(packets.encode_json(PacketKind.READY, {}))
             for captured in source.frames():
                 self._take_back()
                 self._hand_over(captured, source.overruns)
-                if self._keeper is not None:
-                    self._keeper.take(captured)
+                if self._store is not None:
+                    self._store.take(captured)
         finally:
-            if self._keeper is not None:
-                self._keeper.close()
+            if self._store is not None:
+                self._store.close()
             source.close()
 
     def _tell(self, observed: dict[str, Any]) -> None:
         """Say what has become of an order; any thread may."""
         try:
-            self._connection.send(packets.encode_json(Kind.OBSERVED, observed))
+            self._connection.send(packets.encode_json(PacketKind.OBSERVED, observed))
         except OSError:
             pass  # the main thread finds that out
 
@@ -207,10 +209,10 @@ class Worker:
                 return
             if not packet:
                 raise ConnectionResetError('the core closed the connection')
-            if packet[0] == Kind.ORDER and self._keeper is not None:
-                self._keeper.order(packets.parse_json(packet), time.monotonic_ns())
+            if packet[0] == PacketKind.REQUEST and self._store is not None:
+                self._store.request(packets.parse_json(packet), time.monotonic_ns())
                 continue
-            slot = packets.parse_give_back(packet)
+            slot = packets.parse_release(packet)
             if slot is not None:
                 self._loans.returned(slot)
 
@@ -233,7 +235,7 @@ def main(arguments: Sequence[str]) -> int:
     scene = SceneMemory(int(arguments[1])) if len(arguments) > 1 else None
     threading.Thread(target=_end_with, args=(connection,), daemon=True).start()
     try:
-        worker = Worker(connection, scene)
+        worker = CaptureWorker(connection, scene)
         worker.place()
         worker.run()
     except DeviceError as error:

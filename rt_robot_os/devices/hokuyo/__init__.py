@@ -15,12 +15,12 @@
 """Hokuyo laser scanners (SCIP 2.0)."""
 
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.parts import Signature
 
 PARTS = DeviceParts(
     driver='.driver:Hokuyo',
-    twin='.simulated:SimulatedHokuyo',
-    recognisers=(
-        Recogniser('SCIP scans', '.wire:is_scip'),
+    simulated='.simulated:SimulatedHokuyo',
+    signatures=(
+        Signature('SCIP scans', '.wire:is_scip'),
     ),
 )

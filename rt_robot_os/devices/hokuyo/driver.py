@@ -16,14 +16,14 @@
 """
 Hokuyo laser scanners with SCIP 2.0 on USB or a serial line: URG-04LX, UBG, UHG, UTM-30LX.
 
-One ``sensor_msgs/msg/LaserScan`` for each scan, of as many ranges as the settings say. The device
-counts its steps counter-clockwise and knows which one is ahead, so the angles are those of
-REP 103 with x ahead and z up. REP 117: a distance beyond ``maximum_m``, and the code that the
+One ``sensor_msgs/msg/LaserScan`` for each scan, with the number of ranges from the settings. The
+device counts its steps counter-clockwise and reports which one is ahead, so the angles are those
+of REP 103 with x ahead and z up. REP 117: a distance beyond ``maximum_m``, and the code that the
 device sends without an echo (0, of a UTM-30LX 1), are +inf; the other codes below 20 mm mean a
 measurement that failed and are NaN (SCIP 2.0, C-42-03320B, tables 3 and 4).
 
-At opening the device is stopped, asked for its parameters, which have to agree with the settings,
-and told to scan. Nothing else is sent.
+At opening the device is stopped, its parameters are read and must agree with the settings, and it
+is commanded to scan. Nothing else is sent.
 
 The stamp is the arrival of the scan less ``latency_s``.
 """
@@ -51,20 +51,21 @@ from rt_robot_os.devices.hokuyo.wire import Steps
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.serial.handshake import Handshake
-from rt_robot_os.devices.serial.handshake import Step
+from rt_robot_os.devices.serial.handshake import HandshakeStep
 
-# Distances below are codes of errors.
+# Smaller distances are codes of errors.
 _CODES_MM: Final = 20
-# Without an echo; of scanners with so many steps a turn, the UTM-30LX, another one.
+# The code without an echo; scanners with this number of steps per turn (UTM-30LX) have another
+# one.
 _NO_ECHO: Final = 0
 _OTHER_STEPS: Final = 1440
 _OTHER_NO_ECHO: Final = 1
-# Of the largest parameter there is.
+# Digits of the largest parameter.
 _DIGITS: Final = 9
 _METRES: Final = 0.001
-_REMEDY: Final = ('check its power and its cable; a URG-04LX that speaks SCIP 1.1 has to be '
+_REMEDY: Final = ('check its power and its cable; a URG-04LX with SCIP 1.1 must be '
                   "switched to SCIP 2.0 with the maker's tool")
-# Parameter of the device, our setting, how the setting has to be to it.
+# Parameter of the device, setting of the driver, required relation of the setting to it.
 _PARAMETERS: Final = (
     (b'ARES', 'steps_per_turn', operator.eq), (b'AFRT', 'front_step', operator.eq),
     (b'AMIN', 'first_step', operator.ge), (b'AMAX', 'last_step', operator.le))
@@ -79,27 +80,30 @@ class Hokuyo(SerialDevice[ScipFrame]):
         Field('first_step', int, 44, 'First step of the scan; the default is a URG-04LX.',
               minimum=0, maximum=9999),
         Field('last_step', int, 725, 'Last step of the scan.', minimum=0, maximum=9999),
-        Field('front_step', int, 384, 'Step that is ahead.', minimum=0, maximum=9999),
-        Field('steps_per_turn', int, 1024, 'Steps of a whole turn.', minimum=8, maximum=9999),
+        Field('front_step', int, 384, 'Step that points ahead.', minimum=0, maximum=9999),
+        Field('steps_per_turn', int, 1024, 'Steps in a whole turn.', minimum=8, maximum=9999),
         Field('minimum_m', float, 0.02, 'Shortest distance that it measures.', 'm', 0.0, 100.0),
-        Field('maximum_m', float, 5.6, 'Longest distance that it measures; what is beyond it is '
-              '+inf.', 'm', 0.001, 250.0),
+        Field('maximum_m', float, 5.6,
+              'Longest distance that it measures; beyond it the reading is +inf.',
+              'm', 0.001, 250.0),
         Field('no_echo_codes', list, (), 'Codes below 20 mm that mean that nothing is within its '
               'range; empty: 0, with 1440 steps_per_turn (UTM-30LX) 1.', item=int, minimum=0,
               maximum=19),
-        Field('latency_s', float, 0.0, 'Time from the first ray of a scan to its arrival, taken '
-              'off the stamp. Turning 240 degrees takes a URG-04LX 67 ms, sending them as much '
-              'again; measure yours.', 's', 0.0, 1.0),
-        Field('configure', bool, True, 'Check the device and let it scan at opening. Off: nothing '
-              'is sent, for a recording or a device that scans already.'),
+        Field('latency_s', float, 0.0,
+              'Time from the first ray of a scan to its arrival, subtracted from the stamp. A '
+              'URG-04LX turns by 240 degrees in 67 ms, and sends them in another 67 ms; measure '
+              'yours.', 's', 0.0, 1.0),
+        Field('configure', bool, True,
+              'Check the device and start its scans at opening. Off: nothing is sent, for a '
+              'recording or a device that scans already.'),
     )
     description = 'Hokuyo laser scanner, SCIP 2.0 (URG-04LX, UTM-30LX, ...)'
     IF_SILENT = ('check its power (it needs up to 0.8 A) and its cable; with configure: false it '
-                 'has to scan already')
+                 'must scan already')
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: the steps contradict each other.
         """
@@ -124,29 +128,29 @@ class Hokuyo(SerialDevice[ScipFrame]):
         self._other_count = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: LaserScan."""
+        """Return the publications: LaserScan."""
         s = self.settings
         fixed = {'header.frame_id': s['frame_id'], 'ranges': self._count, 'intensities': 0}
         return (TopicSpec(s['topic'], 'sensor_msgs/msg/LaserScan', fixed, s['depth'],
                           s['output_rate_hz']),)
 
     def restart(self) -> None:
-        """Begin the set-up if it is wanted."""
+        """Start the set-up if it is configured."""
         self._problem = ''
         self._setup = Handshake(self.name, [
-            Step(text[:2].decode(), wire.command(text), int.from_bytes(text[:2], 'big'))
+            HandshakeStep(text[:2].decode(), wire.command(text), int.from_bytes(text[:2], 'big'))
             for text in (wire.QUIT, wire.PARAMETERS, self._scan)
         ] if self.settings['configure'] else [], _REMEDY)
 
     def is_set_up(self) -> bool:
-        """Return whether the device has been told to scan."""
+        """Return whether the device was commanded to scan."""
         return self._setup.done
 
     def write(self, now_ns: int) -> None:
         """
-        Send the command of the set-up that is due, if any.
+        Send the next command of the set-up, if due.
 
-        :raises DeviceError: the port is gone, or the device does not answer, or not as it should.
+        :raises DeviceError: the port is gone, or the device does not answer, or refuses.
         """
         if self._problem:
             raise DeviceError(f'{self.name}: {self._problem}')
@@ -155,7 +159,7 @@ class Hokuyo(SerialDevice[ScipFrame]):
             self.send(data)
 
     def handle(self, frame: ScipFrame, arrival_ns: int) -> int:
-        """Use one answer; in the loop."""
+        """Handle one answer; in the loop."""
         if frame.distances_mm is not None:
             if not self._setup.done:
                 self._ignored_frames += 1
@@ -173,20 +177,20 @@ class Hokuyo(SerialDevice[ScipFrame]):
         else:
             self._ignored_frames += 1
             if self._setup.done and frame.command == b'MD' and frame.status != wire.OK:
-                self._problem = (f'it stopped with status {frame.status:02d}: it may be held up, '
+                self._problem = (f'it stopped with status {frame.status:02d}: it may be blocked, '
                                  'or defective')
         return 0
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; contradictions are scans of another size."""
+        """Return the current counters; contradictions are scans of another size."""
         return self._counters(contradicted=self._other_counts)
 
     def unused(self) -> str:
-        """Say that its scans have another size."""
+        """Return that its scans have another size."""
         if not self._other_count:
             return ''
-        return (f'its scans have {self._other_count} steps, the settings say {self._count}: set '
-                'first_step and last_step to what it was told to send')
+        return (f'its scans have {self._other_count} steps, by the settings {self._count}: set '
+                'first_step and last_step to the steps that it is set to send')
 
     def _check(self, lines: tuple[bytes, ...]) -> None:
         """Compare the parameters of the device with the settings."""
@@ -226,5 +230,5 @@ class Hokuyo(SerialDevice[ScipFrame]):
 
 
 def _number(text: bytes) -> int | None:
-    """Read a parameter; None when it is no number of any scanner."""
+    """Parse a parameter; None if it is not a possible number."""
     return int(text) if text.isdigit() and len(text) <= _DIGITS else None

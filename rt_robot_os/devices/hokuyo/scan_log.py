@@ -17,8 +17,8 @@
 Recorded laser scans as the bytes that the scanner sent.
 
 The format is that of BreezySLAM and CoreSLAM, one scan of a Hokuyo URG-04LX a line: numbers with
-spaces between, the time in microseconds first, and from the 25th on 682 distances in mm, 0 for
-none. The odometry in between is not used.
+spaces between, the time in microseconds first, and from the 25th on 682 distances in mm, 0 for no
+echo. The odometry in between is not used.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ _US_PER_MS: Final = 1000
 
 def by_scan_time(lines: Sequence[bytes]) -> tuple[Piece, ...]:
     """
-    Let each scan come at its time.
+    Send each scan at its time.
 
     :param lines: from :func:`rt_robot_os.sim.player.load_log`.
-    :raises ConfigError: a line is no scan, or the times go back.
+    :raises ConfigError: a line is not a scan, or the times go back.
     """
     echo = scan_command(FIRST_STEP, LAST_STEP)
     pieces: list[Piece] = []
@@ -57,13 +57,13 @@ def by_scan_time(lines: Sequence[bytes]) -> tuple[Piece, ...]:
         if not pieces:
             first_us = last_us = time_us
         if time_us < last_us:
-            raise ConfigError([f'scan {number}: its time {time_us} us is before that of the scan '
-                               f'before, {last_us} us: sort the log'])
+            raise ConfigError([f'scan {number}: its time {time_us} us is before that of the '
+                               f'previous scan, {last_us} us: sort the log'])
         last_us = time_us
         pieces.append(((time_us - first_us) * NS_PER_US,
                        scan(echo, time_us // _US_PER_MS, distances_mm)))
     if not pieces:
-        raise ConfigError(['the log holds no scan: choose another'])
+        raise ConfigError(['the log contains no scan: choose another'])
     return tuple(pieces)
 
 
@@ -76,7 +76,7 @@ def _read(line: bytes, number: int) -> tuple[int, list[int]]:
         time_us = int(columns[0])
         distances_mm = [int(c) for c in columns[_FIRST_COLUMN:_LAST_COLUMN + 1]]
     except ValueError as error:
-        raise ConfigError([f'scan {number}: {error}: times and distances are whole numbers'
+        raise ConfigError([f'scan {number}: {error}: times and distances are integers'
                            ]) from error
     if min(distances_mm) < 0 or max(distances_mm) > _LONGEST_MM or time_us < 0:
         raise ConfigError([f'scan {number}: a time or distance is negative or beyond '

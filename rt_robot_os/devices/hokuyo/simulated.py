@@ -16,7 +16,7 @@
 """
 A simulated Hokuyo laser scanner on the robot, or turning in a room with a pillar.
 
-On a robot that moves each ray is measured from where the laser was then, as its mirror turns.
+On a moving robot each ray is cast from the position of the laser at its time, as its mirror turns.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from rt_robot_os.sim import world
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
 
-# First, last and front step, steps a turn, longest distance in mm, turns a minute.
+# First, last and front step, steps per turn, longest distance in mm, turns per minute.
 PRODUCTS: Final = {'URG-04LX': (44, 725, 384, 1024, 5600, 600),
                    'UTM-30LX': (0, 1080, 540, 1440, 30000, 2400)}
-# What it sends without an echo, in place of a distance in mm.
+# The code that it sends without an echo, instead of a distance in mm.
 _NO_ECHO: Final = {'URG-04LX': 0, 'UTM-30LX': 1}
 ROOM_M: Final = (6.0, 4.0)
 PILLAR_M: Final = (1.5, 0.5, 0.2)
@@ -46,7 +46,7 @@ _MINIMUM_MM: Final = 20
 _MAX_PENDING: Final = 256
 _BAD_COMMAND: Final = 4
 _SCAN_COMMAND: Final = 15
-#: Rays that are cast from one place while the robot moves: their time is 6 ms.
+#: Rays that are cast from one position while the robot moves: they take 6 ms.
 _SECTOR: Final = 64
 _S_PER_MIN: Final = 60.0
 
@@ -54,19 +54,19 @@ Ranges = npt.NDArray[np.float64]
 
 
 class SimulatedHokuyo(SimulatedDevice):
-    """A scanner; it obeys MD, QT and PP."""
+    """A scanner; it executes MD, QT and PP."""
 
     SETTINGS = common_settings(10.0, 40.0) + (
-        Field('product', str, 'URG-04LX', 'What it is.', choices=tuple(PRODUCTS)),
+        Field('product', str, 'URG-04LX', 'Its model.', choices=tuple(PRODUCTS)),
         Field('turn_rad_s', float, 0.2, 'How fast it turns in the room, without a world.', 'rad/s',
               -10.0, 10.0),
         world.NOISE_SETTING,
-        Field('scanning', bool, False, 'It scans from the start, without being told.'),
+        Field('scanning', bool, False, 'It scans from the start, without a command.'),
     )
     BAUD = 500000
 
     def prepare(self) -> None:
-        """Begin as the device does after it got power."""
+        """Start in the state after power-on."""
         (self._first, self._last, self._front, self._turn, self._maximum_mm,
          self._rpm) = PRODUCTS[self.settings['product']]
         self._noise = np.random.default_rng(self.settings['seed'])
@@ -75,7 +75,7 @@ class SimulatedHokuyo(SimulatedDevice):
         self._received = b''
 
     def sample(self, time_s: float) -> bytes:
-        """Return one scan, nothing before it is told to scan."""
+        """Return one scan; nothing before the command to scan."""
         if not self._scan:
             return b''
         first, last = int(self._scan[2:6]), int(self._scan[6:10])
@@ -101,21 +101,21 @@ class SimulatedHokuyo(SimulatedDevice):
             for start in range(0, len(angles), _SECTOR)])
 
     def _cast(self, angles: Ranges, age_s: float) -> Ranges:
-        """Return the distances as they were measured some time ago."""
+        """Return the distances that were measured some time ago."""
         assert self.world is not None
         x, y, yaw = self.world.pose_of(self.mounting, age_s)
         upside_down = abs(self.mounting.rotation_rad[0]) > math.pi / 2
         return self.world.cast(x, y, yaw - angles if upside_down else yaw + angles,
                                self._maximum_mm / 1000, self.mounting.position_m[2])
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Answer each command."""
         *lines, rest = (self._received + data).split(b'\n')
         self._received = rest[-_MAX_PENDING:]
         for line in lines:
-            self._obey_one(line)
+            self._handle_one(line)
 
-    def _obey_one(self, line: bytes) -> None:
+    def _handle_one(self, line: bytes) -> None:
         if line == wire.QUIT:
             self._scan = b''
             self.reply(wire.answer(line))
@@ -135,7 +135,7 @@ class SimulatedHokuyo(SimulatedDevice):
 
 def room(angles: Ranges) -> Ranges:
     """
-    Return the distances in m to the walls, or to the pillar before them.
+    Return the distances in m to the walls, or to the pillar in front of them.
 
     :param angles: in rad, 0 along the longer side of the room.
     """

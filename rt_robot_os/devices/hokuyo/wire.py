@@ -14,15 +14,15 @@
 
 
 """
-SCIP 2.0, which the laser scanners of Hokuyo speak: lines of text, an empty line ends an answer.
+SCIP 2.0, the protocol of Hokuyo laser scanners: lines of text, an empty line ends an answer.
 
-An answer is the echo of the command, the status, and what was asked for, each line but the echo
+An answer is the echo of the command, the status, and the requested data, each line except the echo
 with a sum at its end: the low six bits of the sum of its characters, plus 0x30; the semicolon that
-ends a line of information does not count. Numbers are written six bits a character, plus 0x30. A
-scan (command MD, status 99) has a time stamp and then its distances in mm, three characters each,
-in lines of 64 characters.
+ends a line of information does not count. Numbers are encoded as six bits per character, plus
+0x30. A scan (command MD, status 99) has a time stamp and then its distances in mm, three
+characters each, in lines of 64 characters.
 
-Commands, and the answers of simulated and recorded scanners, are made here as well.
+Commands, and the answers of simulated and recorded scanners, are encoded here as well.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from rt_robot_os.devices.framing import StreamDecoder
 END: Final = b'\n\n'
 SCAN: Final = 99
 OK: Final = 0
-# What is longer than the scan of the finest device, 1440 steps, is no answer.
+# The longest answer: a scan of 1440 steps, those of the finest device.
 MAX_ANSWER: Final = 6000
 LINE_CHARACTERS: Final = 64
 
@@ -49,7 +49,7 @@ _BASE: Final = 0x30
 _BITS: Final = 0x3F
 # With sum and line end.
 _LINE: Final = LINE_CHARACTERS + 2
-# An echo of two letters, a status with its sum, and three line ends.
+# An echo of two characters, a status with its sum, and three line ends.
 _SHORTEST: Final = 8
 _NO_LINE_END: Final = re.compile(rb'[^\n]|\Z').search
 _PRINTED: Final = re.compile(rb'[ -~]{2,}').fullmatch
@@ -61,11 +61,11 @@ Steps = npt.NDArray[np.int32]
 
 class ScipFrame(NamedTuple):
     """
-    One answer whose sums are good.
+    One answer with valid sums.
 
     :ivar echo: the command.
     :ivar status: 0 done, 99 a scan, others errors.
-    :ivar lines: of an answer that is no scan, without the sums.
+    :ivar lines: of an answer that is not a scan, without the sums.
     :ivar distances_mm: of a scan.
     :ivar time_ms: of a scan, by the clock of the device, 24 bits.
     :ivar size: bytes of the answer.
@@ -82,7 +82,7 @@ class ScipFrame(NamedTuple):
 
     @property
     def command(self) -> bytes:
-        """Return the two letters of the command."""
+        """Return the two characters of the command."""
         return self.echo[:2]
 
 
@@ -90,21 +90,21 @@ class ScipDecoder(StreamDecoder[ScipFrame]):
     """
     Find the answers in a stream of bytes; safe in the loop, keeps at most 6000 bytes.
 
-    Only the end of an answer shows that there was one, so it looks for ends and reads backwards.
+    An answer is known only by its end, so the decoder looks for ends and reads backwards.
     """
 
     def feed(self, data: bytes) -> list[ScipFrame]:
         """
-        Take the next bytes of the stream.
+        Decode the next bytes of the stream.
 
-        :return: the answers that they complete, in order; the same however the stream is cut.
+        :return: the answers that they complete, in order; independent of how the stream is split.
         """
         held = len(self._pending)
         buffer = self._pending + data
         frames: list[ScipFrame] = []
         used = 0
         at = 0 if held else _past_line_ends(buffer, 0)
-        # The end may be cut in two; what came before has been looked at.
+        # The end may be split; earlier bytes have been searched already.
         look = max(held - 1, at)
         while True:
             found = buffer.find(END, look)
@@ -117,7 +117,7 @@ class ScipDecoder(StreamDecoder[ScipFrame]):
                     frames.append(frame)
                     used += frame.size
             at = look = _past_line_ends(buffer, end)
-        # Of more than an answer only the last part can still be one.
+        # Of more bytes than an answer only the last can still be one.
         start = max(at, len(buffer) - MAX_ANSWER)
         self._pending = buffer[start:]
         self.rejected_bytes += start - used
@@ -125,11 +125,11 @@ class ScipDecoder(StreamDecoder[ScipFrame]):
         return frames
 
     def _answer(self, block: bytes, end: int) -> ScipFrame | None:
-        """Read what stands before an empty line; garbage may stand before the echo."""
+        """Decode the lines before an empty one; garbage may precede the echo."""
         newline = block.find(b'\n')
         match = _ECHO(block[:newline])
         while match is None:
-            # The end of another answer, or half of one.
+            # The end of another answer, or a part of one.
             begin = newline + 1
             newline = block.find(b'\n', begin)
             if newline < 0 or newline >= len(block) - 1:
@@ -162,7 +162,7 @@ class ScipDecoder(StreamDecoder[ScipFrame]):
 
 
 def _past_line_ends(buffer: bytes, at: int) -> int:
-    """Pass over empty lines, which are no part of the answer behind them."""
+    """Skip empty lines, which are not part of the answer behind them."""
     match = _NO_LINE_END(buffer, at)
     return match.start() if match else at
 
@@ -172,12 +172,12 @@ def _sums_up(line: bytes) -> bool:
 
 
 def _informs(line: bytes) -> bool:
-    # The sum does not see the highest bits.
+    # The sum does not cover the highest bits.
     return _PRINTED(line) is not None and checksum(line[:-1].removesuffix(b';')) == line[-1]
 
 
 def checksum(content: bytes) -> int:
-    """Return the character that stands at the end of a line."""
+    """Return the character at the end of a line."""
     return (sum(content) & _BITS) + _BASE
 
 
@@ -189,7 +189,7 @@ def _number(characters: bytes) -> int:
 
 
 def _distances(content: bytes) -> Steps | None:
-    """Read lines of 64 characters and a shorter one; None when a sum or a length is wrong."""
+    """Join lines of 64 characters and a shorter one; None if a sum or a length is wrong."""
     full = len(content) // _LINE
     last = content[full * _LINE:]
     characters = np.frombuffer(content, np.uint8)
@@ -211,7 +211,7 @@ def _distances(content: bytes) -> Steps | None:
     return result
 
 
-# ---- from values to bytes ---------------------------------------------------------------------
+# ---- encoding ---------------------------------------------------------------------------------
 
 QUIT: Final = b'QT'
 PARAMETERS: Final = b'PP'
@@ -224,12 +224,12 @@ def command(text: bytes) -> bytes:
 
 
 def scan_command(first_step: int, last_step: int) -> bytes:
-    """Make the text of MD: every scan, every step, without end."""
+    """Encode MD: every scan, every step, without end."""
     return b'MD%04d%04d00000' % (first_step, last_step)
 
 
 def answer(echo: bytes, status: int = 0, lines: Iterable[bytes] = ()) -> bytes:
-    """Make an answer of lines of data."""
+    """Encode an answer of lines of data."""
     return b''.join((echo, b'\n', _line(b'%02d' % status), *map(_line, lines), b'\n'))
 
 
@@ -241,13 +241,13 @@ def parameters(
     values = {'MODL': model, 'DMIN': minimum_mm, 'DMAX': maximum_mm, 'ARES': steps_per_turn,
               'AMIN': first_step, 'AMAX': last_step, 'AFRT': front_step, 'SCAN': rpm}
     lines = [f'{key}:{value}'.encode() for key, value in values.items()]
-    # The semicolon before the sum does not count.
+    # The semicolon before the sum is not included.
     content = b''.join(line + b';' + bytes((checksum(line), 10)) for line in lines)
     return PARAMETERS + b'\n' + _line(b'00') + content + b'\n'
 
 
 def scan(echo: bytes, time_ms: int, distances_mm: Iterable[int]) -> bytes:
-    """Make a scan; distances beyond 18 bits are limited to them."""
+    """Encode a scan; distances are limited to 18 bits."""
     data = b''.join(_characters(min(max(mm, 0), _LARGEST), 3) for mm in distances_mm)
     lines = (data[i:i + LINE_CHARACTERS] for i in range(0, len(data), LINE_CHARACTERS))
     return answer(echo, SCAN, (_characters(time_ms & 0xFFFFFF, 4), *lines))
@@ -262,6 +262,6 @@ def _characters(number: int, count: int) -> bytes:
 
 
 def is_scip(data: bytes) -> bool:
-    """Return whether some bytes are of a scan, which is longer than what is looked at."""
+    """Return whether some bytes are part of a scan, which is longer than them."""
     lines = [line for line in data.split(b'\n')[1:-1] if len(line) == LINE_CHARACTERS + 1]
     return len(lines) > 2 and all(checksum(line[:-1]) == line[-1] for line in lines)

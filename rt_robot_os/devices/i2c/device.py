@@ -47,7 +47,7 @@ from rt_robot_os.devices.i2c.bus import BUSES
 from rt_robot_os.devices.i2c.bus import I2cBus
 from rt_robot_os.devices.i2c.bus import I2cBuses
 from rt_robot_os.devices.i2c.bus import Transfer
-from rt_robot_os.devices.recognise import known_chips
+from rt_robot_os.devices.signatures import known_chips
 
 # One bad reading may be noise on the wires; so many one after the other are not.
 _BAD_IN_A_ROW: Final = 3
@@ -99,7 +99,7 @@ class I2cDevice(Device):
         'check the wiring, the pull-up resistors and that no other device has its address')
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        """Keep the settings; nothing is opened."""
+        """Store the settings; nothing is opened."""
         super().__init__(name, settings)
         self.buses: I2cBuses = BUSES
         self._address: int = settings['address']
@@ -240,7 +240,7 @@ class I2cDevice(Device):
         return samples
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now."""
+        """Return the current counters."""
         return DeviceStatistics(
             bytes_read=self._bytes_read, frames=self._frames, samples=self._samples,
             rejected_frames=self._rejected_frames, last_frame_ns=self._last_frame_ns,

@@ -37,7 +37,7 @@ from rt_robot_os.devices.i2c.simulated_bus import CLOCK_HZ
 from rt_robot_os.devices.i2c.simulated_port import I2cPort
 from rt_robot_os.sim.base import complete
 from rt_robot_os.sim.base import NOWHERE
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.base import Simulated
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.faults import check
@@ -110,10 +110,10 @@ class SimulatedChip(Simulated):
 
     @classmethod
     def made_for(
-        cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
+        cls, name: str, settings: Mapping[str, Any], place: RobotSite, device: Mapping[str, Any],
     ) -> SimulatedChip:
         """
-        Make the twin of a device; nothing is plugged in yet.
+        Make the simulated counterpart of a device; nothing is plugged in yet.
 
         :raises ConfigError: a setting is wrong, or the address is taken.
         """
@@ -131,7 +131,7 @@ class SimulatedChip(Simulated):
 
     @abstractmethod
     def power_on(self, now_ns: int) -> None:
-        """Begin with the registers that the chip has after it got power."""
+        """Start with the registers of the chip after power-on."""
 
     @abstractmethod
     def advance(self, now_ns: int) -> None:
@@ -260,7 +260,7 @@ class RegisterChip(SimulatedChip):
     FIXED: ClassVar[frozenset[int]] = frozenset()
 
     def power_on(self, now_ns: int) -> None:
-        """Begin with the registers that the chip has after it got power."""
+        """Start with the registers of the chip after power-on."""
         self.registers = bytearray(256)
         self._pointer = 0
 

@@ -15,10 +15,10 @@
 """Kobuki mobile bases."""
 
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.parts import Signature
 
 PARTS = DeviceParts(
     driver='.driver:Kobuki',
-    twin='.simulated:SimulatedKobuki',
-    recognisers=(Recogniser('packets of a Kobuki base', '.wire:is_kobuki'),),
+    simulated='.simulated:SimulatedKobuki',
+    signatures=(Signature('packets of a Kobuki base', '.wire:is_kobuki'),),
 )

@@ -15,16 +15,17 @@
 """
 Kobuki mobile bases (TurtleBot 2) on their own USB port.
 
-A ``geometry_msgs/msg/Twist`` becomes the base's command of speed and radius; what it sends fifty
-times a second becomes ``sensor_msgs/msg/JointState``, ``sensor_msgs/msg/BatteryState``, the bits
-of ``motor_faults`` and ``bumper``, and, with ``imu: true``, ``sensor_msgs/msg/Imu`` in the frame
-of the base: its gyroscope, and the heading that it makes of it.
+A ``geometry_msgs/msg/Twist`` becomes the base's command of speed and radius; its packets, fifty a
+second, become ``sensor_msgs/msg/JointState``, ``sensor_msgs/msg/BatteryState``, the bits of
+``motor_faults`` and ``bumper``, and, with ``imu: true``, ``sensor_msgs/msg/Imu`` in the frame of
+the base: its gyroscope, and the heading that it computes from it.
 
-The base takes away its power itself when no command has come for 0.6 s. Commands are repeated with
-each poll as long as one is in force and no longer, so that it does; a stop, which it does not
-acknowledge either, is repeated some times.
+The base switches off its motors when no command has arrived for 0.6 s. Commands are repeated with
+each poll only while one is active, so that it does; a stop, which it does not acknowledge either,
+is repeated some times.
 
-Its clock, which is in each packet, tells a base that was switched off and on from one that drove.
+Its clock, which is in each packet, distinguishes a base that was switched off and on from one that
+drove.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ from rt_robot_os.devices.device import Value
 from rt_robot_os.devices.imu import ImuFiller
 from rt_robot_os.devices.imu import stddev
 from rt_robot_os.devices.kobuki import wire
-from rt_robot_os.devices.kobuki.wire import Core
+from rt_robot_os.devices.kobuki.wire import CoreSensors
 from rt_robot_os.devices.kobuki.wire import KobukiDecoder
 from rt_robot_os.devices.kobuki.wire import KobukiFrame
 from rt_robot_os.devices.motor_board import MotorBoard
@@ -67,11 +68,11 @@ _STATES: Final = {0: DISCHARGING, wire.CHARGED: FULL, wire.CHARGING: CHARGING}
 _STOPS: Final = 5
 _QUESTIONS: Final = 5
 _CLOCK_BITS: Final = 16
-# Between the clock of the base and the arrivals.
+# Tolerance between the clock of the base and the arrivals.
 _LATE_MS: Final = 1000
-# Packets in a row with the same time: what they say is old.
+# Consecutive packets with the same time: their content is old.
 _STANDS: Final = 5
-# A plane knows nothing of roll and pitch.
+# Roll and pitch are unknown.
 _UNKNOWN_RAD: Final = 1000.0
 _BYTE: Final = 'std_msgs/msg/UInt8'
 
@@ -84,9 +85,9 @@ class Kobuki(MotorBoard[KobukiFrame]):
         wheel_separation_m=wire.SEPARATION_M, ticks_per_revolution=None,
         maximum_wheel_speed_m_s=0.7, empty_v=13.2, full_v=16.7, coast_s=0.2,
     ) + (
-        Field('imu', bool, True, 'Publish what its gyroscope measures.'),
-        Field('imu_frame_id', str, 'base_link', 'Coordinate frame of that; its axes are those of '
-              'the base.'),
+        Field('imu', bool, True, 'Publish its gyroscope.'),
+        Field('imu_frame_id', str, 'base_link',
+              'Coordinate frame of the gyroscope; its axes are those of the base.'),
         stddev('angular_velocity_stddev', 0.01, 'rad/s', 'each axis of the angular velocity'),
         stddev('yaw_stddev', 0.1, 'rad', 'the heading, which drifts'),
     )
@@ -103,7 +104,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: the port is neither a path nor an address.
         """
@@ -113,22 +114,22 @@ class Kobuki(MotorBoard[KobukiFrame]):
             'roll_pitch_stddev': _UNKNOWN_RAD})
         self._stops = self._questions = 0
         self._asked_ns = 0
-        self._core: Core | None = None
+        self._core: CoreSensors | None = None
         self._core_ns = 0
         self._standing = self._stood = 0
         self._told: dict[str, tuple[int, int]] = {}
         self._hardware = self._firmware = self._unique_id = ''
 
     def counts_per_revolution(self) -> float:
-        """Return what its encoders count in one turn of a wheel."""
+        """Return the counts of its encoders in one turn of a wheel."""
         return wire.TICKS_PER_TURN
 
     def connected(self, attribute: str) -> bool:
-        """Leave the gyroscope alone when it is not wanted."""
+        """Return whether a topic is used: that of the gyroscope only with ``imu: true``."""
         return attribute != 'imu' or bool(self.settings['imu'])
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published, the gyroscope in its frame."""
+        """Return the publications, the gyroscope in its frame."""
         topic = self.topic_of('imu')
         return tuple(
             replace(spec, fixed={'header.frame_id': self.settings['imu_frame_id']})
@@ -137,7 +138,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
     # --- commands --------------------------------------------------------------------------------
 
     def drive(self, left_rad_s: float, right_rad_s: float) -> None:
-        """Tell the base the velocity at which wheels of its own size turn so fast."""
+        """Send the velocity at which wheels of the base's own size turn at these speeds."""
         self._stops = 0
         self.send(wire.velocity_command(*body_velocity(
             left_rad_s * wire.WHEEL_RADIUS_M, right_rad_s * wire.WHEEL_RADIUS_M,
@@ -149,7 +150,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
         self.send(_STAND)
 
     def restart(self) -> None:
-        """Begin anew: the port has just been opened."""
+        """Reset the state: the port was just opened."""
         super().restart()
         self._stops = 0
         self._questions = _QUESTIONS
@@ -159,12 +160,12 @@ class Kobuki(MotorBoard[KobukiFrame]):
         self._told.clear()
 
     def is_set_up(self) -> bool:
-        """Return whether the base has said how it is."""
+        """Return whether a packet of the base has arrived."""
         return self._core is not None
 
     def write(self, now_ns: int) -> None:
         """
-        Repeat a stop, and ask once what the base is.
+        Repeat a stop, and request the versions of the base once.
 
         :raises DeviceError: the port is gone.
         """
@@ -179,7 +180,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
     # --- what it sends ---------------------------------------------------------------------------
 
     def handle(self, frame: KobukiFrame, arrival_ns: int) -> int:
-        """Use one packet; in the loop."""
+        """Handle one packet; in the loop."""
         parts = frame.parts
         if wire.FIRMWARE in parts or wire.HARDWARE in parts or wire.UNIQUE_ID in parts:
             self._identify(parts)
@@ -187,8 +188,8 @@ class Kobuki(MotorBoard[KobukiFrame]):
         if core is None or not self._goes_on(core, arrival_ns):
             self._ignored_frames += 1
             return 0
-        self.take_faults(core.overcurrent & 3 | (core.wheel_drop & 3) << 2)
-        samples = self.take_counts(core.left, core.right, arrival_ns)
+        self.report_faults(core.overcurrent & 3 | (core.wheel_drop & 3) << 2)
+        samples = self.update_counts(core.left, core.right, arrival_ns)
         samples += self._tell('bumper', _contacts(core), arrival_ns, _BUMPER_HZ)
         samples += self._tell('buttons', core.buttons, arrival_ns, 1.0)
         samples += self._tell_battery(core, arrival_ns)
@@ -196,8 +197,8 @@ class Kobuki(MotorBoard[KobukiFrame]):
             samples += self._tell_imu(turned, parts.get(wire.GYRO, b''), arrival_ns)
         return samples
 
-    def _goes_on(self, core: Core, arrival_ns: int) -> bool:
-        """Look at the clock of the base: does it run, and did it run since the last packet."""
+    def _goes_on(self, core: CoreSensors, arrival_ns: int) -> bool:
+        """Check the clock of the base: does it run, and did it run since the last packet?"""
         before, before_ns = self._core, self._core_ns
         self._core, self._core_ns = core, arrival_ns
         if before is None:
@@ -209,16 +210,16 @@ class Kobuki(MotorBoard[KobukiFrame]):
         self._standing = 0
         passed_ms = (arrival_ns - before_ns) // NS_PER_MS
         off_ms = tick_difference(core.time_ms, before.time_ms + passed_ms, _CLOCK_BITS)
-        # A clock that is off and has not run for longer than that began meanwhile. Otherwise it is
-        # this computer that stood still, and what has been waiting is read late.
+        # A clock that disagrees and has run for a shorter time was restarted meanwhile. Otherwise
+        # this computer was suspended, and the waiting packets are read late.
         if abs(off_ms) > _LATE_MS and core.time_ms <= passed_ms + _LATE_MS:
             self.counters.resets += 1
             self.counters.forget()
-            self.faults.show(MotorFault.COUNTS_NEW, arrival_ns)
-            self.log.warn('its clock began anew (switched off and on, or another base): brought '
-                          'to rest', throttle_s=1.0)
+            self.faults.flag_briefly(MotorFault.COUNTS_NEW, arrival_ns)
+            self.log.warn('its clock restarted (switched off and on, or another base): brought to '
+                          'rest', throttle_s=1.0)
             self.rest()
-            self._watch(arrival_ns)  # what its wheels did meanwhile says nothing of them
+            self._watch(arrival_ns)  # the motion meanwhile says nothing about the wheels
             self._questions, self._asked_ns = _QUESTIONS, 0
         return True
 
@@ -233,7 +234,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
         self._unique_id = unique_id or self._unique_id
 
     def _tell(self, topic: str, value: int, arrival_ns: int, rate_hz: float) -> int:
-        """Publish a number when it changes, and otherwise now and then."""
+        """Publish a number when it changes, and otherwise periodically."""
         last, last_ns = self._told.get(topic, (-1, 0))
         if value == last and (arrival_ns - last_ns) * rate_hz < NS_PER_S:
             return 0
@@ -243,16 +244,16 @@ class Kobuki(MotorBoard[KobukiFrame]):
         publisher.publish(arrival_ns)
         return 1
 
-    def _tell_battery(self, core: Core, arrival_ns: int) -> int:
+    def _tell_battery(self, core: CoreSensors, arrival_ns: int) -> int:
         last, last_ns = self._told.get('battery', (-1, 0))
         if core.charger == last and (arrival_ns - last_ns) * _BATTERY_HZ < NS_PER_S:
             return 0
         self._told['battery'] = core.charger, arrival_ns
-        return self.take_battery(core.battery * wire.BATTERY_V, arrival_ns,
-                                 status=_STATES.get(core.charger & _CHARGER, UNKNOWN))
+        return self.report_battery(core.battery * wire.BATTERY_V, arrival_ns,
+                                   status=_STATES.get(core.charger & _CHARGER, UNKNOWN))
 
     def _tell_imu(self, turned: tuple[float, float], gyro: bytes, arrival_ns: int) -> int:
-        """Publish heading and rate, and of the newest measurement what only the chip has."""
+        """Publish heading and rate, and of the newest measurement the other axes."""
         heading_rad, rate_rad_s = turned
         measured = wire.angular_velocities(gyro)
         roll_rad_s, pitch_rad_s = measured[-1][:2] if measured else (0.0, 0.0)
@@ -264,12 +265,12 @@ class Kobuki(MotorBoard[KobukiFrame]):
         return 1
 
     def unused(self) -> str:
-        """Say that its packets are always the same."""
+        """Return that its packets are always the same."""
         return ('its clock stands still and its packets are always the same: switch it off and on'
                 if self._standing >= _STANDS else '')
 
     def motor_counters(self) -> dict[str, Value]:
-        """Return what ``/diagnostics`` shows."""
+        """Return the values for ``/diagnostics``."""
         core = self._core
         return {
             **super().motor_counters(), 'hardware': self._hardware, 'firmware': self._firmware,
@@ -282,7 +283,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
 _STAND: Final = wire.velocity_command(0.0, 0.0)
 
 
-def _contacts(core: Core) -> int:
+def _contacts(core: CoreSensors) -> int:
     """Return the bits of ``bumper``."""
     return (core.bumper & 7 | (CLIFF if core.cliff & 7 else 0)
             | (WHEEL_DROP if core.wheel_drop & 3 else 0))

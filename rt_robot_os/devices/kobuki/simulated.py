@@ -23,17 +23,17 @@ from typing import Final
 from rt_robot_os.base.schema import Field
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.kobuki import wire
-from rt_robot_os.devices.kobuki.wire import Core
+from rt_robot_os.devices.kobuki.wire import CoreSensors
 from rt_robot_os.devices.kobuki.wire import KobukiDecoder
 from rt_robot_os.motion.differential import wheel_speeds
-from rt_robot_os.sim.motor_board import motor_twin_settings
+from rt_robot_os.sim.motor_board import motor_simulation_settings
 from rt_robot_os.sim.motor_board import SimulatedMotorBoard
 
 _AUTO_STOP_NS: Final = round(wire.SILENCE_S * NS_PER_S)
-# What of the robot's outline each of the three parts of the bumper covers, ahead being 0.
+# The part of the robot's outline that each of the three bumpers covers; 0 is ahead.
 _CENTRE_RAD: Final = math.radians(30)
 _SIDE_RAD: Final = math.radians(90)
-# It has to give way so far before it is free.
+# It must retreat by this distance to be released.
 _PRESSED_M: Final = 0.005
 _FASTEST_M_S: Final = 0.7
 _GYRO_NOISE_RAD_S: Final = 0.002
@@ -42,14 +42,14 @@ _UNIQUE_ID: Final = struct.pack('<3I', 0x32373334, 0x47083234, 0x002F0040)
 
 class SimulatedKobuki(SimulatedMotorBoard):
     """
-    A base; it obeys what the driver sends, and stops when nothing comes.
+    A base; it executes the driver's commands, and stops when none arrive.
 
-    :ivar told: linear and angular velocity that it was told last, or made of that by itself.
-    :ivar outputs: what was switched.
-    :ivar lifted: it hangs in the air: its wheels have dropped, it looks down a cliff.
+    :ivar told: last commanded linear and angular velocity, or 0 after its own stop.
+    :ivar outputs: the switched outputs.
+    :ivar lifted: it is lifted: its wheels have dropped, its cliff sensors see no floor.
     """
 
-    SETTINGS = tuple(each for each in motor_twin_settings(wire.PACKET_HZ, wire.PACKET_HZ)
+    SETTINGS = tuple(each for each in motor_simulation_settings(wire.PACKET_HZ, wire.PACKET_HZ)
                      if each.name != 'battery_v') + (
         Field('battery_v', float, 16.4, 'Voltage of its battery.', 'V', 0.0, 25.5),
         Field('charger', int, 0, 'State of its charger.', choices=(0, 2, 6, 18, 22)),
@@ -59,7 +59,7 @@ class SimulatedKobuki(SimulatedMotorBoard):
 
     def prepare(self) -> None:
         """
-        Begin as after power on.
+        Start in the state after power-on.
 
         :raises ConfigError: a setting is wrong.
         """
@@ -84,7 +84,7 @@ class SimulatedKobuki(SimulatedMotorBoard):
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
-        has_power = not self.befallen('reset')
+        has_power = not self.has_fault('reset')
         if not has_power:
             self.base.coast()
         elif not self._has_power:
@@ -92,7 +92,7 @@ class SimulatedKobuki(SimulatedMotorBoard):
         self._has_power = has_power
         super().pump(now_ns)
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Do what it is told."""
         if not self._has_power:
             return
@@ -131,23 +131,23 @@ class SimulatedKobuki(SimulatedMotorBoard):
                       (wire.UNIQUE_ID, _UNIQUE_ID)]
         return self.thinned(wire.packet(parts))
 
-    def _core(self) -> Core:
+    def _core(self) -> CoreSensors:
         time_ms = (self._now_ns - self._power_ns) // (NS_PER_S // 1000)
         left, right = (
             count - zero & 0xFFFF for count, zero in zip(self.counts(), self._zero))
         drops = 3 if self.lifted else 0
-        return Core(
+        return CoreSensors(
             time_ms & 0xFFFF, self._bumper(), drops, 7 if self.lifted else 0, left, right, 0, 0, 0,
             self.settings['charger'], round(self.settings['battery_v'] / wire.BATTERY_V),
-            3 if self.befallen('overcurrent') else 0)
+            3 if self.has_fault('overcurrent') else 0)
 
     def _bumper(self) -> int:
-        """Return which parts of the bumper are pressed, also of a base that stands."""
+        """Return which bumpers are pressed, also of a base that stands."""
         pressed = 0
         for direction in self.base.touched(_PRESSED_M):
             if abs(direction) <= _CENTRE_RAD:
                 pressed |= 2
-            elif abs(direction) <= _SIDE_RAD:  # there is none behind
+            elif abs(direction) <= _SIDE_RAD:  # there is no bumper at the rear
                 pressed |= 4 if direction > 0 else 1
         return pressed
 

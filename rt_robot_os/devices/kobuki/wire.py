@@ -17,9 +17,9 @@ Packets of the Kobuki base: ``AA 55 LEN payload CS``, of 115200 baud, both ways.
 
 CS is the XOR of LEN and the payload. The payload is a chain of parts ``id, length, data`` that
 ends where the payload ends; numbers are little-endian. The base sends one packet each 20 ms, with
-its core data in it and whatever else it has.
+its core data and further parts.
 
-Commands, and packets of simulated bases and of tests, are made here as well.
+Commands, and packets for simulated bases and tests, are encoded here as well.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ TICK_RAD: Final = 0.002436916871363930187454
 TICKS_PER_TURN: Final = 2 * math.pi / TICK_RAD
 ENCODER_BITS: Final = 16
 PACKET_HZ: Final = 50.0
-# It stops by itself so long after the last command.
+# Time from the last command until it stops by itself.
 SILENCE_S: Final = 0.6
 BATTERY_V: Final = 0.1
 CURRENT_A: Final = 0.01
@@ -73,7 +73,7 @@ CHARGED: Final = 2
 CHARGING: Final = 6
 
 _PREAMBLE: Final = b'\xaa\x55'
-# All parts that there are make 132 bytes; a longer one found by chance would hide good packets.
+# All parts together have 132 bytes; a longer false start would hide valid packets.
 _LONGEST_PAYLOAD: Final = 160
 # A part with one byte.
 _SHORTEST_PAYLOAD: Final = 3
@@ -99,9 +99,9 @@ class KobukiFrame(NamedTuple):
     end: int
 
 
-class Core(NamedTuple):
+class CoreSensors(NamedTuple):
     """
-    What each packet of a base holds.
+    The core data of each packet of a base.
 
     :ivar time_ms: clock of the base, 16 bits.
     :ivar bumper: 1 right, 2 centre, 4 left.
@@ -110,7 +110,8 @@ class Core(NamedTuple):
     :ivar left: ticks, 16 bits that wrap, as ``right``.
     :ivar left_duty: -127 to 127, as ``right_duty``.
     :ivar buttons: 1, 2, 4.
-    :ivar charger: 0 discharging, 2 charged, 6 charging; 16 more at the adapter, not in the dock.
+    :ivar charger: 0 discharging, 2 charged, 6 charging; plus 16 at the adapter instead of the
+        dock.
     :ivar battery: in 0.1 V.
     :ivar overcurrent: 1 left, 2 right.
     """
@@ -133,7 +134,7 @@ class KobukiDecoder(FrameDecoder[KobukiFrame]):
     """
     Find the packets in a stream of bytes; safe in the loop, keeps less than 164 bytes.
 
-    The checksum has only eight bits, so the parts have to fill the payload exactly as well.
+    The checksum has only eight bits, so the parts must also fill the payload exactly.
     """
 
     STARTS = _PREAMBLE[:1]
@@ -143,17 +144,17 @@ class KobukiDecoder(FrameDecoder[KobukiFrame]):
     PATTERN = rb'\xaa(?:\x55(?:[\x%02x-\x%02x]|\Z)|\Z)' % (_SHORTEST_PAYLOAD, _LONGEST_PAYLOAD)
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Return where a packet ends, 0 when none begins here."""
+        """Return where a packet ends, 0 if none begins here."""
         length = buffer[at + 2]
         if buffer[at + 1] != _PREAMBLE[1] or not _SHORTEST_PAYLOAD <= length <= _LONGEST_PAYLOAD:
             return 0
-        # The first part has to fit in, so most false beginnings end here.
+        # The first part must fit, which rejects most false starts.
         if not 0 < buffer[at + 4] <= length - 2:
             return 0
         return at + length + _AROUND
 
     def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> KobukiFrame | None:
-        """Read a packet whose checksum is good and whose parts fill it."""
+        """Decode a packet with a valid checksum, filled by its parts."""
         begin, stop = at + 3, end - 1
         parts: dict[int, bytes] = {}
         while begin + 2 < stop:
@@ -180,14 +181,14 @@ def is_kobuki(data: bytes) -> bool:
 
 # ---- what the base sends ------------------------------------------------------------------------
 
-def core_of(frame: KobukiFrame) -> Core | None:
-    """Read the core data; None when the packet has none."""
+def core_of(frame: KobukiFrame) -> CoreSensors | None:
+    """Decode the core data; None if the packet has none."""
     data = frame.parts.get(CORE, b'')
-    return Core(*_CORE.unpack(data)) if len(data) == _CORE.size else None
+    return CoreSensors(*_CORE.unpack(data)) if len(data) == _CORE.size else None
 
 
 def heading(data: bytes) -> tuple[float, float] | None:
-    """Read the part ``INERTIA``: heading in rad and its rate in rad/s; None when it is short."""
+    """Decode the part ``INERTIA``: heading in rad and its rate in rad/s; None if it is short."""
     if len(data) < 4:
         return None
     angle, rate = struct.unpack_from('<hh', data)
@@ -196,9 +197,9 @@ def heading(data: bytes) -> tuple[float, float] | None:
 
 def angular_velocities(data: bytes) -> list[tuple[float, float, float]]:
     """
-    Read the part ``GYRO``: some measurements, the oldest first, in rad/s.
+    Decode the part ``GYRO``: some measurements, the oldest first, in rad/s.
 
-    The chip is mounted a quarter of a turn from the axes of REP 103, which these are.
+    The chip is mounted a quarter of a turn off; the result is in the axes of REP 103.
     """
     count = min(data[1] // 3, (len(data) - 2) // 6) if len(data) > 2 else 0
     raw = struct.unpack_from(f'<{3 * count}h', data, 2) if count else ()
@@ -207,14 +208,14 @@ def angular_velocities(data: bytes) -> list[tuple[float, float, float]]:
 
 
 def version(data: bytes) -> str:
-    """Read the parts ``HARDWARE`` and ``FIRMWARE``, such as 1.2.0; empty when it is short."""
+    """Decode the parts ``HARDWARE`` and ``FIRMWARE``, such as 1.2.0; empty if short."""
     return f'{data[2]}.{data[1]}.{data[0]}' if len(data) >= 3 else ''
 
 
 # ---- commands and packets -----------------------------------------------------------------------
 
 def packet(parts: Iterable[tuple[int, bytes]]) -> bytes:
-    """Make a packet of parts, each of identifier and data."""
+    """Encode a packet of parts, each of identifier and data."""
     payload = b''.join(bytes((part, len(data))) + data for part, data in parts)
     content = bytes((len(payload),)) + payload
     return _PREAMBLE + content + bytes((checksum(content),))
@@ -224,27 +225,28 @@ def base_control(linear_m_s: float, angular_rad_s: float) -> tuple[int, int]:
     """
     Return speed in mm/s and radius in mm of the command for a velocity.
 
-    The base takes the speed of its outer wheel and the radius of the arc; radius 0 is straight on,
-    1 turns on the spot. Both are truncated, as the base's own driver does.
+    The base expects the speed of its outer wheel and the radius of the arc; radius 0 is straight
+    on, 1 turns on the spot. Both are truncated, as in the base's own driver.
     """
     if abs(angular_rad_s) < _STRAIGHT_RAD_S:
         return _short(1000 * linear_m_s), 0
     radius = 1000 * linear_m_s / angular_rad_s
     half = 1000 * SEPARATION_M / 2
     if abs(radius) > 2 * _LIMIT:
-        return _short(1000 * linear_m_s), 0  # nearer to it than the widest arc that there is
+        # Closer to a straight line than the widest possible arc.
+        return _short(1000 * linear_m_s), 0
     if abs(linear_m_s) < _STANDING_M_S or abs(radius) <= _CIRCLING_MM:
         return _short(half * angular_rad_s), _CIRCLING_MM
     return _short((radius + math.copysign(half, radius)) * angular_rad_s), _short(radius)
 
 
 def velocity_command(linear_m_s: float, angular_rad_s: float) -> bytes:
-    """Make the packet of a command for a velocity; both numbers are finite."""
+    """Encode the command for a velocity; both numbers are finite."""
     return packet([(BASE_CONTROL, struct.pack('<hh', *base_control(linear_m_s, angular_rad_s)))])
 
 
 def velocity_of(speed_mm_s: int, radius_mm: int) -> tuple[float, float]:
-    """Return the velocity, in m/s and rad/s, that a command means: what the base does."""
+    """Return the velocity, in m/s and rad/s, at which the base executes a command."""
     half = 1000 * SEPARATION_M / 2
     if radius_mm == 0:
         return speed_mm_s / 1000, 0.0
@@ -255,42 +257,42 @@ def velocity_of(speed_mm_s: int, radius_mm: int) -> tuple[float, float]:
 
 
 def request_extra() -> bytes:
-    """Make the packet that asks for versions and the unique identifier."""
+    """Encode the request for versions and the unique identifier."""
     return packet([(REQUEST_EXTRA, struct.pack('<H', ALL_EXTRA))])
 
 
 def outputs(flags: int) -> bytes:
-    """Make the packet for what can be switched: pins 0x00F, powers 0x0F0, lights 0xF00."""
+    """Encode the command for the outputs: pins 0x00F, powers 0x0F0, lights 0xF00."""
     return packet([(OUTPUTS, struct.pack('<H', flags & 0xFFFF))])
 
 
 def sound(number: int) -> bytes:
-    """Make the packet that plays one of the seven sounds: 0 on, 1 off, 4 error, ..."""
+    """Encode the command for one of the seven sounds: 0 on, 1 off, 4 error, ..."""
     return packet([(SOUND_SEQUENCE, bytes((number & 0xFF,)))])
 
 
-def core(values: Core) -> tuple[int, bytes]:
-    """Make the part of core data."""
+def core(values: CoreSensors) -> tuple[int, bytes]:
+    """Encode the part with core data."""
     return CORE, _CORE.pack(*values)
 
 
 def inertia(heading_rad: float, rate_rad_s: float) -> tuple[int, bytes]:
-    """Make the part of heading and rate."""
+    """Encode the part with heading and rate."""
     return INERTIA, struct.pack('<hh3x', _wrapped(heading_rad / HEADING_RAD),
                                 _short(rate_rad_s / HEADING_RAD))
 
 
 def gyro(number: int, rates_rad_s: Iterable[tuple[float, float, float]]) -> tuple[int, bytes]:
-    """Make the part of the gyroscope's measurements, given in the axes of REP 103."""
+    """Encode the part with the gyroscope's measurements, given in the axes of REP 103."""
     raw = [_short(value / GYRO_RAD_S) for x, y, z in rates_rad_s for value in (y, -x, z)]
     return GYRO, struct.pack(f'<BB{len(raw)}h', number & 0xFF, len(raw), *raw)
 
 
 def _short(value: float) -> int:
-    """Truncate to 16 bits; limited, never wrapped."""
+    """Limit to 16 bits, without wrapping."""
     return int(min(max(value, -_LIMIT), _LIMIT))
 
 
 def _wrapped(value: float) -> int:
-    """Bring an angle in hundredths of a degree to half a turn either way."""
+    """Wrap an angle in hundredths of a degree to half a turn in either direction."""
     return round(value + 18000) % 36000 - 18000

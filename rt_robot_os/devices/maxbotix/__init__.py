@@ -15,12 +15,12 @@
 """MaxBotix ultrasonic range finders."""
 
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.parts import Signature
 
 PARTS = DeviceParts(
     driver='.driver:MaxBotix',
-    twin='.simulated:SimulatedMaxBotix',
-    recognisers=(
-        Recogniser('MaxBotix readings', '.wire:is_maxbotix'),
+    simulated='.simulated:SimulatedMaxBotix',
+    signatures=(
+        Signature('MaxBotix readings', '.wire:is_maxbotix'),
     ),
 )

@@ -16,10 +16,10 @@
 """
 MaxBotix ultrasonic range finders on their serial line (LV, XL, HRLV, HRXL, HRUSB).
 
-One ``sensor_msgs/msg/Range`` for each reading. The unit is that of the model and has to be set:
-the reading does not say it, only its number of digits tells millimetres from the others. The
-number that a model sends when there is no target is +inf; what is not beyond ``minimum_m``, where
-these devices go on sending their shortest distance, is -inf.
+One ``sensor_msgs/msg/Range`` for each reading. The unit depends on the model and must be set: a
+reading does not contain it; only its number of digits distinguishes millimetres from the others.
+The number that a model sends without a target becomes +inf; a distance at or below ``minimum_m``,
+where these devices keep sending their shortest distance, becomes -inf.
 """
 
 from __future__ import annotations
@@ -55,14 +55,15 @@ class MaxBotix(SerialDevice[MaxBotixFrame]):
     ) + (
         Field('unit', str, 'mm', 'Unit of the model: mm for HRLV and HRXL (four digits), cm for '
               'XL and AE, inch for LV (three digits).', choices=tuple(UNITS)),
-        Field('no_target', list, (), 'Readings that mean that there is no target; empty: those '
-              'that are usual for the unit.', item=int, minimum=0, maximum=9999),
+        Field('no_target', list, (),
+              'Readings that mean no target; empty: the usual ones of the unit.',
+              item=int, minimum=0, maximum=9999),
     )
     description = 'MaxBotix ultrasonic range finder, ASCII R0000'
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: the limits contradict each other.
         """
@@ -74,20 +75,20 @@ class MaxBotix(SerialDevice[MaxBotixFrame]):
         self._wrong = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: Range."""
+        """Return the publications: Range."""
         s = self.settings
         return (TopicSpec(s['topic'], 'sensor_msgs/msg/Range',
                           {'header.frame_id': s['frame_id']}, s['depth'], s['output_rate_hz']),)
 
     def restart(self) -> None:
-        """Forget what was seen of the unit."""
+        """Reset the check of the unit."""
         self._other_digits = 0
 
     def write(self, now_ns: int) -> None:
         """
-        Look whether the device is one of the unit that is set; nothing is sent.
+        Check that the device uses the configured unit; nothing is sent.
 
-        :raises DeviceError: it is not.
+        :raises DeviceError: it does not.
         """
         if self._other_digits >= _SURE:
             sent = 7 - self._digits
@@ -96,7 +97,7 @@ class MaxBotix(SerialDevice[MaxBotixFrame]):
                               f'{self.settings["unit"]}: set unit: {units}')
 
     def handle(self, frame: MaxBotixFrame, arrival_ns: int) -> int:
-        """Use one reading; in the loop."""
+        """Handle one reading; in the loop."""
         if frame.digits != self._digits:
             self._other_digits += 1
             self._wrong += 1
@@ -109,9 +110,9 @@ class MaxBotix(SerialDevice[MaxBotixFrame]):
         return 1
 
     def is_set_up(self) -> bool:
-        """Return whether its readings have the unit that is set."""
+        """Return whether its readings have the configured unit."""
         return not self._other_digits
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; contradictions are readings of another unit."""
+        """Return the current counters; contradictions are readings of another unit."""
         return self._counters(contradicted=self._wrong)

@@ -12,7 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A simulated MaxBotix range finder in the world, or before a wall that comes and goes."""
+"""
+A simulated MaxBotix range finder in the world, or in front of a wall that approaches and recedes.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ from rt_robot_os.sim.world import wall_settings
 
 
 class SimulatedMaxBotix(SimulatedRange):
-    """A MaxBotix range finder; it stays at its shortest distance below that."""
+    """A MaxBotix range finder; below its shortest distance it keeps sending that."""
 
     SETTINGS = common_settings(10.0, 50.0) + wall_settings(0.2, 6.0) + (
         Field('unit', str, 'mm', 'Unit of the model.', choices=tuple(UNITS)),

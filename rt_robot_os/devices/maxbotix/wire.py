@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 from rt_robot_os.devices.framing import FrameDecoder
 
-# Metres of a unit, digits of a reading, what is sent without a target.
+# Metres of a unit, digits of a reading, readings without a target.
 UNITS: Final = {'mm': (0.001, 4, (5000, 9999)), 'cm': (0.01, 3, (765, 1068)),
                 'inch': (0.0254, 3, (255,))}
 
@@ -58,7 +58,7 @@ class MaxBotixDecoder(FrameDecoder[MaxBotixFrame]):
     """
     Find the readings in a stream of bytes; safe in the loop, keeps less than 10 bytes.
 
-    A rejected frame is a line that begins with R and a digit and is no reading.
+    A line that begins with R and a digit and is not a reading is a rejected frame.
     """
 
     STARTS = b'R'
@@ -67,7 +67,7 @@ class MaxBotixDecoder(FrameDecoder[MaxBotixFrame]):
     PATTERN = rb'R(?:[0-9]|\Z)'
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Return where the line ends; where the next R stands, if the line was cut off there."""
+        """Return where the line ends, or where the next R is if the line was cut off there."""
         if buffer[at + 1] not in _DIGITS:
             return 0
         limit = at + _LONGEST
@@ -84,7 +84,7 @@ class MaxBotixDecoder(FrameDecoder[MaxBotixFrame]):
 
 
 def reading(value: int, digits: int = 4) -> bytes:
-    """Make a reading of a MaxBotix range finder."""
+    """Encode a reading of a MaxBotix range finder."""
     return b'R%0*d\r' % (digits, value)
 
 

@@ -18,5 +18,5 @@ from rt_robot_os.devices.parts import DeviceParts
 
 PARTS = DeviceParts(
     driver='.driver:Microphone',
-    twin='.simulated:SimulatedMicrophone',
+    simulated='.simulated:SimulatedMicrophone',
 )

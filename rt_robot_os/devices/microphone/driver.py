@@ -70,7 +70,7 @@ class Microphone(CaptureDevice):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: nothing is published.
         """
@@ -84,7 +84,7 @@ class Microphone(CaptureDevice):
         self._by_key: dict[str, SamplePublisher] = {}
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: Int16MultiArray, Float32 twice, TimeReference."""
+        """Return the publications: Int16MultiArray, Float32 twice, TimeReference."""
         s = self.settings
         block, channels = s['block'], s['channels']
         kinds: dict[str, tuple[str, dict[str, object]]] = {

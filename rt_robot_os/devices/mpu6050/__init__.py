@@ -18,6 +18,6 @@ from rt_robot_os.devices.parts import DeviceParts
 
 PARTS = DeviceParts(
     driver='.driver:Mpu6050',
-    twin='.simulated:SimulatedMpu6050',
+    simulated='.simulated:SimulatedMpu6050',
     chips='.wire:CHIPS',
 )

@@ -15,10 +15,10 @@
 """
 InvenSense MPU-6050 inertial measurement unit on I2C, and its relatives MPU-6500 and MPU-9250.
 
-The chip samples by its own clock into its FIFO, which is emptied with each poll, so no sample is
-lost or doubled while polls come late. Nothing on the wire has a checksum: what can be checked is
-(the count of the FIFO, the temperature in each frame, once a second the chip id and its power
-register), and a FIFO that ran over or got out of step is emptied and the loss counted.
+The chip samples with its own clock into its FIFO, which is emptied with each poll, so late polls
+neither lose nor double samples. The data have no checksum, so the driver checks the count of the
+FIFO, the temperature in each frame, and once a second the chip id and the power register. A FIFO
+that overflowed or lost alignment is emptied, and the loss counted.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ from rt_robot_os.devices.i2c.device import I2cDevice
 from rt_robot_os.devices.i2c.device import Transactions
 from rt_robot_os.devices.mpu6050 import wire as chip
 
-# The longest burst: 112 bytes take 2.6 ms at 400 kHz, in which nobody else has the bus.
+# The longest burst: 112 bytes take 2.6 ms at 400 kHz, during which the bus is busy.
 _MAX_FRAMES: Final = 8
 _CHECK_NS: Final = NS_PER_S
 _COLDEST_C, _HOTTEST_C = -40.0, 105.0
-# The data sheet promises no more than a degree.
+# The data sheet specifies 1 degree.
 _TEMPERATURE_VARIANCE: Final = 1.0
 
 
@@ -80,9 +80,9 @@ class Mpu6050(I2cDevice):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
-        :raises ConfigError: the chip does not have this rate, or the calibration is none.
+        :raises ConfigError: the chip does not support this rate, or the calibration is invalid.
         """
         super().__init__(name, settings)
         self._divider = _divider(name, settings['output_rate_hz'])
@@ -97,7 +97,7 @@ class Mpu6050(I2cDevice):
             accel_range * STANDARD_GRAVITY_M_S2 / chip.FULL_SCALE)
         axes, factors, summands = from_settings(name, settings, 'angular_velocity').folded(
             math.radians(gyro_range) / chip.FULL_SCALE)
-        # In a frame the angular velocity comes after acceleration and temperature.
+        # In a frame the angular velocity follows acceleration and temperature.
         self._gyro = ((axes[0] + 4, axes[1] + 4, axes[2] + 4), factors, summands)
         self._linear = _diagonal(settings['acceleration_stddev'])
         self._angular = _diagonal(settings['angular_velocity_stddev'])
@@ -110,7 +110,7 @@ class Mpu6050(I2cDevice):
         self._check_ns = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: Imu, and Temperature unless its topic is empty."""
+        """Return the publications: Imu, and Temperature unless its topic is empty."""
         s = self.settings
         frame = {'header.frame_id': s['frame_id']}
         kinds = [(s['topic'], 'sensor_msgs/msg/Imu')]
@@ -163,9 +163,9 @@ class Mpu6050(I2cDevice):
         count = int.from_bytes((yield self.fetch(chip.FIFO_COUNT, 2)), 'big')
         now_ns = self.clock_ns()  # the bus may have been busy for a while
         if count > self._model.fifo_size:
-            return self.reject(f'its FIFO cannot hold the {count} bytes that it says')
+            return self.reject(f'its FIFO cannot hold the {count} bytes that it reports')
         if count > self._model.fifo_size - chip.FRAME_SIZE:
-            # It ran over: what it holds is cut somewhere, and older than what was lost.
+            # It overflowed: a frame in it is cut, and older than the lost ones.
             self._lost_samples += max(1, (now_ns - self._stamp_ns) // self.period_ns)
             return (yield from self._restart_fifo(now_ns))
         there = count // chip.FRAME_SIZE
@@ -177,20 +177,20 @@ class Mpu6050(I2cDevice):
         samples = 0
         oldest_ns = now_ns - there * self.period_ns
         for frame in chip.frames(data):
-            # Sampled between these two moments; on the grid of the sample before, if it can be.
+            # Sampled between these two times; on the grid of the previous sample, if possible.
             stamp_ns = min(max(self._stamp_ns + self.period_ns, oldest_ns),
                            oldest_ns + self.period_ns)
             oldest_ns += self.period_ns
             if not self._use(frame, max(stamp_ns, self._stamp_ns)):
                 self._lost_samples += there
                 yield from self._restart_fifo(now_ns)
-                self.reject('its FIFO gives what it cannot have measured')
+                self.reject('its FIFO contains impossible measurements')
                 return samples
             samples += len(self._publishers)
         return samples
 
     def _use(self, frame: chip.Frame, stamp_ns: int) -> bool:
-        """Publish a frame, unless its temperature says that it is none."""
+        """Publish a frame, unless its temperature is impossible."""
         model = self._model
         temperature_c = frame[3] / model.temperature_scale + model.temperature_zero_c
         if not _COLDEST_C <= temperature_c <= _HOTTEST_C:
@@ -218,7 +218,7 @@ class Mpu6050(I2cDevice):
 
     def _check_chip(self, now_ns: int) -> Transactions[None]:
         """
-        Look whether it is still the chip that was set up.
+        Check whether it is still the chip that was set up.
 
         :raises DeviceError: it is not.
         """
@@ -229,15 +229,15 @@ class Mpu6050(I2cDevice):
             raise DeviceError(f'{self.name}: {self.place}: the chip id was 0x{self._id:02x} and '
                               f'is 0x{found:02x} now: {self.IF_GARBAGE}')
         if power != chip.POWER_ON:
-            raise DeviceError(f'{self.name}: {self.place}: it has forgotten its settings: was it '
-                              'without power? Check its supply; it will be set up again')
+            raise DeviceError(f'{self.name}: {self.place}: it has lost its settings: did it lose '
+                              'power? Check its supply; it will be set up again')
 
 
 def _divider(name: str, rate_hz: float) -> int:
     """
     Return the divider of the base rate.
 
-    :raises ConfigError: there is none for this rate.
+    :raises ConfigError: no divider gives this rate.
     """
     divider = round(chip.BASE_RATE_HZ / rate_hz) - 1
     nearest = chip.BASE_RATE_HZ / (min(max(divider, 0), chip.DIVIDER_MAXIMUM) + 1)

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-A simulated MPU-6050, on the robot or turned by hand: its registers, its FIFO and what it measures.
+A simulated MPU-6050, on the robot or turned by hand: its registers, its FIFO and its measurements.
 
-It moves like the other simulated units, so its rates and its accelerations agree.
+It moves like the other simulated units, so its rates and its accelerations are consistent.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _GYRO_RANGES: Final = {field: limit for limit, field in chip.GYRO_RANGES_DEG_S.i
 
 
 def counts(value: float, unit: float) -> int:
-    """Return a value in counts of a unit, limited to what 16 bit hold."""
+    """Return a value in counts of a unit, limited to 16 bits."""
     return min(max(round(value / unit), -32768), 32767)
 
 
@@ -49,16 +49,17 @@ class SimulatedMpu6050(RegisterChip):
     """
     An MPU-6050, MPU-6500 or MPU-9250.
 
-    :ivar queued: samples that went into the FIFO.
+    :ivar queued: samples put into the FIFO.
     """
 
     SETTINGS = common_settings() + (
-        Field('model', str, 'MPU-6050', 'Which of the relatives it is.', choices=tuple(_IDS)),
+        Field('model', str, 'MPU-6050', 'The model of the chip.', choices=tuple(_IDS)),
         Field('temperature_c', float, 30.0, 'Temperature of the chip.', unit='C', minimum=-40.0,
               maximum=85.0),
         world.NOISE_SETTING,
         ON_SETTING,
-        Field('drift', float, 0.0, 'How much faster its clock runs than ours.', minimum=-0.1,
+        Field('drift', float, 0.0,
+              'How much faster its clock runs than that of the computer.', minimum=-0.1,
               maximum=0.1),
     )
     ADDRESS = 0x68
@@ -66,7 +67,7 @@ class SimulatedMpu6050(RegisterChip):
     FOREIGN = {0xD0: 0x58}
 
     def prepare(self) -> None:
-        """Begin as the device does after it got power."""
+        """Start in the state after power-on."""
         self._inertial = inertial(self.site, self.settings)
         self._id = _IDS[self.settings['model']]
         self._model = chip.MODELS[self._id]
@@ -76,7 +77,7 @@ class SimulatedMpu6050(RegisterChip):
         self.queued = 0
 
     def power_on(self, now_ns: int) -> None:
-        """Begin with the registers that the chip has after it got power: asleep."""
+        """Start with the registers of the chip after power-on: asleep."""
         super().power_on(now_ns)
         self.registers[chip.WHO_AM_I] = self._id
         self.registers[chip.POWER] = chip.POWER_SLEEP
@@ -97,9 +98,9 @@ class SimulatedMpu6050(RegisterChip):
                 self._restart(now_ns)
 
     def read(self, register: int, now_ns: int) -> int:
-        """Read a register; the one of the FIFO takes a byte out of it."""
+        """Read a register; reading that of the FIFO removes a byte."""
         if register == chip.FIFO:
-            # An empty FIFO gives its last byte again.
+            # An empty FIFO returns its last byte again.
             if self._fifo:
                 self.registers[chip.FIFO] = self._fifo.pop(0)
         elif register == chip.FIFO_COUNT:
@@ -109,13 +110,13 @@ class SimulatedMpu6050(RegisterChip):
         return self.registers[register]
 
     def advance(self, now_ns: int) -> None:
-        """Take the samples that are due."""
+        """Make the samples that are due."""
         if self.registers[chip.POWER] & chip.POWER_SLEEP or not self.measuring:
             self._restart(now_ns)
             return
         period_ns = self._period_ns()
         due = (now_ns - self._began_ns) // period_ns
-        # More than these have left the FIFO anyway.
+        # Older samples have left the FIFO anyway.
         kept = self._model.fifo_size // chip.FRAME_SIZE + 2
         skipped = due - self._sampled - kept
         if skipped > 0:
@@ -144,7 +145,7 @@ class SimulatedMpu6050(RegisterChip):
         if self._queueing():
             self.queued += 1
             self._fifo += data
-            # The oldest go, whole frame or not.
+            # The oldest bytes are dropped, whole frame or not.
             del self._fifo[:max(0, len(self._fifo) - model.fifo_size)]
 
     def _queueing(self) -> bool:

@@ -35,14 +35,14 @@ WHO_AM_I: Final = 0x75
 
 POWER_RESET: Final = 0x80
 POWER_SLEEP: Final = 0x40
-# Clock from the PLL of the gyroscope: 1 %, where the internal one has 5 %.
+# Clock from the PLL of the gyroscope: 1 % error; the internal one has 5 %.
 POWER_ON: Final = 0x01
 FIFO_ALL: Final = 0xF8
 USER_FIFO: Final = 0x40
 USER_FIFO_RESET: Final = 0x04
 
 RESET_NS: Final = 100_000_000
-# The gyroscope needs a while until what it gives is right.
+# Start-up time of the gyroscope.
 WAKE_NS: Final = 35_000_000
 BASE_RATE_HZ: Final = 1000
 DIVIDER_MAXIMUM: Final = 255
@@ -51,7 +51,7 @@ FRAME_SIZE: Final = 14
 FULL_SCALE: Final = 32768.0
 GYRO_RANGES_DEG_S: Final = {250: 0, 500: 1, 1000: 2, 2000: 3}
 ACCEL_RANGES_G: Final = {2: 0, 4: 1, 8: 2, 16: 3}
-# Bandwidth of the digital low-pass filter: that of the gyroscope, rounded as people say it.
+# Bandwidth of the digital low-pass filter: that of the gyroscope, rounded as commonly stated.
 BANDWIDTHS_HZ: Final = {188: 1, 98: 2, 42: 3, 20: 4, 10: 5, 5: 6}
 
 _FRAME: Final = struct.Struct('>7h')
@@ -61,7 +61,7 @@ Frame = tuple[int, int, int, int, int, int, int]
 @dataclass(frozen=True)
 class Model:
     """
-    What differs between the relatives.
+    The differences between the models.
 
     :ivar fifo_size: bytes.
     :ivar temperature_scale: counts a degree.
@@ -86,7 +86,7 @@ CHIPS: Final = {WHO_AM_I: {value: model.name for value, model in MODELS.items()}
 
 def frames(data: bytes) -> list[Frame]:
     """
-    Take whole frames apart; safe in the loop.
+    Unpack whole frames; safe in the loop.
 
     :param data: of the FIFO, or the 14 bytes from register 0x3B.
     :return: acceleration x y z, temperature, angular velocity x y z, in counts.

@@ -18,5 +18,5 @@ from rt_robot_os.devices.parts import DeviceParts
 
 PARTS = DeviceParts(
     driver='.driver:Ms5611',
-    twin='.simulated:SimulatedMs5611',
+    simulated='.simulated:SimulatedMs5611',
 )

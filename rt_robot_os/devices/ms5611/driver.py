@@ -16,8 +16,8 @@
 MS5611 barometer on I2C.
 
 A measurement takes two conversions, temperature and pressure. Each is started in one poll and
-fetched in a later one when its time has passed; nothing waits. The chip has no id: its PROM and
-the checksum in it tell whether it is one.
+fetched in a later one, after its duration; nothing blocks. The chip has no id; it is identified by
+its PROM and the checksum in it.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Ms5611(Barometer):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: two conversions take longer than there is between two samples.
         """
@@ -73,9 +73,9 @@ class Ms5611(Barometer):
         if not chip.valid(self._prom):
             probably = yield from self.probably()
             raise DeviceError(
-                f'{self.name}: {self.place}: the checksum of its PROM is '
-                f'0x{self._prom[7] & 15:x} and should be 0x{chip.crc4(self._prom):x}, no MS5611 '
-                f'has that (or there is noise on the wires): {probably}')
+                f'{self.name}: {self.place}: the checksum of its PROM is 0x{self._prom[7] & 15:x} '
+                f'and should be 0x{chip.crc4(self._prom):x}, so it is not an MS5611 (or there is '
+                f'noise on the wires): {probably}')
         yield self.put(chip.RESET)
 
     def begin(self, now_ns: int) -> int:
@@ -86,7 +86,7 @@ class Ms5611(Barometer):
     def _start(self, now_ns: int) -> Transactions[int]:
         """Start the conversion of the temperature."""
         yield self.put(chip.CONVERT_TEMPERATURE + self._added)
-        # The chip began when the command was over; fetched too early, the conversion is spoilt.
+        # The chip starts at the end of the command; fetching too early spoils the conversion.
         return self.then(self._fetch_temperature, self.clock_ns() + self._conversion_ns)
 
     def _fetch_temperature(self, now_ns: int) -> Transactions[int]:

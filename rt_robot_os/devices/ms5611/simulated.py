@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A simulated MS5611: its commands, and the time that its conversions take."""
+"""A simulated MS5611: its commands, and the duration of its conversions."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _TIMES_NS: Final = dict(chip.OVERSAMPLING.values())
 
 
 def with_checksum(words: tuple[int, ...]) -> chip.Words:
-    """Return the PROM with a right checksum."""
+    """Return the PROM with a valid checksum."""
     blank = (*words[:7], words[7] & 0xFFF0)
     return (*blank[:7], blank[7] | chip.crc4(blank))
 
@@ -52,7 +52,7 @@ class SimulatedMs5611(SimulatedChip):
     FOREIGN = {0xD0: 0x58}
 
     def prepare(self) -> None:
-        """Begin as the device does after it got power."""
+        """Start in the state after power-on."""
         self.air = Air(self.settings, self.random, self.site)
         self.conversions = 0
         self._command = 0
@@ -61,7 +61,7 @@ class SimulatedMs5611(SimulatedChip):
         self._result = 0
 
     def power_on(self, now_ns: int) -> None:
-        """Forget the conversion that was begun."""
+        """Discard the started conversion."""
         self._command = self._converting = self._result = 0
 
     def advance(self, now_ns: int) -> None:
@@ -73,11 +73,11 @@ class SimulatedMs5611(SimulatedChip):
             self._converting = 0
 
     def exchange(self, data: bytes, size: int, now_ns: int) -> bytes:
-        """Obey a command, then give what it asked for."""
+        """Execute a command, then return the requested bytes."""
         if data:
-            self._obey(data[0], now_ns)
+            self._execute(data[0], now_ns)
         if self._command == chip.READ:
-            # What is fetched too early is 0, and so is what is fetched twice.
+            # A value that is fetched too early or twice is 0.
             result, self._result = self._result, 0
             if self._converting:
                 self._converting = 0
@@ -87,12 +87,12 @@ class SimulatedMs5611(SimulatedChip):
             return word.to_bytes(2, 'big')[:size].ljust(size, b'\0')
         return bytes(size)
 
-    def _obey(self, command: int, now_ns: int) -> None:
+    def _execute(self, command: int, now_ns: int) -> None:
         self._command = command
         if command == chip.RESET:
             self.power_on(now_ns)
         elif command & ~0x1F == chip.CONVERT_PRESSURE and command & 0xF in _TIMES_NS:
             self._converting = command
             self._result = 0
-            # Typically a tenth faster than at worst.
+            # Typically 10 % shorter than the longest.
             self._done_ns = now_ns + _TIMES_NS[command & 0xF] * 9 // 10

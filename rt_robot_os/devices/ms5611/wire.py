@@ -27,7 +27,7 @@ CONVERT_PRESSURE: Final = 0x40
 CONVERT_TEMPERATURE: Final = 0x50
 
 START_UP_NS: Final = 3_000_000
-# Oversampling -> what is added to the command, and the longest conversion.
+# Oversampling -> offset of the command, and the longest conversion.
 OVERSAMPLING: Final = {
     256: (0, 600_000), 512: (2, 1_170_000), 1024: (4, 2_280_000), 2048: (6, 4_540_000),
     4096: (8, 9_040_000)}
@@ -38,12 +38,12 @@ Words = tuple[int, ...]
 
 
 def words(data: bytes) -> Words:
-    """Take the 16 bytes of the PROM apart."""
+    """Unpack the 16 bytes of the PROM."""
     return _WORDS.unpack(data)
 
 
 def crc4(prom: Words) -> int:
-    """Compute the checksum of the eight words, as the maker's note AN520 does."""
+    """Compute the checksum of the eight words, as in the maker's note AN520."""
     remainder = 0
     for byte in _WORDS.pack(*prom[:7], prom[7] & 0xFF00):
         remainder ^= byte
@@ -53,7 +53,7 @@ def crc4(prom: Words) -> int:
 
 
 def valid(prom: Words) -> bool:
-    """Return whether the PROM holds what the factory wrote; a blank one does not."""
+    """Return whether the PROM is valid; a blank one is not."""
     return prom[7] & 0xF == crc4(prom) and any(prom[1:7])
 
 

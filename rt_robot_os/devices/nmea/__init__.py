@@ -15,14 +15,14 @@
 """Satellite receivers with NMEA 0183."""
 
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.parts import Signature
 
 PARTS = DeviceParts(
     driver='.driver:NmeaGps',
-    twin='.simulated:SimulatedNmea',
-    recognisers=(
-        Recogniser('NMEA 0183 sentences', '.wire:is_of_receiver'),
-        Recogniser(
+    simulated='.simulated:SimulatedNmea',
+    signatures=(
+        Signature('NMEA 0183 sentences', '.wire:is_of_receiver'),
+        Signature(
             'sentences with a checksum, but none of a satellite receiver',
             '.wire:is_sentences',
             'choose the driver of the device, or write one (docs/writing_a_driver.md)'),

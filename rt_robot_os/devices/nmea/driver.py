@@ -40,15 +40,15 @@ from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.nmea.fix import claims_fix
-from rt_robot_os.devices.nmea.fix import Fix
 from rt_robot_os.devices.nmea.fix import FixBuilder
+from rt_robot_os.devices.nmea.fix import GnssFix
 from rt_robot_os.devices.nmea.fix import STATUS_NO_FIX
 from rt_robot_os.devices.nmea.fix import utc_of
+from rt_robot_os.devices.nmea.fix_source import NmeaFixSource
 from rt_robot_os.devices.nmea.sentences import GsaSentence
 from rt_robot_os.devices.nmea.sentences import GstSentence
 from rt_robot_os.devices.nmea.sentences import parse
 from rt_robot_os.devices.nmea.sentences import PositionSentence
-from rt_robot_os.devices.nmea.source import FixSource
 from rt_robot_os.devices.nmea.wire import NmeaDecoder
 from rt_robot_os.devices.nmea.wire import NmeaFrame
 from rt_robot_os.devices.serial.device import serial_settings
@@ -74,19 +74,19 @@ class NmeaGps(SerialDevice[NmeaFrame]):
     description = 'Satellite receiver with NMEA 0183 output (GPS, GLONASS, Galileo, BeiDou)'
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        """Keep the settings; nothing is opened."""
+        """Store the settings; nothing is opened."""
         super().__init__(name, settings, NmeaDecoder())
         self._builder = FixBuilder(settings['uere_m'])
-        self._source = FixSource()
-        self._waiting: tuple[Fix, int] | None = None
-        self._published: Fix | None = None
+        self._source = NmeaFixSource()
+        self._waiting: tuple[GnssFix, int] | None = None
+        self._published: GnssFix | None = None
         self._must_wait = False
         self._contradicted = 0
         self._utc: tuple[str, tuple[int, int]] | None = None
         self._others: set[str] = set()
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: NavSatFix, and TimeReference unless its topic is empty."""
+        """Return the publications: NavSatFix, and TimeReference unless its topic is empty."""
         settings = self.settings
         depth, rate_hz = settings['depth'], settings['output_rate_hz']
         frame = {'header.frame_id': settings['frame_id']}
@@ -107,7 +107,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         self._others.clear()
 
     def handle(self, frame: NmeaFrame, arrival_ns: int) -> int:
-        """Use one sentence; in the loop."""
+        """Handle one sentence; in the loop."""
         sentence = parse(frame.content)
         if sentence is None:
             self._ignored_frames += 1
@@ -142,7 +142,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
                 'another device, choose its driver')
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now."""
+        """Return the current counters."""
         return self._counters(contradicted=self._contradicted)
 
     def _take_position(self, sentence: PositionSentence, arrival_ns: int) -> int:
@@ -192,7 +192,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         self._publish_fix(self._published, arrival_ns)
         return 1
 
-    def _publish_fix(self, fix: Fix, stamp_ns: int) -> None:
+    def _publish_fix(self, fix: GnssFix, stamp_ns: int) -> None:
         publisher = self._publishers[0]
         msg = publisher.msg
         msg.status.status = fix.status

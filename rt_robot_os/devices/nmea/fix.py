@@ -88,7 +88,7 @@ _DAY_S: Final = 86_400
 
 
 @dataclass(frozen=True)
-class Fix:
+class GnssFix:
     """
     One position.
 
@@ -110,9 +110,9 @@ class Fix:
     variances_m2: tuple[float, float, float] = (0.0, 0.0, 0.0)
     covariance_type: int = COVARIANCE_UNKNOWN
 
-    def withdrawn(self) -> Fix:
+    def withdrawn(self) -> GnssFix:
         """Return the same instant without the fix."""
-        return Fix(STATUS_NO_FIX, self.service, self.time_ns)
+        return GnssFix(STATUS_NO_FIX, self.service, self.time_ns)
 
 
 class FixBuilder:
@@ -189,14 +189,14 @@ class FixBuilder:
             count = len(gsa.satellites) + (before if epoch == self._epoch else 0)
             self._used[key] = count, self._epoch
 
-    def fix(self, sentence: PositionSentence) -> Fix:
+    def fix(self, sentence: PositionSentence) -> GnssFix:
         """Return the position of a sentence."""
         moment = sentence.time_ns
-        fix = Fix(STATUS_NO_FIX, self._service, moment)
+        fix = GnssFix(STATUS_NO_FIX, self._service, moment)
         if claims_fix(sentence) and sentence.position_deg and not self.is_void(moment):
             variances, kind = self._covariance(sentence, moment)
-            fix = Fix(_STATUS[sentence.quality], self._service, moment, *sentence.position_deg,
-                      _altitude(sentence), variances, kind)
+            fix = GnssFix(_STATUS[sentence.quality], self._service, moment, *sentence.position_deg,
+                          _altitude(sentence), variances, kind)
         self._previous_ns = moment
         self._gsa_epochs += 1
         self._epoch += 1

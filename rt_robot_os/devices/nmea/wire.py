@@ -114,7 +114,7 @@ class NmeaDecoder(FrameDecoder[NmeaFrame]):
         return NmeaFrame(sentence, content.decode('ascii'), arrived)
 
 
-# ---- from values to bytes ---------------------------------------------------------------------
+# ---- encoding ---------------------------------------------------------------------------------
 
 def sentence(content: str) -> bytes:
     """Frame what stands between ``$`` and ``*``."""

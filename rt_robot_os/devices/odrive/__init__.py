@@ -15,10 +15,10 @@
 """ODrive motor controllers with their ASCII protocol."""
 
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.parts import Signature
 
 PARTS = DeviceParts(
     driver='.driver:Odrive',
-    twin='.simulated:SimulatedOdrive',
-    recognisers=(Recogniser('answers of an ODrive', '.wire:is_odrive'),),
+    simulated='.simulated:SimulatedOdrive',
+    signatures=(Signature('answers of an ODrive', '.wire:is_odrive'),),
 )

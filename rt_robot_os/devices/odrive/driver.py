@@ -16,15 +16,15 @@
 ODrive motor controllers, by their ASCII protocol, as motor boards.
 
 One controller with two axes, whose motors turn the wheels, directly or through a gear. Speeds are
-commanded in closed loop control; each poll asks for the positions of both motors, a few times a
-second for the states and errors of the axes, and once a second for voltage and current.
+commanded in closed loop control. Each poll requests the positions of both motors; states and
+errors of the axes are requested a few times a second, voltage and current once a second.
 
-What is asked together is used when all answers have come, for no answer says what it answers; each
-line has a checksum. When one stays away nothing is asked for a moment, so that a late one is taken
-for nobody's.
+Answers to one group of requests are used when all have arrived, because an answer does not
+identify its request; each line has a checksum. When one is missing nothing is requested for a
+moment, so that a late answer is discarded.
 
-At opening errors are cleared and the watchdog of both axes is set, which takes the current from
-the motors when the computer is gone. The axes enter closed loop control with the first command.
+At opening errors are cleared and the watchdog of both axes is set, which switches off the motors
+when the computer stops sending. The axes enter closed loop control with the first command.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.motor_settings import motor_settings
 from rt_robot_os.devices.odrive import wire
 from rt_robot_os.devices.odrive.wire import OdriveDecoder
-from rt_robot_os.devices.odrive.wire import Reply
+from rt_robot_os.devices.odrive.wire import OdriveReply
 
 _REPLY_NS: Final = 80 * NS_PER_MS
 _QUIET_NS: Final = 50 * NS_PER_MS
@@ -59,21 +59,21 @@ _REPEAT_NS: Final = 100 * NS_PER_MS
 _MOST_REFUSALS: Final = 5
 _ARM_NS: Final = 250 * NS_PER_MS
 _ARM_PATIENCE_NS: Final = 1500 * NS_PER_MS
-# What an encoder may show of a wheel that stands still, in turns of the motor.
+# Noise of an encoder at standstill, in turns of the motor.
 _NOISE_TURNS: Final = 0.003
-# Bits of the board in motor_faults, shifted by one for the right axis.
+# Bits of the board in motor_faults; shifted by one for the right axis.
 _ERROR: Final = 1
 _OPEN_LOOP: Final = 4
 _SIDES: Final = ('left', 'right')
 _ERROR_PROPERTY: Final = {'0.5': 'error', '0.6': 'active_errors'}
 
 
-class Question(NamedTuple):
+class OdriveQuery(NamedTuple):
     """
-    What is asked, and what to do with the answer.
+    One request, and the handler of its answer.
 
-    :ivar numbers: that the answer has.
-    :ivar use: takes them and their arrival, and returns the number of samples published.
+    :ivar numbers: how many the answer has.
+    :ivar use: receives the numbers and their arrival, and returns the number of samples published.
     """
 
     text: bytes
@@ -81,31 +81,32 @@ class Question(NamedTuple):
     use: Callable[[tuple[float, ...], int], int]
 
 
-class Odrive(MotorBoard[Reply]):
+class Odrive(MotorBoard[OdriveReply]):
     """An ODrive with two axes."""
 
     ANSWERS = True
     COUNTER_BITS = 0
     COUNTS_SURVIVE = True
     IF_SILENT = ('check its power, its cable, and that the ASCII protocol is on at this port; '
-                 'a firmware without checksums wants checksums: false')
+                 'a firmware without checksums needs checksums: false')
     IF_SLOW = 'lower watchdog_s or maximum_wheel_speed_m_s'
     SETTINGS = motor_settings(baud=115200, rate_hz=50.0, ticks_per_revolution=None) + (
-        Field('gear_ratio', float, 1.0, 'Turns of the motor for one of the wheel.', '', 0.01,
+        Field('gear_ratio', float, 1.0, 'Turns of the motor for one turn of the wheel.', '', 0.01,
               1000.0),
         Field('left_axis', int, 0, 'Axis of the left wheel.', minimum=0, maximum=7),
         Field('right_axis', int, 1, 'Axis of the right wheel.', minimum=0, maximum=7),
         Field('firmware', str, '0.5', 'Its version, for the names of its errors.',
               choices=tuple(_ERROR_PROPERTY)),
-        Field('checksums', bool, True, 'Put a checksum on each line, and ask for one.'),
-        Field('watchdog_s', float, 0.3, 'An axis that hears nothing for so long takes the current '
-              'from its motor.', 's', 0.05, 60.0),
+        Field('checksums', bool, True, 'Send a checksum with each line, and require one.'),
+        Field('watchdog_s', float, 0.3,
+              'An axis that receives nothing for this time switches off its motor.',
+              's', 0.05, 60.0),
     )
     description = 'ODrive motor controller, ASCII protocol, two axes'
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: both wheels are on one axis.
         """
@@ -117,12 +118,13 @@ class Odrive(MotorBoard[Reply]):
         self._error_property = _ERROR_PROPERTY[settings['firmware']]
         self._turns_per_rad = settings['gear_ratio'] / math.tau
         self._period_ns = period_from_rate(settings['output_rate_hz'])
-        self._early_ns = self._period_ns // 4  # a poll at about the same rate is not missed
+        # So that a poll at about the same rate is not missed.
+        self._early_ns = self._period_ns // 4
         self._feed_ns = round(settings['watchdog_s'] * NS_PER_S / 5)
         self._forget()
 
     def _forget(self) -> None:
-        self._asked: tuple[Question, ...] = ()
+        self._asked: tuple[OdriveQuery, ...] = ()
         self._answers: list[tuple[tuple[float, ...], int]] = []
         self._asked_ns = self._quiet_until_ns = 0
         self._watched = [False, False]
@@ -140,17 +142,17 @@ class Odrive(MotorBoard[Reply]):
         self._fed_ns = self._told_speeds_ns = self._arm_due_ns = self._arming_ns = 0
 
     def counts_per_revolution(self) -> float:
-        """Return the turns of the motor for one of the wheel."""
+        """Return the turns of the motor for one turn of the wheel."""
         return float(self.settings['gear_ratio'])
 
     def noise_counts(self) -> float:
-        """Return what an encoder may show of a motor that stands still, in turns."""
+        """Return the noise of an encoder at standstill, in turns of the motor."""
         return _NOISE_TURNS
 
     # --- commands --------------------------------------------------------------------------------
 
-    def takes_orders(self, now_ns: int) -> bool:
-        """Bring both axes to closed loop control; stop when that does not come about."""
+    def accepts_commands(self, now_ns: int) -> bool:
+        """Bring both axes to closed loop control; stop if that fails."""
         if self._is_closed():
             return True
         if not self._arming_ns:
@@ -170,14 +172,14 @@ class Odrive(MotorBoard[Reply]):
         return False
 
     def drive(self, left_rad_s: float, right_rad_s: float) -> None:
-        """Tell both axes their speeds."""
+        """Send both axes their speeds."""
         now_ns = self.clock_ns()
         wanted = left_rad_s * self._turns_per_rad, right_rad_s * self._turns_per_rad
         if wanted != self._speeds or now_ns - self._told_speeds_ns >= _REPEAT_NS:
             self._tell_speeds(wanted, now_ns)
 
     def halt(self) -> None:
-        """Tell both axes to stand; what is in closed loop control brakes and holds."""
+        """Send speed 0 to both axes; an axis in closed loop control brakes and holds."""
         self._arming_ns = 0
         self._tell_speeds((0.0, 0.0), self.clock_ns())
 
@@ -193,16 +195,16 @@ class Odrive(MotorBoard[Reply]):
     def _is_closed(self) -> bool:
         return self._states == [wire.CLOSED_LOOP, wire.CLOSED_LOOP]
 
-    # --- the dialogue ----------------------------------------------------------------------------
+    # --- the protocol ----------------------------------------------------------------------------
 
     def restart(self) -> None:
-        """Begin anew: what an axis was set to is not known."""
+        """Reset the state: the settings of the axes are unknown."""
         super().restart()
         self._forget()
 
     @classmethod
     def silence_s(cls, settings: Mapping[str, Any]) -> float:
-        """Return the time of the watchdog of each axis, which is set at each start."""
+        """Return the time of the watchdogs, which are set at each start."""
         return float(settings['watchdog_s'])
 
     def is_set_up(self) -> bool:
@@ -211,9 +213,9 @@ class Odrive(MotorBoard[Reply]):
 
     def write(self, now_ns: int) -> None:
         """
-        Feed the watchdogs, repeat a stop, and ask for what is due.
+        Feed the watchdogs, repeat a stop, and send the requests that are due.
 
-        :raises DeviceError: the port is gone, or the controller is not as the settings say.
+        :raises DeviceError: the port is gone, or the controller does not match the settings.
         """
         if self._problem:
             raise DeviceError(f'{self.name}: {self._problem}')
@@ -227,8 +229,8 @@ class Odrive(MotorBoard[Reply]):
         if not self._asked and now_ns >= self._quiet_until_ns:
             self._ask(self._due(now_ns), now_ns)
 
-    def handle(self, frame: Reply, arrival_ns: int) -> int:
-        """Keep one answer, and use them when all have come: a lost one would shift the others."""
+    def handle(self, frame: OdriveReply, arrival_ns: int) -> int:
+        """Store one answer, and use all when complete: a lost one would shift the others."""
         if frame.refusal:
             self._refused(frame.refusal, arrival_ns)
             return 0
@@ -251,19 +253,19 @@ class Odrive(MotorBoard[Reply]):
                 'left_state': self._states[0], 'right_state': self._states[1],
                 'left_error': f'0x{self._errors[0]:x}', 'right_error': f'0x{self._errors[1]:x}'}
 
-    def _ask(self, questions: tuple[Question, ...], now_ns: int) -> None:
+    def _ask(self, questions: tuple[OdriveQuery, ...], now_ns: int) -> None:
         if questions:
             self._asked, self._asked_ns = questions, now_ns
             self._tell(*(each.text for each in questions))
 
     def _lose_answers(self, now_ns: int) -> None:
-        """Wait until no answer can be on its way any more."""
+        """Wait until no answer can be in flight any more."""
         self.line_failed(now_ns)
         self._asked, self._answers = (), []
         self._quiet_until_ns = now_ns + _QUIET_NS
 
     def _refused(self, why: bytes, now_ns: int) -> None:
-        """Give up when it refuses again and again; once it may be a byte that was lost."""
+        """Fail when it refuses repeatedly; a single refusal may be due to a lost byte."""
         if [each.text for each in self._asked] == [wire.read('ibus')]:
             self._has_current = False
             self._asked = ()
@@ -271,40 +273,40 @@ class Odrive(MotorBoard[Reply]):
         self._lose_answers(now_ns)
         self._refusals += 1
         if self._refusals >= _MOST_REFUSALS:
-            self._problem = (f'it refuses what it is asked ({why.decode()}): check firmware, '
-                             'left_axis and right_axis')
+            self._problem = (f'it refuses requests ({why.decode()}): check firmware, left_axis '
+                             'and right_axis')
 
-    # --- what is asked ---------------------------------------------------------------------------
+    # --- requests --------------------------------------------------------------------------------
 
-    def _due(self, now_ns: int) -> tuple[Question, ...]:
-        """Return what is to be asked together."""
+    def _due(self, now_ns: int) -> tuple[OdriveQuery, ...]:
+        """Return the group of requests that is due."""
         left, right = self._axes
         if not self.is_set_up():
             return self._set_up()
         if self._has_current and now_ns >= self._current_due_ns:
-            # By itself: not every firmware has it.
+            # Separate: not every firmware supports it.
             self._current_due_ns = now_ns + _BATTERY_NS
-            return (Question(wire.read('ibus'), 1, self._take_current),)
-        found: list[Question] = []
+            return (OdriveQuery(wire.read('ibus'), 1, self._take_current),)
+        found: list[OdriveQuery] = []
         if now_ns + self._early_ns >= self._counts_due_ns:
             self._counts_due_ns = max(self._counts_due_ns + self._period_ns, now_ns)
-            found += (Question(wire.feedback(left), 2, self._take_left),
-                      Question(wire.feedback(right), 2, self._take_right))
+            found += (OdriveQuery(wire.feedback(left), 2, self._take_left),
+                      OdriveQuery(wire.feedback(right), 2, self._take_right))
         if now_ns >= self._states_due_ns:
             self._states_due_ns = now_ns + _STATES_NS
             for side, axis in enumerate(self._axes):
-                found += (Question(wire.read(f'axis{axis}.{self._error_property}'), 1,
-                                   partial(self._take_error, side)),
-                          Question(wire.read(f'axis{axis}.current_state'), 1,
-                                   partial(self._take_state, side)))
+                found += (OdriveQuery(wire.read(f'axis{axis}.{self._error_property}'), 1,
+                                      partial(self._take_error, side)),
+                          OdriveQuery(wire.read(f'axis{axis}.current_state'), 1,
+                                      partial(self._take_state, side)))
         elif now_ns >= self._battery_due_ns:
             self._battery_due_ns = now_ns + _BATTERY_NS
-            found += (Question(wire.read('vbus_voltage'), 1, self._take_voltage),
+            found += (OdriveQuery(wire.read('vbus_voltage'), 1, self._take_voltage),
                       *self._watchdogs())
         return tuple(found)
 
-    def _set_up(self) -> tuple[Question, ...]:
-        """Set the watchdogs, and ask whether they are."""
+    def _set_up(self) -> tuple[OdriveQuery, ...]:
+        """Set the watchdogs, and read them back."""
         if not self._was_set_up:
             self._tell(wire.CLEAR_ERRORS)
         for axis in self._axes:
@@ -313,9 +315,9 @@ class Odrive(MotorBoard[Reply]):
                        wire.feed(axis), wire.write(f'axis{axis}.config.enable_watchdog', 1))
         return self._watchdogs()
 
-    def _watchdogs(self) -> tuple[Question, ...]:
-        return tuple(Question(wire.read(f'axis{axis}.config.enable_watchdog'), 1,
-                              partial(self._take_watchdog, side))
+    def _watchdogs(self) -> tuple[OdriveQuery, ...]:
+        return tuple(OdriveQuery(wire.read(f'axis{axis}.config.enable_watchdog'), 1,
+                                 partial(self._take_watchdog, side))
                      for side, axis in enumerate(self._axes))
 
     def _take_watchdog(self, side: int, numbers: tuple[float, ...], now_ns: int) -> int:
@@ -328,10 +330,10 @@ class Odrive(MotorBoard[Reply]):
         return 0
 
     def _take_right(self, numbers: tuple[float, ...], now_ns: int) -> int:
-        return self.take_counts(self._left_turns, numbers[0], now_ns)
+        return self.update_counts(self._left_turns, numbers[0], now_ns)
 
     def _take_voltage(self, numbers: tuple[float, ...], now_ns: int) -> int:
-        return self.take_battery(numbers[0], now_ns, current_a=self._current_a)
+        return self.report_battery(numbers[0], now_ns, current_a=self._current_a)
 
     def _take_current(self, numbers: tuple[float, ...], now_ns: int) -> int:
         self._current_a = -numbers[0]
@@ -354,7 +356,7 @@ class Odrive(MotorBoard[Reply]):
         if self._is_closed():
             self._arming_ns = 0
         elif self.is_driving and not self._arming_ns:
-            self._states_due_ns = 0  # why it did may have come behind the question for it
+            self._states_due_ns = 0  # the error may have occurred after it was requested
             self.stop_for(MotorFault(0), self._why(side) or (
                 f'axis{self._axes[side]} ({_SIDES[side]} wheel) left closed loop control, it is '
                 f'in state {self._states[side]}'))
@@ -367,7 +369,7 @@ class Odrive(MotorBoard[Reply]):
                 bits |= _ERROR << side
             if self.is_commanded and self._states[side] != wire.CLOSED_LOOP:
                 bits |= _OPEN_LOOP << side
-        self.take_faults(bits)
+        self.report_faults(bits)
 
     def _why(self, side: int) -> str:
         """Return what is wrong with an axis; empty when it has no error."""

@@ -23,14 +23,14 @@ from typing import Final
 from rt_robot_os.base.schema import Field
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.odrive import wire
-from rt_robot_os.sim.motor_board import motor_twin_settings
+from rt_robot_os.sim.motor_board import motor_simulation_settings
 from rt_robot_os.sim.motor_board import SimulatedMotorBoard
 
 _MOTOR_FAILED: Final = 0x40
 _INVALID_STATE: Final = 0x1
 _CURRENT_A: Final = 0.4
 _LONGEST: Final = 256
-# What stands behind the checksum does not matter.
+# Characters after the checksum are ignored.
 _DIGITS: Final = re.compile(rb'\s*(\d{1,9})').match
 _MOST_OF_A_PROPERTY: Final = 9
 
@@ -39,7 +39,7 @@ class _Axis:
     """
     One axis.
 
-    :ivar speed: commanded, in turns of the motor a second.
+    :ivar speed: commanded, in turns of the motor per second.
     :ivar ready: it is calibrated.
     """
 
@@ -55,14 +55,15 @@ class _Axis:
 
 class SimulatedOdrive(SimulatedMotorBoard):
     """
-    An ODrive of firmware 0.5 or 0.6; its rate is how often it looks at its watchdogs.
+    An ODrive of firmware 0.5 or 0.6; its rate is that of checking its watchdogs.
 
-    :ivar axes: by the number that the driver calls them, left before right.
+    :ivar axes: by the number that the driver uses, left before right.
     """
 
-    SETTINGS = motor_twin_settings(100.0, 1000.0) + (
-        Field('calibrated', bool, True, 'Its motors and encoders are; else no axis enters closed '
-              'loop control.'),
+    SETTINGS = motor_simulation_settings(100.0, 1000.0) + (
+        Field('calibrated', bool, True,
+              'Its motors and encoders are calibrated; otherwise no axis enters closed loop '
+              'control.'),
     )
     BAUD = 115200
     TICKS = 1.0
@@ -86,7 +87,7 @@ class SimulatedOdrive(SimulatedMotorBoard):
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
-        off = self.befallen('reset')
+        off = self.has_fault('reset')
         if off or self._off:
             self._switch_on()
             self._drive()
@@ -95,11 +96,11 @@ class SimulatedOdrive(SimulatedMotorBoard):
 
     @property
     def is_driving(self) -> bool:
-        """Return whether a motor in closed loop control is told to turn."""
+        """Return whether a motor in closed loop control is commanded to turn."""
         return any(axis.speed and axis.state == wire.CLOSED_LOOP for axis in self.axes)
 
-    def obey(self, data: bytes) -> None:
-        """Take lines; one with a wrong checksum is ignored."""
+    def handle_command(self, data: bytes) -> None:
+        """Execute lines; one with a wrong checksum is ignored."""
         if self._off:
             return
         *lines, self._pending = (self._pending + self.thinned(data)).split(b'\n')
@@ -117,12 +118,12 @@ class SimulatedOdrive(SimulatedMotorBoard):
         self._drive()
 
     def sample(self, time_s: float) -> bytes:
-        """Look at the watchdogs; it says nothing by itself."""
+        """Check the watchdogs; it sends nothing by itself."""
         for axis in self.axes:
             late = self._now_ns - axis.fed_ns > axis.timeout_s * NS_PER_S
             if axis.watched and late:
                 self._fail(axis, wire.WATCHDOG_ERROR)
-        if self.befallen('overcurrent'):
+        if self.has_fault('overcurrent'):
             self._fail(self.axes[0], _MOTOR_FAILED)
         self._drive()
         return b''
@@ -132,7 +133,7 @@ class SimulatedOdrive(SimulatedMotorBoard):
         axis.state = wire.IDLE
 
     def _drive(self) -> None:
-        """Have the motors do what their axes say; one alone cannot run down beside the other."""
+        """Drive the motors as their axes demand; both drive, or both coast."""
         if all(axis.state != wire.CLOSED_LOOP for axis in self.axes):
             self.duty(0.0, 0.0)
             return

@@ -15,10 +15,10 @@
 """
 The bytes of the ASCII protocol of ODrive motor controllers.
 
-A command is a line; a question is answered by one that does not say what it answers. With a
-checksum, ``line *N`` where N is the XOR of all bytes before the asterisk, the answer has one too,
-and a line with a wrong one is ignored. An empty line is an unknown command; of a property no more
-than nine characters are told::
+A command is a line; a request is answered by a line that does not identify it. With a checksum,
+``line *N`` where N is the XOR of all bytes before the asterisk, the answer has one too, and a line
+with a wrong one is ignored. An empty line is an unknown command; at most nine characters of a
+property are sent::
 
     r vbus_voltage *93   24.150000*44              the value of a property
     f 0 *86              1.500000 -0.250000*14     position and speed of a motor, in turns
@@ -41,7 +41,7 @@ CLOSED_LOOP: Final = 8
 CLEAR_ERRORS: Final = b'sc'
 WATCHDOG_ERROR: Final = 0x800
 
-# Of an axis, up to firmware 0.5.
+# Errors of an axis, up to firmware 0.5.
 ERRORS: Final = {
     0x1: 'invalid state', 0x40: 'motor failed', 0x80: 'sensorless estimator failed',
     0x100: 'encoder failed', 0x200: 'controller failed', WATCHDOG_ERROR: 'watchdog expired',
@@ -70,12 +70,12 @@ def line(text: bytes, checked: bool = True) -> bytes:
 
 
 def velocity(axis: int, turns_s: float) -> bytes:
-    """Return the command of a speed, of the motor."""
+    """Return the command for a speed of the motor."""
     return b'v %d %.5f' % (axis, turns_s)
 
 
 def feedback(axis: int) -> bytes:
-    """Return the question for position and speed."""
+    """Return the request for position and speed."""
     return b'f %d' % axis
 
 
@@ -85,7 +85,7 @@ def feed(axis: int) -> bytes:
 
 
 def read(name: str) -> bytes:
-    """Return the question for a property."""
+    """Return the request for a property."""
     return b'r ' + name.encode()
 
 
@@ -94,12 +94,12 @@ def write(name: str, value: float) -> bytes:
     return b'w %s %s' % (name.encode(), f'{value:g}'.encode())
 
 
-class Reply(NamedTuple):
+class OdriveReply(NamedTuple):
     """
     One line of the controller.
 
-    :ivar numbers: one or two; none where it refuses.
-    :ivar refusal: why, such as ``invalid property``.
+    :ivar numbers: one or two; none in a refusal.
+    :ivar refusal: the reason, such as ``invalid property``.
     :ivar size: bytes of the line.
     """
 
@@ -109,7 +109,7 @@ class Reply(NamedTuple):
     end: int
 
 
-class OdriveDecoder(LineDecoder[Reply]):
+class OdriveDecoder(LineDecoder[OdriveReply]):
     """Turn bytes into lines."""
 
     LONGEST = 56
@@ -118,12 +118,12 @@ class OdriveDecoder(LineDecoder[Reply]):
         """
         Begin.
 
-        :param checked: a line without a checksum is none.
+        :param checked: a line without a checksum is rejected.
         """
         super().__init__()
         self._checked = checked
 
-    def line(self, buffer: bytes, at: int, end: int, arrived: int) -> Reply | None:
+    def line(self, buffer: bytes, at: int, end: int, arrived: int) -> OdriveReply | None:
         """Read a line."""
         match = _REPLY(buffer, at, end)
         if match is None:
@@ -135,11 +135,11 @@ class OdriveDecoder(LineDecoder[Reply]):
         elif self._checked:
             return None
         numbers = tuple(float(each) for each in (first, second) if each is not None)
-        return Reply(numbers, refusal or b'', end - at, arrived)
+        return OdriveReply(numbers, refusal or b'', end - at, arrived)
 
 
 def is_odrive(data: bytes) -> bool:
-    """Return whether bytes are what an ODrive says, with its checksums or of what it refuses."""
+    """Return whether bytes are lines of an ODrive: with checksums, or refusals."""
     lines = [each + b'\n' for each in data.split(b'\n')[1:-1]]
     decoder = OdriveDecoder()
     found = decoder.feed(b''.join(lines))

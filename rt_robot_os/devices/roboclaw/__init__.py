@@ -18,5 +18,5 @@ from rt_robot_os.devices.parts import DeviceParts
 
 PARTS = DeviceParts(
     driver='.driver:RoboClaw',
-    twin='.simulated:SimulatedRoboClaw',
+    simulated='.simulated:SimulatedRoboClaw',
 )

@@ -48,11 +48,11 @@ from rt_robot_os.devices.motor_board import MotorBoard
 from rt_robot_os.devices.motor_faults import MotorFault
 from rt_robot_os.devices.motor_settings import motor_settings
 from rt_robot_os.devices.roboclaw import wire
-from rt_robot_os.devices.roboclaw.exchange import Exchange
 from rt_robot_os.devices.roboclaw.exchange import Make
-from rt_robot_os.devices.roboclaw.wire import Reply
-from rt_robot_os.devices.roboclaw.wire import Request
+from rt_robot_os.devices.roboclaw.exchange import RequestQueue
 from rt_robot_os.devices.roboclaw.wire import RoboClawDecoder
+from rt_robot_os.devices.roboclaw.wire import RoboClawReply
+from rt_robot_os.devices.roboclaw.wire import RoboClawRequest
 from rt_robot_os.motion.differential import tick_difference
 
 # Asked for in turn, one a turn.
@@ -78,7 +78,7 @@ _OVERCURRENT: Final = 0x4000
 _WARNING: Final = 0x8000
 
 
-class RoboClaw(MotorBoard[Reply]):
+class RoboClaw(MotorBoard[RoboClawReply]):
     """A RoboClaw that drives two wheels: the left one is motor M1, unless they are swapped."""
 
     IF_SLOW = 'lower watchdog_s or maximum_wheel_speed_m_s'
@@ -111,7 +111,7 @@ class RoboClaw(MotorBoard[Reply]):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: there are gains, but no speed at full duty.
         """
@@ -121,7 +121,7 @@ class RoboClaw(MotorBoard[Reply]):
             raise ConfigError([f'{name}: velocity_p is {settings["velocity_p"]:g} and '
                                'velocity_qpps 0: measure the speed at full duty and set it'])
         self._address: int = settings['address']
-        self._exchange = Exchange(decoder, round(settings['answer_timeout_s'] * NS_PER_S))
+        self._exchange = RequestQueue(decoder, round(settings['answer_timeout_s'] * NS_PER_S))
         self._pulses_rad = settings['ticks_per_revolution'] / math.tau
         # 0 would be without a limit.
         self._acceleration = math.ceil(
@@ -130,7 +130,7 @@ class RoboClaw(MotorBoard[Reply]):
         self._gains = _gains(self._address, settings)
         self._stop = self._orders = wire.duty(self._address, 0, 0)
         self._moves = False
-        self._setup: list[Request] = []
+        self._setup: list[RoboClawRequest] = []
         self._problem = ''
         self._asked: dict[int, Make] = {
             command: functools.partial(wire.ask, self._address, command)
@@ -178,7 +178,7 @@ class RoboClaw(MotorBoard[Reply]):
     def _interrupt(self) -> None:
         self.send(self._exchange.interrupt(self._current_orders))
 
-    def _current_orders(self) -> Request:
+    def _current_orders(self) -> RoboClawRequest:
         return self._orders
 
     # --- requests --------------------------------------------------------------------------------
@@ -255,7 +255,7 @@ class RoboClaw(MotorBoard[Reply]):
         exchange.add(asked[wire.ENCODERS])
         exchange.add(asked[more])
 
-    def _next_of_setup(self) -> Request:
+    def _next_of_setup(self) -> RoboClawRequest:
         return self._setup[0] if self._setup else self._orders
 
     def idle(self, now_ns: int) -> int:
@@ -276,8 +276,8 @@ class RoboClaw(MotorBoard[Reply]):
 
     # --- answers ---------------------------------------------------------------------------------
 
-    def handle(self, frame: Reply, arrival_ns: int) -> int:
-        """Use one answer; in the loop."""
+    def handle(self, frame: RoboClawReply, arrival_ns: int) -> int:
+        """Handle one answer; in the loop."""
         self._exchange.answered()
         if self._setup:
             self._go_on_with_set_up(frame, arrival_ns)
@@ -285,7 +285,7 @@ class RoboClaw(MotorBoard[Reply]):
         use = self._uses.get(frame.request.command)
         return use(frame.data, arrival_ns) if use is not None else 0
 
-    def _go_on_with_set_up(self, reply: Reply, arrival_ns: int) -> None:
+    def _go_on_with_set_up(self, reply: RoboClawReply, arrival_ns: int) -> None:
         if reply.request != self._setup[0]:
             return
         command, data = reply.request.command, reply.data
@@ -323,14 +323,14 @@ class RoboClaw(MotorBoard[Reply]):
         if self._lost_power(data):
             self.counters.resets += 1
             self.counters.forget()
-            self.faults.show(MotorFault.COUNTS_NEW, arrival_ns)
+            self.faults.flag_briefly(MotorFault.COUNTS_NEW, arrival_ns)
             self.log.warn('it has lost its power: brought to rest and set up again',
                           throttle_s=1.0)
             self.rest()
             self._watch(arrival_ns)  # what its wheels did meanwhile says nothing of them
             self._set_up()
             return 0
-        return self.take_counts(*wire.encoder_counts(data), arrival_ns)
+        return self.update_counts(*wire.encoder_counts(data), arrival_ns)
 
     def _use_timeout(self, data: bytes, arrival_ns: int) -> int:
         if data != self._watchdog.data[2:3]:
@@ -347,8 +347,8 @@ class RoboClaw(MotorBoard[Reply]):
             text = wire.status_text(bits)
             if text:
                 self.log.warn('it reports %s', text, throttle_s=1.0)
-        self.take_faults(bits & _ERRORS | (_OVERCURRENT if bits & _OVERCURRENTS else 0)
-                         | (_WARNING if bits & _WARNINGS else 0))
+        self.report_faults(bits & _ERRORS | (_OVERCURRENT if bits & _OVERCURRENTS else 0)
+                           | (_WARNING if bits & _WARNINGS else 0))
         return 0
 
     def _use_battery(self, data: bytes, arrival_ns: int) -> int:
@@ -356,7 +356,7 @@ class RoboClaw(MotorBoard[Reply]):
         if arrival_ns - self._battery_ns < _BATTERY_NS:
             return 0
         self._battery_ns = arrival_ns
-        return self.take_battery(self._voltage_v, arrival_ns, status=DISCHARGING)
+        return self.report_battery(self._voltage_v, arrival_ns, status=DISCHARGING)
 
     def _use_currents(self, data: bytes, arrival_ns: int) -> int:
         self._currents_a = wire.currents_a(data)
@@ -380,7 +380,7 @@ class RoboClaw(MotorBoard[Reply]):
             'set_ups': self._set_ups}
 
 
-def _gains(address: int, settings: Mapping[str, Any]) -> tuple[Request, ...]:
+def _gains(address: int, settings: Mapping[str, Any]) -> tuple[RoboClawRequest, ...]:
     """Return the commands of the velocity control; none when it is to be left as it is."""
     if not settings['velocity_p']:
         return ()

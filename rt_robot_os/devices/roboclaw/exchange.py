@@ -30,8 +30,8 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.roboclaw.wire import GAP_S
-from rt_robot_os.devices.roboclaw.wire import Request
 from rt_robot_os.devices.roboclaw.wire import RoboClawDecoder
+from rt_robot_os.devices.roboclaw.wire import RoboClawRequest
 
 TRIES: Final = 3
 # Several are made for each turn; more than that waits only for a unit that answers nothing.
@@ -43,10 +43,10 @@ _MOST_FLYING: Final = 4
 _NOW: Final = -1
 _QUIET_NS: Final = round(1.5 * GAP_S * NS_PER_S)
 
-Make = Callable[[], Request]
+Make = Callable[[], RoboClawRequest]
 
 
-class Exchange:
+class RequestQueue:
     """
     The requests for one unit; safe in the real-time loop.
 

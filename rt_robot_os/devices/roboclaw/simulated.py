@@ -22,8 +22,8 @@ from typing import Final
 from rt_robot_os.base.schema import Field
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.roboclaw import wire
-from rt_robot_os.devices.roboclaw.simulated_unit import Unit
-from rt_robot_os.sim.motor_board import motor_twin_settings
+from rt_robot_os.devices.roboclaw.simulated_unit import SimulatedUnit
+from rt_robot_os.sim.motor_board import motor_simulation_settings
 from rt_robot_os.sim.motor_board import SimulatedMotorBoard
 
 _OVERCURRENT: Final = 0x1_0000
@@ -41,7 +41,7 @@ class SimulatedRoboClaw(SimulatedMotorBoard):
     :ivar unit: what is inside.
     """
 
-    SETTINGS = motor_twin_settings(50.0, 1000.0) + (
+    SETTINGS = motor_simulation_settings(50.0, 1000.0) + (
         Field('address', int, wire.FIRST_ADDRESS, 'Its address, as the driver has it, if that is '
               'known.', '', wire.FIRST_ADDRESS, wire.LAST_ADDRESS),
         Field('version', str, 'USB Roboclaw 2x15a v4.2.4', 'What it says that it is.'),
@@ -58,7 +58,7 @@ class SimulatedRoboClaw(SimulatedMotorBoard):
         super().prepare()
         settings, device = self.settings, self.device
         address = int(device.get('address', settings['address']))
-        self.unit = Unit(address, settings['version'], settings['old_status'])
+        self.unit = SimulatedUnit(address, settings['version'], settings['old_status'])
         self.unit.battery_v = settings['battery_v']
         self._pulse_rad = math.tau / float(device.get('ticks_per_revolution', self.TICKS))
         # Speeds on their way to what was told, in pulses a second.
@@ -73,7 +73,7 @@ class SimulatedRoboClaw(SimulatedMotorBoard):
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
-        has_power = not self.befallen('reset')
+        has_power = not self.has_fault('reset')
         if not has_power:
             self.base.coast()
         elif not self._has_power:
@@ -89,18 +89,18 @@ class SimulatedRoboClaw(SimulatedMotorBoard):
         """Return nothing: it speaks when it is asked."""
         return b''
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Do what it is told, and answer."""
         if not self._has_power:
             return
         unit = self.unit
-        has_overcurrent = self.befallen('overcurrent')
+        has_overcurrent = self.has_fault('overcurrent')
         first, second = self.counts()
         unit.counts = first - self._zero[0], second - self._zero[1]
         unit.status = _OVERCURRENT if has_overcurrent else 0
         turning = _CURRENT_A if unit.drive.moves else 0.0
         unit.currents_a = (_OVERCURRENT_A if has_overcurrent else turning, turning)
-        answers = self.thinned(unit.obey(self.thinned(data), self._now_ns))
+        answers = self.thinned(unit.handle_command(self.thinned(data), self._now_ns))
         self._turn(self._now_ns)
         if answers:
             self.reply(answers)
@@ -120,6 +120,6 @@ class SimulatedRoboClaw(SimulatedMotorBoard):
 
     def _seen_speed(self, channel: int, pulses_s: float) -> float:
         """Return the speed that comes of one in pulses a second: a blind control gives all."""
-        if pulses_s and self.befallen(_ENCODERS[channel]):
+        if pulses_s and self.has_fault(_ENCODERS[channel]):
             return math.copysign(_ALL_RAD_S, pulses_s)
         return pulses_s * self._pulse_rad

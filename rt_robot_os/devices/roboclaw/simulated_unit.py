@@ -37,7 +37,7 @@ _GAP_NS: Final = round(wire.GAP_S * 1e9)
 _TENTH_NS: Final = 100_000_000
 
 
-class Drive(NamedTuple):
+class MotorOutput(NamedTuple):
     """
     What the motors are told.
 
@@ -56,7 +56,7 @@ class Drive(NamedTuple):
         return bool(self.first or self.second)
 
 
-class Unit:
+class SimulatedUnit:
     """
     One unit.
 
@@ -81,7 +81,7 @@ class Unit:
 
     def power_on(self) -> None:
         """Begin without anything that was set."""
-        self.drive = Drive()
+        self.drive = MotorOutput()
         self.timeout_tenths = 0
         self.offsets = [0, 0]
         self.gains: dict[int, bytes] = {}
@@ -93,9 +93,9 @@ class Unit:
         """Stop when nothing has come for longer than the watchdog allows."""
         limit_ns = self.timeout_tenths * _TENTH_NS
         if limit_ns and now_ns - self._told_ns > limit_ns:
-            self.drive = Drive()
+            self.drive = MotorOutput()
 
-    def obey(self, data: bytes, now_ns: int) -> bytes:
+    def handle_command(self, data: bytes, now_ns: int) -> bytes:
         """
         Take bytes, and return the answers.
 
@@ -111,7 +111,7 @@ class Unit:
             if size > len(buffer) or size == 0:
                 break
             if size > 0:
-                answers += self._obey(buffer[:size], now_ns)
+                answers += self._execute(buffer[:size], now_ns)
             buffer = buffer[max(size, 1):]
         self._held = buffer
         return answers
@@ -128,7 +128,7 @@ class Unit:
         arguments = _ARGUMENTS.get(command)
         return -1 if arguments is None else arguments + 4
 
-    def _obey(self, request: bytes, now_ns: int) -> bytes:
+    def _execute(self, request: bytes, now_ns: int) -> bytes:
         command, data = request[1], request[2:-2]
         if command in _ASKED:
             self._told_ns = now_ns
@@ -145,12 +145,12 @@ class Unit:
         elif command in (wire.SET_PID_1, wire.SET_PID_2):
             self.gains[command] = data
         elif command == wire.DUTY:
-            self.drive = Drive(False, *struct.unpack('>hh', data))
+            self.drive = MotorOutput(False, *struct.unpack('>hh', data))
         elif command == wire.SPEED:
-            self.drive = Drive(True, *struct.unpack('>ii', data))
+            self.drive = MotorOutput(True, *struct.unpack('>ii', data))
         else:
             acceleration, first, second = struct.unpack('>Iii', data)
-            self.drive = Drive(True, first, second, acceleration)
+            self.drive = MotorOutput(True, first, second, acceleration)
         return wire.ACKNOWLEDGED
 
     def _counters(self) -> list[int]:

@@ -87,7 +87,7 @@ _OLD_BITS: Final = (0x10000, 0x20000, 0x1, 0x2, 0x4, 0x8, 0x10, 0x20, 0x40, 0x80
                     0x100000, 0x200000, 0, 0)
 
 
-class Request(NamedTuple):
+class RoboClawRequest(NamedTuple):
     """
     What is sent to a unit.
 
@@ -107,7 +107,7 @@ class Request(NamedTuple):
         return len(self.data) == 2
 
 
-class Reply(NamedTuple):
+class RoboClawReply(NamedTuple):
     """
     The answer to a request.
 
@@ -117,13 +117,13 @@ class Reply(NamedTuple):
     :ivar end: index just after its last byte in the chunk that completed it.
     """
 
-    request: Request
+    request: RoboClawRequest
     data: bytes
     size: int
     end: int
 
 
-class RoboClawDecoder(StreamDecoder[Reply]):
+class RoboClawDecoder(StreamDecoder[RoboClawReply]):
     """
     Find the answers to the requests that were sent; safe in the loop, keeps at most 50 bytes.
 
@@ -138,9 +138,9 @@ class RoboClawDecoder(StreamDecoder[Reply]):
         super().__init__()
         self.failed = False
         self.status_bytes = _STATUS
-        self._expected: deque[Request] = deque()
+        self._expected: deque[RoboClawRequest] = deque()
 
-    def expect(self, request: Request, behind: bool = False) -> None:
+    def expect(self, request: RoboClawRequest, behind: bool = False) -> None:
         """
         Wait for the answer to a request.
 
@@ -161,15 +161,15 @@ class RoboClawDecoder(StreamDecoder[Reply]):
         self.abandon()
         self.status_bytes = _STATUS
 
-    def feed(self, data: bytes) -> list[Reply]:
+    def feed(self, data: bytes) -> list[RoboClawReply]:
         """
-        Take the next bytes of the stream; never raises.
+        Decode the next bytes of the stream; never raises.
 
-        :return: the answers that they complete, in order; the same however the stream is cut.
+        :return: the answers that they complete, in order; independent of how the stream is split.
         """
         held = len(self._pending)
         buffer, self._pending = self._pending + data, b''
-        replies: list[Reply] = []
+        replies: list[RoboClawReply] = []
         at = 0
         while self._expected:
             request, rest = self._expected[0], buffer[at:]
@@ -185,8 +185,8 @@ class RoboClawDecoder(StreamDecoder[Reply]):
             self._expected.popleft()
             self.frames += 1
             at += size
-            replies.append(Reply(request, rest[:size - _CRC] if request.asks else b'', size,
-                                 at - held))
+            replies.append(RoboClawReply(request, rest[:size - _CRC] if request.asks else b'',
+                                         size, at - held))
         self.rejected_bytes += len(buffer) - at
         return replies
 
@@ -206,7 +206,7 @@ class RoboClawDecoder(StreamDecoder[Reply]):
         self.status_bytes = _OLD_STATUS
         return True
 
-    def _size(self, request: Request, buffer: bytes) -> int:
+    def _size(self, request: RoboClawRequest, buffer: bytes) -> int:
         """Return the bytes of the answer in a buffer; 0 = not all there, -1 = it is none."""
         if not request.asks:
             return 0 if not buffer else 1 if buffer[:1] == ACKNOWLEDGED else -1
@@ -229,18 +229,18 @@ def crc(data: bytes) -> int:
 
 # ---- requests -----------------------------------------------------------------------------------
 
-def ask(address: int, command: int) -> Request:
+def ask(address: int, command: int) -> RoboClawRequest:
     """Make a request for data."""
-    return Request(bytes((address, command)))
+    return RoboClawRequest(bytes((address, command)))
 
 
-def order(address: int, command: int, data: bytes) -> Request:
+def order(address: int, command: int, data: bytes) -> RoboClawRequest:
     """Make a request that sets something."""
     content = bytes((address, command)) + data
-    return Request(content + crc(content).to_bytes(_CRC, 'big'))
+    return RoboClawRequest(content + crc(content).to_bytes(_CRC, 'big'))
 
 
-def speeds(address: int, first: int, second: int, acceleration: int = 0) -> Request:
+def speeds(address: int, first: int, second: int, acceleration: int = 0) -> RoboClawRequest:
     """
     Make the command of both speeds.
 
@@ -254,7 +254,7 @@ def speeds(address: int, first: int, second: int, acceleration: int = 0) -> Requ
     return order(address, SPEED, struct.pack('>ii', *both))
 
 
-def duty(address: int, first: int, second: int) -> Request:
+def duty(address: int, first: int, second: int) -> RoboClawRequest:
     """Make the command of both duty cycles, full at 32767; it leaves speed control."""
     return order(address, DUTY, struct.pack('>hh', first, second))
 
@@ -264,12 +264,12 @@ def timeout_tenths(seconds: float) -> int:
     return min(max(round(seconds * 10), 0), 255)
 
 
-def serial_timeout(address: int, seconds: float) -> Request:
+def serial_timeout(address: int, seconds: float) -> RoboClawRequest:
     """Make the command of the unit's own watchdog: in steps of 0.1 s, 0 = none."""
     return order(address, SET_TIMEOUT, bytes((timeout_tenths(seconds),)))
 
 
-def encoder(address: int, command: int, count: int) -> Request:
+def encoder(address: int, command: int, count: int) -> RoboClawRequest:
     """
     Make the command that sets the counter of an encoder; it is lost with the power.
 
@@ -278,7 +278,7 @@ def encoder(address: int, command: int, count: int) -> Request:
     return order(address, command, (count & 0xFFFFFFFF).to_bytes(4, 'big'))
 
 
-def gains(address: int, command: int, p: float, i: float, d: float, qpps: int) -> Request:
+def gains(address: int, command: int, p: float, i: float, d: float, qpps: int) -> RoboClawRequest:
     """
     Make the command of the velocity control of a motor; it is lost with the power.
 

@@ -42,13 +42,13 @@ from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.device import SamplePublisher
 from rt_robot_os.devices.device import Value
-from rt_robot_os.devices.recognise import RECOGNISERS
 from rt_robot_os.devices.serial.port import address_of
 from rt_robot_os.devices.serial.port import more_of
 from rt_robot_os.devices.serial.port import open_port
 from rt_robot_os.devices.serial.port import Port
 from rt_robot_os.devices.serial.port import prepare_port
 from rt_robot_os.devices.serial.port import silence_of
+from rt_robot_os.devices.signatures import SIGNATURES
 
 # Start bit, eight data bits, stop bit.
 BITS_PER_BYTE: Final = 10
@@ -59,7 +59,7 @@ JOB_BYTES: Final = 8192
 _STRANGE: Final = 512
 
 
-class Frame(Protocol):
+class StampedFrame(Protocol):
     """
     What a decoder gives.
 
@@ -72,11 +72,11 @@ class Frame(Protocol):
         """Return the index."""
 
 
-FrameT = TypeVar('FrameT', bound=Frame)
-FrameOutT = TypeVar('FrameOutT', bound=Frame, covariant=True)
+FrameT = TypeVar('FrameT', bound=StampedFrame)
+FrameOutT = TypeVar('FrameOutT', bound=StampedFrame, covariant=True)
 
 
-class Decoder(Protocol[FrameOutT]):
+class SerialDecoder(Protocol[FrameOutT]):
     """
     What turns bytes into frames, bounded in memory and never raising.
 
@@ -96,10 +96,10 @@ class Decoder(Protocol[FrameOutT]):
         """Return the number of bytes that wait for the rest of their frame."""
 
     def feed(self, data: bytes) -> Sequence[FrameOutT]:
-        """Take the next bytes of the stream and give the frames that they complete."""
+        """Decode the next bytes of the stream and give the frames that they complete."""
 
     def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
+        """Reject the pending bytes: the stream restarts."""
 
 
 def serial_settings(
@@ -147,10 +147,10 @@ class SerialDevice(Device, Generic[FrameT]):
     make_port: Callable[[str, int], Port] = staticmethod(open_port)
 
     def __init__(
-        self, name: str, settings: Mapping[str, Any], decoder: Decoder[FrameT],
+        self, name: str, settings: Mapping[str, Any], decoder: SerialDecoder[FrameT],
     ) -> None:
         """
-        Keep settings and decoder; nothing is opened.
+        Store settings and decoder; nothing is opened.
 
         :param decoder: what turns the bytes into frames.
         :raises ConfigError: the port is neither a path nor an address.
@@ -180,7 +180,7 @@ class SerialDevice(Device, Generic[FrameT]):
     @abstractmethod
     def handle(self, frame: FrameT, arrival_ns: int) -> int:
         """
-        Use one frame; in the loop.
+        Handle one frame; in the loop.
 
         :return: number of samples published.
         """
@@ -208,7 +208,7 @@ class SerialDevice(Device, Generic[FrameT]):
         """
         super().bind(publishers)
         if self.is_live:
-            RECOGNISERS.prepare()
+            SIGNATURES.prepare()
             prepare_port(self.settings['port'])
 
     def open(self) -> None:  # noqa: A003
@@ -306,14 +306,14 @@ class SerialDevice(Device, Generic[FrameT]):
 
     def diagnosis(self) -> str:
         """Return whose bytes those are that came and made no frame."""
-        return RECOGNISERS.recognised(self._strange, self._baud)
+        return SIGNATURES.identify(self._strange, self._baud)
 
     def silence(self) -> str:
         """Return what to check when nothing comes."""
         return silence_of(self._port) or self.IF_SILENT
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now."""
+        """Return the current counters."""
         return self._counters()
 
     def _counters(self, *, lost_samples: int = 0, contradicted: int = 0,

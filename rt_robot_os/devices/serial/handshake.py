@@ -24,7 +24,7 @@ from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.units import NS_PER_MS
 
 
-class Step(NamedTuple):
+class HandshakeStep(NamedTuple):
     """
     One command.
 
@@ -48,7 +48,7 @@ class Handshake:
     to send, and tells in its ``handle`` that the acknowledgement came.
     """
 
-    def __init__(self, name: str, steps: Sequence[Step], remedy: str, *,
+    def __init__(self, name: str, steps: Sequence[HandshakeStep], remedy: str, *,
                  retry_ns: int = 200 * NS_PER_MS, tries: int = 5) -> None:
         """
         Begin with the first command, which is due at once.
@@ -67,7 +67,7 @@ class Handshake:
         self._answer = ''
 
     @property
-    def step(self) -> Step | None:
+    def step(self) -> HandshakeStep | None:
         """Return the command that is not acknowledged yet, None when all are."""
         return self._steps[0] if self._steps else None
 

@@ -18,5 +18,5 @@ from rt_robot_os.devices.parts import DeviceParts
 
 PARTS = DeviceParts(
     driver='.driver:Sharp',
-    twin='.simulated:SimulatedSharp',
+    simulated='.simulated:SimulatedSharp',
 )

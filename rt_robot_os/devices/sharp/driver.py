@@ -17,14 +17,15 @@
 Sharp infrared range finders (GP2Y0A*), whose voltage an analogue-to-digital converter sends.
 
 The distance is a power of the voltage, ``coefficient_m * volts ** exponent``: fits for the usual
-models are built in, and a fit of your own is better, as the devices differ. One
-``sensor_msgs/msg/Range`` for each channel and reading, the median of the last few.
+models are built in, but a fit of your own is better, because the devices differ. Each reading of a
+channel gives one ``sensor_msgs/msg/Range``, the median of the last few.
 
 The converter (an Arduino, say) sends ``$PADC,channel,millivolts*HH`` with the checksum of NMEA
 0183, one sentence for each channel and reading; a sketch is in ``page.md``.
 
-Nearer than its shortest distance the voltage of such a device falls again, as if the target were
-far away. Nothing here can tell the two apart: mount it that much behind the edge of the robot.
+Below its shortest distance the voltage of such a device falls again, as if the target were far
+away. The driver cannot distinguish the two: mount the device that far behind the edge of the
+robot.
 """
 
 from __future__ import annotations
@@ -68,30 +69,34 @@ class Sharp(SerialDevice[NmeaFrame]):
     ) + range_settings(
         minimum_m=0.1, maximum_m=0.8, field_of_view_rad=0.09, stddev_m=0.01,
     ) + (
-        Field('channels', list, (0,), 'Channels of the converter; of several each has its number '
-              'behind topic and frame_id: range_0, infrared_link_0.', item=int, minimum=0,
-              maximum=63),
-        *mounting_settings(length=0, more='; of several channels 3 numbers for all, or 3 for '
-                           'each, in their order'),
-        Field('model', str, 'gp2y0a21', 'Whose fit is used: gp2y0a21 (0.1 to 0.8 m), gp2y0a02 '
-              '(0.2 to 1.5 m), or custom.', choices=(*SHARP_FITS, CUSTOM)),
+        Field('channels', list, (0,),
+              'Channels of the converter; with several, the number of each is appended to topic '
+              'and frame_id: range_0, infrared_link_0.', item=int, minimum=0, maximum=63),
+        *mounting_settings(length=0, more='; with several channels 3 numbers for all, or 3 for '
+                                          'each, in their order'),
+        Field('model', str, 'gp2y0a21',
+              'Model whose fit is used: gp2y0a21 (0.1 to 0.8 m), gp2y0a02 (0.2 to 1.5 m), or '
+              'custom.', choices=(*SHARP_FITS, CUSTOM)),
         Field('coefficient_m', float, 0.27728, 'Fit for model custom: distance at 1 V.', 'm',
               0.001, 100.0),
         Field('exponent', float, -1.2045, 'Fit for model custom: power of the voltage.', '',
               -5.0, -0.1),
-        Field('lowest_mv', int, 1, 'A lower voltage is that of a broken wire or of no power, and '
-              'is no reading. A little below what yours gives without a target is best; 0: it '
-              'gives no voltage then.', 'mV', 0, 1000, before=0),
-        Field('median', int, 3, 'Readings of which the median is published; 1 publishes each. '
-              'The device gives a new one each 38 ms.', choices=(1, 3, 5, 7, 9)),
+        Field('lowest_mv', int, 1,
+              'A lower voltage means a broken wire or no power, and is not a reading. Best a '
+              'little below the voltage without a target; 0: that voltage is zero.',
+              'mV', 0, 1000, before=0),
+        Field('median', int, 3,
+              'Readings of which the median is published; 1 publishes each. The device has a new '
+              'reading each 38 ms.', choices=(1, 3, 5, 7, 9)),
     )
     description = 'Sharp GP2Y0A infrared range finders on a serial analogue-to-digital converter'
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
-        :raises ConfigError: the limits contradict each other, or no channel is named, or twice.
+        :raises ConfigError: the limits contradict each other, or no channel is named, or one
+            twice.
         """
         super().__init__(name, settings, NmeaDecoder())
         channels = list(settings['channels'])
@@ -109,7 +114,7 @@ class Sharp(SerialDevice[NmeaFrame]):
         self._wrong = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: a Range for each channel."""
+        """Return the publications: a Range for each channel."""
         s = self.settings
         return tuple(TopicSpec(
             s['topic'] + tail, 'sensor_msgs/msg/Range',
@@ -119,9 +124,9 @@ class Sharp(SerialDevice[NmeaFrame]):
     @classmethod
     def mountings(cls, settings: Mapping[str, Any]) -> Mapping[str, Mounting]:
         """
-        Return where the sensor of each channel is.
+        Return the mounting of the sensor of each channel.
 
-        :raises ConfigError: there are neither three numbers nor three for each.
+        :raises ConfigError: there are neither three numbers nor three for each channel.
         """
         tails = _tails(settings)
         for key in ('mounting_m', 'mounting_rad'):
@@ -133,14 +138,14 @@ class Sharp(SerialDevice[NmeaFrame]):
                 for place, tail in enumerate(tails)}
 
     def restart(self) -> None:
-        """Forget the readings before."""
+        """Discard earlier readings."""
         for recent in self._recent:
             recent.clear()
         self._strangers = 0
 
     def write(self, now_ns: int) -> None:
         """
-        Look whether it is the converter that is set; nothing is sent.
+        Check that it is the configured converter; nothing is sent.
 
         :raises DeviceError: it is not.
         """
@@ -148,11 +153,11 @@ class Sharp(SerialDevice[NmeaFrame]):
             raise DeviceError(f'{self.name}: it sends {self._stranger}')
 
     def is_set_up(self) -> bool:
-        """Return whether the channels that are set come."""
+        """Return whether the configured channels arrive."""
         return not self._strangers
 
     def handle(self, frame: NmeaFrame, arrival_ns: int) -> int:
-        """Use one sentence; in the loop."""
+        """Handle one sentence; in the loop."""
         reading = _reading(frame)
         if reading is None:
             self._unknown(f'{frame.address} sentences and no readings: it is another device, so '
@@ -175,7 +180,7 @@ class Sharp(SerialDevice[NmeaFrame]):
         return 1
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; contradictions are voltages that cannot be."""
+        """Return the current counters; contradictions are impossible voltages."""
         return self._counters(contradicted=self._wrong)
 
     def _unknown(self, what: str) -> None:
@@ -196,7 +201,7 @@ def _tails(settings: Mapping[str, Any]) -> list[str]:
 
 
 def _reading(frame: NmeaFrame) -> tuple[int, int] | None:
-    """Return channel and millivolts; None when the sentence is no reading."""
+    """Return channel and millivolts; None if the sentence is not a reading."""
     if frame.address != ADC_ADDRESS:
         return None
     fields = frame.sentence.partition(b'*')[0].split(b',')

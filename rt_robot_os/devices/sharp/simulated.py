@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Simulated Sharp range finders on a converter, in the world or before a wall that moves."""
+"""Simulated Sharp range finders on a converter, in the world or in front of a moving wall."""
 
 from __future__ import annotations
 
@@ -27,19 +27,21 @@ from rt_robot_os.sim.world import RANGE_NOISE_M
 from rt_robot_os.sim.world import SimulatedRange
 from rt_robot_os.sim.world import wall_settings
 
-# Beyond, its voltage does not tell distances apart.
+# Beyond this, its voltage is constant.
 _FARTHEST_M: Final = 20.0
 
 
 class SimulatedSharp(SimulatedRange):
-    """A converter with Sharp range finders on its first channels; below 0.1 m they are wrong."""
+    """
+    A converter with Sharp range finders on its first channels; wrong below 0.1 m.
+    """
 
     SETTINGS = common_settings(25.0, 1000.0) + wall_settings(0.08, 1.0) + (
-        Field('model', str, 'gp2y0a21', 'Whose fit gives the voltage.',
+        Field('model', str, 'gp2y0a21', 'Model whose fit gives the voltage.',
               choices=tuple(SHARP_FITS)),
-        Field('channels', int, 1, 'Channels that it sends, all of the same wall; in a world '
-              'those of its driver.', minimum=1,
-              maximum=16),
+        Field('channels', int, 1,
+              'Channels that it sends, all with the same wall; in a world those of its driver.',
+              minimum=1, maximum=16),
     )
     BAUD = 115200
 
@@ -48,7 +50,7 @@ class SimulatedSharp(SimulatedRange):
         if self.world is None:
             reading = self._millivolts(self.distance_m(time_s))
             return b''.join(adc(channel, reading) for channel in range(self.settings['channels']))
-        # Each of the driver's channels has a place of its own.
+        # Each of the driver's channels has its own mounting.
         channels = self.device.get('channels', range(self.settings['channels']))
         return b''.join(adc(channel, self._millivolts(self.distance_m(time_s, place)))
                         for place, channel in enumerate(channels))
@@ -61,5 +63,5 @@ class SimulatedSharp(SimulatedRange):
         return min(round(volts * 1000), 5000)
 
     def foreign(self) -> bytes:
-        """Return what an inertial measurement unit sends."""
+        """Return bytes of an inertial measurement unit."""
         return acceleration_frame(0.0, 0.0, 9.8)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a microcontroller sends whose converter has Sharp's range finders on its channels."""
+"""The sentences of a microcontroller with Sharp range finders on its converter."""
 
 from __future__ import annotations
 
@@ -26,5 +26,5 @@ SHARP_FITS: Final = {'gp2y0a21': (0.27728, -1.2045), 'gp2y0a02': (0.60374, -1.16
 
 
 def adc(channel: int, millivolts: int) -> bytes:
-    """Make a reading of an analogue-to-digital converter: ``$PADC,channel,millivolts*HH``."""
+    """Encode a reading of an analogue-to-digital converter: ``$PADC,channel,millivolts*HH``."""
     return sentence(f'{ADC_ADDRESS},{channel},{millivolts}')

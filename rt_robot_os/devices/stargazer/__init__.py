@@ -15,10 +15,10 @@
 """Hagisonic StarGazer: where a robot is, from marks on the ceiling."""
 
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.parts import Signature
 
 PARTS = DeviceParts(
     driver='.driver:StarGazer',
-    twin='.simulated:SimulatedStarGazer',
-    recognisers=(Recogniser('StarGazer sentences', '.wire:is_stargazer'),),
+    simulated='.simulated:SimulatedStarGazer',
+    signatures=(Signature('StarGazer sentences', '.wire:is_stargazer'),),
 )

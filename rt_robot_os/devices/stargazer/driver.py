@@ -43,13 +43,13 @@ from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.stargazer import setup
 from rt_robot_os.devices.stargazer import wire
-from rt_robot_os.devices.stargazer.fusing import Fix
-from rt_robot_os.devices.stargazer.fusing import Fuser
-from rt_robot_os.devices.stargazer.fusing import Sighting
-from rt_robot_os.devices.stargazer.fusing import sighting
+from rt_robot_os.devices.stargazer.fusion import FusedPose
+from rt_robot_os.devices.stargazer.fusion import Fuser
+from rt_robot_os.devices.stargazer.fusion import LandmarkSighting
+from rt_robot_os.devices.stargazer.fusion import sighting
 from rt_robot_os.devices.stargazer.landmark_files import load_landmarks
 from rt_robot_os.devices.stargazer.setup import StarGazerSetup
-from rt_robot_os.devices.stargazer.wire import Mark
+from rt_robot_os.devices.stargazer.wire import CeilingMark
 from rt_robot_os.devices.stargazer.wire import StarGazerDecoder
 from rt_robot_os.devices.stargazer.wire import StarGazerFrame
 from rt_robot_os.motion.angles import wrapped
@@ -152,14 +152,14 @@ class StarGazer(SerialDevice[StarGazerFrame]):
         self._used_distance_m = 0.0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: PoseWithCovarianceStamped."""
+        """Return the publications: PoseWithCovarianceStamped."""
         s = self.settings
         return (TopicSpec(
             s['topic'], 'geometry_msgs/msg/PoseWithCovarianceStamped',
             {'header.frame_id': s['map_frame_id']}, s['depth'], s['output_rate_hz']),)
 
     def restart(self) -> None:
-        """Begin the set-up if it is wanted."""
+        """Start the set-up if it is configured."""
         self._fuser.forget()
         self._dead_zone = False
         self._mode = ''
@@ -186,7 +186,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
                 self.send(data)
 
     def handle(self, frame: StarGazerFrame, arrival_ns: int) -> int:
-        """Use one sentence; in the loop."""
+        """Handle one sentence; in the loop."""
         if not self.is_set_up():
             if not self._setup.takes(frame):
                 self._ignored_frames += 1
@@ -206,7 +206,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
         return 0
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; contradictions are marks that agree on nothing."""
+        """Return the current counters; contradictions are marks that agree on nothing."""
         more: dict[str, Value] = {
             'landmarks': len(self._landmarks), 'dead_zone': str(self._dead_zone).lower(),
             'dead_zone_sentences': self._dead_zones, 'unknown_marks': self._unknown,
@@ -251,7 +251,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
         self._publish(fix, arrival_ns)
         return 1
 
-    def _sightings(self, marks: Sequence[Mark]) -> list[Sighting]:
+    def _sightings(self, marks: Sequence[CeilingMark]) -> list[LandmarkSighting]:
         found = []
         for mark in marks:
             landmark = self._reference or self._landmarks.get(mark.number)
@@ -284,7 +284,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
                               'hangs, and correct landmarks', number)
         self._suspects = suspects
 
-    def _publish(self, fix: Fix, arrival_ns: int) -> None:
+    def _publish(self, fix: FusedPose, arrival_ns: int) -> None:
         heading = wrapped(fix.yaw - self._mounting_yaw)
         cosine, sine = math.cos(heading), math.sin(heading)
         ahead, left = self._mounting

@@ -56,7 +56,7 @@ _REMEDY: Final = ('check the wire to its receive pin, or set configure: false an
                   "the vendor's program")
 
 
-class Exchange(NamedTuple):
+class SetupExchange(NamedTuple):
     """
     One command and what answers it.
 
@@ -93,7 +93,7 @@ class StarGazerSetup:
         self.done = False
         self.written: list[str] = []
         self._name = name
-        self._exchange: Exchange | None = None
+        self._exchange: SetupExchange | None = None
         self._left = b''
         self._tries = 0
         self._byte_ns = 0
@@ -165,17 +165,18 @@ class StarGazerSetup:
         self._until_ns = 0
 
     def _dialogue(self, parameters: Sequence[tuple[str, str]], procedure: str
-                  ) -> Generator[Exchange, StarGazerFrame | None, None]:
+                  ) -> Generator[SetupExchange, StarGazerFrame | None, None]:
         yield _command(wire.STOP, _STOP_TRIES)
         for name, value in parameters:
-            found = yield Exchange(wire.sentence(wire.READ, name), wire.VALUE, name, _READ_TRIES,
-                                   optional=True)
+            found = yield SetupExchange(wire.sentence(wire.READ, name), wire.VALUE, name,
+                                        _READ_TRIES, optional=True)
             if found is None or not _same(found.content.partition('|')[2], value):
                 yield _command(f'{name}|{value}')
                 self.written.append(name)
         if self.written:
             yield _command(wire.END)
-            yield Exchange(b'', wire.ACKNOWLEDGEMENT, wire.UPDATED, 1, _DEAF_NS, optional=True)
+            yield SetupExchange(b'', wire.ACKNOWLEDGEMENT, wire.UPDATED, 1, _DEAF_NS,
+                                optional=True)
         if procedure == MAP_BUILDING:
             yield _command(wire.BUILD_MAP)
         elif procedure == HEIGHT_CALCULATION:
@@ -183,8 +184,8 @@ class StarGazerSetup:
         yield _command(wire.START)
 
 
-def _command(content: str, tries: int = _TRIES) -> Exchange:
-    return Exchange(wire.sentence(wire.WRITE, content), wire.ACKNOWLEDGEMENT, content, tries)
+def _command(content: str, tries: int = _TRIES) -> SetupExchange:
+    return SetupExchange(wire.sentence(wire.WRITE, content), wire.ACKNOWLEDGEMENT, content, tries)
 
 
 def _same(found: str, wanted: str) -> bool:

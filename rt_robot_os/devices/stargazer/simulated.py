@@ -31,7 +31,7 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.stargazer import wire
 from rt_robot_os.devices.stargazer.landmark_files import load_landmarks
-from rt_robot_os.devices.stargazer.wire import Mark
+from rt_robot_os.devices.stargazer.wire import CeilingMark
 from rt_robot_os.devices.stargazer.wire import StarGazerDecoder
 from rt_robot_os.devices.stargazer.wire import StarGazerFrame
 from rt_robot_os.motion.angles import wrapped
@@ -39,7 +39,7 @@ from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.landmarks import Landmark
 from rt_robot_os.motion.landmarks import landmarks_of
 from rt_robot_os.motion.poses import composed
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.faults import LOCALISER_FAULTS
@@ -58,7 +58,7 @@ _NOISE_RAD: Final = math.radians(1.0)
 _ASTRAY_M: Final = 1.5
 _LOWEST_M: Final = 0.5
 _FIRST_MARK: Final = '24706: 0.0, 0.0, 0.0'
-# What the twin knows from the section of its driver, if its own says nothing.
+# What the simulated device knows from the section of its driver, if its own says nothing.
 _OF_DRIVER: Final = ('angle_sign', 'angle_offset_rad')
 _DEFAULTS: Final = {
     'MarkType': 'HLD1S', 'MarkDim': '1', 'MarkMode': 'Alone', 'MarkHeight': '2400',
@@ -99,10 +99,10 @@ class SimulatedStarGazer(SimulatedDevice):
 
     @classmethod
     def made_for(
-        cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
+        cls, name: str, settings: Mapping[str, Any], place: RobotSite, device: Mapping[str, Any],
     ) -> SimulatedDevice:
         """
-        Make the twin of a device; nothing is plugged in yet.
+        Make the simulated counterpart of a device; nothing is plugged in yet.
 
         :raises ConfigError: a setting is wrong, or the line is too slow for the rate.
         """
@@ -153,7 +153,7 @@ class SimulatedStarGazer(SimulatedDevice):
             return said + wire.single(marks[0], self._mode)
         return said + wire.multi(marks)
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Take the bytes that do not come too fast, and do what they say."""
         for byte in data:
             if self._deaf or self._now_ns - self._byte_ns < _BYTE_NS:
@@ -161,9 +161,9 @@ class SimulatedStarGazer(SimulatedDevice):
                 continue
             self._byte_ns = self._now_ns
             for frame in self._commands.feed(bytes((byte,))):
-                self._obey_one(frame)
+                self._handle_one(frame)
 
-    def _obey_one(self, frame: StarGazerFrame) -> None:
+    def _handle_one(self, frame: StarGazerFrame) -> None:
         name, _, value = frame.content.partition('|')
         if self._sends and self.random.random() < self.settings['miss_probability']:
             return
@@ -214,7 +214,7 @@ class SimulatedStarGazer(SimulatedDevice):
         ahead, left, _ = self.mounting.position_m
         return composed(self._base_pose(time_s), (ahead, left, self.mounting.yaw_rad))
 
-    def _marks(self, x: float, y: float, heading: float) -> list[Mark]:
+    def _marks(self, x: float, y: float, heading: float) -> list[CeilingMark]:
         """Return what it sees of the marks above it, the nearest first."""
         s = self.settings
         near = []
@@ -233,7 +233,8 @@ class SimulatedStarGazer(SimulatedDevice):
             return None
         return self._landmarks.get(int(self.parameters['RefID']))
 
-    def _mark(self, landmark: Landmark, beside_x: float, beside_y: float, heading: float) -> Mark:
+    def _mark(self, landmark: Landmark, beside_x: float, beside_y: float,
+              heading: float) -> CeilingMark:
         s = self.settings
         gauss, noise = self.random.gauss, s['noise']
         number = landmark.number
@@ -252,13 +253,13 @@ class SimulatedStarGazer(SimulatedDevice):
             else:
                 x += self.random.uniform(-_ASTRAY_M, _ASTRAY_M)
                 y += self.random.uniform(-_ASTRAY_M, _ASTRAY_M)
-        return Mark(number, round(math.degrees(s['angle_sign'] * wrapped(angle)), 2), 100 * x,
-                    100 * y, 100 * self._height_m)
+        return CeilingMark(number, round(math.degrees(s['angle_sign'] * wrapped(angle)), 2),
+                           100 * x, 100 * y, 100 * self._height_m)
 
 
 def _landmarks(settings: Mapping[str, Any], name: str) -> dict[int, Landmark]:
     """
-    Read the landmarks of the twin, or of its driver.
+    Read the landmarks of the simulated device, or of its driver.
 
     :raises ConfigError: they cannot be read.
     """

@@ -84,7 +84,7 @@ _HALF_TURN_DEG: Final = 180.0
 _SURE: Final = 2
 
 
-class Mark(NamedTuple):
+class CeilingMark(NamedTuple):
     """
     One mark as the device sees it.
 
@@ -118,7 +118,7 @@ class StarGazerFrame(NamedTuple):
     size: int
     end: int
     mode: str = ''
-    marks: tuple[Mark, ...] = ()
+    marks: tuple[CeilingMark, ...] = ()
 
     @property
     def name(self) -> str:
@@ -166,7 +166,7 @@ class StarGazerDecoder(FrameDecoder[StarGazerFrame]):
         return StarGazerFrame(kind, content, end - at, arrived, *measured)
 
 
-def measurement(content: str) -> tuple[str, tuple[Mark, ...]] | None:
+def measurement(content: str) -> tuple[str, tuple[CeilingMark, ...]] | None:
     """
     Read what is between ``~^`` and the end of a measurement.
 
@@ -186,7 +186,7 @@ def measurement(content: str) -> tuple[str, tuple[Mark, ...]] | None:
     return None if mark is None else (mode, (mark,))
 
 
-def _multi(count: int, fields: list[str]) -> tuple[Mark, ...] | None:
+def _multi(count: int, fields: list[str]) -> tuple[CeilingMark, ...] | None:
     if len(fields) != _FIELDS * count:
         return None
     marks = []
@@ -199,11 +199,12 @@ def _multi(count: int, fields: list[str]) -> tuple[Mark, ...] | None:
     return tuple(marks)
 
 
-def _mark(number: str, angle: str, x: str, y: str, z: str | None) -> Mark | None:
+def _mark(number: str, angle: str, x: str, y: str, z: str | None) -> CeilingMark | None:
     angle_deg = float(angle)
     if abs(angle_deg) > _HALF_TURN_DEG:
         return None
-    return Mark(int(number), angle_deg, float(x), float(y), None if z is None else abs(float(z)))
+    return CeilingMark(int(number), angle_deg, float(x), float(y),
+                       None if z is None else abs(float(z)))
 
 
 def is_stargazer(data: bytes) -> bool:
@@ -213,28 +214,28 @@ def is_stargazer(data: bytes) -> bool:
     return len(found) >= _SURE
 
 
-# ---- from values to bytes -----------------------------------------------------------------------
+# ---- encoding -----------------------------------------------------------------------------------
 
 def sentence(kind: str, content: str) -> bytes:
     """Frame a content."""
     return f'~{kind}{content}`'.encode('ascii')
 
 
-def old(mark: Mark, mode: str = POSITION) -> bytes:
+def old(mark: CeilingMark, mode: str = POSITION) -> bytes:
     """Make a measurement in the form of 2004 to 2008."""
     return sentence(MEASUREMENT, f'{mode}{_position(mark)}|{mark.number}')
 
 
-def single(mark: Mark, mode: str = POSITION) -> bytes:
+def single(mark: CeilingMark, mode: str = POSITION) -> bytes:
     """Make a measurement of one mark in the newer form; 0 cm to a ceiling that is not known."""
     return sentence(MEASUREMENT, f'{mode}{mark.number}|{_position(mark)}|{mark.z_cm or 0.0:.2f}')
 
 
-def multi(marks: Sequence[Mark]) -> bytes:
+def multi(marks: Sequence[CeilingMark]) -> bytes:
     """Make a measurement of one to nine marks."""
     groups = '|'.join(f'{mark.number}|{_position(mark)}|{mark.z_cm or 0.0:.2f}' for mark in marks)
     return sentence(MEASUREMENT, f'{len(marks)}{groups}')
 
 
-def _position(mark: Mark) -> str:
+def _position(mark: CeilingMark) -> str:
     return f'{mark.angle_deg:+.2f}|{mark.x_cm:+.2f}|{mark.y_cm:+.2f}'

@@ -15,12 +15,12 @@
 """u-blox receivers (UBX)."""
 
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.parts import Signature
 
 PARTS = DeviceParts(
     driver='.driver:Ublox',
-    twin='.simulated:SimulatedUblox',
-    recognisers=(
-        Recogniser('UBX messages', '.wire:is_ubx'),
+    simulated='.simulated:SimulatedUblox',
+    signatures=(
+        Signature('UBX messages', '.wire:is_ubx'),
     ),
 )

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Corrections for a satellite receiver: RTCM 3 of a base station or a caster, checked and passed on.
+Corrections for a satellite receiver: RTCM 3 of a base station or a caster, checked and forwarded.
 
-They come through a port of their own, in the same forms as that of a device, or from a caster:
-``ntrip://user:password@host:2101/MOUNT``. What is wrong with them is told and counted, and never
-a fault of the receiver. Opening, reading and checking happen at low priority, in ``maintain``;
-the task of the device only takes what is ready.
+They arrive through their own port, in the same forms as that of a device, or from a caster:
+``ntrip://user:password@host:2101/MOUNT``. Their errors are reported and counted, and are never a
+fault of the receiver. Opening, reading and checking happen at low priority, in ``maintain``; the
+task of the device only sends complete messages.
 """
 
 from __future__ import annotations
@@ -50,24 +50,24 @@ from rt_robot_os.devices.ublox.rtcm import RtcmDecoder
 
 _NTRIP: Final = 'ntrip://'
 _NTRIP_PORT: Final = 2101
-# Stations send each second, or every ten when the line is dear.
+# Stations send each second, or every ten seconds on an expensive line.
 _SILENCE_NS: Final = 30 * NS_PER_S
 _RETRY_NS: Final = NS_PER_S
 _RETRY_MAXIMUM_NS: Final = 30 * NS_PER_S
 _POSITION_NS: Final = 10 * NS_PER_S
 _READY_MESSAGES: Final = 64
 _NUMBERS: Final = 32
-# What one job looks at; a station sends some kilobytes a second.
+# Limit of bytes per job; a station sends some kilobytes per second.
 _JOB_BYTES: Final = 8192
 _HEAD: Final = 64
 
 
-class Corrections:
+class RtcmCorrections:
     """
     One source of corrections.
 
-    :ivar problem: what is wrong with it; empty while messages come.
-    :ivar numbers: messages by their number; 0 stands for those beyond the first 32 kinds.
+    :ivar problem: its current error; empty while messages arrive.
+    :ivar numbers: count of messages by their number; 0: those beyond the first 32 kinds.
     """
 
     def __init__(self, name: str, port: str, baud: int, log: Logger,
@@ -76,8 +76,8 @@ class Corrections:
         Check the port; nothing is opened.
 
         :param name: of the device, for errors.
-        :param position: gives an NMEA sentence with the position, for a caster that computes a
-            base station there; empty when it is not known.
+        :param position: returns an NMEA sentence with the position, for a caster that computes a
+            base station there; empty if unknown.
         :raises ConfigError: the port is neither a path nor an address.
         """
         self.problem = 'not opened yet'
@@ -99,12 +99,12 @@ class Corrections:
         self._pause_ns = _RETRY_NS
 
     def prepare(self) -> None:
-        """Look up the host; waits for a moment, so not for the loop."""
+        """Look up the host; blocks for a moment, so not for the loop."""
         prepare_port(f'tcp://{_bracketed(self._caster.address.host)}:1' if self._caster
                      else self._setting)
 
     def maintain(self, now_ns: int) -> None:
-        """Open, read and check what is due; does not wait, but at low priority."""
+        """Open, read and check if due; does not block, but belongs at low priority."""
         try:
             if self._port is None:
                 if now_ns < self._retry_at_ns:
@@ -119,7 +119,7 @@ class Corrections:
             self._fail(str(error), now_ns)
 
     def take(self) -> bytes:
-        """Return the next message that is ready, empty when none is; safe in the loop."""
+        """Return the next complete message, empty if there is none; safe in the loop."""
         try:
             return self._ready.popleft()
         except IndexError:
@@ -133,7 +133,7 @@ class Corrections:
         self._ready.clear()
 
     def report(self, now_ns: int) -> dict[str, Value]:
-        """Return what people want to know of it."""
+        """Return its counters and its state."""
         return {
             'corrections': self.problem or 'coming',
             'corrections_age_s': (now_ns - self._last_ns) / NS_PER_S if self._last_ns else -1.0,
@@ -153,7 +153,7 @@ class Corrections:
         return port
 
     def _read(self, port: Port, now_ns: int) -> None:
-        port.write(b'')  # what did not go yet
+        port.write(b'')  # the part that was not sent yet
         data = self._left or port.read()
         data, self._left = data[:_JOB_BYTES], data[_JOB_BYTES:]
         if len(self._head) < _HEAD:
@@ -169,7 +169,7 @@ class Corrections:
             self._pause_ns = _RETRY_NS
             if self.problem:
                 self.problem = ''
-                self._log.info('corrections come from %s', self._text)
+                self._log.info('corrections arrive from %s', self._text)
         if now_ns - max(self._last_ns, self._opened_ns) > _SILENCE_NS:
             raise DeviceError(self._why_nothing(port))
         if self._caster is not None:
@@ -189,11 +189,11 @@ class Corrections:
                         'that the source sends RTCM 3')
 
     def _check_answer(self) -> None:
-        """Look at what a caster says first: the stream, or why not."""
+        """Read the first answer of a caster: the stream, or an error."""
         head = self._head
         if head.startswith(b'SOURCETABLE'):
-            raise DeviceError(f'{self._text}: the caster has no such mount point: it lists what '
-                              'it has (curl http://host:2101)')
+            raise DeviceError(f'{self._text}: the caster has no such mount point: see its list '
+                              '(curl http://host:2101)')
         status = head.split(b' ')[1:2]
         if head.startswith(b'HTTP/') and status and len(head) > 12 and status != [b'200']:
             code = status[0][:3].decode('ascii', 'replace')
@@ -213,7 +213,7 @@ class Corrections:
 
 
 class _Caster:
-    """Where a caster is and how it is asked."""
+    """The address of a caster, and the request to it."""
 
     def __init__(self, address: NetworkAddress, request: bytes) -> None:
         self.address = address
@@ -222,9 +222,9 @@ class _Caster:
 
 def _caster(name: str, port: str) -> _Caster | None:
     """
-    Read the address of a caster, None when it is none.
+    Parse the address of a caster; None if it is another kind of address.
 
-    :raises ConfigError: it is meant as one and is wrong.
+    :raises ConfigError: it is one with an error.
     """
     if not port.startswith(_NTRIP):
         return None

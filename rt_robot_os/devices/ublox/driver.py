@@ -16,22 +16,22 @@
 """
 u-blox satellite receivers with UBX output, from the NAV-PVT message.
 
-One message holds the whole of an epoch, so position, velocity and time belong together and nothing
-waits for anything: ``sensor_msgs/msg/NavSatFix``, velocity as
-``geometry_msgs/msg/TwistWithCovarianceStamped`` (x east, y north, z up) and
-``sensor_msgs/msg/TimeReference``. NMEA sentences on the same line are counted and not used.
+One message contains the whole epoch, so position, velocity and time belong together and nothing
+waits: ``sensor_msgs/msg/NavSatFix``, velocity as ``geometry_msgs/msg/TwistWithCovarianceStamped``
+(x east, y north, z up) and ``sensor_msgs/msg/TimeReference``. NMEA sentences on the same line are
+counted but not used.
 
-Rules: without ``gnssFixOK``, with dead reckoning alone, or where the message calls the position
-invalid, there is no fix and the position is NaN. Of a two-dimensional fix the altitude is NaN.
-Carrier phase solutions are GBAS, other corrections SBAS. Accuracies are the receiver's own
-estimates, one standard deviation. NAV-PVT does not say which systems were used: ``services`` does.
+Rules: without ``gnssFixOK``, with dead reckoning alone, or with a position flagged as invalid,
+there is no fix and the position is NaN. The altitude of a two-dimensional fix is NaN. Carrier
+phase solutions are GBAS, other corrections SBAS. Accuracies are the receiver's own estimates, one
+standard deviation. NAV-PVT does not contain the systems in use: set ``services``.
 
 With ``high_precision`` the position of a fix is that of NAV-HPPOSLLH of the same epoch (iTOW), and
-its quality that of NAV-PVT; a fix whose NAV-HPPOSLLH does not come within half a period is
-published with what NAV-PVT has. RTCM 3 corrections are passed on to the receiver.
+its quality that of NAV-PVT; a fix whose NAV-HPPOSLLH does not arrive within half a period is
+published with the position of NAV-PVT. RTCM 3 corrections are forwarded to the receiver.
 
-The stamp is the arrival of NAV-PVT. The position is older by what the receiver computed and
-sent before; TimeReference tells UTC and stamp of the same epoch.
+The stamp is the arrival of NAV-PVT. The position is older by the time of computing and sending;
+TimeReference contains UTC and stamp of the same epoch.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ from rt_robot_os.devices.nmea.wire import gga
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.ublox import wire
-from rt_robot_os.devices.ublox.corrections import Corrections
+from rt_robot_os.devices.ublox.corrections import RtcmCorrections
 from rt_robot_os.devices.ublox.setup import UbloxSetup
 from rt_robot_os.devices.ublox.wire import HighPrecision
 from rt_robot_os.devices.ublox.wire import NavPvt
@@ -76,7 +76,7 @@ _SERVICES: Final = {'gps': SERVICE_GPS, 'glonass': SERVICE_GLONASS, 'galileo': S
                     'beidou': SERVICE_COMPASS}
 _DEGREES: Final = 1e-7
 _METRES: Final = 1e-3
-# What the receiver says when it knows no accuracy.
+# The receiver's value for an unknown accuracy.
 _NO_ACCURACY_MM: Final = 10_000_000
 _INT32_MAX: Final = 2**31 - 1
 _ANGULAR: Final = (21, 28, 35)
@@ -91,23 +91,25 @@ class Ublox(SerialDevice[UbxFrame]):
         Field('velocity_topic', str, 'gps/velocity',
               'Topic of the velocity, east, north, up; empty publishes none.'),
         Field('time_topic', str, 'gps/time', 'Topic of the UTC time; empty publishes none.'),
-        Field('services', list, (), 'Satellite systems that the receiver was set up to use; its '
-              'message does not say. Empty: not known.', choices=tuple(_SERVICES)),
+        Field('services', list, (),
+              'Satellite systems that the receiver is set to use; its message does not contain '
+              'them. Empty: unknown.', choices=tuple(_SERVICES)),
         Field('configure', bool, False,
-              'Ask for NAV-PVT and the output rate at opening, with CFG-VALSET, or with CFG-MSG '
-              'and CFG-RATE where the receiver is older than generation 9; not saved in the '
-              'receiver.'),
-        Field('high_precision', bool, False, 'Take the position from NAV-HPPOSLLH, with 1e-9 '
-              'degrees and 0.1 mm, which RTK receivers have.'),
-        Field('corrections', str, '', 'Where RTCM 3 corrections come from, a port as that of the '
-              'device, or ntrip://user:password@host:2101/MOUNT; empty for none.'),
-        Field('corrections_baud', int, 115200, 'Speed of a serial line that they come on.',
+              'Set NAV-PVT and the output rate at opening, with CFG-VALSET, or with CFG-MSG and '
+              'CFG-RATE if the receiver is older than generation 9; not saved in the receiver.'),
+        Field('high_precision', bool, False,
+              'Use the position of NAV-HPPOSLLH, with 1e-9 degrees and 0.1 mm, which RTK '
+              'receivers send.'),
+        Field('corrections', str, '',
+              'Source of RTCM 3 corrections: a port in the same form as that of the device, or '
+              'ntrip://user:password@host:2101/MOUNT; empty for none.'),
+        Field('corrections_baud', int, 115200, 'Speed of the serial line of the corrections.',
               unit='bit/s', minimum=0, maximum=4_000_000),
     )
     description = 'u-blox satellite receiver, UBX NAV-PVT: position, velocity, time'
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        """Keep the settings; nothing is opened."""
+        """Store the settings; nothing is opened."""
         super().__init__(name, settings, UbxDecoder())
         self._service = sum(_SERVICES[each] for each in set(settings['services']))
         self._velocity_at = 1 if settings['velocity_topic'] else 0
@@ -116,20 +118,20 @@ class Ublox(SerialDevice[UbxFrame]):
         self._setup: UbloxSetup | None = None
         self._high_precision: bool = settings['high_precision']
         self._half_period_ns = period_from_rate(settings['output_rate_hz']) // 2
-        # Of the epoch whose fix waits for its NAV-HPPOSLLH, and a NAV-HPPOSLLH that came first.
+        # The epoch whose fix waits for its NAV-HPPOSLLH, and a NAV-HPPOSLLH that arrived first.
         self._waiting: NavPvt | None = None
         self._waiting_ns = 0
         self._ahead: HighPrecision | None = None
         self._without_high_precision = 0
         self._latest: NavPvt | None = None
-        self._corrections: Corrections | None = None
+        self._corrections: RtcmCorrections | None = None
         if settings['corrections']:
-            self._corrections = Corrections(
+            self._corrections = RtcmCorrections(
                 name, settings['corrections'], settings['corrections_baud'], self.log,
                 self._gga)
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: NavSatFix, and velocity and time with a topic."""
+        """Return the publications: NavSatFix, and velocity and time with a topic."""
         settings = self.settings
         depth, rate_hz = settings['depth'], settings['output_rate_hz']
         frame = {'header.frame_id': settings['frame_id']}
@@ -146,16 +148,16 @@ class Ublox(SerialDevice[UbxFrame]):
 
     def bind(self, publishers: Sequence[SamplePublisher]) -> None:
         """
-        Take the publishers, and look up the hosts of the ports.
+        Bind the publishers, and look up the hosts of the ports.
 
-        :raises TopicError: there are more or fewer of them than publications.
+        :raises TopicError: their number is not that of the publications.
         """
         super().bind(publishers)
         if self._corrections is not None and self.is_live:
             self._corrections.prepare()
 
     def restart(self) -> None:
-        """Begin the set-up if it is wanted."""
+        """Start the set-up if it is configured."""
         self._waiting = self._ahead = None
         settings = self.settings
         self._setup = UbloxSetup(
@@ -174,7 +176,7 @@ class Ublox(SerialDevice[UbxFrame]):
 
     def write(self, now_ns: int) -> None:
         """
-        Send the command of the set-up that is due, or the corrections that have come.
+        Send the next command of the set-up if due, or corrections that have arrived.
 
         :raises DeviceError: the port is gone, or the device does not answer or refuses.
         """
@@ -189,12 +191,12 @@ class Ublox(SerialDevice[UbxFrame]):
                 message = self._corrections.take()
 
     def maintain(self, now_ns: int) -> None:
-        """Look after the source of the corrections; at low priority."""
+        """Read the corrections; at low priority."""
         if self._corrections is not None and self.is_live:
             self._corrections.maintain(now_ns)
 
     def handle(self, frame: UbxFrame, arrival_ns: int) -> int:
-        """Use one message; in the loop."""
+        """Handle one message; in the loop."""
         if frame.kind == wire.NAV:
             if frame.identifier == wire.PVT:
                 pvt = wire.nav_pvt(frame.payload)
@@ -210,19 +212,19 @@ class Ublox(SerialDevice[UbxFrame]):
         return 0
 
     def unused(self) -> str:
-        """Return what it sends instead of NAV-PVT."""
+        """Return that it sends something else than NAV-PVT."""
         what = 'NMEA sentences' if self._sentences else 'other UBX messages'
-        return (f'it sends {what} and no NAV-PVT: set configure: true, let it send NAV-PVT with '
+        return (f'it sends {what} and no NAV-PVT: set configure: true, enable NAV-PVT with '
                 'u-center, or choose type: nmea')
 
     def idle(self, now_ns: int) -> int:
-        """Publish a fix whose NAV-HPPOSLLH has not come; in the loop."""
+        """Publish a fix whose NAV-HPPOSLLH has not arrived; in the loop."""
         if self._waiting is not None and now_ns - self._waiting_ns > self._half_period_ns:
             return self._publish_coarse()
         return 0
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now."""
+        """Return the current counters."""
         more: dict[str, Value] = {}
         if self._high_precision:
             more['fixes_without_high_precision'] = self._without_high_precision
@@ -266,7 +268,7 @@ class Ublox(SerialDevice[UbxFrame]):
         if pvt is None:
             return 0
         self._without_high_precision += 1
-        self.log.warn('no NAV-HPPOSLLH came for a fix: set configure: true, or switch it on with '
+        self.log.warn('no NAV-HPPOSLLH arrived for a fix: set configure: true, or enable it with '
                       'u-center', throttle_s=60.0)
         return self._publish_fix(pvt, None, self._waiting_ns)
 
@@ -317,7 +319,7 @@ class Ublox(SerialDevice[UbxFrame]):
 
 
 def _refine(msg: Any, precise: HighPrecision, has_altitude: bool) -> None:
-    """Put the position of NAV-HPPOSLLH in the place of that of NAV-PVT, if it is one."""
+    """Replace the position of NAV-PVT by that of NAV-HPPOSLLH, if it is valid."""
     latitude, longitude = precise.latitude * 1e-9, precise.longitude * 1e-9
     if abs(latitude) > 90 or abs(longitude) > 180:
         return
@@ -349,7 +351,7 @@ def _fill_velocity(twist: Any, pvt: NavPvt) -> None:
 
 
 def _utc(pvt: NavPvt) -> tuple[int, int] | None:
-    """Return seconds since 1970 and nanoseconds; None when not valid, or no such moment."""
+    """Return seconds since 1970 and nanoseconds; None if not valid or not a possible time."""
     if not pvt.has_date:
         return None
     try:

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-RTCM 3, the messages with which a base station or a caster corrects satellite receivers.
+RTCM 3, the correction messages of base stations and casters for satellite receivers.
 
 ``D3``, six zero bits, ten bits of length, payload, CRC-24Q; the first twelve bits of the payload
 are the number of the message.
 
-Messages for simulated devices and tests are made here as well.
+Messages for simulated devices and tests are encoded here as well.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ _HEADER: Final = 3
 _OVERHEAD: Final = 6
 _EXPERIMENTAL: Final = 100
 _POLYNOMIAL: Final = 0x1864CFB
-# Bytes whose checksum costs less than a product.
+# Number of bytes whose checksum is cheaper than a multiplication.
 _SHORT: Final = 16
 
 
 class RtcmFrame(NamedTuple):
     """
-    One message with a good checksum.
+    One message with a valid checksum.
 
     :ivar number: of the message, such as 1005; 0 for one without content.
     :ivar data: the whole frame.
@@ -70,27 +70,27 @@ class RtcmDecoder(FrameDecoder[RtcmFrame]):
         self._crc = PartialCrc()
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Return where a message ends, 0 when none begins here."""
+        """Return where a message ends, 0 if none begins here."""
         length = buffer[at + 1] << 8 | buffer[at + 2]
-        # A header found by chance holds up what follows, for seconds on a slow link: most have a
-        # number that no message has.
+        # A false header delays the bytes behind it, for seconds on a slow link: most false headers
+        # have a number that no message has.
         if length > MAX_PAYLOAD or (length and not self._is_number(_number(buffer, at), at)):
             return 0
         return at + _OVERHEAD + length
 
     def _is_number(self, number: int, at: int) -> bool:
         """
-        Return whether messages have such a number.
+        Return whether a message with this number exists.
 
         RTCM 10403, DF002: from 1001 on those of the standard, from 4001 on those of makers. 1 to
         100 are experimental (63 is an ephemeris of BeiDou in use); noise looks like them too
-        often, so that they count right behind another message only.
+        often, so they are accepted only directly behind another message.
         """
         return 1000 < number < 1400 or number > 4000 or (
             0 < number <= _EXPERIMENTAL and at == self._follows)
 
     def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> RtcmFrame | None:
-        """Read a message with a good checksum."""
+        """Decode a message with a valid checksum."""
         # The remainder of a message with its checksum behind it is 0.
         if self._crc.of(buffer, at, end):
             return None
@@ -111,9 +111,9 @@ def crc24q(content: bytes, crc: int = 0) -> int:
 
 class PartialCrc:
     """
-    The checksum of any part of a buffer in constant time, once each byte was looked at.
+    The checksum of any part of a buffer in constant time, after one pass over its bytes.
 
-    False beginnings may stand close together, each with a long frame behind it; see
+    False starts may stand close together, each with a long frame behind it; see
     :mod:`rt_robot_os.devices.partial_sums`.
     """
 
@@ -134,7 +134,7 @@ class PartialCrc:
             for byte in buffer[len(states) - 1:end]:
                 crc = (crc << 8 & 0xFFFFFF) ^ table[crc >> 16 ^ byte]
                 states.append(crc)
-        # What stood before has gone on through the part as if that were zeros.
+        # The remainder of the bytes before, carried through the part as if it were zeros.
         before, factor, product = states[begin], _POWERS[end - begin], 0
         while factor:
             if factor & 1:
@@ -158,7 +158,7 @@ _TABLE: Final = tuple(_shifted(byte << 16, 8) for byte in range(256))
 
 
 def _powers() -> tuple[int, ...]:
-    """Return x to the power of 8 n, modulo the polynomial: what n zero bytes multiply with."""
+    """Return x to the power of 8 n, modulo the polynomial: the factor of n zero bytes."""
     found = [1]
     for _ in range(_OVERHEAD + MAX_PAYLOAD):
         found.append(_shifted(found[-1], 8))
@@ -168,13 +168,13 @@ def _powers() -> tuple[int, ...]:
 _POWERS: Final = _powers()
 
 
-# ---- from values to bytes ---------------------------------------------------------------------
+# ---- encoding ---------------------------------------------------------------------------------
 
 def message(number: int, content: bytes = b'') -> bytes:
     """
-    Make a message.
+    Encode a message.
 
-    :param content: what follows its number, which takes the first twelve bits of two bytes.
+    :param content: the bytes behind its number, which uses the first twelve bits of two bytes.
     """
     payload = (number << 4).to_bytes(2, 'big') + content
     frame = b'\xd3' + len(payload).to_bytes(2, 'big') + payload

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Setting up a u-blox receiver: CFG-VALSET of generation 9 and later, or CFG-MSG and CFG-RATE before.
+Set-up of a u-blox receiver: CFG-VALSET from generation 9 on, or CFG-MSG and CFG-RATE before.
 
-A receiver does not say which of its ports a command came through, so its messages are switched on
-for each port that it has; it refuses those that it has not. When it refuses all of them it is of
-generation 8 or older, and is set up as those are. Nothing is saved in the receiver.
+A receiver does not report which of its ports a command came through, so its messages are enabled
+for every port; it refuses those of missing ports. A receiver that refuses all is of generation 8
+or older, and is set up accordingly. Nothing is saved in the receiver.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Final
 
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.devices.serial.handshake import Handshake
-from rt_robot_os.devices.serial.handshake import Step
+from rt_robot_os.devices.serial.handshake import HandshakeStep
 from rt_robot_os.devices.ublox import wire
 from rt_robot_os.devices.ublox.wire import UbxFrame
 
@@ -39,8 +39,8 @@ class UbloxSetup:
     """
     The set-up of one receiver; safe in the loop.
 
-    :ivar done: all is set.
-    :ivar generation: 9 when it knows CFG-VALSET, 8 when not; 0 before that is known.
+    :ivar done: the set-up is complete.
+    :ivar generation: 9 if it supports CFG-VALSET, 8 if not; 0 before that is known.
     """
 
     def __init__(self, name: str, rate_hz: float, *, high_precision: bool,
@@ -48,8 +48,8 @@ class UbloxSetup:
         """
         Begin.
 
-        :param high_precision: ask for NAV-HPPOSLLH too.
-        :param corrections: let it take RTCM 3.
+        :param high_precision: enable NAV-HPPOSLLH too.
+        :param corrections: enable RTCM 3 as input.
         """
         self.done = False
         self.generation = 0
@@ -64,16 +64,16 @@ class UbloxSetup:
 
     def due(self, now_ns: int) -> bytes | None:
         """
-        Return what is to be sent now, None when there is nothing.
+        Return the bytes to send now; None if there are none.
 
-        :raises DeviceError: the receiver does not answer, or refuses what it has to do.
+        :raises DeviceError: the receiver does not answer, or refuses a required command.
         """
         if self._problem:
             raise DeviceError(f'{self._name}: {self._problem}')
         return self._handshake.due(now_ns)
 
     def takes(self, frame: UbxFrame) -> bool:
-        """Use a message when it is the answer that is waited for; say whether it was."""
+        """Handle a message if it is the expected answer; return whether it was."""
         step = self._handshake.step
         if step is None or frame.kind != wire.ACK \
                 or frame.payload != bytes((wire.CFG, step.key)):
@@ -90,7 +90,7 @@ class UbloxSetup:
             return
         self._handshake = Handshake(self._name, (step,), _REMEDY)
 
-    def _modern(self) -> Generator[Step, bool, None]:
+    def _modern(self) -> Generator[HandshakeStep, bool, None]:
         ports = []
         for port in wire.PORTS:
             if (yield _valset(f'NAV-PVT on {port.name}', {port.ubx_out: 1, port.nav_pvt: 1})):
@@ -103,7 +103,8 @@ class UbloxSetup:
         for wanted, name, remedy in (
                 (self._high_precision, 'NAV-HPPOSLLH', 'it has no high-precision position: set '
                  'high_precision: false'),
-                (self._corrections, 'RTCM 3', 'it takes no corrections: leave corrections empty')):
+                (self._corrections, 'RTCM 3',
+                 'it accepts no corrections: leave corrections empty')):
             accepted = False
             for port in ports if wanted else ():
                 key = port.rtcm_in if name == 'RTCM 3' else port.nav_hpposllh
@@ -115,12 +116,12 @@ class UbloxSetup:
         if not (yield _valset('CFG-RATE', rate)):
             self._refuse('CFG-RATE')
 
-    def _legacy(self) -> Generator[Step, bool, None]:
-        steps = [Step('CFG-MSG', wire.enable(wire.PVT), wire.CFG_MSG)]
+    def _legacy(self) -> Generator[HandshakeStep, bool, None]:
+        steps = [HandshakeStep('CFG-MSG', wire.enable(wire.PVT), wire.CFG_MSG)]
         if self._high_precision:
-            steps.append(Step('CFG-MSG of NAV-HPPOSLLH', wire.enable(wire.HPPOSLLH),
-                              wire.CFG_MSG))
-        steps.append(Step('CFG-RATE', wire.set_rate(self._rate_hz), wire.CFG_RATE))
+            steps.append(HandshakeStep('CFG-MSG of NAV-HPPOSLLH', wire.enable(wire.HPPOSLLH),
+                                       wire.CFG_MSG))
+        steps.append(HandshakeStep('CFG-RATE', wire.set_rate(self._rate_hz), wire.CFG_RATE))
         for step in steps:
             if not (yield step):
                 self._refuse(step.name)
@@ -131,5 +132,5 @@ class UbloxSetup:
                          'and set configure: false')
 
 
-def _valset(name: str, values: dict[int, int]) -> Step:
-    return Step(f'CFG-VALSET ({name})', wire.valset(values), wire.CFG_VALSET)
+def _valset(name: str, values: dict[int, int]) -> HandshakeStep:
+    return HandshakeStep(f'CFG-VALSET ({name})', wire.valset(values), wire.CFG_VALSET)

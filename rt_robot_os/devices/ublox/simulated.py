@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A simulated u-blox receiver that moves as the NMEA receiver does."""
+"""A simulated u-blox receiver that moves like the NMEA receiver."""
 
 from __future__ import annotations
 
@@ -34,34 +34,35 @@ from rt_robot_os.devices.ublox.wire import UbxDecoder
 
 _SATELLITES = 14
 _CARRIER_FIXED = 0x82
-# An RTK solution outlives its corrections for a while.
+# An RTK solution remains for a while without corrections.
 _CORRECTED_S = 10.0
 _FIXED_DEVIATIONS_M = (0.012, 0.010, 0.020)
 
 
 class SimulatedUblox(SimulatedNmea):
     """
-    A receiver that sends NAV-PVT; it obeys CFG-VALSET, or CFG-MSG and CFG-RATE, as its generation.
+    A receiver that sends NAV-PVT; set up by CFG-VALSET, or by CFG-MSG and CFG-RATE.
 
-    Of generation 9 it is an RTK receiver: it has NAV-HPPOSLLH, and a fixed carrier phase solution
-    while corrections come.
+    In generation 9 it is an RTK receiver: it has NAV-HPPOSLLH, and a fixed carrier phase solution
+    while corrections arrive.
 
-    :ivar corrections: RTCM 3 messages that came.
+    :ivar corrections: number of RTCM 3 messages received.
     """
 
     SETTINGS = SimulatedNmea.SETTINGS + (
         Field('first_fix_s', float, 0.0, 'Time to the first fix.', unit='s', minimum=0.0,
               maximum=1e6),
-        Field('mixed', bool, False, 'NMEA sentences come between, as from a receiver as '
-              'delivered.'),
-        Field('generation', int, 9, 'Up to 8 it does not know CFG-VALSET, as 10 it knows nothing '
-              'else; 9 knows both and is an RTK receiver.', choices=(8, 9, 10)),
-        Field('refuses', bool, False, 'Refuses all commands.'),
+        Field('mixed', bool, False,
+              'It also sends NMEA sentences, like a receiver with factory settings.'),
+        Field('generation', int, 9,
+              'Up to 8 it does not support CFG-VALSET, 10 supports nothing else; 9 supports both '
+              'and is an RTK receiver.', choices=(8, 9, 10)),
+        Field('refuses', bool, False, 'It refuses all commands.'),
     )
     BAUD = 38400
 
     def prepare(self) -> None:
-        """Begin as the device does after it got power."""
+        """Start in the state after power-on."""
         self._decoder = UbxDecoder()
         self._rtcm = RtcmDecoder()
         self.corrections = 0
@@ -97,8 +98,8 @@ class SimulatedUblox(SimulatedNmea):
         fixed = self._time_s < self._corrected_until_s
         return _FIXED_DEVIATIONS_M if fixed else super().deviations_m()
 
-    def obey(self, data: bytes) -> None:
-        """Take commands and acknowledge them; take corrections."""
+    def handle_command(self, data: bytes) -> None:
+        """Execute commands and acknowledge them; count corrections."""
         corrections = len(self._rtcm.feed(data))
         if corrections and wire.PORTS[0].rtcm_in in self._keys:
             self.corrections += corrections
@@ -129,7 +130,7 @@ class SimulatedUblox(SimulatedNmea):
 
 
 def _known_keys(generation: int) -> frozenset[int]:
-    """Return the keys that a receiver has; one of generation 10 has one port and takes no RTCM."""
+    """Return the keys of a receiver; one of generation 10 has one port and accepts no RTCM."""
     keys = {wire.RATE_MEAS, wire.RATE_NAV}
     for port in wire.PORTS[:1] if generation > 9 else wire.PORTS:
         keys |= {port.ubx_out, port.nav_pvt}

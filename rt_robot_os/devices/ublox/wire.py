@@ -17,10 +17,10 @@
 UBX, the binary protocol of u-blox receivers, with NMEA 0183 sentences in between.
 
 ``B5 62 CLASS ID LEN(2) payload CK_A CK_B``, little-endian; the checksum is the 8-bit Fletcher sum
-of everything between. Receivers send both protocols on one line as delivered, so sentences are
-frames too, of class 0: they are not garbage, even where nobody wants them.
+of everything between. With factory settings receivers send both protocols on one line, so
+sentences are frames too, of class 0: they are not garbage, even if they are not used.
 
-Commands, and what simulated receivers send, are made here as well.
+Commands, and messages of simulated receivers, are encoded here as well.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from rt_robot_os.devices.partial_sums import PartialSums
 
 
 SYNC: Final = b'\xb5\x62'
-# A header found by chance holds up what follows until its length is there: keep that short.
+# A false header delays the bytes behind it by its length, so that is limited.
 MAX_PAYLOAD: Final = 2560
 
 NMEA: Final = 0
@@ -55,11 +55,11 @@ HPPOSLLH: Final = 0x14
 _FIRST, _SECOND = SYNC
 _HEADER: Final = 6
 _OVERHEAD: Final = 8
-# All that receivers have been seen to send; 0x03 and 0x0C are for u-blox's own use.
+# All classes that receivers are known to send; 0x03 and 0x0C are for u-blox's own use.
 _CLASSES: Final = bytes((
     NAV, 0x02, 0x03, 0x04, ACK, CFG, 0x09, 0x0A, 0x0B, 0x0C, 0x0D, 0x10, 0x13, 0x21, 0x27, 0x28,
     0x29))
-# The header, or what the end of the buffer has left of it; no length is above MAX_PAYLOAD.
+# The header, or its part before the end of the buffer; no length is above MAX_PAYLOAD.
 _MESSAGE: Final = rb'\xb5(?:\x62(?:[%s](?:.(?:.(?:[\x00-\x0a]|\Z)|\Z)|\Z)|\Z)|\Z)' % (
     re.escape(_CLASSES))
 
@@ -72,11 +72,11 @@ FIX_2D, FIX_3D, FIX_AND_DEAD_RECKONING = 2, 3, 4
 
 class UbxFrame(NamedTuple):
     """
-    One message with a good checksum, or one NMEA sentence.
+    One message with a valid checksum, or one NMEA sentence.
 
     :ivar kind: its class; ``NMEA`` for a sentence.
     :ivar identifier: within its class.
-    :ivar payload: what it holds, the sentence for NMEA.
+    :ivar payload: its content; the sentence for NMEA.
     :ivar size: bytes of the whole frame.
     :ivar end: index just after its last byte in the chunk that completed it.
     """
@@ -89,7 +89,7 @@ class UbxFrame(NamedTuple):
 
 
 class NavPvt(NamedTuple):
-    """Position, velocity and time as the message has them; mm, mm/s, 1e-7 and 1e-5 degrees."""
+    """Position, velocity and time in the units of the message: mm, mm/s, 1e-7 and 1e-5 degrees."""
 
     tow_ms: int
     year: int
@@ -134,7 +134,7 @@ class NavPvt(NamedTuple):
 
     @property
     def is_differential(self) -> bool:
-        """Return whether corrections were applied, of SBAS or others."""
+        """Return whether corrections were applied, from SBAS or others."""
         return bool(self.flags & 0x02)
 
     @property
@@ -145,10 +145,10 @@ class NavPvt(NamedTuple):
 
 class HighPrecision(NamedTuple):
     """
-    Position of NAV-HPPOSLLH, whole.
+    The position of NAV-HPPOSLLH, both parts combined.
 
     :ivar tow_ms: of the epoch.
-    :ivar valid: the receiver calls it so.
+    :ivar valid: the receiver's flag.
     :ivar latitude: in 1e-9 degrees, as ``longitude``.
     :ivar height: above the ellipsoid in 0.1 mm, as ``horizontal_accuracy`` and the vertical one.
     """
@@ -166,7 +166,7 @@ class UbxDecoder(FrameDecoder[UbxFrame]):
     """Find messages and sentences in a stream; safe in the loop, keeps less than 3 KiB."""
 
     STARTS = SYNC[:1] + b'$'
-    SHORTEST = MIN_SENTENCE  # as long as the header of a message
+    SHORTEST = MIN_SENTENCE  # the length of the header of a message
     LONGEST = _OVERHEAD + MAX_PAYLOAD
     PATTERN = _MESSAGE + b'|' + SENTENCE
 
@@ -175,7 +175,7 @@ class UbxDecoder(FrameDecoder[UbxFrame]):
         self._sums = PartialSums()
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Return where a message or sentence ends, 0 when none begins here."""
+        """Return where a message or sentence ends, 0 if none begins here."""
         if buffer[at] != _FIRST:
             end = sentence_end(buffer, at)
             return end if end <= at + MAX_SENTENCE else 0
@@ -187,7 +187,7 @@ class UbxDecoder(FrameDecoder[UbxFrame]):
         return at + _OVERHEAD + length
 
     def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> UbxFrame | None:
-        """Read a message or sentence with a good checksum."""
+        """Decode a message or sentence with a valid checksum."""
         if buffer[at] != _FIRST:
             sentence = buffer[at:end]
             return UbxFrame(NMEA, 0, sentence, end - at, arrived) if checked(sentence) else None
@@ -198,7 +198,7 @@ class UbxDecoder(FrameDecoder[UbxFrame]):
 
 
 def fletcher(content: bytes) -> bytes:
-    """Return the checksum of what stands between sync and checksum."""
+    """Return the checksum of the bytes between sync and checksum."""
     first = second = 0
     for byte in content:
         first += byte
@@ -207,12 +207,12 @@ def fletcher(content: bytes) -> bytes:
 
 
 def nav_pvt(payload: bytes) -> NavPvt | None:
-    """Read the payload of NAV-PVT; None when it is too short for one."""
+    """Decode the payload of NAV-PVT; None if it is too short."""
     return NavPvt(*_PVT.unpack_from(payload)) if len(payload) >= _PVT.size else None
 
 
 def high_precision(payload: bytes) -> HighPrecision | None:
-    """Read the payload of NAV-HPPOSLLH; None when it is none."""
+    """Decode the payload of NAV-HPPOSLLH; None if it is invalid."""
     if len(payload) != _HPPOSLLH.size or payload[0]:
         return None
     (_, flags, tow_ms, longitude, latitude, height_mm, _, longitude_part, latitude_part,
@@ -222,7 +222,7 @@ def high_precision(payload: bytes) -> HighPrecision | None:
         latitude * 100 + latitude_part, height_mm * 10 + height_part, horizontal, vertical)
 
 
-# ---- from values to bytes ---------------------------------------------------------------------
+# ---- encoding ---------------------------------------------------------------------------------
 
 CFG_MSG: Final = 0x01
 CFG_RATE: Final = 0x08
@@ -266,19 +266,21 @@ def message(kind: int, identifier: int, payload: bytes = b'') -> bytes:
 
 
 def enable(identifier: int) -> bytes:
-    """Ask for a message of class NAV with each solution, on the port that this is sent to."""
+    """
+    Encode the command that enables a NAV message with each solution, on the receiving port.
+    """
     return message(CFG, CFG_MSG, bytes((NAV, identifier, 1)))
 
 
 def valset(values: Mapping[int, int], layers: int = LAYER_RAM) -> bytes:
-    """Set values by their keys; one that the receiver does not know makes it refuse all."""
+    """Encode values by their keys; the receiver refuses all if one is unknown."""
     return message(CFG, CFG_VALSET, bytes((0, layers, 0, 0)) + b''.join(
         key.to_bytes(4, 'little') + value.to_bytes(_VALUE_BYTES[key >> 28 & 7], 'little')
         for key, value in values.items()))
 
 
 def parse_valset(payload: bytes) -> dict[int, int] | None:
-    """Take a CFG-VALSET apart; None when it is none."""
+    """Decode a CFG-VALSET; None if it is invalid."""
     found = {}
     at = 4
     while at + 4 < len(payload):
@@ -292,7 +294,7 @@ def parse_valset(payload: bytes) -> dict[int, int] | None:
 
 
 def set_rate(rate_hz: float) -> bytes:
-    """Set the measurements a second, with one solution each, aligned to UTC."""
+    """Encode the measurement rate, with one solution each, aligned to UTC."""
     return message(CFG, CFG_RATE, struct.pack('<HHH', round(1000 / rate_hz), 1, 0))
 
 
@@ -309,13 +311,13 @@ def make_nav_pvt(
     nano: int | None = None, flags3: int = 0,
 ) -> bytes:
     """
-    Make position, velocity and time.
+    Encode position, velocity and time.
 
     :param time: UTC.
     :param height_m: above the ellipsoid.
     :param separation_m: of the geoid above the ellipsoid.
     :param velocity_m_s: east, north, up.
-    :param nano: of the second; that of ``time`` when None. The receiver's may be negative.
+    :param nano: of the second; that of ``time`` if None. A receiver's may be negative.
     """
     east, north, up = (round(v * 1000) for v in velocity_m_s)
     tow_ms = time_of_week_ms(time)
@@ -335,7 +337,7 @@ def make_nav_hpposllh(
     invalid: bool = False,
 ) -> bytes:
     """
-    Make the position with nine decimals of a degree and a tenth of a millimetre.
+    Encode the position with nine decimals of a degree and a tenth of a millimetre.
 
     :param time: UTC, of the epoch.
     :param height_m: above the ellipsoid.
@@ -355,12 +357,12 @@ def time_of_week_ms(time: datetime) -> int:
 
 
 def _split(value: float, parts: int = 100) -> tuple[int, int]:
-    """Return the whole part and the rest, which has the same sign."""
+    """Return the quotient and the remainder, with the same sign."""
     whole = round(value)
     rest = whole - int(whole / parts) * parts
     return (whole - rest) // parts, rest
 
 
 def is_ubx(data: bytes) -> bool:
-    """Return whether there is a message in some bytes."""
+    """Return whether some bytes contain a message."""
     return any(frame.kind for frame in UbxDecoder().feed(data))

@@ -15,14 +15,14 @@
 """WitMotion IMUs."""
 
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.parts import Signature
 
 PARTS = DeviceParts(
     driver='.driver:WitMotion',
-    twin='.simulated:SimulatedWitMotion',
-    recognisers=(
-        Recogniser('WitMotion frames', '.wire:is_witmotion'),
-        Recogniser(
+    simulated='.simulated:SimulatedWitMotion',
+    signatures=(
+        Signature('WitMotion frames', '.wire:is_witmotion'),
+        Signature(
             "packets of WitMotion's Bluetooth models (55 61)",
             '.wire:is_bluetooth',
             'type: witmotion reads the serial models (55 51 to 55 5a): use one of those, or write '

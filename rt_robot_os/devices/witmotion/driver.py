@@ -17,16 +17,16 @@
 WitMotion serial inertial measurement units: WT901, JY901, WT61, WT31N and their relatives.
 
 One ``sensor_msgs/msg/Imu`` per instant, in SI units and along the axes printed on the device; the
-rules by which frames make an instant are in ``instants.py``. Orientation comes from
-the quaternion frame 0x59, else from the angle frame 0x53 (turned in the order yaw, pitch, roll);
-it is relative to the device's own east-north-up (with magnetometer) or start-up frame. What the
-device does not send has covariance[0] = -1. Magnetic field, when sent, is published as it
-arrives, with the stamp of its instant.
+rules that group frames to an instant are in ``instants.py``. Orientation is that of the quaternion
+frame 0x59, otherwise of the angle frame 0x53 (in the order yaw, pitch, roll); it is relative to
+the device's own east-north-up (with magnetometer) or start-up frame. Quantities that the device
+does not send have covariance[0] = -1. A magnetic field is published on arrival, with the stamp of
+its instant.
 
 The stamp is the arrival of the first frame of the instant, not of the last: at 9600 baud five
 frames take 57 ms, and the first is nearest to the measurement.
 
-The axes are not turned: give the mounting in the robot's description (tf), as REP 145 asks.
+The axes are not rotated: the mounting belongs in the robot's description (tf), see REP 145.
 """
 
 from __future__ import annotations
@@ -64,13 +64,13 @@ ACCELERATION_SCALE: Final = wire.ACCELERATION_RANGE_G * STANDARD_GRAVITY_M_S2 / 
 ANGULAR_VELOCITY_SCALE: Final = math.radians(wire.ANGULAR_VELOCITY_RANGE_DEG_S) / wire.FULL_SCALE
 ANGLE_SCALE: Final = math.radians(wire.ANGLE_RANGE_DEG) / wire.FULL_SCALE
 
-# What the driver enables with `configure`: all that it can use.
+# The frames that the driver enables with `configure`: all that it uses.
 _OUTPUTS: Final = (wire.ACCELERATION, wire.ANGULAR_VELOCITY, wire.ANGLE, wire.MAGNETIC_FIELD,
                    wire.QUATERNION)
 _USED: Final = frozenset(_OUTPUTS)
-# The device needs a while to obey one command before it listens to the next.
+# The device needs a while to execute a command before it accepts the next.
 _COMMAND_SPACING_NS: Final = 100 * NS_PER_MS
-# A quaternion is of length 2^15 counts; one of half of that is no rotation but an empty frame.
+# A quaternion has the length of 2^15 counts; one below half of that is an empty frame.
 _SHORTEST_QUATERNION: Final = wire.FULL_SCALE / 2
 
 
@@ -86,20 +86,20 @@ class WitMotion(SerialDevice[WitMotionFrame]):
         Field('mag_scale_t', float, 1.5e-7,
               'Magnetic field of one count. The frame gives raw counts whose size depends on the '
               'magnetometer built in: 1.5e-7 is an AK8963 at 16 bit, a QMC5883L at 8 gauss has '
-              '3.3e-8; compare the length of the vector with the field of your place.',
+              '3.3e-8; compare the length of the vector with the local field.',
               unit='T', minimum=1e-10, maximum=1e-4),
         Field('quaternion_order', str, 'wxyz',
-              'Order of the four numbers in frame 0x59. The manuals say wxyz; check on yours.',
+              'Order of the four numbers in frame 0x59. By the manuals wxyz; check yours.',
               choices=('wxyz', 'xyzw')),
         Field('configure', bool, False,
               'Set the output rate and the frames at opening (not saved in the device). Off: the '
-              'device is left as it is; as delivered it sends at 9600 baud and 10 Hz.'),
+              'device is not changed; its factory settings are 9600 baud and 10 Hz.'),
     )
     description = 'WitMotion serial IMU (WT901, JY901, WT61, ...): acceleration, rate, attitude'
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: ``configure`` is on and the line is too slow for the rate.
         """
@@ -113,18 +113,18 @@ class WitMotion(SerialDevice[WitMotionFrame]):
         self._check_speed()
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: Imu, and MagneticField unless its topic is empty."""
+        """Return the publications: Imu, and MagneticField unless its topic is empty."""
         return imu_publications(self.settings)
 
     def restart(self) -> None:
-        """Learn the set of frames anew, and queue the commands if the device is to be set up."""
+        """Reset the learned set of frames, and queue the commands of the set-up if configured."""
         self._sets.restart()
         self._commands = self._setup() if self.settings['configure'] else []
         self._next_command_ns = 0
 
     def write(self, now_ns: int) -> None:
         """
-        Send the next command of the set-up, if any; one a call.
+        Send the next command of the set-up, if any; one per call.
 
         :raises DeviceError: the port is gone.
         """
@@ -133,13 +133,13 @@ class WitMotion(SerialDevice[WitMotionFrame]):
             self._next_command_ns = now_ns + _COMMAND_SPACING_NS
 
     def handle(self, frame: WitMotionFrame, arrival_ns: int) -> int:
-        """Use one frame; in the loop."""
+        """Handle one frame; in the loop."""
         samples = 0
         for complete in self._sets.add(frame, arrival_ns, self._previous_read_ns):
             self._publish_imu(complete)
             samples += 1
         if frame.kind == wire.MAGNETIC_FIELD and len(self._publishers) > 1:
-            # After a gap the instant that has begun may not be the one of this frame.
+            # After a gap this frame may not belong to the current instant.
             self._publish_field(
                 frame.values, arrival_ns if self._sets.broken else self._sets.stamp_ns)
             samples += 1
@@ -148,7 +148,7 @@ class WitMotion(SerialDevice[WitMotionFrame]):
         return samples
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now."""
+        """Return the current counters."""
         return self._counters(lost_samples=self._sets.lost)
 
     def _publish_imu(self, complete: ImuSet) -> None:
@@ -170,7 +170,7 @@ class WitMotion(SerialDevice[WitMotionFrame]):
     def _orientation(
         self, parts: Mapping[int, tuple[int, int, int, int]],
     ) -> tuple[float, float, float, float] | None:
-        """Return x, y, z, w, None when the device gave no orientation."""
+        """Return x, y, z, w; None if the device sent no orientation."""
         raw = parts.get(wire.QUATERNION)
         if raw is not None:
             length = math.hypot(*raw)
@@ -202,7 +202,7 @@ def quaternion_from_angles(
     roll: float, pitch: float, yaw: float,
 ) -> tuple[float, float, float, float]:
     """
-    Convert angles in rad, turned in the order yaw, pitch, roll.
+    Convert angles in rad, in the order yaw, pitch, roll.
 
     :return: x, y, z, w.
     """

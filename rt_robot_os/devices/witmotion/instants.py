@@ -14,23 +14,24 @@
 
 
 """
-Which WitMotion frames belong to one instant.
+Group the WitMotion frames that belong to one instant.
 
 The device measures once and then sends the frames that its output mask enables, back to back and
-by rising ID. No frame carries a number of the instant, and none says that it is the last one, so
-the set is learned from the stream:
+by rising ID. No frame contains a number of its instant or marks the last one, so the set is
+learned from the stream:
 
 - An *instant* ends where the ID does not rise, or after a pause. Its *members* are those of its
   frames that an Imu sample is made of: 0x51, 0x52, 0x53, 0x59.
-- The first instant that was seen whole gives the learned set. It alone is given late, when the
-  next instant begins. A rest of an instant after opening is not whole and is passed over.
-- From then on a set is complete, and given, with the last frame it *needs*: all of the learned
-  set, but not 0x53 when there is 0x59 for the orientation. Nothing waits for the next instant.
-- An instant that ends without what it needs is lost, and counted. So is one in which a byte was
-  rejected between its frames: the two sides of the gap may be of two instants, and those are never
-  mixed. What nobody can count is an instant of which no frame arrived.
-- When the output mask is changed while running, the new set is learned after eight instants in
-  a row that agree on it.
+- The first complete instant gives the learned set. Only this one is delivered late, when the next
+  instant begins. The remainder of an instant after opening is not complete and is skipped.
+- From then on a set is complete, and delivered, with the last frame that it *needs*: all of the
+  learned set, without 0x53 if there is 0x59 for the orientation. It does not wait for the next
+  instant.
+- An instant that ends without a needed frame is lost, and counted. So is one in which a byte was
+  rejected between its frames: the two sides of the gap may belong to different instants, which are
+  never mixed. An instant of which no frame arrived cannot be counted.
+- When the output mask is changed while running, the new set is learned after eight consecutive
+  equal instants.
 """
 
 from __future__ import annotations
@@ -75,8 +76,8 @@ class ImuSetAssembler:
     """
     Put frames together that belong to one instant; safe in the loop, keeps one instant.
 
-    :ivar lost: sets that were not given because a frame of theirs is missing.
-    :ivar stamp_ns: arrival of the first frame of the present instant.
+    :ivar lost: sets that were not delivered because one of their frames is missing.
+    :ivar stamp_ns: arrival of the first frame of the current instant.
     """
 
     def __init__(self) -> None:
@@ -85,7 +86,7 @@ class ImuSetAssembler:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the instant and the learned set: the stream starts anew."""
+        """Reset the instant and the learned set: the stream restarts."""
         self.stamp_ns = 0
         self._learned = 0
         self._needed = 0
@@ -98,15 +99,15 @@ class ImuSetAssembler:
 
     @property
     def broken(self) -> bool:
-        """Return whether bytes were rejected inside of the present instant."""
+        """Return whether bytes were rejected within the current instant."""
         return self._broken
 
     def add(self, frame: WitMotionFrame, arrival_ns: int, since_ns: int) -> list[ImuSet]:
         """
-        Take the next frame.
+        Add the next frame.
 
         :param arrival_ns: when it arrived.
-        :param since_ns: its last byte was not there yet at this time, 0 = unknown.
+        :param since_ns: a time at which its last byte had not arrived yet, 0 = unknown.
         :return: the sets that it completes; two at most, and only once after the start.
         """
         kind = frame.kind

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A simulated WitMotion unit, on the robot or turned by hand; its frames agree."""
+"""A simulated WitMotion unit, on the robot or turned by hand; its frames are consistent."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ _RATES_HZ: Final = {value: rate for rate, value in wire.RATES_HZ.items()}
 
 
 class SimulatedWitMotion(SimulatedDevice):
-    """A WitMotion unit; it obeys the commands for rate and outputs once it is unlocked."""
+    """A WitMotion unit; it executes the commands for rate and outputs once it is unlocked."""
 
     SETTINGS = (*common_settings(100.0, 200.0), world.NOISE_SETTING, ON_SETTING)
     BAUD = 115200
 
     def prepare(self) -> None:
-        """Begin as the device does after it got power."""
+        """Start in the state after power-on."""
         self._inertial = inertial(self.site, self.settings)
         self._outputs = wire.output_mask(_OUTPUTS)
         self._unlocked = False
         self._received = b''
 
     def sample(self, time_s: float) -> bytes:
-        """Return the frames that are enabled."""
+        """Return the enabled frames."""
         felt = self._inertial
         roll, pitch, yaw = felt.attitude(time_s)
         noise, chance = self.settings['noise'], self.random
@@ -68,8 +68,8 @@ class SimulatedWitMotion(SimulatedDevice):
         )
         return b''.join(data for kind, data in frames if self._outputs >> (kind - 0x50) & 1)
 
-    def obey(self, data: bytes) -> None:
-        """Take commands: unlock, outputs, rate."""
+    def handle_command(self, data: bytes) -> None:
+        """Execute commands: unlock, outputs, rate."""
         received = self._received + data
         while True:
             at = received.find(b'\xff\xaa')
@@ -77,10 +77,10 @@ class SimulatedWitMotion(SimulatedDevice):
                 # A command that is not complete yet has less than five bytes.
                 self._received = received[-(wire.COMMAND_SIZE - 1):]
                 return
-            self._obey_one(received[at:at + wire.COMMAND_SIZE])
+            self._handle_one(received[at:at + wire.COMMAND_SIZE])
             received = received[at + wire.COMMAND_SIZE:]
 
-    def _obey_one(self, command: bytes) -> None:
+    def _handle_one(self, command: bytes) -> None:
         if command == wire.UNLOCK:
             self._unlocked = True
             return

@@ -17,11 +17,12 @@
 WitMotion frames (WT901, JY901, WT61, WT31N, ...): ``55 ID d0..d7 SUM``, 11 bytes.
 
 SUM is the low byte of the sum of the ten bytes before it; d0..d7 are four little-endian int16.
-0x55 may appear in the data, so a header counts only with a known ID and a good sum, otherwise the
-decoder slides on by one byte. A frame found by chance in noise or while getting into step passes
-that test once in 256 headers; the format has nothing better to offer.
+0x55 may appear in the data, so a header is accepted only with a known ID and a valid sum;
+otherwise the decoder advances by one byte. A false frame in noise or during synchronisation passes
+that test once in 256 headers; the format allows no better test.
 
-Commands, and frames from physical values for simulated devices and tests, are made here as well.
+Commands, and frames from physical values for simulated devices and tests, are encoded here as
+well.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ ANGULAR_VELOCITY_RANGE_DEG_S: Final = 2000.0
 ANGLE_RANGE_DEG: Final = 180.0
 FULL_SCALE: Final = 32768.0
 
-# A header with a known ID, or what the end of the buffer has left of one.
+# A header with a known ID, or its part before the end of the buffer.
 _START: Final = re.compile(rb'\x55(?:[\x50-\x5a]|\Z)').search
 _BLUETOOTH: Final = re.compile(rb'(?:\x55[\x61\x71].{18}){2}\x55[\x61\x71]', re.DOTALL).search
 _UNPACK: Final = struct.Struct('<4h').unpack_from
@@ -66,7 +67,7 @@ class WitMotionFrame(NamedTuple):
     :ivar kind: its ID, 0x50 to 0x5A.
     :ivar values: the four int16.
     :ivar end: index just after its last byte in the chunk that completed it.
-    :ivar skipped: bytes rejected between the frame before and this one.
+    :ivar skipped: bytes rejected between the previous frame and this one.
     """
 
     kind: int
@@ -79,8 +80,8 @@ class WitMotionDecoder(StreamDecoder[WitMotionFrame]):
     """
     Find the frames in a stream of bytes; safe in the loop, keeps at most 10 bytes.
 
-    A rejected frame is a header with a known ID whose sum was wrong. The loop is its own: frames
-    are so short, and so many, that two calls for each would cost a fifth of the time.
+    A rejected frame is a header with a known ID and a wrong sum. The class has its own loop: the
+    frames are so short and many that two calls for each would cost a fifth of the time.
     """
 
     def __init__(self) -> None:
@@ -88,15 +89,15 @@ class WitMotionDecoder(StreamDecoder[WitMotionFrame]):
         self._skipped = 0
 
     def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
+        """Reject the pending bytes: the stream restarts."""
         super().reset()
         self._skipped = 0
 
     def feed(self, data: bytes) -> list[WitMotionFrame]:
         """
-        Take the next bytes of the stream.
+        Decode the next bytes of the stream.
 
-        :return: the frames that they complete, in order; the same however the stream is cut.
+        :return: the frames that they complete, in order; independent of how the stream is split.
         """
         held = len(self._pending)
         buffer = self._pending + data
@@ -129,14 +130,14 @@ class WitMotionDecoder(StreamDecoder[WitMotionFrame]):
         return frames
 
 
-# ---- from values to bytes ---------------------------------------------------------------------
+# ---- encoding ---------------------------------------------------------------------------------
 
 REGISTER_OUTPUTS: Final = 0x02
 REGISTER_RATE: Final = 0x03
 UNLOCK: Final = bytes((0xFF, 0xAA, 0x69, 0x88, 0xB5))
 COMMAND_SIZE: Final = 5
 
-# Value of the rate register for each rate that the device knows.
+# Value of the rate register for each rate of the device.
 RATES_HZ: Final = {
     0.1: 0x1, 0.5: 0x2, 1.0: 0x3, 2.0: 0x4, 5.0: 0x5, 10.0: 0x6, 20.0: 0x7, 50.0: 0x8, 100.0: 0x9,
     125.0: 0xA, 200.0: 0xB,
@@ -148,28 +149,28 @@ _ANGLE_SCALE: Final = FULL_SCALE / math.radians(ANGLE_RANGE_DEG)
 
 
 def frame(kind: int, first: int, second: int, third: int, fourth: int) -> bytes:
-    """Make a frame of four int16; values beyond the range are limited to it."""
+    """Encode a frame of four int16; values are limited to their range."""
     limited = [min(max(v, -32768), 32767) for v in (first, second, third, fourth)]
     content = struct.pack('<BB4h', HEADER, kind, *limited)
     return content + bytes((sum(content) & 0xFF,))
 
 
 def acceleration_frame(x: float, y: float, z: float, temperature_c: float = 25.0) -> bytes:
-    """Make frame 0x51 from the specific force in m/s^2, along the device's axes."""
+    """Encode frame 0x51 from the specific force in m/s^2, along the device's axes."""
     scale = _ACCELERATION_SCALE
     return frame(ACCELERATION, round(x * scale), round(y * scale), round(z * scale),
                  round(temperature_c * 100))
 
 
 def angular_velocity_frame(x: float, y: float, z: float, temperature_c: float = 25.0) -> bytes:
-    """Make frame 0x52 from rad/s about the device's axes."""
+    """Encode frame 0x52 from rad/s about the device's axes."""
     scale = _ANGULAR_VELOCITY_SCALE
     return frame(ANGULAR_VELOCITY, round(x * scale), round(y * scale), round(z * scale),
                  round(temperature_c * 100))
 
 
 def angle_frame(roll: float, pitch: float, yaw: float, temperature_c: float = 25.0) -> bytes:
-    """Make frame 0x53 from rad, each from -pi to pi; turned in the order yaw, pitch, roll."""
+    """Encode frame 0x53 from rad, each from -pi to pi; in the order yaw, pitch, roll."""
     scale = _ANGLE_SCALE
     return frame(ANGLE, round(roll * scale), round(pitch * scale), round(yaw * scale),
                  round(temperature_c * 100))
@@ -179,23 +180,23 @@ def magnetic_field_frame(
     x: float, y: float, z: float, scale_t: float, temperature_c: float = 25.0,
 ) -> bytes:
     """
-    Make frame 0x54.
+    Encode frame 0x54.
 
     :param x: field in tesla, as ``y`` and ``z``.
-    :param scale_t: tesla a count.
+    :param scale_t: tesla per count.
     """
     return frame(MAGNETIC_FIELD, round(x / scale_t), round(y / scale_t), round(z / scale_t),
                  round(temperature_c * 100))
 
 
 def quaternion_frame(w: float, x: float, y: float, z: float) -> bytes:
-    """Make frame 0x59 in the manual's order, w first."""
+    """Encode frame 0x59 in the manual's order, w first."""
     return frame(QUATERNION, round(w * FULL_SCALE), round(x * FULL_SCALE), round(y * FULL_SCALE),
                  round(z * FULL_SCALE))
 
 
 def command(register: int, value: int) -> bytes:
-    """Make the command that sets a register; the device obeys it only after ``UNLOCK``."""
+    """Encode the command that sets a register; the device executes it only after ``UNLOCK``."""
     return bytes((0xFF, 0xAA, register)) + struct.pack('<H', value)
 
 
@@ -205,10 +206,14 @@ def output_mask(kinds: tuple[int, ...]) -> int:
 
 
 def is_witmotion(data: bytes) -> bool:
-    """Return whether some bytes are frames: two that touch, for a sum may be good by chance."""
+    """
+    Return whether some bytes are frames: two in sequence, because a sum may be valid by chance.
+    """
     return any(not frame.skipped for frame in WitMotionDecoder().feed(data)[1:])
 
 
 def is_bluetooth(data: bytes) -> bool:
-    """Return whether some bytes are of a Bluetooth model: three packets of 20 bytes that touch."""
+    """
+    Return whether some bytes are of a Bluetooth model: three packets of 20 bytes in sequence.
+    """
     return _BLUETOOTH(data) is not None

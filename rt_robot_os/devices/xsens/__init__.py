@@ -15,12 +15,12 @@
 """Xsens MTi (MTData2)."""
 
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.parts import Signature
 
 PARTS = DeviceParts(
     driver='.driver:Xsens',
-    twin='.simulated:SimulatedXsens',
-    recognisers=(
-        Recogniser('Xbus messages', '.wire:is_xbus'),
+    simulated='.simulated:SimulatedXsens',
+    signatures=(
+        Signature('Xbus messages', '.wire:is_xbus'),
     ),
 )

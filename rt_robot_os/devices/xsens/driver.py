@@ -49,7 +49,7 @@ from rt_robot_os.devices.serial.device import BITS_PER_BYTE
 from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.devices.serial.handshake import Handshake
-from rt_robot_os.devices.serial.handshake import Step
+from rt_robot_os.devices.serial.handshake import HandshakeStep
 from rt_robot_os.devices.xsens import mtdata2
 from rt_robot_os.devices.xsens import wire
 from rt_robot_os.devices.xsens.mtdata2 import MtData2Parser
@@ -95,7 +95,7 @@ class Xsens(SerialDevice[XbusFrame]):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; nothing is opened.
+        Store the settings; nothing is opened.
 
         :raises ConfigError: ``configure`` is on, and rate and line do not go together.
         """
@@ -110,7 +110,7 @@ class Xsens(SerialDevice[XbusFrame]):
         self._lost = 0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: Imu, and MagneticField unless its topic is empty."""
+        """Return the publications: Imu, and MagneticField unless its topic is empty."""
         return imu_publications(self.settings)
 
     def restart(self) -> None:
@@ -118,12 +118,12 @@ class Xsens(SerialDevice[XbusFrame]):
         self._counter = None
         self._problem = ''
         steps = [
-            Step('GoToConfig', wire.message(wire.GO_TO_CONFIG), wire.GO_TO_CONFIG),
-            Step('SetOutputConfiguration', wire.message(
+            HandshakeStep('GoToConfig', wire.message(wire.GO_TO_CONFIG), wire.GO_TO_CONFIG),
+            HandshakeStep('SetOutputConfiguration', wire.message(
                 wire.SET_OUTPUT_CONFIGURATION, wire.output_configuration(self._outputs)),
                 wire.SET_OUTPUT_CONFIGURATION),
-            Step('GoToMeasurement', wire.message(wire.GO_TO_MEASUREMENT),
-                 wire.GO_TO_MEASUREMENT),
+            HandshakeStep('GoToMeasurement', wire.message(wire.GO_TO_MEASUREMENT),
+                          wire.GO_TO_MEASUREMENT),
         ] if self._outputs else []
         self._setup = Handshake(self.name, steps, _REMEDY)
 
@@ -144,7 +144,7 @@ class Xsens(SerialDevice[XbusFrame]):
             self.send(data)
 
     def handle(self, frame: XbusFrame, arrival_ns: int) -> int:
-        """Use one message; in the loop."""
+        """Handle one message; in the loop."""
         if frame.mid == mtdata2.MTDATA2:
             sample = self._parser.parse(frame.payload)
             # What comes before the set-up is done may be of other items and rates.
@@ -167,7 +167,7 @@ class Xsens(SerialDevice[XbusFrame]):
         return 0
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; contradictions are messages with broken items."""
+        """Return the current counters; contradictions are messages with broken items."""
         return self._counters(lost_samples=self._lost, contradicted=self._parser.malformed)
 
     def _publish(self, sample: MtSample, arrival_ns: int) -> int:

@@ -56,7 +56,7 @@ class SimulatedXsens(SimulatedDevice):
     BAUD = 115200
 
     def prepare(self) -> None:
-        """Begin as the device does after it got power."""
+        """Start in the state after power-on."""
         self._inertial = inertial(self.site, self.settings)
         self._product: str = self.settings['product']
         self._outputs = tuple(
@@ -73,7 +73,7 @@ class SimulatedXsens(SimulatedDevice):
         return wire.mtdata2(
             (identifier, self._item(identifier, time_s)) for identifier in self._outputs)
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Take commands and acknowledge them."""
         for frame in self._decoder.feed(data):
             answer = b''

@@ -100,7 +100,7 @@ class XbusDecoder(FrameDecoder[XbusFrame]):
         return XbusFrame(buffer[at + 2], buffer[begin:end - 1], end - at, arrived)
 
 
-# ---- from values to bytes ---------------------------------------------------------------------
+# ---- encoding ---------------------------------------------------------------------------------
 
 GO_TO_MEASUREMENT: Final = 0x10
 GO_TO_CONFIG: Final = 0x30

@@ -16,5 +16,5 @@
 Wireless sensor networks: packets, routing, radio, and a simulator of networks of motes.
 
 Pure computation: bytes in, bytes out, and time as a number that is handed in. Drivers, their
-twins, modules and commands are made of it.
+simulated devices, modules and commands are made of it.
 """

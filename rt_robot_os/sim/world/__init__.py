@@ -52,7 +52,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import the world when it is asked for: it needs NumPy, and most twins do not."""
+    """Import the world when it is asked for: it needs NumPy, and most simulated devices do not."""
     if name != 'World':
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     from rt_robot_os.sim.world.world import World

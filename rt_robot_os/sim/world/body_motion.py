@@ -54,7 +54,7 @@ _STEP_S: Final = 1e-3
 _LYING: Final = ('lie', 'fall')
 
 
-class Felt(NamedTuple):
+class FeltMotion(NamedTuple):
     """
     What a sensor at the waist feels.
 
@@ -71,7 +71,7 @@ class Felt(NamedTuple):
 
 
 def body_motion(activity: str, time_s: float, *, before: str = 'stand',
-                direction: str = 'forward') -> Felt:
+                direction: str = 'forward') -> FeltMotion:
     """
     Return what is felt some time after an activity began; a pure function.
 
@@ -87,7 +87,7 @@ def body_motion(activity: str, time_s: float, *, before: str = 'stand',
     next_roll, next_pitch = _tilt(activity, time_s + _STEP_S, begin, end)
     load, ahead, left = _LOADS[activity](time_s)
     up = (-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch))
-    return Felt(
+    return FeltMotion(
         ((up[0] * load + ahead) * STANDARD_GRAVITY_M_S2,
          (up[1] * load + left) * STANDARD_GRAVITY_M_S2, up[2] * load * STANDARD_GRAVITY_M_S2),
         ((next_roll - roll) / _STEP_S, (next_pitch - pitch) / _STEP_S, 0.0), roll, pitch)

@@ -71,7 +71,7 @@ class DriveBase:
     """
     A robot on two wheels.
 
-    A motor board's twin tells it what to do and reads its wheels. The angles and speeds of wheels
+    A simulated motor board commands it and reads its wheels. The angles and speeds of wheels
     are rad and rad/s, left before right, positive ahead.
 
     :ivar wheel_radius_m: as configured; the true wheels differ by ``wheel_radius_error``.
@@ -122,7 +122,7 @@ class DriveBase:
         self.teleport(*s.start)
 
     def fit(self, wheel_radius_m: float, wheel_separation_m: float) -> None:
-        """Fit other wheels; the board's twin does it with the settings of its device."""
+        """Fit other wheels; the simulated board does it with the settings of its device."""
         left, right = self._settings.wheel_radius_error
         self.wheel_radius_m, self.wheel_separation_m = wheel_radius_m, wheel_separation_m
         self._true_radius = (wheel_radius_m * (1.0 + left), wheel_radius_m * (1.0 + right))

@@ -51,7 +51,7 @@ def warmth_c(places: Sequence[Heat], x: float, y: float) -> float:
         for place in places)
 
 
-class Burning:
+class HeatSource:
     """
     A place that becomes warmer by and by, and cools down again.
 

@@ -38,7 +38,7 @@ from rt_robot_os.motion.quaternion import rotate
 from rt_robot_os.motion.quaternion import Vector
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.world import bodies
-from rt_robot_os.sim.world.worn import OnPerson
+from rt_robot_os.sim.world.wearable import WearableMotion
 
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World
@@ -69,7 +69,7 @@ class Inertial(Protocol):
         """Return the magnetic field, in tesla."""
 
 
-class HandTurned:
+class HandMotion:
     """Turned by hand; see :mod:`rt_robot_os.sim.world.bodies`."""
 
     attitude = staticmethod(bodies.attitude)
@@ -89,7 +89,7 @@ class HandTurned:
         return bodies.body_vector(time_s, bodies.EARTH_FIELD_T)
 
 
-class OnRobot:
+class RobotMotion:
     """
     Mounted on the robot, which stands upright on the floor.
 
@@ -142,14 +142,14 @@ def inertial(site: Site, settings: Mapping[str, Any] | None = None) -> Inertial:
     """
     Return what a sensor feels where it is.
 
-    :param settings: those of the twin, with ``ON_SETTING``; None: nobody wears it.
+    :param settings: those of the simulated device, with ``ON_SETTING``; None: nobody wears it.
     :raises ConfigError: who is to wear it is not among the people.
     """
     if site.world is None:
-        return HandTurned()
+        return HandMotion()
     if settings is None or not settings['on']:
-        return OnRobot(site.world, site)
+        return RobotMotion(site.world, site)
     person = site.world.crowd.named(settings['on'])
     if person is None:
         raise ConfigError([f'on: {settings["on"]}: {site.world.crowd.problem(settings["on"])}'])
-    return OnPerson(site.world, person, site)
+    return WearableMotion(site.world, person, site)

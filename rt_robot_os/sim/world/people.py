@@ -19,12 +19,12 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rt_robot_os.sim.world.happenings import SILENT
+from rt_robot_os.sim.world.events import SILENT
 from rt_robot_os.sim.world.posture import PERSON_HEIGHT_M
 from rt_robot_os.sim.world.posture import Posture
 from rt_robot_os.sim.world.posture import Stance
-from rt_robot_os.sim.world.scene import Way
-from rt_robot_os.sim.world.vitals import VitalSigns
+from rt_robot_os.sim.world.scene import WalkingRoute
+from rt_robot_os.sim.world.vitals import SimulatedVitals
 
 PERSON_RADIUS_M: Final = 0.22
 #: From the soles to the hair of somebody who lies.
@@ -43,7 +43,7 @@ _ACTIVITIES: Final = {Posture.UPRIGHT: 'stand', Posture.RISING: 'rise', Posture.
 Disc = tuple[float, float, float]
 
 
-class Person:
+class SimulatedPerson:
     """
     Somebody on a way; when the robot stands in it they wait, then turn round and walk back.
 
@@ -65,7 +65,7 @@ class Person:
 
     radius_m = PERSON_RADIUS_M
 
-    def __init__(self, way: Way, seed: int = 1) -> None:
+    def __init__(self, way: WalkingRoute, seed: int = 1) -> None:
         """
         Put them at the first point of their way.
 
@@ -76,7 +76,7 @@ class Person:
         self.x, self.y = way.points[0]
         self.stands = False
         self.stance = Stance()
-        self.vitals = VitalSigns(way.name, seed)
+        self.vitals = SimulatedVitals(way.name, seed)
         self.answer = SILENT
         self.speaks_until_s = -math.inf
         self.moved_s = -math.inf

@@ -25,7 +25,7 @@ from typing import Final
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.messages.survey import node
 from rt_robot_os.messages.survey import numbered
-from rt_robot_os.sim.world.happenings import event
+from rt_robot_os.sim.world.events import parse_timed_event
 from rt_robot_os.sim.world.texts import exactly
 from rt_robot_os.sim.world.texts import name_of
 from rt_robot_os.sim.world.texts import numbers_of
@@ -34,7 +34,7 @@ _MOST_POINTS: Final = 1000
 
 
 @dataclass(frozen=True)
-class Way:
+class WalkingRoute:
     """
     Who walks where.
 
@@ -47,7 +47,7 @@ class Way:
 
 
 @dataclass(frozen=True)
-class Landmark:
+class CeilingLandmark:
     """A mark on the ceiling that a localiser reads."""
 
     number: int
@@ -75,22 +75,22 @@ class Heat:
     radius_m: float
 
 
-def way(text: str) -> Way:
+def way(text: str) -> WalkingRoute:
     """Read such as ``anna 0.8 1.0 2.0 4.0 2.0``; raises ValueError, as do all of these."""
     name, *numbers = name_of(text), *numbers_of(text, 1)
     if len(numbers) < 3 or len(numbers) % 2 == 0 or len(numbers) > _MOST_POINTS:
         raise ValueError('must be a name, a speed in m/s and x y of each way point')
     if not 0.0 <= numbers[0] <= 20.0:
         raise ValueError(f'a speed of {numbers[0]:g} m/s: it must be from 0 to 20')
-    return Way(name, numbers[0], tuple(zip(numbers[1::2], numbers[2::2])))
+    return WalkingRoute(name, numbers[0], tuple(zip(numbers[1::2], numbers[2::2])))
 
 
-def landmark(text: str) -> Landmark:
+def landmark(text: str) -> CeilingLandmark:
     """Read such as ``24836 1.5 2.0 0.0``."""
     number, *place = exactly(text, 0, 'number x y yaw')
     if not (number.is_integer() and 0 <= number < 2 ** 31):
         raise ValueError(f'the number of a mark is {number:g}: it must be a whole one from 0')
-    return Landmark(int(number), *place)
+    return CeilingLandmark(int(number), *place)
 
 
 def lamp(text: str) -> Lamp:
@@ -109,7 +109,7 @@ def heat(text: str) -> Heat:
 # Setting -> what reads one of its texts.
 READERS: Final[Mapping[str, Callable[[str], Any]]] = {
     'people': way, 'landmarks': landmark, 'nodes': node, 'lights': lamp, 'heat': heat,
-    'events': event,
+    'events': parse_timed_event,
 }
 
 

@@ -63,7 +63,7 @@ _RISE_S: Final = 4.0
 _FALL_S: Final = 150.0
 
 
-class VitalSigns:
+class SimulatedVitals:
     """
     The signs of one person.
 

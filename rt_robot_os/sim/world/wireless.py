@@ -25,9 +25,9 @@ from typing import Final
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.messages.quantities import ALARMS
 from rt_robot_os.messages.survey import SurveyedNode
-from rt_robot_os.sim.world.happenings import FINE
-from rt_robot_os.sim.world.happenings import Happening
-from rt_robot_os.sim.world.people import Person
+from rt_robot_os.sim.world.events import FINE
+from rt_robot_os.sim.world.events import WorldEvent
+from rt_robot_os.sim.world.people import SimulatedPerson
 from rt_robot_os.sim.world.vitals import SIGNS
 
 ALARM: Final = 'alarm'
@@ -56,7 +56,7 @@ class WirelessNode:
         out. Another object after each change.
     """
 
-    def __init__(self, surveyed: SurveyedNode, person: Person | None) -> None:
+    def __init__(self, surveyed: SurveyedNode, person: SimulatedPerson | None) -> None:
         """Put it where the survey says, with power."""
         self.surveyed = surveyed
         self.name = surveyed.name
@@ -111,7 +111,8 @@ class Wireless:
     :ivar nodes: in the order of the survey.
     """
 
-    def __init__(self, surveyed: Iterable[SurveyedNode], people: Sequence[Person]) -> None:
+    def __init__(self, surveyed: Iterable[SurveyedNode],
+                 people: Sequence[SimulatedPerson]) -> None:
         """
         Place them; without any people what is to be worn lies where it was surveyed.
 
@@ -129,7 +130,7 @@ class Wireless:
             raise ConfigError(problems)
         self.nodes = tuple(nodes)
 
-    def problem(self, what: Happening) -> str | None:
+    def problem(self, what: WorldEvent) -> str | None:
         """Return what keeps something from happening to a node."""
         if what.kind in _QUANTITIES:
             if next(self._alarmed(what.name, what.kind), None) is None:
@@ -145,7 +146,7 @@ class Wireless:
         """Return the node of a name."""
         return next((each for each in self.nodes if each.name == name), None)
 
-    def happen(self, what: Happening) -> Happening | None:
+    def apply(self, what: WorldEvent) -> WorldEvent | None:
         """
         Have something happen to a node.
 
@@ -159,7 +160,7 @@ class Wireless:
                     each.person.vitals.frighten(each.person.time_s)
             # Smoke and water stay until somebody says.
             for_s = PRESSED_S if what.kind in (ALARM, PRESS) else 0.0
-            return Happening(CALM, what.name, (), for_s=for_s, word=what.kind)
+            return WorldEvent(CALM, what.name, (), for_s=for_s, word=what.kind)
         if what.kind == CALM:
             for each in self._alarmed(what.name, what.word):
                 each.tell(_QUANTITIES[what.word], 0)
@@ -172,7 +173,7 @@ class Wireless:
             node.reboot()
         else:
             node.switch(what.kind == 'node on')
-        return Happening('node on', what.name, ()) if what.kind == 'node off' else None
+        return WorldEvent('node on', what.name, ()) if what.kind == 'node off' else None
 
     def where(self) -> list[str]:
         """Return a line for each: ``node NAME x y height on|off``, in m."""

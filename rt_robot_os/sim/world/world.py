@@ -44,21 +44,21 @@ from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.walls import disc_distances
 from rt_robot_os.motion.walls import nearest_point
 from rt_robot_os.motion.walls import Walls
-from rt_robot_os.sim.world.crowd import Crowd
-from rt_robot_os.sim.world.crowd import USUAL
 from rt_robot_os.sim.world.drive_base import DriveBase
 from rt_robot_os.sim.world.drive_base import LONGEST_STEPS
 from rt_robot_os.sim.world.drive_base import Pair
 from rt_robot_os.sim.world.drive_base import STEP_NS
-from rt_robot_os.sim.world.fields import Burning
+from rt_robot_os.sim.world.events import OF_NODES
+from rt_robot_os.sim.world.events import OF_PEOPLE
+from rt_robot_os.sim.world.events import parse_event
+from rt_robot_os.sim.world.events import WorldEvent
+from rt_robot_os.sim.world.fields import HeatSource
 from rt_robot_os.sim.world.fields import light_lux
 from rt_robot_os.sim.world.fields import warmth_c
-from rt_robot_os.sim.world.happenings import Happening
-from rt_robot_os.sim.world.happenings import happening
-from rt_robot_os.sim.world.happenings import OF_NODES
-from rt_robot_os.sim.world.happenings import OF_PEOPLE
 from rt_robot_os.sim.world.people import LYING_M
-from rt_robot_os.sim.world.people import Person
+from rt_robot_os.sim.world.people import SimulatedPerson
+from rt_robot_os.sim.world.people_model import PeopleModel
+from rt_robot_os.sim.world.people_model import USUAL
 from rt_robot_os.sim.world.scene import clashes
 from rt_robot_os.sim.world.scene import READERS
 from rt_robot_os.sim.world.wireless import Wireless
@@ -108,8 +108,8 @@ class World:
             if (problem := self._standing_at(*settings.start[:2])):
                 raise ConfigError([f'world.start: {problem}'])
         self.walls = Walls.of(self.map) if self.map else Walls(np.empty((0, 4)))
-        self.crowd = Crowd(scene['people'], settings.seed, self._room_m)
-        self.people: tuple[Person, ...] = self.crowd.people
+        self.crowd = PeopleModel(scene['people'], settings.seed, self._room_m)
+        self.people: tuple[SimulatedPerson, ...] = self.crowd.people
         self.landmarks = tuple(scene['landmarks'])
         self.nodes = numbered(scene['nodes'], 'world.nodes')
         self.wireless = Wireless(self.nodes, self.people)
@@ -118,11 +118,11 @@ class World:
         self.time_s = 0.0
         self._lights = tuple(scene['lights'])
         self._heat = tuple(scene['heat'])
-        self._burning: dict[str, Burning] = {}
+        self._burning: dict[str, HeatSource] = {}
         self._start_ns: int | None = None
         self._steps = 0
         self._order = 0
-        self._waiting: list[tuple[float, int, Happening]] = []
+        self._waiting: list[tuple[float, int, WorldEvent]] = []
         self._check(scene['events'], 'world.events')
         for each in scene['events']:
             self._later(each.at_s, each)
@@ -146,7 +146,7 @@ class World:
 
     def _step(self) -> None:
         while self._waiting and self._waiting[0][0] <= self.time_s:
-            self._happen(heapq.heappop(self._waiting)[2])
+            self._apply(heapq.heappop(self._waiting)[2])
         self.base.step()
         self._steps += 1
         self.time_s = self._steps * STEP_NS / NS_PER_S
@@ -164,20 +164,20 @@ class World:
         :raises ConfigError: it cannot happen here.
         """
         try:
-            what = happening(list(words))
+            what = parse_event(list(words))
         except ValueError as error:
             raise ConfigError([f'world {" ".join(words)}: {error}']) from None
         self._check([what], 'world')
-        self._happen(what)
+        self._apply(what)
 
-    def _check(self, happenings: Sequence[Happening], where: str) -> None:
+    def _check(self, events: Sequence[WorldEvent], where: str) -> None:
         """
         Check what is to happen against what there is.
 
         :raises ConfigError: with every problem.
         """
         problems = []
-        for each in happenings:
+        for each in events:
             problem = None
             if each.kind in OF_NODES:
                 problem = self.wireless.problem(each)
@@ -201,31 +201,31 @@ class World:
         return (f'in the map there stands something at {x:g}, {y:g}: choose a free place from '
                 f'{low_x:g}, {low_y:g} to {high_x:g}, {high_y:g}')
 
-    def _later(self, at_s: float, what: Happening) -> None:
+    def _later(self, at_s: float, what: WorldEvent) -> None:
         self._order += 1  # of two at one time the first to be told comes first
         heapq.heappush(self._waiting, (at_s, self._order, what))
 
-    def _happen(self, what: Happening) -> None:
-        back: Happening | None = None
+    def _apply(self, what: WorldEvent) -> None:
+        back: WorldEvent | None = None
         if what.kind == 'kidnap':
             x, y, yaw = what.numbers
             self.base.teleport(x, y, yaw)
         elif what.kind == 'slip':
-            back = Happening('slip', '', (self.settings.slip,))
+            back = WorldEvent('slip', '', (self.settings.slip,))
             self.base.slip, = what.numbers
         elif what.kind == 'lamp':
-            back = Happening('lamp', '', (1.0,))
+            back = WorldEvent('lamp', '', (1.0,))
             self.lamps, = what.numbers
         elif what.kind == 'heat':
-            back = Happening('heat', what.name, (0.0,))
+            back = WorldEvent('heat', what.name, (0.0,))
             self._burn(what.name, *what.numbers)
         elif what.kind in OF_PEOPLE or what.kind == USUAL:
-            back = self.crowd.happen(what)
+            back = self.crowd.apply(what)
             reply = self.crowd.reply(what)
             if reply is not None and self.wireless.problem(reply) is None:
                 self._later(self.time_s + reply.for_s, replace(reply, for_s=0.0))
         else:
-            back = self.wireless.happen(what)
+            back = self.wireless.apply(what)
         if back is not None and (for_s := what.for_s or back.for_s):
             self._later(self.time_s + for_s, back)
 
@@ -314,7 +314,7 @@ class World:
         """Have it become warmer at a node by and by, or cool down again."""
         node = self.wireless.named(name)
         assert node is not None
-        burning = self._burning.setdefault(name, Burning(*node.position_m[:2]))
+        burning = self._burning.setdefault(name, HeatSource(*node.position_m[:2]))
         burning.aim(degrees, self.time_s)
 
     def _room_m(self, x: float, y: float, angle: float) -> float:

@@ -38,7 +38,7 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
         'that works, is tested, and is yours to change.')
     parser.add_argument('package', help='name of the package, such as my_robot')
     parser.add_argument('--driver', metavar='NAME', default='',
-                        help='with a driver for a serial device, and its simulated twin')
+                        help='with a driver for a serial device, and its simulated device')
     parser.add_argument('--module', metavar='NAME', default='', help='with a function module')
     parser.add_argument('--into', metavar='DIR', type=Path, default=Path('.'),
                         help='folder in which the package is made, such as the src of a '

@@ -35,7 +35,7 @@ _DRIVER: Final = {
     'device.py.in': ('@package@/@driver@/__init__.py', 'what the device consists of'),
     'wire.py.in': ('@package@/@driver@/wire.py', 'the bytes of the device'),
     'driver.py.in': ('@package@/@driver@/driver.py', 'the driver: from frames to messages'),
-    'twin.py.in': ('@package@/@driver@/twin.py', 'the simulated device'),
+    'simulated.py.in': ('@package@/@driver@/simulated.py', 'the simulated device'),
     'test_driver.py.in': ('test/test_@driver@.py', 'bytes of the data sheet')}
 _MODULE: Final = {
     'module.py.in': ('@package@/@module@.py', 'the module: inputs, outputs, settings, one step'),

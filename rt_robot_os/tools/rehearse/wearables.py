@@ -24,7 +24,7 @@ from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world.body_motion import body_motion
-from rt_robot_os.sim.world.people import Person
+from rt_robot_os.sim.world.people import SimulatedPerson
 from rt_robot_os.sim.world.vitals import SIGNS
 from rt_robot_os.tools.rehearse.stage import Stage
 
@@ -53,7 +53,7 @@ class Wearables:
 
     def enter(self, stage: Stage) -> None:
         """Find the topics."""
-        self._acts: list[tuple[Person, Callable[[int], None]]] = []
+        self._acts: list[tuple[SimulatedPerson, Callable[[int], None]]] = []
         for person, topic, message in self._worn:
             sign = topic.rpartition('/')[2]
             if message == _IMU:
@@ -67,7 +67,8 @@ class Wearables:
             if person.name not in self.off:
                 act(now_ns)
 
-    def _inertial(self, stage: Stage, person: Person, topic: str) -> Callable[[int], None]:
+    def _inertial(self, stage: Stage, person: SimulatedPerson, topic: str) -> Callable[[int],
+                                                                                       None]:
         publisher = stage.publisher(topic)
 
         def act(now_ns: int) -> None:
@@ -81,7 +82,7 @@ class Wearables:
 
         return act
 
-    def _monitor(self, stage: Stage, person: Person, topic: str, sign: str
+    def _monitor(self, stage: Stage, person: SimulatedPerson, topic: str, sign: str
                  ) -> Callable[[int], None]:
         publisher = stage.publisher(topic)
 

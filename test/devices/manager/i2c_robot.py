@@ -32,7 +32,7 @@ from rt_robot_os.devices.simulators import SIMULATORS
 from rt_robot_os.devices.state import RecoverySettings
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.topics import Bus
 
 MS = 1_000_000
@@ -48,7 +48,7 @@ class I2cRobot:
         self.bus = Bus(self.kernel)
         self.reports = Reports()
         self.manager = SensorManager(self.kernel, self.bus, self.reports)
-        self.place = Place(Path('/nowhere'))
+        self.place = RobotSite(Path('/nowhere'))
         self.buses = I2cBuses(lambda path: LocalTransport(
             self.place.shared_port('i2c-sim', I2cPort).bus, self.kernel.now_ns, self.clock.spend))
         self.chips: dict[str, Any] = {}
@@ -57,7 +57,7 @@ class I2cRobot:
 
     def add(self, name: str, kind: str, rate_hz: float = 200.0, *,
             sim: dict[str, Any] | None = None, **settings: Any) -> ManagedDevice:
-        """Add a device and put its twin on the bus."""
+        """Add a device and put its simulated device on the bus."""
         driver: Any = DRIVERS.load(kind)
         values = {f.name: f.default for f in driver.SETTINGS}
         values.update({f.name: f'{name}/{f.name}' for f in driver.SETTINGS

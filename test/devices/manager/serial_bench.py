@@ -150,7 +150,7 @@ class SerialBench:
 
     def add(self, name: str, kind: str, settings: dict[str, Any], sim: dict[str, Any], *,
             rate_hz: float = 200.0, timeout_s: float = 1.0) -> ManagedDevice:
-        """Add a device and plug in its simulated twin."""
+        """Add a device and plug in its simulated device."""
         driver, simulator = DRIVERS.load(kind), SIMULATORS.load(kind)
         fields = driver.fields()
         values = {f.name: f.default for f in fields} | {

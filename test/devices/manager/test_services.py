@@ -28,8 +28,8 @@ from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.devices.device import Device
 from rt_robot_os.devices.device import DeviceStatistics
 from rt_robot_os.devices.manager import SensorManager
+from rt_robot_os.devices.service import RunningServices
 from rt_robot_os.devices.service import Service
-from rt_robot_os.devices.service import Services
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.topics import Bus
@@ -105,17 +105,17 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_service_is_started_once_for_all_that_name_it(tmp_path: Path) -> None:
-    services = Services()
+    services = RunningServices()
     path = tmp_path / 'robot.sock'
     assert services.start([Plain, One, One], path) == {'clock': tmp_path / 'robot.clock'}
     services.stop()
     services.stop()
     assert CALLS == ['start robot.clock', 'stop']
-    assert Services().start([Plain], path) == {} and len(CALLS) == 2
+    assert RunningServices().start([Plain], path) == {} and len(CALLS) == 2
 
 
 def test_those_before_one_that_cannot_start_are_stopped(tmp_path: Path) -> None:
-    services = Services()
+    services = RunningServices()
     with pytest.raises(DeviceError):
         services.start([Both], tmp_path / 'robot.sock')
     services.stop()

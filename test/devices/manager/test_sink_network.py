@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The sink and its twin on the virtual clock: faults, and each packet comes once."""
+"""The sink and its simulated device on the virtual clock: faults, and each packet comes once."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from rt_robot_os.devices import DeviceParts
 
-PARTS = DeviceParts(driver='.driver:Wheels', twin='.twin:SimulatedWheels')
+PARTS = DeviceParts(driver='.driver:Wheels', simulated='.simulated:SimulatedWheels')
 
 
 def install(folder: Path) -> None:

@@ -15,9 +15,9 @@
 """The battery gauge of the tutorial: what rt_robot_os finds in this folder."""
 
 from rt_robot_os.devices import DeviceParts
-from rt_robot_os.devices import Recogniser
+from rt_robot_os.devices import Signature
 
 PARTS = DeviceParts(
     driver='.driver:BatteryGauge',
-    twin='.twin:SimulatedBatteryGauge',
-    recognisers=(Recogniser('readings of a battery gauge', '.wire:is_gauge'),))
+    simulated='.simulated:SimulatedBatteryGauge',
+    signatures=(Signature('readings of a battery gauge', '.wire:is_gauge'),))

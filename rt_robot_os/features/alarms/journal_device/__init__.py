@@ -16,4 +16,4 @@
 
 from rt_robot_os.devices.parts import DeviceParts
 
-PARTS = DeviceParts(driver='.driver:Journal', twin='.simulated:SimulatedJournal')
+PARTS = DeviceParts(driver='.driver:Journal', simulated='.simulated:SimulatedJournal')

@@ -15,15 +15,15 @@
 """Pulse oximeters with Nonin's serial data formats 2 and 7."""
 
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.parts import Signature
 
 PARTS = DeviceParts(
     driver='.driver:Oximeter',
-    twin='.simulated:SimulatedOximeter',
-    recognisers=(
-        Recogniser("a pulse oximeter's packets (data format 7)", '.wire:is_format_7',
-                   'set type: oximeter with data_format: 7, or swap the ports'),
-        Recogniser("a pulse oximeter's packets (data format 2)", '.wire:is_format_2',
-                   'set type: oximeter with data_format: 2, or swap the ports'),
+    simulated='.simulated:SimulatedOximeter',
+    signatures=(
+        Signature("a pulse oximeter's packets (data format 7)", '.wire:is_format_7',
+                  'set type: oximeter with data_format: 7, or swap the ports'),
+        Signature("a pulse oximeter's packets (data format 2)", '.wire:is_format_2',
+                  'set type: oximeter with data_format: 2, or swap the ports'),
     ),
 )

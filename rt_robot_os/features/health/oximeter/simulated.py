@@ -36,7 +36,7 @@ from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.faults import OXIMETER_FAULTS
 
 if TYPE_CHECKING:
-    from rt_robot_os.sim.world.people import Person
+    from rt_robot_os.sim.world.people import SimulatedPerson
 
 _MIDDLE: Final = 32768
 _SWING: Final = 9000.0
@@ -97,14 +97,14 @@ class SimulatedOximeter(SimulatedDevice):
         return wire.packet(self._format, [status for _, status in frames],
                            [level for level, _ in frames], floats)
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Take the order for a data format."""
         for known in wire.DECODERS:
             if wire.order(known) in data:
                 self._format = known
                 self.reply(wire.ACCEPTED)
 
-    def _wearer(self, name: str) -> Person | None:
+    def _wearer(self, name: str) -> SimulatedPerson | None:
         if not name or self.world is None:
             return None
         found = self.world.crowd.named(name)
@@ -127,13 +127,14 @@ class SimulatedOximeter(SimulatedDevice):
     def _floats(self, time_s: float) -> bytes:
         """Return the bytes in turn; status and rate for the frames are kept."""
         pulse, spo2 = self._signs(time_s)
-        disturbed = self.befallen('artefact')
+        disturbed = self.has_fault('artefact')
         if not disturbed:
             self._steady_s = time_s
-        off = self.befallen('off') or self.befallen('disconnect') or (pulse <= 0.0 and spo2 <= 0.0)
+        off = self.has_fault('off') or self.has_fault('disconnect') or (
+            pulse <= 0.0 and spo2 <= 0.0)
         lost = time_s - self._steady_s > _TRACK_S
         self._status = (
-            (wire.DISCONNECTED if self.befallen('disconnect') else 0)
+            (wire.DISCONNECTED if self.has_fault('disconnect') else 0)
             | (wire.NO_FINGER if off else 0) | (wire.OUT_OF_TRACK if lost else 0))
         pulse_now = wire.NO_PULSE if off or lost or pulse <= 0.0 else min(round(pulse), 321)
         spo2_now = wire.NO_SPO2 if off or lost or spo2 <= 0.0 else min(round(spo2), 100)
@@ -145,14 +146,14 @@ class SimulatedOximeter(SimulatedDevice):
         self._number += 1
         return wire.float_bytes(
             pulse_now, spo2_now, timer=self._number % wire.TIMER_TURN,
-            status_2=wire.BATTERY_LOW if self.befallen('battery') else 0, displayed=self._shown)
+            status_2=wire.BATTERY_LOW if self.has_fault('battery') else 0, displayed=self._shown)
 
     def _next(self, time_s: float) -> tuple[int, int]:
         """Return the next sample of the wave, and the status with it."""
         status = self._status
         if status & wire.NO_FINGER:
             return _MIDDLE, status
-        if self.befallen('artefact'):
+        if self.has_fault('artefact'):
             status |= wire.ARTEFACT
         if self._wave is not None:
             sample, beat = self._wave.at(time_s)

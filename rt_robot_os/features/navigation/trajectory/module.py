@@ -34,7 +34,7 @@ from rt_robot_os.base.schema import Field
 from rt_robot_os.base.schema import made
 from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.devices.motor_faults import held_by
+from rt_robot_os.devices.motor_faults import hold_reason
 from rt_robot_os.features.navigation.trajectory.whereabouts import planar
 from rt_robot_os.features.navigation.trajectory.whereabouts import Whereabouts
 from rt_robot_os.modules.base import Module
@@ -238,7 +238,7 @@ class Trajectory(Module):
             # What came and went since the last step stopped the wheels, too.
             bits, new = bits | int(source.msg.data), True
         if new:
-            self._held_by = held_by(bits)
+            self._held_by = hold_reason(bits)
         return self._held_by
 
     def _take_wishes(self, pose: Pose, velocity: Velocity, problem: str, now_ns: int) -> Pose:

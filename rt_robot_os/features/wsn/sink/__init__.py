@@ -15,11 +15,11 @@
 """The sink of a wireless sensor network: a TinyOS base station on a port."""
 
 from rt_robot_os.devices.parts import DeviceParts
-from rt_robot_os.devices.parts import Recogniser
+from rt_robot_os.devices.parts import Signature
 
 PARTS = DeviceParts(
-    driver='.driver:Sink', twin='.simulated:SimulatedSink',
-    recognisers=(
-        Recogniser('frames of a sensor network under TinyOS 1.x', '.wire:is_tinyos1'),
-        Recogniser('frames of a sensor network under TinyOS 2.x', '.wire:is_tinyos2')),
+    driver='.driver:Sink', simulated='.simulated:SimulatedSink',
+    signatures=(
+        Signature('frames of a sensor network under TinyOS 1.x', '.wire:is_tinyos1'),
+        Signature('frames of a sensor network under TinyOS 2.x', '.wire:is_tinyos2')),
 )

@@ -51,7 +51,7 @@ from rt_robot_os.features.wsn.simulator.scenario import Scenario
 from rt_robot_os.features.wsn.simulator.scenario import settled
 from rt_robot_os.features.wsn.simulator.scenario import TrafficSettings
 from rt_robot_os.messages.survey import survey_of
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
 from rt_robot_os.sim.faults import SINK_FAULTS
@@ -66,7 +66,7 @@ OSCILLOSCOPE: Final = 'oscilloscope'
 _OF_STACK: Final = {TINYOS_1.name: (PAPER, MULTIHOP_LQI), TINYOS_2.name: (CTP, MULTIHOP_LQI)}
 _SNIFFERS: Final = {TINYOS_1.name: 'tosbase', TINYOS_2.name: 'base_station'}
 _ROOT: Final = 'root'
-# What the twin knows from the section of its driver, if its own says nothing.
+# What the simulated device knows from the section of its driver, if its own says nothing.
 _OF_DRIVER: Final = ('stack', 'platform', 'mode', 'root', 'payloads')
 _LONGEST_MS: Final = 3_600_000.0
 _PERSON_DB: Final = 4.0
@@ -137,10 +137,10 @@ class SimulatedSink(SimulatedDevice):
 
     @classmethod
     def made_for(
-        cls, name: str, settings: Mapping[str, Any], place: Place, device: Mapping[str, Any],
+        cls, name: str, settings: Mapping[str, Any], place: RobotSite, device: Mapping[str, Any],
     ) -> SimulatedDevice:
         """
-        Make the twin of a device; nothing is plugged in yet.
+        Make the simulated counterpart of a device; nothing is plugged in yet.
 
         :raises ConfigError: a setting is wrong, or does not go with another.
         """
@@ -169,7 +169,7 @@ class SimulatedSink(SimulatedDevice):
         nodes = [node for node in wireless.nodes if node.surveyed.id != s['root']]
         walls = None
         if world is not None and world.map is not None:
-            # Late: it needs NumPy, and most twins do not.
+            # Late: it needs NumPy, and most simulated devices do not.
             from rt_robot_os.features.wsn.simulator.topology import WallCount
             walls = WallCount(world.map).between
         self._frames: list[bytes] = []
@@ -224,7 +224,7 @@ class SimulatedSink(SimulatedDevice):
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
-        self.live.power(not self.befallen('reset'))
+        self.live.power(not self.has_fault('reset'))
         super().pump(now_ns)
 
     def sample(self, time_s: float) -> bytes:
@@ -233,7 +233,7 @@ class SimulatedSink(SimulatedDevice):
         self.live.advance(round(time_s * NS_PER_S))
         return b''.join(self._frames)
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         """Hand bytes to the mote; it answers."""
         self._frames.clear()
         self.live.from_host(data)

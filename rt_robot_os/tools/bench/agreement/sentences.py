@@ -27,7 +27,7 @@ import json
 from typing import Any
 
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.devices.stargazer.wire import Mark
+from rt_robot_os.devices.stargazer.wire import CeilingMark
 from rt_robot_os.devices.stargazer.wire import StarGazerDecoder
 
 _FIELDS = 5
@@ -74,7 +74,7 @@ def _read(pieces: Any) -> list[tuple[float | None, ...]] | None:
     return [_plain(mark) for mark in frames[0].marks] if len(frames) == 1 else None
 
 
-def _plain(mark: Mark) -> tuple[float | None, ...]:
+def _plain(mark: CeilingMark) -> tuple[float | None, ...]:
     return mark.number, mark.angle_deg, mark.x_cm, mark.y_cm, mark.z_cm
 
 

@@ -30,8 +30,8 @@ from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.workers.micro import block_means_ps
 
-_MARKS = (stargazer.Mark(24706, -96.28, -48.9, -21.13, 220.5),
-          stargazer.Mark(24594, -94.27, 101.58, -17.8, 230.71))
+_MARKS = (stargazer.CeilingMark(24706, -96.28, -48.9, -21.13, 220.5),
+          stargazer.CeilingMark(24594, -94.27, 101.58, -17.8, 230.71))
 
 
 def frames() -> Mapping[str, Callable[[], object]]:

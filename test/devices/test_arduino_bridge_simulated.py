@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What a real ros_arduino_bridge did, byte by byte, beside the driver's wire format and the twin.
+The bytes of a real ros_arduino_bridge, compared with the driver's and the simulated board's.
 
 The recording is of the firmware on an emulated ATmega328P with motors of first order; it lies
 outside of the repository, and the tests that need it are skipped without it.
@@ -87,7 +87,7 @@ def test_the_twin_answers_and_drives_as_the_firmware_did(recording: list[Line]) 
         elif min(line.time_ns - told_ns, abs(line.time_ns - PING_END_NS)) > 90 * NS_PER_MS:
             # Within a round of the loop, and what that makes of a jerk at the end of the ping.
             late = 0 < line.time_ns - PING_END_NS < NS_PER_S // 2
-            assert [pwm / 255 for pwm in board.twin.pwm] == pytest.approx(
+            assert [pwm / 255 for pwm in board.simulated.pwm] == pytest.approx(
                 line.pwm, abs=0.16 if late else 0.035), line
             checked += 1
     board.run(board.now_ns + 50 * NS_PER_MS)
@@ -139,30 +139,30 @@ def test_what_people_send_by_hand(order: bytes, answer: bytes) -> None:
 def test_one_speed_alone_is_that_of_the_left_wheel() -> None:
     board = Board()
     assert board.answers(b'm 12\r', 1000) == b'OK\r\n'
-    left, right = board.twin.ticks
+    left, right = board.simulated.ticks
     assert left > 200 and right == 0
 
 
 def test_a_speed_beyond_reason_is_full_voltage() -> None:
     board = Board()
     assert board.answers(b'm 9999 2\r', 200) == b'OK\r\n'
-    assert board.twin.pwm[0] == 255 and abs(board.twin.pwm[1]) < 30
+    assert board.simulated.pwm[0] == 255 and abs(board.simulated.pwm[1]) < 30
 
 
 def test_it_stops_by_itself_after_two_seconds() -> None:
     board = Board()
     board.answers(b'm 20 20\r', 1990)
-    assert board.twin.moving
+    assert board.simulated.moving
     board.run(board.now_ns + 20 * NS_PER_MS)
-    assert not board.twin.moving and board.twin.pwm == (0, 0)
+    assert not board.simulated.moving and board.simulated.pwm == (0, 0)
 
 
 def test_a_stop_lets_the_wheels_run_down() -> None:
     board = Board()
     board.answers(b'm 20 20\r', 1500)
-    before = board.twin.ticks[0]
+    before = board.simulated.ticks[0]
     board.answers(wire.HALT, 500)
-    assert 30 < board.twin.ticks[0] - before < 100
+    assert 30 < board.simulated.ticks[0] - before < 100
 
 
 def test_a_ping_without_echo_holds_everything_up() -> None:
@@ -175,20 +175,20 @@ def test_counts_begin_anew_when_it_is_told_so() -> None:
     board = Board()
     board.answers(b'm 20 20\r', 1000)
     board.answers(wire.HALT, 1000)
-    assert board.twin.ticks[0] > 100
+    assert board.simulated.ticks[0] > 100
     assert board.answers(b'r\re\r') == b'OK\r\n0 0\r\n'
 
 
 def test_a_reset_forgets_everything() -> None:
     board = Board(boot_s=0.2)
     board.answers(b'm 20 20\ru 1:2:3:4\r', 1000)
-    board.twin.inject('reset', 0.05)
+    board.simulated.inject('reset', 0.05)
     board.run(board.now_ns + 100 * NS_PER_MS)
-    assert not board.twin.moving and board.twin.pwm == (0, 0)
+    assert not board.simulated.moving and board.simulated.pwm == (0, 0)
     assert board.answers(wire.ENCODERS, 50) == b'', 'it boots'
     board.run(board.now_ns + 1500 * NS_PER_MS)
     assert board.answers(wire.ENCODERS).endswith(b'\r\n')
-    assert abs(board.twin.ticks[0]) < 60 and board.twin._gains.p == 20
+    assert abs(board.simulated.ticks[0]) < 60 and board.simulated._gains.p == 20
 
 
 def test_it_moves_the_robot_of_the_world() -> None:
@@ -196,13 +196,13 @@ def test_it_moves_the_robot_of_the_world() -> None:
     device = {'wheel_radius_m': 0.05, 'wheel_separation_m': 0.3, 'ticks_per_revolution': 2000.0,
               'inverted_left': True, 'inverted_right': True}
     cable: Any = Cable()
-    twin = SimulatedArduinoBridge('twin', {}, cable, site=Site(world, device))
+    simulated = SimulatedArduinoBridge('simulated', {}, cable, site=Site(world, device))
     for ms in range(2000):
         if ms % 500 == 0:
             cable.to_board += wire.speeds(-20, -20)
-        twin.pump(START_NS + ms * NS_PER_MS)
+        simulated.pump(START_NS + ms * NS_PER_MS)
     x, y, yaw = world.base.pose
-    turned = -sum(twin.ticks) / 2 / 2000.0 * math.tau
+    turned = -sum(simulated.ticks) / 2 / 2000.0 * math.tau
     assert turned > 2.0
     assert (x, yaw) == pytest.approx((1.0, math.pi / 2), abs=1e-3)
     assert y - 2.0 == pytest.approx(turned * 0.05, abs=1e-3)

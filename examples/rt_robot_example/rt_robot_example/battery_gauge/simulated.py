@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The simulated twin of the battery gauge: a battery that runs down and is charged again."""
+"""The simulated device of the battery gauge: a battery that runs down and is charged again."""
 
 from __future__ import annotations
 

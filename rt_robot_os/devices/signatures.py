@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Recognise devices by their bytes: for the diagnosis of one that sends nothing valid.
+Identify devices by their bytes: for the diagnosis of a device that sends no valid frame.
 
-The commonest mistakes are a wrong speed and two ports that are swapped. For the second the bytes
-tell which device it is, as far as one of the table of devices declares what recognises them, in
-this package or in another.
+The most common mistakes are a wrong baud rate and two swapped ports. In the second case the bytes
+identify the device, if a device in the table declares a signature for them, in this package or in
+another.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ from rt_robot_os.devices.table import all_parts
 
 Chips = Mapping[int, Mapping[int, str]]
 
-# Chips that are often taken for those that have a driver; the registers in the order of asking.
+# Chips without a driver that are often confused with supported ones; registers in the order of
+# reading.
 WITHOUT_DRIVER: Final[Chips] = {
     0xD0: {0x60: 'BME280', 0x61: 'BME680', 0x55: 'BMP180'},
     0x00: {0xEA: 'ICM-20948'},
@@ -49,12 +50,12 @@ WITHOUT_DRIVER: Final[Chips] = {
 
 class _Known(NamedTuple):
     """
-    What a device knows of its bytes.
+    One signature, with its function imported.
 
-    :ivar frames: what people call them.
-    :ivar remedy: what to do about them.
-    :ivar fits: says whether some bytes are those.
-    :ivar readable: a driver reads them.
+    :ivar frames: a name for the bytes.
+    :ivar remedy: what to do.
+    :ivar fits: returns whether some bytes match.
+    :ivar readable: a driver reads these bytes.
     """
 
     frames: str
@@ -63,28 +64,29 @@ class _Known(NamedTuple):
     readable: bool
 
 
-class Recognisers:
-    """What all devices know of their bytes."""
+class SignatureTable:
+    """The signatures of all devices."""
 
     def __init__(self) -> None:
         self._known: tuple[_Known, ...] | None = None
 
     def prepare(self) -> tuple[_Known, ...]:
-        """Import them once, outside of the loop; one that is broken disturbs no other."""
+        """Import them once, outside of the loop; one that is broken is left out."""
         if self._known is None:
             found = [each for name, parts in all_parts() for each in _known_of(name, parts)]
-            # What a driver reads is asked about first.
+            # Signatures of bytes that a driver reads are checked first.
             self._known = tuple(sorted(found, key=lambda each: not each.readable))
         return self._known
 
-    def recognised(self, data: bytes, baud: int) -> str:
+    def identify(self, data: bytes, baud: int) -> str:
         """
-        Return whose bytes they are, and what to do; empty when that is not known.
+        Return the device whose bytes they are, and what to do; empty if unknown.
 
-        Other packages are asked first: their devices often speak a dialect of what is known here.
-        It asks all devices until one is sure: not for the task of a device.
+        Signatures of other packages are checked first: their protocols are often variants of known
+        ones. All signatures are checked until one matches, so it must not be called in the task of
+        a device.
 
-        :param data: what came last, some hundred bytes.
+        :param data: the last bytes received, some hundred.
         :param baud: speed of the line.
         """
         for each in self.prepare():
@@ -94,12 +96,12 @@ class Recognisers:
         return ''
 
 
-RECOGNISERS: Final = Recognisers()
+SIGNATURES: Final = SignatureTable()
 
 
 @functools.cache
 def known_chips() -> Chips:
-    """Import what the devices say of their chips on I2C; once, so that the loop need not."""
+    """Import the tables of chips on I2C once, so that the loop need not."""
     found: dict[int, dict[int, str]] = {
         register: dict(names) for register, names in WITHOUT_DRIVER.items()}
     for name, parts in all_parts():
@@ -107,13 +109,13 @@ def known_chips() -> Chips:
             chips: Any = load_object(f'device {name!r}', parts.chips) if parts.chips else {}
             for register, names in chips.items():
                 found.setdefault(register, {}).update(names)
-        except Exception:  # of another package, and the others are known without it
+        except Exception:  # a table of another package that cannot be used is left out
             continue
     return found
 
 
 def _known_of(name: str, parts: DeviceParts) -> Iterator[_Known]:
-    for each in parts.recognisers:
+    for each in parts.signatures:
         try:
             fits = load_object(f'device {name!r}', each.function)
         except ConfigError:
@@ -121,12 +123,12 @@ def _known_of(name: str, parts: DeviceParts) -> Iterator[_Known]:
         if callable(fits):
             remedy = each.remedy or f'set type: {name}, or swap the ports'
             yield _Known(each.frames, remedy, fits, not each.remedy)
-    if not parts.recognisers and name in DRIVERS.foreign_names():
+    if not parts.signatures and name in DRIVERS.foreign_names():
         yield from _known_of_class(name, parts)
 
 
 def _known_of_class(name: str, parts: DeviceParts) -> Iterator[_Known]:
-    """Yield what the class of a driver says, where nothing is declared; for one release."""
+    """Yield the signature in the class of a driver, where none is declared; for one release."""
     try:
         driver = load_object(f'driver {name!r}', parts.driver)
     except ConfigError:
@@ -139,5 +141,5 @@ def _known_of_class(name: str, parts: DeviceParts) -> Iterator[_Known]:
 def _fits(recognises: Callable[[bytes], Any], data: bytes) -> bool:
     try:
         return bool(recognises(data))
-    except Exception:  # of another package, and the diagnosis of a device goes on without it
+    except Exception:  # a broken signature of another package must not end the diagnosis
         return False

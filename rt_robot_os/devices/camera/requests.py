@@ -36,7 +36,7 @@ from rt_robot_os.devices.device import Value
 OBSERVED_BYTES: Final = 2000
 #: What a camera is asked for.
 PICTURE: Final = 'picture'
-ORDERS: Final = (PICTURE, 'clip')
+REQUEST_KINDS: Final = (PICTURE, 'clip')
 
 _AFTER_MOST_S: Final = 60.0
 # Who asked waits no longer: the robot may have gone.
@@ -64,7 +64,7 @@ OBSERVATION_SETTINGS: Final = (
 )
 
 
-def order_of(text: str, before_most_s: float) -> dict[str, Any]:
+def parse_request(text: str, before_most_s: float) -> dict[str, Any]:
     """
     Read an order.
 
@@ -75,36 +75,36 @@ def order_of(text: str, before_most_s: float) -> dict[str, Any]:
         found = json.loads(text)
     except RecursionError:
         raise ValueError('the order is nested too deeply') from None
-    if not isinstance(found, dict) or found.get('order') not in ORDERS:
+    if not isinstance(found, dict) or found.get('order') not in REQUEST_KINDS:
         raise ValueError(f'{text[:60]!r} is no order: write {{"order": "picture", "alarm": "a1"}}')
-    order: dict[str, Any] = {'order': found['order']}
+    request: dict[str, Any] = {'order': found['order']}
     for key in ('alarm', 'subject'):
-        order[key] = str(found.get(key, ''))[:_LONGEST_TEXT]
+        request[key] = str(found.get(key, ''))[:_LONGEST_TEXT]
     number = found.get('id', 0)
-    order['id'] = number if isinstance(number, int) and 0 <= number < 1 << 53 else 0
+    request['id'] = number if isinstance(number, int) and 0 <= number < 1 << 53 else 0
     for key, most in (('before_s', before_most_s), ('after_s', _AFTER_MOST_S)):
         value = found.get(key, 0.0)
         if isinstance(value, bool) or not isinstance(value, int | float) or not (
                 math.isfinite(value)):
             raise ValueError(f'{key} {str(value)[:20]!r}: it must be a number of seconds')
-        order[key] = min(max(0.0, float(value)), most)
-    return order
+        request[key] = min(max(0.0, float(value)), most)
+    return request
 
 
-class OrderDesk:
+class ObservationRequests:
     """
     Orders to one camera, and their answers; safe in the real-time loop.
 
     :param name: of the camera.
     :param settings: its settings.
-    :ivar ordered: it takes orders.
+    :ivar enabled: it takes orders.
     """
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        self.ordered = bool(settings['observe_topic'])
+        self.enabled = bool(settings['observe_topic'])
         self._name = name
         self._clip_s: float = settings['clip_s']
-        self._orders = self._refused = self._late = self._kept = self._problems = 0
+        self._requests = self._refused = self._late = self._kept = self._problems = 0
         self._deleted = 0
         self._problem = ''
 
@@ -116,9 +116,9 @@ class OrderDesk:
         :param hand_on: does it; returns why it cannot.
         :return: the answer, if there is one already.
         """
-        self._orders += 1
+        self._requests += 1
         try:
-            order = order_of(text, self._clip_s)
+            request = parse_request(text, self._clip_s)
         except ValueError as error:
             self._refused += 1
             return {'id': 0, 'alarm': '', 'kind': '', 'problem': str(error)[:_LONGEST_PROBLEM]}
@@ -126,11 +126,11 @@ class OrderDesk:
             self._late += 1
             problem = 'the camera was not there when it was ordered'
         else:
-            problem = hand_on({**order, 't_ns': stamp_ns})
+            problem = hand_on({**request, 't_ns': stamp_ns})
         if not problem:
             return None
-        return {'id': order['id'], 'alarm': order['alarm'], 'subject': order['subject'],
-                'kind': order['order'], 'problem': problem}
+        return {'id': request['id'], 'alarm': request['alarm'], 'subject': request['subject'],
+                'kind': request['order'], 'problem': problem}
 
     def answer(self, told: Mapping[str, Any]) -> str:
         """Count an answer, and write it."""
@@ -150,9 +150,9 @@ class OrderDesk:
 
     def statistics(self) -> dict[str, Value]:
         """Return counters, and the last trouble; nothing for a camera that takes no orders."""
-        if not self.ordered:
+        if not self.enabled:
             return {}
-        return {'orders': self._orders, 'orders_refused': self._refused,
+        return {'orders': self._requests, 'orders_refused': self._refused,
                 'orders_late': self._late, 'observations': self._kept,
                 'observation_problems': self._problems, 'observations_deleted': self._deleted,
                 'warning': f'no picture could be kept: {self._problem}' if self._problem else ''}

@@ -48,7 +48,7 @@ _PATIENCE_S: Final = 5.0
 _DONE: Final = b'ok '
 
 
-def obey(line: str, devices: Mapping[str, Simulated], world: World | None) -> str:
+def execute_command(line: str, devices: Mapping[str, Simulated], world: World | None) -> str:
     """
     Do what a line says; an empty one says nothing.
 
@@ -77,17 +77,17 @@ def obey(line: str, devices: Mapping[str, Simulated], world: World | None) -> st
     return ''
 
 
-class OrderSocket:
+class CommandSocket:
     """
     Takes orders in a folder that only its user can enter, and answers each.
 
     :param folder: of the devices.
-    :param obey: does what a line says and returns the answer, or raises ConfigError.
+    :param handle_command: does what a line says and returns the answer, or raises ConfigError.
     """
 
-    def __init__(self, folder: Path, obey: Callable[[str], str]) -> None:
+    def __init__(self, folder: Path, execute_command: Callable[[str], str]) -> None:
         self._path = folder / _NAME
-        self._obey = obey
+        self._execute = execute_command
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             self._path.unlink(missing_ok=True)
@@ -106,7 +106,7 @@ class OrderSocket:
         with suppress(OSError):
             line, sender = self._socket.recvfrom(_LONGEST)
             try:
-                answer = _DONE + self._obey(line.decode('utf-8', 'replace').strip()).encode()
+                answer = _DONE + self._execute(line.decode('utf-8', 'replace').strip()).encode()
             except ConfigError as error:
                 answer = str(error).encode()
             if sender:
@@ -118,7 +118,7 @@ class OrderSocket:
         self._path.unlink(missing_ok=True)
 
 
-def order(folder: Path, line: str) -> str:
+def send_command(folder: Path, line: str) -> str:
     """
     Give an order to the devices of a folder, and wait until it is done.
 

@@ -22,11 +22,11 @@ from collections.abc import Sequence
 import math
 from typing import Final
 
-from rt_robot_os.sim.world.happenings import Happening
-from rt_robot_os.sim.world.happenings import SILENT
+from rt_robot_os.sim.world.events import SILENT
+from rt_robot_os.sim.world.events import WorldEvent
 from rt_robot_os.sim.world.people import LYING_M
-from rt_robot_os.sim.world.people import Person
-from rt_robot_os.sim.world.scene import Way
+from rt_robot_os.sim.world.people import SimulatedPerson
+from rt_robot_os.sim.world.scene import WalkingRoute
 from rt_robot_os.sim.world.wireless import PRESS
 
 #: Ends a sign that somebody has set.
@@ -45,23 +45,23 @@ _ROOM_M: Final = 0.3
 Room = Callable[[float, float, float], float]
 
 
-class Crowd:
+class PeopleModel:
     """
     All people of a world.
 
     :ivar people: who walks about.
     """
 
-    def __init__(self, ways: Sequence[Way], seed: int, room_m: Room) -> None:
+    def __init__(self, ways: Sequence[WalkingRoute], seed: int, room_m: Room) -> None:
         """
         Put everybody at the beginning of their way.
 
         :param room_m: tells how far a wall is, from x and y in a direction.
         """
-        self.people = tuple(Person(way, seed) for way in ways)
+        self.people = tuple(SimulatedPerson(way, seed) for way in ways)
         self._room_m = room_m
 
-    def named(self, name: str) -> Person | None:
+    def named(self, name: str) -> SimulatedPerson | None:
         """Return who has a name."""
         return next((each for each in self.people if each.name == name), None)
 
@@ -72,7 +72,7 @@ class Crowd:
         names = [person.name for person in self.people]
         return f'there is no such person; there are {", ".join(names) or "none"}'
 
-    def happen(self, what: Happening) -> Happening | None:
+    def apply(self, what: WorldEvent) -> WorldEvent | None:
         """
         Have something happen to somebody.
 
@@ -80,35 +80,35 @@ class Crowd:
         """
         person = self.named(what.name)
         assert person is not None
-        follows: Happening | None = None
+        follows: WorldEvent | None = None
         if what.kind == 'person':
             person.stand(*what.numbers)
-            follows = Happening('walk', what.name, ())
+            follows = WorldEvent('walk', what.name, ())
         elif what.kind == 'walk':
             person.walk()
         elif what.kind == 'rise':
             person.rise()
         elif what.kind == 'fall':
             person.fall(self._lying(person))
-            follows = Happening('rise', what.name, ())
+            follows = WorldEvent('rise', what.name, ())
         elif what.kind in ('sit', 'sleep'):
             if what.kind == 'sit':
                 person.sit()
             else:
                 person.sleep(self._lying(person))
-            follows = Happening('rise', what.name, ())
+            follows = WorldEvent('rise', what.name, ())
         elif what.kind == 'speak':
             person.speaks_until_s = person.time_s + what.for_s
         elif what.kind == 'vital':
             person.vitals.set(what.word, *what.numbers)
-            follows = Happening(USUAL, what.name, (), word=what.word)
+            follows = WorldEvent(USUAL, what.name, (), word=what.word)
         elif what.kind == USUAL:
             person.vitals.clear(what.word)
         else:
             person.answer = what.word
         return follows
 
-    def reply(self, what: Happening) -> Happening | None:
+    def reply(self, what: WorldEvent) -> WorldEvent | None:
         """Return what somebody does by and by because of what has happened to them."""
         person = self.named(what.name)
         if person is None or person.answer == SILENT or what.kind not in ('fall', 'answer'):
@@ -116,9 +116,9 @@ class Crowd:
         if what.kind == 'answer' and not person.lies:
             return None
         for_s = _REPLY_S if what.kind == 'fall' else 0.0
-        return Happening(PRESS, what.name, (), for_s=for_s, word=person.answer)
+        return WorldEvent(PRESS, what.name, (), for_s=for_s, word=person.answer)
 
-    def _lying(self, person: Person) -> float:
+    def _lying(self, person: SimulatedPerson) -> float:
         """Return the direction in which somebody finds room to lie: ahead, if there is some."""
         def room(heading: float) -> float:
             found = min(self._room_m(person.x, person.y, heading),

@@ -41,7 +41,7 @@ from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.atmosphere import pressure_pa
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.mounting import Mounting
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.world import Air
@@ -185,11 +185,11 @@ def test_what_an_inertial_sensor_feels_agrees_with_its_way() -> None:
     assert np.cos(north - math.pi / 2) == pytest.approx(np.ones(200))
 
 
-@pytest.mark.parametrize('twin, driver', [(SimulatedNmea, NmeaGps), (SimulatedUblox, Ublox)])
-def test_a_receiver_is_where_the_robot_is(tmp_path: Path, twin: Any, driver: Any) -> None:
+@pytest.mark.parametrize('simulated, driver', [(SimulatedNmea, NmeaGps), (SimulatedUblox, Ublox)])
+def test_a_receiver_is_where_the_robot_is(tmp_path: Path, simulated: Any, driver: Any) -> None:
     world = World(WorldSettings(map='open', start=(100.0, 50.0, 0.0), latitude_deg=45.0,
                                 longitude_deg=9.0, altitude_m=120.0, east_rad=math.pi / 2))
-    with rig(tmp_path, twin, driver, sim={'rate_hz': 5.0, **QUIET}, baud=115200, world=world,
+    with rig(tmp_path, simulated, driver, sim={'rate_hz': 5.0, **QUIET}, baud=115200, world=world,
              mounting_m=[0.0, 0.0, 1.0]) as made:
         made.run(1500, 10.0)
         fix = last(made)
@@ -223,7 +223,7 @@ def test_a_barometer_is_as_high_and_as_warm_as_where_it_is() -> None:
 
 def test_a_device_on_another_frame_goes_with_it(tmp_path: Path) -> None:
     mast = Mounting((0.1, 0.0, 1.0), (0.0, 0.0, math.pi / 2))
-    place = Place(tmp_path, World(WorldSettings(map='open')), {'mast': mast})
+    place = RobotSite(tmp_path, World(WorldSettings(map='open')), {'mast': mast})
     site = place.site({'mounting_m': [0.2, 0.0, 0.0], 'mounting_rad': [0.0, 0.0, 0.0],
                        'parent_frame_id': 'mast'})
     assert site.mounting().position_m == pytest.approx((0.1, 0.2, 1.0))

@@ -54,7 +54,7 @@ _Key = tuple[str, str]
 Timed = tuple[PositionSentence, int]
 
 
-class FixSource:
+class NmeaFixSource:
     """Choose the sentences that become fixes; safe in the loop, holds 16 of them at most."""
 
     def __init__(self) -> None:

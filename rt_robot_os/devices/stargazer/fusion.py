@@ -30,7 +30,7 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.devices.stargazer.wire import Mark
+from rt_robot_os.devices.stargazer.wire import CeilingMark
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.landmarks import Landmark
 
@@ -45,7 +45,7 @@ _MOST: Final = 200
 _MOST_PAIRS: Final = 4096
 
 
-class Sighting(NamedTuple):
+class LandmarkSighting(NamedTuple):
     """
     Where the sensor is, as one mark says.
 
@@ -61,7 +61,7 @@ class Sighting(NamedTuple):
     weight: float
 
 
-class Fix(NamedTuple):
+class FusedPose(NamedTuple):
     """
     Where the sensor is.
 
@@ -76,8 +76,8 @@ class Fix(NamedTuple):
     marks: tuple[int, ...]
 
 
-def sighting(mark: Mark, landmark: Landmark, angle_sign: int, angle_offset_rad: float,
-             height_m: float) -> Sighting:
+def sighting(mark: CeilingMark, landmark: Landmark, angle_sign: int, angle_offset_rad: float,
+             height_m: float) -> LandmarkSighting:
     """
     Bring what a mark says into the map; safe in the loop.
 
@@ -89,7 +89,7 @@ def sighting(mark: Mark, landmark: Landmark, angle_sign: int, angle_offset_rad: 
     cosine, sine = math.cos(landmark.yaw), math.sin(landmark.yaw)
     height = mark.z_cm * 0.01 if mark.z_cm else height_m
     slope_squared = (x * x + y * y) / (height * height)
-    return Sighting(
+    return LandmarkSighting(
         mark.number,
         landmark.x + cosine * x - sine * y,
         landmark.y + sine * x + cosine * y,
@@ -151,7 +151,7 @@ class Fuser:
         self.left_out = 0
         self._tolerance_m = tolerance_m
         self._tolerance_rad = tolerance_rad
-        self._last: Fix | None = None
+        self._last: FusedPose | None = None
         self._last_ns = 0
         self._suspects: frozenset[int] = frozenset()
 
@@ -165,7 +165,7 @@ class Fuser:
         self._suspects = frozenset(found)
         return found
 
-    def fuse(self, sightings: Sequence[Sighting], now_ns: int) -> Fix | None:
+    def fuse(self, sightings: Sequence[LandmarkSighting], now_ns: int) -> FusedPose | None:
         """
         Make one pose; safe in the loop.
 
@@ -186,11 +186,11 @@ class Fuser:
         self._last, self._last_ns = _mean(used), now_ns
         return self._last
 
-    def _agreeing(self, sightings: Sequence[Sighting], last: Fix | None, now_ns: int
-                  ) -> Sequence[Sighting]:
+    def _agreeing(self, sightings: Sequence[LandmarkSighting], last: FusedPose | None, now_ns: int
+                  ) -> Sequence[LandmarkSighting]:
         """Return the largest group that agrees, or the one that goes on from the pose before."""
         size = len(sightings)
-        groups: list[list[Sighting]] = [[each] for each in sightings]
+        groups: list[list[LandmarkSighting]] = [[each] for each in sightings]
         for i in range(size):
             for j in range(i + 1, size):
                 one, other = sightings[i], sightings[j]
@@ -214,17 +214,18 @@ class Fuser:
                     return group
         return ()
 
-    def _near(self, each: Sighting, last: Fix, now_ns: int) -> bool:
+    def _near(self, each: LandmarkSighting, last: FusedPose, now_ns: int) -> bool:
         return self._agree(each, last, (now_ns - self._last_ns) / NS_PER_S)
 
-    def _agree(self, one: Sighting, other: Sighting | Fix, seconds: float) -> bool:
+    def _agree(self, one: LandmarkSighting, other: LandmarkSighting | FusedPose,
+               seconds: float) -> bool:
         return (math.hypot(one.x - other.x, one.y - other.y)
                 <= self._tolerance_m + _FASTEST_M_S * seconds
                 and abs(wrapped(one.yaw - other.yaw))
                 <= self._tolerance_rad + _FASTEST_RAD_S * seconds)
 
 
-def _mean(sightings: Sequence[Sighting]) -> Fix:
+def _mean(sightings: Sequence[LandmarkSighting]) -> FusedPose:
     """Average positions, and angles on the circle."""
     total = x = y = sine = cosine = 0.0
     for each in sightings:
@@ -234,5 +235,5 @@ def _mean(sightings: Sequence[Sighting]) -> Fix:
         y += weight * each.y
         sine += weight * math.sin(each.yaw)
         cosine += weight * math.cos(each.yaw)
-    return Fix(x / total, y / total, math.atan2(sine, cosine), total,
-               tuple(each.number for each in sightings))
+    return FusedPose(x / total, y / total, math.atan2(sine, cosine), total,
+                     tuple(each.number for each in sightings))

@@ -30,14 +30,14 @@ from rt_robot_os.motion.quaternion import Vector
 from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.world import bodies
 from rt_robot_os.sim.world.body_motion import body_motion
-from rt_robot_os.sim.world.body_motion import Felt
-from rt_robot_os.sim.world.people import Person
+from rt_robot_os.sim.world.body_motion import FeltMotion
+from rt_robot_os.sim.world.people import SimulatedPerson
 
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World
 
 
-class OnPerson:
+class WearableMotion:
     """
     Worn by somebody; the mounting turns the sensor on the body, its place does not matter.
 
@@ -46,14 +46,14 @@ class OnPerson:
     :param site: how the sensor is mounted.
     """
 
-    def __init__(self, world: World, person: Person, site: Site) -> None:
+    def __init__(self, world: World, person: SimulatedPerson, site: Site) -> None:
         self._world = world
         self._person = person
         self._east = world.settings.east_rad
         self._mounted = mounting_of(site.device).quaternion()
         self._to_sensor = conjugate(self._mounted)
 
-    def _felt(self) -> Felt:
+    def _felt(self) -> FeltMotion:
         person = self._person
         return body_motion(person.activity, self._world.time_s - person.activity_since_s,
                            before=person.activity_before)

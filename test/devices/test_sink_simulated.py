@@ -12,7 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Do the sink's driver and its twin understand each other: packets, commands, faults."""
+"""
+Do the sink's driver and its simulated device understand each other: packets, commands, faults.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,7 @@ from rt_robot_os.features.wsn.packets.payload_text import parse_payloads
 from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
 from rt_robot_os.features.wsn.sink.driver import Sink
 from rt_robot_os.features.wsn.sink.simulated import SimulatedSink
-from rt_robot_os.sim.base import Place
+from rt_robot_os.sim.base import RobotSite
 from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.world.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
@@ -127,13 +129,13 @@ def test_the_node_with_the_number_of_the_sink_is_the_sink(tmp_path: Path) -> Non
 
 def test_its_group_and_place_are_those_of_the_driver(tmp_path: Path) -> None:
     device = {'stack': 'tinyos1', 'mode': 'sniffer', 'groups': [-1, 17], 'baud': 0}
-    twin = SimulatedSink.made_for('sink', {}, Place(tmp_path, World(FLAT)), device)
-    assert isinstance(twin, SimulatedSink)
-    twin.pump(0)
-    twin.live.from_host(frame(0x42, TelosMsg(1, 99, b'ab', group=17).pack()))
-    twin.live.from_host(frame(0x42, TelosMsg(1, 99, b'ab').pack()))
-    assert (twin.live.station.taken, twin.live.station.refused) == (1, 1)
-    twin.close()
+    simulated = SimulatedSink.made_for('sink', {}, RobotSite(tmp_path, World(FLAT)), device)
+    assert isinstance(simulated, SimulatedSink)
+    simulated.pump(0)
+    simulated.live.from_host(frame(0x42, TelosMsg(1, 99, b'ab', group=17).pack()))
+    simulated.live.from_host(frame(0x42, TelosMsg(1, 99, b'ab').pack()))
+    assert (simulated.live.station.taken, simulated.live.station.refused) == (1, 1)
+    simulated.close()
 
 
 def test_a_command_is_acknowledged_and_obeyed(tmp_path: Path) -> None:

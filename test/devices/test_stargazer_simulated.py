@@ -12,7 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Do the StarGazer's driver and its twin understand each other, with the vendor's timing."""
+"""
+Do the StarGazer's driver and its simulated device understand each other, with the vendor's timing.
+"""
 
 from __future__ import annotations
 
@@ -66,12 +68,12 @@ def run(made: Rig, milliseconds: int) -> list[int]:
 def errors(made: Rig) -> list[tuple[float, float]]:
     """Return by how much each pose is wrong, in m and rad."""
     found = []
-    twin: Any = made.simulated
+    simulated: Any = made.simulated
     for sample, stamp in zip(made.publishers[0].samples, made.publishers[0].stamps):
         # The sentence took its time on the line; the sample is of the grid before.
-        period = round(1e9 / twin.rate_hz)
-        at = (stamp - twin._start_ns) // period * period / 1e9
-        x, y, heading = twin._base_pose(at)
+        period = round(1e9 / simulated.rate_hz)
+        at = (stamp - simulated._start_ns) // period * period / 1e9
+        x, y, heading = simulated._base_pose(at)
         pose = sample.pose.pose
         found.append((math.hypot(pose.position.x - x, pose.position.y - y),
                       abs(wrapped(yaw_of(0, 0, pose.orientation.z, pose.orientation.w)
@@ -105,18 +107,18 @@ def test_noise_is_that_of_the_settings(tmp_path: Path) -> None:
 def test_the_set_up_keeps_the_pauses_and_writes_only_what_differs(tmp_path: Path) -> None:
     with connected(tmp_path, configure=True, mark_type='HLD2L', mark_mode='Alone',
                    mark_height_m=2.4, height_mode='fixed') as made:
-        twin: Any = made.simulated
+        simulated: Any = made.simulated
         sent = run(made, 12_000)
         assert all(after - before >= PAUSE_NS for before, after in zip(sent, sent[1:]))
         assert PAUSE_NS >= 50 * MS
-        assert twin.lost_bytes == 0
-        assert (twin.parameters['MarkType'], twin.flash_writes) == ('HLD2L', 1)
+        assert simulated.lost_bytes == 0
+        assert (simulated.parameters['MarkType'], simulated.flash_writes) == ('HLD2L', 1)
         assert made.device.is_set_up()
         assert made.publishers[0].samples
         made.reopen()
         run(made, 9_000)
         assert made.device.is_set_up()
-        assert twin.flash_writes == 1
+        assert simulated.flash_writes == 1
 
 
 def test_commands_that_are_missed_are_repeated(tmp_path: Path) -> None:
@@ -129,7 +131,7 @@ def test_commands_that_are_missed_are_repeated(tmp_path: Path) -> None:
 def test_the_map_is_built_once(tmp_path: Path) -> None:
     with connected(tmp_path, configure=True, procedure='map_building', mark_mode='Map',
                    reference_id=2) as made:
-        twin: Any = made.simulated
+        simulated: Any = made.simulated
         run(made, 9_000)
         assert made.device.statistics().more['mode'] == 'building a map'
         run(made, 5_000)
@@ -138,7 +140,7 @@ def test_the_map_is_built_once(tmp_path: Path) -> None:
         assert first > 10
         made.reopen()
         run(made, 5_000)
-        assert made.device.is_set_up() and twin._mode == 'I'
+        assert made.device.is_set_up() and simulated._mode == 'I'
         # It reports all positions below mark 2 now; a turned reference lets the noise of its
         # angle through, no more.
         assert max(error for error, _ in errors(made)[first // 2:]) < 0.2
@@ -193,9 +195,9 @@ def test_it_sees_the_marks_of_the_world_from_where_it_sits(tmp_path: Path) -> No
     device = settings_of(StarGazer, port='x', mounting_m=[0.15, -0.05, 0.9],
                          mounting_rad=[0.0, 0.0, 1.5], landmarks=['7: 1.2 2.1 0.3', '8: 0 2 -1'])
     port = PtyPort(tmp_path / 'device')
-    twin = SimulatedStarGazer('sim', {'noise': 0.0}, port, None, Site(world, device))
+    simulated = SimulatedStarGazer('sim', {'noise': 0.0}, port, None, Site(world, device))
     driver = StarGazer('dut', {**device, 'port': str(port.link), 'baud': 115200})
-    made = Rig(twin, driver)
+    made = Rig(simulated, driver)
     try:
         world.base.set_wheel_speeds(2.0, 4.0)
         made.run(1500, 10.0)
@@ -211,4 +213,4 @@ def test_it_sees_the_marks_of_the_world_from_where_it_sits(tmp_path: Path) -> No
         assert driver.statistics().more['dead_zone'] == 'true'
     finally:
         driver.close()
-        twin.close()
+        simulated.close()

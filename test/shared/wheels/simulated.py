@@ -35,7 +35,7 @@ class SimulatedWheels(SimulatedDevice):
         self.ticks += self.speed_mm_s
         return telemetry(self.ticks, self.speed_mm_s)
 
-    def obey(self, data: bytes) -> None:
+    def handle_command(self, data: bytes) -> None:
         self.heard = (self.heard + data)[-1000:]
         end = 0
         for match in ORDER.finditer(self.heard):

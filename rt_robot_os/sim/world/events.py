@@ -33,7 +33,7 @@ _TIMES: Final = re.compile(r'(.*\S)\s+at\s+(\S+)(?:\s+for\s+(\S+))?')
 
 
 @dataclass(frozen=True)
-class Happening:
+class WorldEvent:
     """
     Something that happens to the world.
 
@@ -108,7 +108,7 @@ def _written(kind: str, form: _Form) -> str:
 
 
 #: All that there are, for help and errors.
-HAPPENINGS: Final = '; '.join(_written(kind, form) for kind, form in _HAPPENINGS.items())
+EVENT_FORMS: Final = '; '.join(_written(kind, form) for kind, form in _HAPPENINGS.items())
 #: What happens to wireless nodes, by their name or by that of who wears them.
 OF_NODES: Final = frozenset({'alarm', 'press', 'smoke', 'water', *(
     kind for kind in _HAPPENINGS if kind.startswith(_NODE))})
@@ -117,7 +117,7 @@ OF_PEOPLE: Final = frozenset({'person', 'walk', 'fall', 'rise', 'sit', 'sleep', 
                               'answer'})
 
 
-def event(text: str) -> Happening:
+def parse_timed_event(text: str) -> WorldEvent:
     """
     Read such as ``person anna 2.0 1.0 at 12 for 4``.
 
@@ -129,13 +129,13 @@ def event(text: str) -> Happening:
     words = words_of(match[1])
     at_s = seconds_of(match[2])
     for_s = seconds_of(match[3]) if match[3] else 0.0
-    found = happening(words)
+    found = parse_event(words)
     if match[3] and (not _HAPPENINGS[found.kind].lasts or not for_s):
         raise ValueError(f'{found.kind} lasts no time' if for_s else 'must last more than 0 s')
     return replace(found, at_s=at_s, for_s=for_s or found.for_s)
 
 
-def happening(words: list[str]) -> Happening:
+def parse_event(words: list[str]) -> WorldEvent:
     """
     Read such as ``person anna 2.0 1.0`` or, with seconds at the end, ``person anna 2 1 4``.
 
@@ -145,7 +145,7 @@ def happening(words: list[str]) -> Happening:
         words = [f'{_NODE} {words[2]}', words[1], *words[3:]]
     kind = words[0] if words else ''
     if kind not in _HAPPENINGS:
-        raise ValueError(f'{kind!r} does not happen here: write {HAPPENINGS}')
+        raise ValueError(f'{kind!r} does not happen here: write {EVENT_FORMS}')
     form, left = _HAPPENINGS[kind], words[1:]
     name = left.pop(0) if form.named and left else ''
     word = left.pop(0) if form.words and left else ''
@@ -158,7 +158,7 @@ def happening(words: list[str]) -> Happening:
         seconds = numbers.pop()
     if len(numbers) != len(form.numbers) or form.named and not name or not (
             0.0 <= seconds <= LONGEST_S):
-        raise ValueError(f'must be one of: {HAPPENINGS}')
+        raise ValueError(f'must be one of: {EVENT_FORMS}')
     if form.numbers == ('SHARE',) and not 0.0 <= numbers[0] <= 1.0:
         raise ValueError(f'a share of {numbers[0]:g}: it must be from 0 to 1')
     if form.numbers == ('SECONDS',):
@@ -166,4 +166,4 @@ def happening(words: list[str]) -> Happening:
         if not 0.0 < seconds <= LONGEST_S:
             raise ValueError(f'{seconds:g} s: it must be above 0 and at most {LONGEST_S:g}')
         numbers = []
-    return Happening(kind, name, tuple(numbers), for_s=seconds, word=word)
+    return WorldEvent(kind, name, tuple(numbers), for_s=seconds, word=word)
