@@ -15,8 +15,8 @@
 """
 What devices and modules of this package typically take, for a plan before anything is measured.
 
-The table lies beside this file and is made by ``scripts/typical_times.py``. It is no bound, and
-another machine has other times; the report says so.
+The table lies beside this file and is made by ``./scripts/bench typical_times``. It is no bound,
+and another machine has other times; the report says so.
 """
 
 from __future__ import annotations
