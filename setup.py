@@ -34,7 +34,7 @@ package_name = 'rt_robot_os'
 setup(
     name=package_name,
     version='0.1.0',
-    packages=find_packages(exclude=['test', 'test.*']),
+    packages=find_packages(include=[package_name, package_name + '.*']),
     package_data={package_name: ['py.typed', 'devices/*/page.md', 'features/*/*/page.md',
                                  'base/compiled/*.c', 'kernel/*.[ch]', 'linux/*.c', 'topics/*.c',
                                  'monitor/page/*.*', 'monitor/page/*/*.*', 'monitor/page/*/*/*.*',

@@ -125,7 +125,7 @@ choose_python() {
 # ---- the virtual environment -----------------------------------------------------------------
 
 # The table of libraries, which any Python reads.
-table() { "$1" -I "$ROOT/$PACKAGE/requirements.py" "${@:2}"; }
+table() { "$1" -I "$ROOT/$PACKAGE/base/requirements.py" "${@:2}"; }
 
 # The base alone: optional libraries are asked for by what needs them.
 has_what_runs() { can_build "$1" && [ -z "$(table "$1" missing base)" ]; }
@@ -237,7 +237,7 @@ requirements() {
 # What everything is installed from; each extra that is installed has a stamp with this sum.
 requirements_sum() {
   {
-    cat "$ROOT/$PACKAGE/requirements.py" "$ROOT"/scripts/requirements-*.txt "$ROOT/scripts/constraints-ros.txt"
+    cat "$ROOT/$PACKAGE/base/requirements.py" "$ROOT"/scripts/requirements-*.txt "$ROOT/scripts/constraints-ros.txt"
     version_of "$PYTHON"
   } | sha256sum
 }

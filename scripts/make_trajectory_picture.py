@@ -28,6 +28,7 @@ import math
 from pathlib import Path
 import random
 
+from benchmarks.trajectory.drives import eight
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.controllers import CONTROLLERS
 from rt_robot_os.motion.controllers import make_controller
@@ -39,7 +40,6 @@ from rt_robot_os.motion.spline import legs
 from rt_robot_os.motion.velocity_limits import VelocityLimits
 from rt_robot_os.sim.world.drive_base import DriveBase
 from rt_robot_os.sim.world_settings import WorldSettings
-from rt_robot_os.tools.bench.driving.drives import eight
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / 'docs' / 'images' / 'trajectory.svg'

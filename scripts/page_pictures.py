@@ -19,8 +19,8 @@ Take the pictures of the page that docs/ show, light and dark.
 
 ::
 
-    scripts/page_pictures.py                                  # of a scene of its own
-    scripts/page_pictures.py --url http://127.0.0.1:8080 --name mary < password   # of what runs
+    PYTHONPATH=. scripts/page_pictures.py                                  # of a scene of its own
+    PYTHONPATH=. scripts/page_pictures.py --url http://127.0.0.1:8080 --name mary < password   # of what runs
 
 Each is a PNG of 1280 x 800 with at most 128 colours, and so below 150 KB.
 """
@@ -35,9 +35,9 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from monitor_scene import browser_path
-from monitor_scene import ROOT
-from monitor_scene import scene
+from benchmarks.commands.monitor_scene import browser_path
+from benchmarks.commands.monitor_scene import ROOT
+from benchmarks.commands.monitor_scene import scene
 from PIL import Image
 from playwright.sync_api import sync_playwright
 

@@ -31,7 +31,7 @@ def _header() -> str:
 
 def _sources() -> list[Path]:
     found = [ROOT / 'setup.py']
-    for folder in ('rt_robot_os', 'test', 'examples'):
+    for folder in ('rt_robot_os', 'benchmarks', 'test', 'examples'):
         found += sorted((ROOT / folder).rglob('*.py'))
     for folder in ('scripts', '.ci'):
         found += [path for path in sorted((ROOT / folder).iterdir())

@@ -89,7 +89,7 @@ CORE_KNOWS_OF_DEVICES = ('device', 'manager', 'registry', 'service', 'simulators
 
 # library -> the only places that may import it
 LIBRARIES = {
-    'rclpy': (f'{PACKAGE}.ros', f'{PACKAGE}.tools.bench.peers'),
+    'rclpy': (f'{PACKAGE}.ros', f'{PACKAGE}.tools.bench.cases', f'{PACKAGE}.tools.bench.subjects'),
     'ctypes': (f'{PACKAGE}.linux',),
     'serial': (f'{PACKAGE}.devices.serial.transport', f'{PACKAGE}.sim'),
     'cv2': (f'{PACKAGE}.devices.capture.pictures',),
@@ -110,7 +110,7 @@ LIBRARIES = {
     'sqlalchemy': (f'{PACKAGE}.monitor',),
     'starlette': (f'{PACKAGE}.monitor',),
     'uvicorn': (f'{PACKAGE}.monitor',),
-    'websockets': (f'{PACKAGE}.gateway', f'{PACKAGE}.tools.bench.workers.gateway'),
+    'websockets': (f'{PACKAGE}.gateway',),
 }
 
 
@@ -277,7 +277,7 @@ def test_every_program_is_the_thin_main_of_its_part() -> None:
 
 def test_an_import_is_of_one_name_and_of_a_module_by_its_package() -> None:
     files = dict(_modules())
-    for folder in ('test', 'scripts'):
+    for folder in ('benchmarks', 'scripts', 'test'):
         for path in sorted((ROOT / folder).rglob('*.py')):
             files[str(path.relative_to(ROOT))] = _read(path)
     odd = []

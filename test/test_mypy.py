@@ -22,7 +22,8 @@ import sys
 from background import Reading
 import pytest
 
-MYPY = Reading(sys.executable, '-m', 'mypy', '--config-file', 'setup.cfg', 'rt_robot_os')
+MYPY = Reading(sys.executable, '-m', 'mypy', '--config-file', 'setup.cfg', 'rt_robot_os',
+               'benchmarks')
 
 
 @pytest.mark.linter

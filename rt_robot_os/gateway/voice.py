@@ -208,7 +208,7 @@ class Voice(Part):
 
 
 def _note_time(said: Mapping[str, Any]) -> None:
-    """Write when a sample of a made sound was spoken, for scripts/measure_media.py."""
+    """Write when a sample of a made sound was spoken, for benchmarks/commands/measure_media.py."""
     path = os.environ.get(_TIMES)
     if path:
         with open(path, 'a') as file:

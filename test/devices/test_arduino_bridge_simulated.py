@@ -25,7 +25,12 @@ import math
 from pathlib import Path
 from typing import Any
 
+from benchmarks.devices.transcript import Board
+from benchmarks.devices.transcript import Cable
+from benchmarks.devices.transcript import Line
+from benchmarks.devices.transcript import read
 import pytest
+
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.arduino_bridge import wire
@@ -35,10 +40,6 @@ from rt_robot_os.sim.base import Site
 from rt_robot_os.sim.world.world import World
 from rt_robot_os.sim.world_settings import OPEN_FLOOR
 from rt_robot_os.sim.world_settings import WorldSettings
-from rt_robot_os.tools.bench.agreement.transcript import Board
-from rt_robot_os.tools.bench.agreement.transcript import Cable
-from rt_robot_os.tools.bench.agreement.transcript import Line
-from rt_robot_os.tools.bench.agreement.transcript import read
 
 START_NS = 100 * NS_PER_S
 PING_END_NS = 7893 * NS_PER_MS

@@ -21,22 +21,19 @@ Bounds are about half as much again as what was measured (docs/attitude.md).
 from __future__ import annotations
 
 from pathlib import Path
-import sys
 
+from benchmarks.attitude_comparison import known
+from benchmarks.attitude_comparison import recordings
+from benchmarks.attitude_comparison.errors import errors_of
+from benchmarks.attitude_comparison.errors import headings
+from benchmarks.attitude_comparison.errors import tilts
+from benchmarks.attitude_comparison.peers import Peer
+from benchmarks.attitude_comparison.peers import PEERS
+from benchmarks.attitude_comparison.recordings import Recording
 import numpy as np
 import pytest
+
 from rt_robot_os.base.errors import ConfigError
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'scripts'))
-
-from attitude_comparison import known  # noqa: E402, I100
-from attitude_comparison import recordings  # noqa: E402
-from attitude_comparison.errors import errors_of  # noqa: E402
-from attitude_comparison.errors import headings  # noqa: E402
-from attitude_comparison.errors import tilts  # noqa: E402
-from attitude_comparison.peers import Peer  # noqa: E402
-from attitude_comparison.peers import PEERS  # noqa: E402
-from attitude_comparison.recordings import Recording  # noqa: E402
 
 OURS = [peer for peer in PEERS if peer.name in ('mahony', 'vqf')]
 

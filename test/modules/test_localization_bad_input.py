@@ -19,17 +19,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from benchmarks.localization.plant import DT_S
+from benchmarks.localization.plant import off
 from localization_bench import Bench
 from localization_bench import far_robot
 from localization_bench import POSE
 import pytest
+
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.navigation.localization import Localization
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.testing.module_bench import ModuleBench
-from rt_robot_os.tools.bench.localization.plant import DT_S
-from rt_robot_os.tools.bench.localization.plant import off
 from rt_robot_os.topics import Publisher
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')

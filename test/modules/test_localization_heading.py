@@ -19,18 +19,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from benchmarks.localization.plant import off
+from benchmarks.localization.plant import Robot
+from benchmarks.localization.plant import turned
+from benchmarks.localization.recording import Line
+from benchmarks.localization.replay import replay
 from localization_bench import Bench
 from localization_bench import far_robot
 import pytest
+
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.quaternion import conjugate
 from rt_robot_os.motion.quaternion import multiply
 from rt_robot_os.motion.quaternion import rotate
-from rt_robot_os.tools.bench.localization.plant import off
-from rt_robot_os.tools.bench.localization.plant import Robot
-from rt_robot_os.tools.bench.localization.plant import turned
-from rt_robot_os.tools.bench.localization.recording import Line
-from rt_robot_os.tools.bench.localization.replay import replay
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
 

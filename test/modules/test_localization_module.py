@@ -18,10 +18,18 @@ from __future__ import annotations
 
 import math
 
+from benchmarks.localization.plant import DT_S
+from benchmarks.localization.plant import eight
+from benchmarks.localization.plant import off
+from benchmarks.localization.plant import RADIUS_M
+from benchmarks.localization.plant import Robot
+from benchmarks.localization.plant import SEPARATION_M
+from benchmarks.localization.plant import turned
 from localization_bench import Bench
 from localization_bench import far_robot
 from localization_bench import pose_of
 import pytest
+
 from rt_robot_os.base.reports import formatted
 from rt_robot_os.base.reports import Reports
 from rt_robot_os.base.units import NS_PER_S
@@ -32,13 +40,6 @@ from rt_robot_os.motion.poses import composed
 from rt_robot_os.sim.world.drive_base import DriveBase
 from rt_robot_os.sim.world.drive_base import STEP_NS
 from rt_robot_os.sim.world_settings import WorldSettings
-from rt_robot_os.tools.bench.localization.plant import DT_S
-from rt_robot_os.tools.bench.localization.plant import eight
-from rt_robot_os.tools.bench.localization.plant import off
-from rt_robot_os.tools.bench.localization.plant import RADIUS_M
-from rt_robot_os.tools.bench.localization.plant import Robot
-from rt_robot_os.tools.bench.localization.plant import SEPARATION_M
-from rt_robot_os.tools.bench.localization.plant import turned
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
 

@@ -19,18 +19,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from benchmarks.localization.plant import off
+from benchmarks.localization.plant import turned
 from localization_bench import Bench
 from localization_bench import far_robot
 from localization_bench import pose_of
 import pytest
+
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.reports import formatted
 from rt_robot_os.base.reports import Reports
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.poses import composed
-from rt_robot_os.tools.bench.localization.plant import off
-from rt_robot_os.tools.bench.localization.plant import turned
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
 

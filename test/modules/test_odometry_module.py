@@ -19,6 +19,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from benchmarks.localization.plant import DT_S
+from benchmarks.localization.plant import eight
+from benchmarks.localization.plant import off
+from benchmarks.localization.plant import RADIUS_M
+from benchmarks.localization.plant import Robot
+from benchmarks.localization.plant import SEPARATION_M
+from benchmarks.localization.plant import turned
 import pytest
 
 from rt_robot_os.base.errors import ConfigError
@@ -27,13 +34,6 @@ from rt_robot_os.features.navigation.odometry import Odometry
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.testing.module_bench import ModuleBench
-from rt_robot_os.tools.bench.localization.plant import DT_S
-from rt_robot_os.tools.bench.localization.plant import eight
-from rt_robot_os.tools.bench.localization.plant import off
-from rt_robot_os.tools.bench.localization.plant import RADIUS_M
-from rt_robot_os.tools.bench.localization.plant import Robot
-from rt_robot_os.tools.bench.localization.plant import SEPARATION_M
-from rt_robot_os.tools.bench.localization.plant import turned
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
 

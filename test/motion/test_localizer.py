@@ -19,10 +19,15 @@ from __future__ import annotations
 import math
 import random
 
+from benchmarks.localization.simulation import rms
+from benchmarks.localization.simulation import Scenario
+from benchmarks.localization.simulation import simulate
+from benchmarks.localization.simulation import Trace
 from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
+
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.ekf import UNKNOWN_VARIANCE
 from rt_robot_os.motion.localizer import fix_covariance
@@ -31,10 +36,6 @@ from rt_robot_os.motion.localizer import Tuning
 from rt_robot_os.motion.pose_history import Fix
 from rt_robot_os.motion.pose_history import Step
 from rt_robot_os.motion.poses import composed
-from rt_robot_os.tools.bench.localization.simulation import rms
-from rt_robot_os.tools.bench.localization.simulation import Scenario
-from rt_robot_os.tools.bench.localization.simulation import simulate
-from rt_robot_os.tools.bench.localization.simulation import Trace
 
 SEEDS = range(1, 6)
 MS = 1_000_000

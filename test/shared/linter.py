@@ -36,7 +36,7 @@ class Linter:
         self._is_finding = is_finding
         self._reading = Reading(
             sys.executable, '-c', f'import sys; from {name}.main import main; sys.exit(main())',
-            'rt_robot_os', 'test', 'examples', 'setup.py')
+            'rt_robot_os', 'benchmarks', 'test', 'examples', 'setup.py')
 
     def check(self) -> None:
         """Fail with what it finds."""

@@ -22,6 +22,7 @@ import struct
 import subprocess
 from typing import Any
 
+from benchmarks.slam.drives import Drive
 import numpy as np
 from processes import GUARD_YAML
 from processes import start_core
@@ -33,7 +34,6 @@ from rt_robot_os.features.mapping.process.intake import Sighting
 from rt_robot_os.features.mapping.slam.deskew import LaserMount
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.cdr import LITTLE_ENDIAN
-from rt_robot_os.tools.bench.slam_drives import Drive
 
 TOPICS = {
     'scan': ('sensor_msgs/msg/LaserScan', '{header.frame_id: base_link, ranges: 180}', 0),

@@ -27,6 +27,7 @@ import math
 import os
 from pathlib import Path
 import sys
+import textwrap
 from typing import NoReturn
 
 from rt_robot_os.settings.ros_args import split
@@ -36,6 +37,7 @@ from rt_robot_os.tools.bench.output import DOCUMENT_FILE
 from rt_robot_os.tools.bench.output import PAGE_FILE
 from rt_robot_os.tools.bench.processes import alone
 from rt_robot_os.tools.bench.processes import lock_path
+from rt_robot_os.tools.bench.registry import SOURCE_ONLY
 
 _DEFAULT = Options(2.0, 3)
 _QUICK = Options(0.5, 1, quick=True)
@@ -45,6 +47,7 @@ _DOCS = Options(0.5, 5, quick=True, docs=True)
 _SECONDS = (0.1, 86_400.0)
 _HOURS = (0.001, 1000.0)
 _REPEATS_MAXIMUM = 1000
+_WIDTH = 99
 _HOURS_CASE = 'stability'
 # With --full and an hour or more it simulates an hour.
 _HOUR_CASE = 'slam'
@@ -104,7 +107,8 @@ def _parser(cases: Mapping[str, Case]) -> _Parser:
         prog='bench', formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Measure rt_robot_os on this machine, beside rclpy, HORUS and threads.',
         epilog='cases:\n' + ''.join(
-            f'  {case.name:<12} {case.title}\n' for case in cases.values()) + '\n' + _EPILOG)
+            f'  {case.name:<12} {case.title}\n' for case in cases.values()) + _not_here(cases)
+        + '\n' + _EPILOG)
     parser.add_argument('case', nargs='*', help='what to measure (default: all)')
     length = parser.add_mutually_exclusive_group()
     length.add_argument('--quick', action='store_true',
@@ -123,7 +127,7 @@ def _parser(cases: Mapping[str, Case]) -> _Parser:
                         '1 or more, slam simulates an hour')
     parser.add_argument('--data', metavar='FILE', type=Path,
                         help='a recording of yours, for the case that is named: '
-                        f'{", ".join(case.name for case in cases.values() if case.takes_data)}')
+                        f'{_readers(cases)}')
     parser.add_argument('--expected', metavar='FILE', type=Path,
                         help='what others make of it, as JSON (default: NAME.expected.json beside '
                         'it, if there is one)')
@@ -254,9 +258,24 @@ def goes_on(request: Request) -> bool:
     return request.out is not None and [case.name for case in request.cases] == [_HOURS_CASE]
 
 
+def _readers(cases: Mapping[str, Case]) -> str:
+    return (', '.join(case.name for case in cases.values() if case.takes_data)
+            or 'none of the installed ones reads a recording')
+
+
+def _not_here(cases: Mapping[str, Case]) -> str:
+    """Return a line that names the cases of the source tree, where that is not here."""
+    missing = ', '.join(name for name in SOURCE_ONLY if name not in cases)
+    return textwrap.fill(f'Only in the source tree, by ./scripts/bench: {missing}.', _WIDTH,
+                         initial_indent='  ', subsequent_indent='  ') + '\n' if missing else ''
+
+
 def _case(parser: _Parser, name: str, cases: Mapping[str, Case]) -> Case:
     if name in cases:
         return cases[name]
+    if name in SOURCE_ONLY:
+        parser.error(f'case {name!r} is not installed; it is in benchmarks/ of the source tree: '
+                     f'run ./scripts/bench {name} there')
     close = get_close_matches(name, cases, 1)
     hint = f'did you mean {close[0]}?' if close else f'there are {", ".join(cases)}'
     parser.error(f'no case {name!r}; {hint}')

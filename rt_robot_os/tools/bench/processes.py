@@ -40,6 +40,8 @@ from rt_robot_os.tools.bench.child import read_result
 from rt_robot_os.tools.bench.child import RESULT_FILE
 from rt_robot_os.tools.bench.result import Status
 
+#: Where this package lies; in the source tree, the folder ``benchmarks`` is there as well.
+ROOT = Path(__file__).resolve().parents[3]
 _LOG_FILE = 'output.log'
 _PATIENCE_S = 30.0     # beyond what a run is expected to take
 _END_S = 5.0           # to end after the result is there, and after SIGTERM
@@ -67,7 +69,8 @@ def free_domain(shared_memory: Path = Path('/dev/shm')) -> int:
 
 def environment(folder: Path, build: str = '') -> dict[str, str]:
     """Make the environment of a child: a ROS domain, logs and sockets of its own, its build."""
-    return {**builds.environment(os.environ, build), **_ENVIRONMENT,
+    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get('PYTHONPATH'))))
+    return {**builds.environment(os.environ, build), **_ENVIRONMENT, 'PYTHONPATH': path,
             'ROS_DOMAIN_ID': str(free_domain()),
             'ROS_LOG_DIR': str(folder), 'RT_ROBOT_OS_RUNTIME_DIR': str(folder / 'run')}
 

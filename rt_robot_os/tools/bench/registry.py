@@ -12,44 +12,57 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""All cases, in the order in which they run; a new one is a file in ``cases`` and a name here."""
+"""
+All cases, in the order in which they run.
+
+Installed are those that show what the package promises, and those that qualify a machine. The
+others are in the folder ``benchmarks`` of the source tree, and are found where that is.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+import sys
 from types import MappingProxyType
 
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.cases import capture
-from rt_robot_os.tools.bench.cases import control
-from rt_robot_os.tools.bench.cases import delay
-from rt_robot_os.tools.bench.cases import devices
-from rt_robot_os.tools.bench.cases import emergency
-from rt_robot_os.tools.bench.cases import frequency
-from rt_robot_os.tools.bench.cases import gateway
-from rt_robot_os.tools.bench.cases import kernel
-from rt_robot_os.tools.bench.cases import load
-from rt_robot_os.tools.bench.cases import localization
-from rt_robot_os.tools.bench.cases import micro
-from rt_robot_os.tools.bench.cases import mirror
-from rt_robot_os.tools.bench.cases import network
-from rt_robot_os.tools.bench.cases import overload
-from rt_robot_os.tools.bench.cases import preemption
-from rt_robot_os.tools.bench.cases import reaction
-from rt_robot_os.tools.bench.cases import routing
-from rt_robot_os.tools.bench.cases import serial
-from rt_robot_os.tools.bench.cases import sink
-from rt_robot_os.tools.bench.cases import slam
-from rt_robot_os.tools.bench.cases import spacing
-from rt_robot_os.tools.bench.cases import stability
-from rt_robot_os.tools.bench.cases import start
-from rt_robot_os.tools.bench.cases import throughput
-from rt_robot_os.tools.bench.cases import trajectory
-from rt_robot_os.tools.bench.cases import wakeup
+from rt_robot_os.tools.bench.cases.kernel import case as kernel
+from rt_robot_os.tools.bench.cases.mirror import case as mirror
+from rt_robot_os.tools.bench.cases.overload import case as overload
+from rt_robot_os.tools.bench.cases.preemption import case as preemption
+from rt_robot_os.tools.bench.cases.spacing import case as spacing
+from rt_robot_os.tools.bench.cases.stability import case as stability
+from rt_robot_os.tools.bench.cases.wakeup import case as wakeup
+from rt_robot_os.tools.bench.processes import ROOT
 
-CASES: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
-    frequency.CASE, delay.CASE, load.CASE, stability.CASE, preemption.CASE, overload.CASE,
-    serial.CASE, sink.CASE, reaction.CASE, emergency.CASE, trajectory.CASE, mirror.CASE,
-    capture.CASE, gateway.CASE, wakeup.CASE, throughput.CASE, kernel.CASE, micro.CASE,
-    spacing.CASE, localization.CASE, control.CASE, devices.CASE, routing.CASE, network.CASE,
-    slam.CASE, start.START, start.MEMORY)})
+INSTALLED: Mapping[str, Case] = MappingProxyType({case.name: case for case in (
+    stability.CASE, preemption.CASE, overload.CASE, mirror.CASE, wakeup.CASE, kernel.CASE,
+    spacing.CASE)})
+#: Of the installed cases and those of the source tree.
+ORDER = (
+    'frequency', 'delay', 'load', 'stability', 'preemption', 'overload', 'serial', 'sink',
+    'reaction', 'emergency', 'trajectory', 'mirror', 'capture', 'gateway', 'wakeup', 'throughput',
+    'kernel', 'micro', 'spacing', 'localization', 'control', 'devices', 'routing', 'network',
+    'slam', 'start', 'memory')
+SOURCE_ONLY = tuple(name for name in ORDER if name not in INSTALLED)
+_FURTHER = 'benchmarks.registry'
+
+
+def cases(root: Path = ROOT) -> Mapping[str, Case]:
+    """Return the cases that can run here: the installed ones, in a source tree all."""
+    known = {**INSTALLED, **_further(root)}
+    return {name: known[name] for name in ORDER if name in known}
+
+
+def _further(root: Path) -> Mapping[str, Case]:
+    if not root.joinpath(*_FURTHER.split('.')).with_suffix('.py').is_file():
+        return {}
+    if str(root) not in sys.path:
+        sys.path.append(str(root))
+    found: Mapping[str, Case] = import_module(_FURTHER).CASES
+    return found
+
+
+CASES = cases()

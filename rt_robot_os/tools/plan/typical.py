@@ -15,8 +15,8 @@
 """
 What devices and modules of this package typically take, for a plan before anything is measured.
 
-The table is next to this file and is made by ``scripts/typical_times.py``. It is no bound, and
-another machine has other times; the report states that.
+The table is next to this file and is made by ``./scripts/bench typical_times``. It is not a bound,
+and another machine has other times; the report states that.
 """
 
 from __future__ import annotations

@@ -27,12 +27,12 @@ pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
 from mapping_robot import Beside  # noqa: E402, I100
 from mapping_robot import sightings_of  # noqa: E402
 
+from benchmarks.slam.drives import Drive  # noqa: E402, I100
+from benchmarks.slam.drives import flat_drive  # noqa: E402
+from benchmarks.slam.drives import FLAT_WAY  # noqa: E402
 from rt_robot_os.features.mapping.process.engine import Engine  # noqa: E402
 from rt_robot_os.features.mapping.process.intake import Sighting  # noqa: E402
 from rt_robot_os.features.mapping.process.settings import MappingSettings  # noqa: E402
-from rt_robot_os.tools.bench.slam_drives import Drive  # noqa: E402
-from rt_robot_os.tools.bench.slam_drives import flat_drive  # noqa: E402
-from rt_robot_os.tools.bench.slam_drives import FLAT_WAY  # noqa: E402
 
 
 @pytest.fixture(scope='session')

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from benchmarks.slam.drives import Drive
 from mapping_robot import sightings_of
 import numpy as np
 import pytest
@@ -33,7 +34,6 @@ from rt_robot_os.features.mapping.process.settings import MAPPING
 from rt_robot_os.features.mapping.slam.transforms import between
 from rt_robot_os.features.mapping.slam.transforms import composed
 from rt_robot_os.features.mapping.slam.transforms import Floats
-from rt_robot_os.tools.bench.slam_drives import Drive
 
 
 def off_m(place: Place, truth: Floats) -> float:

@@ -22,6 +22,7 @@ from pathlib import Path
 import time
 from typing import Any
 
+from benchmarks.slam.drives import Drive
 from mapping_robot import Beside
 from mapping_robot import odometry_message
 from mapping_robot import scan_message
@@ -36,7 +37,6 @@ from rt_robot_os.features.mapping.slam.archive import load
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.cdr import string_message
-from rt_robot_os.tools.bench.slam_drives import Drive
 
 ORIGIN = MappingSettings(start='origin', fix_topic='', state_period_s=1.0, map_period_s=0.1)
 

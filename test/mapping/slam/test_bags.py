@@ -33,14 +33,14 @@ rosbag2 = pytest.importorskip('rosbags.rosbag2', reason='rosbags is not installe
 from rosbags.typesys import get_typestore  # noqa: E402
 from rosbags.typesys import Stores  # noqa: E402
 
+from benchmarks.slam.drives import Drive  # noqa: E402, I100
+from benchmarks.slam.drives import flat_drive  # noqa: E402
 from rt_robot_os.base.errors import ConfigError  # noqa: E402
 from rt_robot_os.features.mapping.process.bags.bag_log import BagLog  # noqa: E402
 from rt_robot_os.features.mapping.process.bags.bag_log import BagOptions  # noqa: E402
 from rt_robot_os.features.mapping.process.command import run  # noqa: E402
 from rt_robot_os.features.mapping.process.sources import laser_mount  # noqa: E402
 from rt_robot_os.features.mapping.slam.scan import Scan  # noqa: E402
-from rt_robot_os.tools.bench.slam_drives import Drive  # noqa: E402
-from rt_robot_os.tools.bench.slam_drives import flat_drive  # noqa: E402
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 WAY = ((3.44, 1.0), (4.1, 1.05), (4.2, 1.5))

@@ -24,6 +24,11 @@ import pytest
 
 pytest.importorskip('scipy', reason='scipy is not installed')
 
+from benchmarks.slam.drives import flat_drive  # noqa: E402, I100
+from benchmarks.slam.drives import FLAT_WAY  # noqa: E402
+from benchmarks.slam.drives import shipped_map  # noqa: E402
+from benchmarks.slam.restart_trials import Conditions  # noqa: E402
+from benchmarks.slam.restart_trials import restart_trials  # noqa: E402
 from rt_robot_os.base.errors import ConfigError  # noqa: E402
 from rt_robot_os.features.mapping.slam import place_search  # noqa: E402
 from rt_robot_os.features.mapping.slam.finding import Finder  # noqa: E402
@@ -36,11 +41,6 @@ from rt_robot_os.features.mapping.slam.transforms import composed  # noqa: E402
 from rt_robot_os.features.mapping.slam.transforms import Floats  # noqa: E402
 from rt_robot_os.motion.grid_map import GridMap  # noqa: E402
 from rt_robot_os.motion.walls import Walls  # noqa: E402
-from rt_robot_os.tools.bench.restart_trials import Conditions  # noqa: E402
-from rt_robot_os.tools.bench.restart_trials import restart_trials  # noqa: E402
-from rt_robot_os.tools.bench.slam_drives import flat_drive  # noqa: E402
-from rt_robot_os.tools.bench.slam_drives import FLAT_WAY  # noqa: E402
-from rt_robot_os.tools.bench.slam_drives import shipped_map  # noqa: E402
 
 SECOND_NS = 1_000_000_000
 

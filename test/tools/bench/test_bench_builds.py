@@ -21,6 +21,10 @@ from dataclasses import replace
 import os
 from pathlib import Path
 
+from benchmarks.delay.subjects import DELAY
+from benchmarks.delay.subjects import SLEEPING
+from benchmarks.delay.subjects import WAITING
+from benchmarks.delay.subjects import WARM
 import numpy as np
 import pytest
 
@@ -44,10 +48,6 @@ from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Verdict
 from rt_robot_os.tools.bench.text_report import case_lines
-from rt_robot_os.tools.bench.workers.delay import DELAY
-from rt_robot_os.tools.bench.workers.delay import SLEEPING
-from rt_robot_os.tools.bench.workers.delay import WAITING
-from rt_robot_os.tools.bench.workers.delay import WARM
 
 ROOT = Path(__file__).resolve().parents[3]
 OPTIONS = Options(0.5, 2, quick=True)

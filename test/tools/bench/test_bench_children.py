@@ -106,7 +106,8 @@ def test_a_peer_that_is_not_installed_is_missing_and_no_failure(
 def test_a_program_that_is_not_installed_is_missing_with_its_remedy(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / 'without.py').write_text(
-        'from rt_robot_os.tools.bench.workers import wakeup\n\n\ndef work(harness):\n'
+        'from rt_robot_os.tools.bench.cases.wakeup import subjects as wakeup\n\n\n'
+        'def work(harness):\n'
         '    wakeup._PATH = "/nowhere"\n    return wakeup.cyclictest(harness)\n')
     monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{os.environ["PYTHONPATH"]}')
     outcome = measure(replace(_gentle(_first('wakeup', 'cyclictest')), worker='without:work'))
@@ -144,9 +145,9 @@ def test_short_real_runs_can_be_evaluated(name: str, key: str) -> None:
 
 
 def test_a_worker_that_does_not_exist_has_failed_and_says_so() -> None:
-    outcome = measure(Run('x', 'x', 'rt_robot_os.tools.bench.workers.none:nothing', {}, 1.0))
+    outcome = measure(Run('x', 'x', 'rt_robot_os.tools.bench.cases.none:nothing', {}, 1.0))
     assert outcome.status is Status.FAILED
-    assert 'rt_robot_os.tools.bench.workers.none' in outcome.reason
+    assert 'rt_robot_os.tools.bench.cases.none' in outcome.reason
 
 
 def test_a_child_that_crashes_gives_its_code_and_its_last_words(

@@ -34,9 +34,9 @@ from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
-from rt_robot_os.tools.bench.cases.preemption import BUSY_NS
-from rt_robot_os.tools.bench.cases.preemption import BUSY_PERIOD_NS
-from rt_robot_os.tools.bench.cases.preemption import PERIOD_NS
+from rt_robot_os.tools.bench.cases.preemption.case import BUSY_NS
+from rt_robot_os.tools.bench.cases.preemption.case import BUSY_PERIOD_NS
+from rt_robot_os.tools.bench.cases.preemption.case import PERIOD_NS
 from rt_robot_os.tools.bench.command import run
 from rt_robot_os.tools.bench.method import BY_HAND
 from rt_robot_os.tools.bench.progress import Progress

@@ -27,13 +27,13 @@ from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import PURE
 from rt_robot_os.tools.bench.case import Run
-from rt_robot_os.tools.bench.cases.spacing import CASE
-from rt_robot_os.tools.bench.cases.spacing import SPACINGS_US
+from rt_robot_os.tools.bench.cases.spacing import subjects as spacing
+from rt_robot_os.tools.bench.cases.spacing.case import CASE
+from rt_robot_os.tools.bench.cases.spacing.case import SPACINGS_US
+from rt_robot_os.tools.bench.cases.spacing.subjects import tasks_at
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Verdict
-from rt_robot_os.tools.bench.workers import spacing
-from rt_robot_os.tools.bench.workers.spacing import tasks_at
 
 MS = 1_000_000
 OPTIONS = Options(1.0, 3)

@@ -25,15 +25,15 @@ import pytest
 from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
-from rt_robot_os.tools.bench.cases.stability import CASE
+from rt_robot_os.tools.bench.cases.stability.case import CASE
+from rt_robot_os.tools.bench.cases.stability.motion import Filter
+from rt_robot_os.tools.bench.cases.stability.motion import Sensor
+from rt_robot_os.tools.bench.cases.stability.motion import truth
+from rt_robot_os.tools.bench.cases.stability.subjects import COLUMNS
+from rt_robot_os.tools.bench.cases.stability.subjects import measured_s
+from rt_robot_os.tools.bench.cases.stability.subjects import Notes
+from rt_robot_os.tools.bench.cases.stability.subjects import read_csv
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.workers.motion import Filter
-from rt_robot_os.tools.bench.workers.motion import Sensor
-from rt_robot_os.tools.bench.workers.motion import truth
-from rt_robot_os.tools.bench.workers.stability import COLUMNS
-from rt_robot_os.tools.bench.workers.stability import measured_s
-from rt_robot_os.tools.bench.workers.stability import Notes
-from rt_robot_os.tools.bench.workers.stability import read_csv
 
 ROW = ','.join(['6.0', '1000.0', '400.0', '200.0', '20.0', '55.0', '0.05', '1', '30000', '0', '0',
                 '10', '0'])

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The cases: what is run, and what is made of the samples; one file a case."""
+"""The installed cases, a folder each; those of developers are in `benchmarks/` of the sources."""
