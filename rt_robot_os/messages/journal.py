@@ -146,5 +146,5 @@ class JournalReply:
 
 
 _REPLIES: Final = frozenset({'record', 'restored', 'stored', 'resend', 'low', 'fault'})
-JOURNAL_RECORD: Final = Codec(JournalRecord)
+JOURNAL_RECORD: Final = Codec(JournalRecord, missing={'number': 0, 'event_seq': 0})
 JOURNAL_REPLY: Final = Codec(JournalReply)
