@@ -91,6 +91,7 @@ class Codec(Generic[T]):
     :param keys: in JSON, where they are not the names of the fields.
     :param missing: what fields without a default are when JSON lacks them.
     :ivar fields: of the class, in its order.
+    :ivar refuses_unknown: as given.
     :ivar read: makes a message of a JSON object; a ``ValueError`` names the field, its value and
         what it must be.
     """
@@ -99,6 +100,7 @@ class Codec(Generic[T]):
                  keys: Mapping[str, str] = MappingProxyType({}),
                  missing: Mapping[str, Any] = MappingProxyType({})) -> None:
         self._cls = cls
+        self.refuses_unknown = refuses_unknown
         hints = get_type_hints(cls, include_extras=True)
         made, self._others = [], []
         for each in fields(cls):  # type: ignore[arg-type]

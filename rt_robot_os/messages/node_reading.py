@@ -45,7 +45,9 @@ class NodeReading:
 
     :ivar name: from the survey, else ``node`` and its number.
     :ivar id: its number.
-    :ivar x: position in the map; so are y and z.
+    :ivar x: position in the map.
+    :ivar y: as x.
+    :ivar z: as x.
     :ivar stddev_m: of the position; 0 when it was surveyed.
     :ivar parent: the next node on the route to the sink; -1 when not known.
     :ivar hops: to the sink.
