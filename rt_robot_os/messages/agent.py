@@ -18,13 +18,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+import json
 import math
 from typing import Annotated
 from typing import Any
 from typing import Final
 
+from rt_robot_os.messages.codec import Codec
 from rt_robot_os.messages.fields import Choice
-from rt_robot_os.messages.fields import Codec
 from rt_robot_os.messages.fields import compact
 from rt_robot_os.messages.fields import OneOf
 from rt_robot_os.messages.fields import parse_object
@@ -178,20 +179,33 @@ class Observation:
     :ivar subject: the person, room or device concerned.
     :ivar kind: what was recorded.
     :ivar text: about it, for people.
-    :ivar problem: why nothing was recorded; left out when it was.
-    :ivar file: with the picture or clip; left out without.
+    :ivar t_ns: the end of what was recorded, on the clock of the core that published it.
     :ivar level_db: mean level of sound; left out without a microphone.
     :ivar loudest_db: highest level of sound.
+    :ivar problem: why nothing was recorded; left out when it was.
+    :ivar file: with the picture or clip; left out without.
     """
 
     alarm: Annotated[str, Text(200)]
     subject: Annotated[str, Text(200)]
     kind: Annotated[str, OneOf(tuple(OBSERVATION_KINDS))]
     text: Annotated[str, Text(500)] = ''
-    problem: Annotated[str, Text(500)] = ''
-    file: Annotated[str, Text(500)] = ''
+    t_ns: Annotated[int, Whole(unit='ns')] = 0
     level_db: Annotated[float, Real(unit='dB')] = math.nan
     loudest_db: Annotated[float, Real(unit='dB')] = math.nan
+    problem: Annotated[str, Text(500)] = ''
+    file: Annotated[str, Text(500)] = ''
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as a JSON object; what is empty or not known is left out."""
+        found: dict[str, Any] = {each.key: getattr(self, each.key) for each in OBSERVATION.fields}
+        return {key: value for key, value in found.items()
+                if value and not (isinstance(value, float) and not math.isfinite(value))
+                or key in ('level_db', 'loudest_db') and math.isfinite(value)}
+
+    def to_json(self) -> str:
+        """Return it as JSON."""
+        return json.dumps(self.to_dict(), separators=(',', ':'))
 
     @classmethod
     def from_dict(cls, found: Mapping[str, Any]) -> Observation:

@@ -13,30 +13,37 @@
 # limitations under the License.
 
 """
-Commands about alarms, in plain words.
+Commands about alarms, as text in a ``std_msgs/msg/String``.
 
 ::
 
     acknowledge ID by NAME [why]       acknowledge all by NAME
     resolve ID by NAME [reason]
-    cancel ID by NAME [why]            cancel all by NAME    only what is suspected
+    cancel ID by NAME [why]            cancel all by NAME    suspected alarms only
     confirm ID by NAME [why]
-    escalate ID by NAME [why]          the next step is told now
-    note ID by NAME text               goes with the notifications that follow
+    escalate ID by NAME [why]          notifies the next step immediately
+    note ID by NAME text               is part of the notifications that follow
     test [LEVEL] by NAME
-    silence [SECONDS] by NAME          the robot's voice, for a while
+    silence [SECONDS] by NAME          mutes the robot's voice
 
 ``ID`` is the number of an alarm, or its subject where that has one alarm only.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 import math
+from typing import Annotated
 from typing import Final
-from typing import NamedTuple
 
 from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.cause import LEVEL_WORDS
 from rt_robot_os.messages.cause import LEVELS
+from rt_robot_os.messages.codec import Codec
+from rt_robot_os.messages.fields import Choice
+from rt_robot_os.messages.fields import OneOf
+from rt_robot_os.messages.fields import Real
+from rt_robot_os.messages.fields import Text
 
 ALL: Final = 'all'
 ACKNOWLEDGE, RESOLVE, CANCEL, CONFIRM, ESCALATE, NOTE, TEST, SILENCE = VERBS = (
@@ -45,30 +52,44 @@ _LONGEST: Final = 400
 _LONGEST_NAME: Final = 64
 _LONGEST_WHY: Final = 120
 _SILENCE_S: Final = 60.0
+_SILENCE_MOST_S: Final = 86_400.0
 
 
-class AlarmCommand(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class AlarmCommand:
     """
-    A command.
+    A command about an alarm, or about all.
 
-    :ivar target: the alarm that it names, or ``all``.
+    :ivar verb: what to do.
+    :ivar target: identifier or subject of the alarm, or ``all``; empty for a test and a silence.
+    :ivar by: the person, or the robot's module, that gives the command.
+    :ivar why: the reason, or the text of a note.
     :ivar level: of a test.
-    :ivar seconds: of a silence.
+    :ivar seconds: duration of a silence.
     """
 
-    verb: str
-    target: str
-    by: str
-    why: str = ''
-    level: Level = Level.TECHNICAL
-    seconds: float = 0.0
+    verb: Annotated[str, OneOf(VERBS)]
+    target: Annotated[str, Text(_LONGEST)]
+    by: Annotated[str, Text(_LONGEST_NAME, 1)]
+    why: Annotated[str, Text(_LONGEST_WHY)] = ''
+    level: Annotated[Level, Choice(LEVELS)] = Level.TECHNICAL
+    seconds: Annotated[float, Real(0.0, _SILENCE_MOST_S, 's')] = 0.0
+
+    def to_text(self) -> str:
+        """Return it as text."""
+        about = self.target
+        if self.verb == TEST:
+            about = LEVEL_WORDS[self.level]
+        elif self.verb == SILENCE:
+            about = repr(self.seconds)
+        return ' '.join(filter(None, (self.verb, about, 'by', self.by, self.why)))
 
 
 def parse_command(text: str) -> AlarmCommand:
     """
-    Read a command.
+    Parse a command.
 
-    :raises ValueError: with what is wrong and what would be right.
+    :raises ValueError: with what is wrong, and an example.
     """
     if len(text) > _LONGEST:
         raise ValueError(f'a command of {len(text)} letters: at most {_LONGEST}')
@@ -111,6 +132,9 @@ def _seconds(about: list[str]) -> float:
         seconds = float(about[0])
     except ValueError:
         seconds = math.nan
-    if len(about) > 1 or not 0 <= seconds <= 86_400:
+    if len(about) > 1 or not 0 <= seconds <= _SILENCE_MOST_S:
         raise ValueError(f'{" ".join(about)[:40]!r} is no number of seconds from 0 to 86400')
     return seconds
+
+
+CODEC: Final = Codec(AlarmCommand)

@@ -26,7 +26,7 @@ from rt_robot_os.messages.alarm_state import AlarmEventKind
 from rt_robot_os.messages.alarm_state import AlarmState
 from rt_robot_os.messages.alarm_state import CLOSED_STATES
 from rt_robot_os.messages.cause import LEVELS
-from rt_robot_os.messages.fields import Codec
+from rt_robot_os.messages.codec import Codec
 from rt_robot_os.messages.fields import compact
 from rt_robot_os.messages.fields import Flag
 from rt_robot_os.messages.fields import OneOf

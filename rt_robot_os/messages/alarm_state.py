@@ -41,12 +41,14 @@ class AlarmState(Enum):
     @property
     def is_loud(self) -> bool:
         """Return whether the alarm is open and not acknowledged."""
-        return self in (AlarmState.SUSPECTED, AlarmState.RAISED)
+        return self.value in LOUD_STATES
 
 
 #: The values of the states in which an alarm has ended. A state that this release does not know
 #: is of a newer one and counts as open: an open alarm must not disappear.
 CLOSED_STATES: Final = frozenset({'resolved', 'cancelled'})
+#: The values of the states in which an alarm waits to be acknowledged.
+LOUD_STATES: Final = frozenset({'suspected', 'raised'})
 #: The states by their values.
 ALARM_STATES: Final = {each.value: each for each in AlarmState}
 

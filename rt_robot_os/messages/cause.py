@@ -30,8 +30,8 @@ from typing import Annotated
 from typing import Any
 from typing import Final
 
+from rt_robot_os.messages.codec import Codec
 from rt_robot_os.messages.fields import Choice
-from rt_robot_os.messages.fields import Codec
 from rt_robot_os.messages.fields import compact
 from rt_robot_os.messages.fields import Flag
 from rt_robot_os.messages.fields import parse_object

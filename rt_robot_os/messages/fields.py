@@ -15,37 +15,32 @@
 Limits of the fields of a message, and how a message is read from JSON.
 
 A message is a frozen dataclass. The type of each field says its limit too, as in
-``text: Annotated[str, Text(240)]``; :class:`Codec` reads all fields by these limits, and
-``scripts/message_schema.py`` writes the documentation from them.
+``text: Annotated[str, Text(240)]``. :class:`rt_robot_os.messages.codec.Codec` reads all fields by
+these limits, and ``scripts/message_schema.py`` writes the documentation from them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Mapping
-from dataclasses import fields
-from dataclasses import MISSING
 from enum import Enum
+import functools
 import json
 import math
 import re
-from types import MappingProxyType
-from typing import Annotated
 from typing import Any
 from typing import Final
 from typing import Generic
-from typing import get_args
-from typing import get_origin
-from typing import get_type_hints
 from typing import NamedTuple
 from typing import Protocol
 from typing import TypeVar
 
 from rt_robot_os.base.safe_text import safe_line
 
-T = TypeVar('T')
 E = TypeVar('E', bound=Enum)
 _SHOWN: Final = 60
 
+_DECODE: Final = json.JSONDecoder().decode
 #: Write JSON without blanks; one encoder for all, because making one takes as long as using it.
 compact: Final = json.JSONEncoder(ensure_ascii=False, separators=(',', ':')).encode
 
@@ -65,7 +60,7 @@ def parse_object(text: str, example: str) -> dict[str, Any]:
     :raises ValueError: it is not a JSON object.
     """
     try:
-        found = json.loads(text)
+        found = _DECODE(text)
     except (ValueError, RecursionError) as error:
         raise ValueError(f'{text[:_SHOWN]!r} is not JSON: {error}') from None
     if not isinstance(found, dict):
@@ -94,6 +89,11 @@ class FieldLimit(Protocol):
         """Return it as a JSON schema."""
 
 
+@functools.cache
+def _matcher(pattern: str) -> Callable[[str], re.Match[str] | None]:
+    return re.compile(pattern, re.ASCII).fullmatch
+
+
 class Text(NamedTuple):
     """
     A string.
@@ -115,7 +115,7 @@ class Text(NamedTuple):
         """Return it; :raises ValueError: it is not such a string."""
         if not isinstance(value, str) or len(value) > self.most or (
                 self.least and len(value.strip()) < self.least) or (
-                self.pattern and not re.fullmatch(self.pattern, value, re.ASCII)):
+                self.pattern and not _matcher(self.pattern)(value)):
             raise ValueError(f'{str(value)[:_SHOWN]!r}: it must be '
                              + (self.must_be or f'a string of {self.least} to {self.most} '
                                                 'characters'))
@@ -224,8 +224,13 @@ class Texts(NamedTuple):
         """Return the first strings of it; :raises ValueError: it is not a list."""
         if not isinstance(value, list):
             return self.read(value)
-        repair = self.of.repair
-        return tuple([repair(each) for each in value[:self.most] if isinstance(each, str)])
+        most, of = self
+        found = []
+        for each in value[:most]:
+            if type(each) is str:
+                plain = len(each) <= of.most and each.isascii() and '\0' not in each
+                found.append(each if plain and not of.printable else of.repair(each))
+        return tuple(found)
 
     def schema(self) -> dict[str, Any]:
         """Return it as a JSON schema."""
@@ -328,91 +333,3 @@ def _bounds(low: float, high: float, unit: str) -> dict[str, Any]:
     return {**({'minimum': low} if math.isfinite(low) else {}),
             **({'maximum': high} if math.isfinite(high) else {}),
             **({'unit': unit} if unit else {})}
-
-
-class FieldOf(NamedTuple):
-    """
-    A field of a message.
-
-    :ivar key: in JSON.
-    :ivar name: in the dataclass.
-    :ivar needed: a message without it is not valid.
-    """
-
-    key: str
-    name: str
-    limit: FieldLimit
-    default: Any
-    needed: bool
-
-
-class Codec(Generic[T]):
-    """
-    Reads messages of one class.
-
-    :param repairs: a value of the wrong type counts as missing, and what is too long is cut: one
-        odd field must not lose an alarm. Otherwise both are errors.
-    :param refuses_unknown: a key that is not a field is an error. Otherwise it is ignored: it is
-        of a newer release.
-    :param keys: in JSON, where they are not the names of the fields.
-    :param missing: what fields without a default are when JSON lacks them.
-    """
-
-    def __init__(self, cls: type[T], *, repairs: bool = False, refuses_unknown: bool = False,
-                 keys: Mapping[str, str] = MappingProxyType({}),
-                 missing: Mapping[str, Any] = MappingProxyType({})) -> None:
-        self._cls = cls
-        self._refuses_unknown = refuses_unknown
-        hints = get_type_hints(cls, include_extras=True)
-        made = []
-        for each in fields(cls):  # type: ignore[arg-type]
-            if get_origin(hints[each.name]) is not Annotated:
-                continue
-            default = missing.get(each.name, each.default)
-            made.append(FieldOf(keys.get(each.name, each.name), each.name,
-                                get_args(hints[each.name])[1], default, default is MISSING))
-        self.fields = tuple(made)
-        self.keys = tuple(each.key for each in self.fields)
-        # Looked up once: events are read in the real-time loop.
-        self._readers = tuple(
-            (each.key, each.limit.repair if repairs else each.limit.read, each.default,
-             each.needed or not repairs) for each in self.fields)
-
-    def read(self, found: Mapping[str, Any]) -> T:
-        """
-        Make a message.
-
-        :param found: as parsed from JSON; only its keys that are fields count.
-        :raises ValueError: with the name of a field, its value and what it must be.
-        """
-        if self._refuses_unknown and not found.keys() <= set(self.keys):
-            unknown = sorted(set(found) - set(self.keys))
-            raise ValueError(f'unknown keys {", ".join(unknown)[:80]}; '
-                             f'there are {", ".join(self.keys)}')
-        values = []
-        for key, read, default, needed in self._readers:
-            value = found.get(key, default)
-            if value is not default:
-                try:
-                    value = read(value)
-                except ValueError as error:
-                    if needed:
-                        raise ValueError(f'{key} {error}') from None
-                    value = default
-            elif value is MISSING:
-                raise ValueError(f'{key} is missing; there must be '
-                                 + ', '.join(each.key for each in self.fields if each.needed))
-            values.append(value)
-        return self._cls(*values)
-
-    def known(self, found: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the valid fields that a JSON object has, by key, in its order."""
-        made = {}
-        readers = {key: read for key, read, _, _ in self._readers}
-        for key, value in found.items():
-            if key in readers:
-                try:
-                    made[key] = readers[key](value)
-                except ValueError:
-                    continue
-        return made

@@ -21,7 +21,7 @@ from typing import Annotated
 from typing import Any
 from typing import Final
 
-from rt_robot_os.messages.fields import Codec
+from rt_robot_os.messages.codec import Codec
 from rt_robot_os.messages.fields import compact
 from rt_robot_os.messages.fields import Flag
 from rt_robot_os.messages.fields import Objects
@@ -146,5 +146,5 @@ class JournalReply:
 
 
 _REPLIES: Final = frozenset({'record', 'restored', 'stored', 'resend', 'low', 'fault'})
-JOURNAL_RECORD: Final = Codec(JournalRecord)
+JOURNAL_RECORD: Final = Codec(JournalRecord, missing={'number': 0, 'event_seq': 0})
 JOURNAL_REPLY: Final = Codec(JournalReply)

@@ -23,8 +23,8 @@ from typing import Annotated
 from typing import Any
 from typing import Final
 
+from rt_robot_os.messages.codec import Codec
 from rt_robot_os.messages.fields import Choice
-from rt_robot_os.messages.fields import Codec
 from rt_robot_os.messages.fields import Real
 from rt_robot_os.messages.fields import Text
 from rt_robot_os.messages.fields import Whole
@@ -45,7 +45,9 @@ class NodeReading:
 
     :ivar name: from the survey, else ``node`` and its number.
     :ivar id: its number.
-    :ivar x: position in the map; so are y and z.
+    :ivar x: position in the map.
+    :ivar y: as x.
+    :ivar z: as x.
     :ivar stddev_m: of the position; 0 when it was surveyed.
     :ivar parent: the next node on the route to the sink; -1 when not known.
     :ivar hops: to the sink.

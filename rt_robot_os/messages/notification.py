@@ -28,7 +28,7 @@ from typing import Final
 from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.messages.alarm_event import KINDS_MOST
 from rt_robot_os.messages.cause import LEVELS
-from rt_robot_os.messages.fields import Codec
+from rt_robot_os.messages.codec import Codec
 from rt_robot_os.messages.fields import compact
 from rt_robot_os.messages.fields import Flag
 from rt_robot_os.messages.fields import OneOf

@@ -39,11 +39,11 @@ from rclpy.qos import QoSReliabilityPolicy
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.base.programs import command_line
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.answers import Answer
 from rt_robot_os.link.answers import answer_of
 from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.reader import SampleHandler
 from rt_robot_os.link.readers import no_answer
+from rt_robot_os.messages.command_answer import CommandAnswer
 from rt_robot_os.ros.map_service import MapService
 from rt_robot_os.ros.mirrors import ask_for_all
 from rt_robot_os.ros.service_call import Call
@@ -182,7 +182,7 @@ class Service:
             for each in timers:
                 services.node.destroy_timer(each)
 
-    def receive(self, stamp_ns: int, answer: Answer) -> bool:
+    def receive(self, stamp_ns: int, answer: CommandAnswer) -> bool:
         """Give an answer to the call that has waited longest for it; return whether one has."""
         for call in list(self.waiting):
             if (call.is_open and answer.is_to(call.command)

@@ -29,6 +29,9 @@ from rt_robot_os.messages.cause import Level
 from rt_robot_os.messages.cause import LEVELS
 
 _MOST: Final = 64
+# Looked up once: members of an enumeration are not plain attributes.
+_ACKNOWLEDGED: Final = AlarmState.ACKNOWLEDGED
+_SUSPECTED: Final = AlarmState.SUSPECTED
 
 
 @dataclass
@@ -120,7 +123,7 @@ class EmergencyQueue:
         if state is None:
             self.unreadable += not event.state
             return None
-        if not state.is_open:
+        if not event.is_open:
             return (event.alarm, 'over') if self._all.pop(event.alarm, None) else None
         level = LEVELS.get(event.level)
         if level is None:
@@ -145,17 +148,17 @@ class EmergencyQueue:
     def _change(self, found: Emergency, event: AlarmEvent, state: AlarmState, level: Level,
                 t_ns: int) -> str:
         was, worse = found.state, level > found.level
-        more = not set(event.kinds) <= set(found.kinds)
+        more = event.kinds != found.kinds and not set(event.kinds) <= set(found.kinds)
         if level != found.level:
             found.level, found.since_ns = level, t_ns
         found.state = state
         _fill(found, event)
-        if state is AlarmState.ACKNOWLEDGED:
-            return '' if was is AlarmState.ACKNOWLEDGED else 'acknowledged'
-        is_confirmed = state is AlarmState.RAISED and was is AlarmState.SUSPECTED
-        if was is AlarmState.ACKNOWLEDGED or worse or more or is_confirmed:
+        if state is _ACKNOWLEDGED:
+            return '' if was is state else 'acknowledged'
+        is_confirmed = was is not state and was is _SUSPECTED
+        if was is _ACKNOWLEDGED or worse or more or is_confirmed:
             again, found.is_done = found.is_done, False
-            if again or was is AlarmState.ACKNOWLEDGED:
+            if again or was is _ACKNOWLEDGED:
                 return 'again'
             return 'confirmed' if is_confirmed else ''
         return ''
@@ -168,7 +171,7 @@ class EmergencyQueue:
         """
         return min((each for each in self._all.values()
                     if each is not but and not each.is_done
-                    and (each.first or each.state is not AlarmState.ACKNOWLEDGED)),
+                    and (each.first or each.state is not _ACKNOWLEDGED)),
                    key=Emergency.key, default=None)
 
     def prefer(self, alarm: str) -> bool:

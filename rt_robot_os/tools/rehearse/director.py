@@ -27,6 +27,8 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.messages.alarm_state import CLOSED_STATES
+from rt_robot_os.messages.alarm_state import LOUD_STATES
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world.posture import Posture
@@ -96,7 +98,7 @@ class Record:
         served = {each.get('alarm') for each in self.transitions}
         return [number for number, events in self.alarms().items()
                 if number not in served and events[-1]['level'] in ('urgent', 'critical')
-                and events[-1]['state'] in ('suspected', 'raised')]
+                and events[-1]['state'] in LOUD_STATES]
 
     def alarms(self) -> dict[str, list[dict[str, Any]]]:
         """Return the events of each alarm, by its number."""
@@ -315,5 +317,5 @@ class Director:
 def is_settled(events: list[dict[str, Any]]) -> bool:
     """Return whether an alarm is resolved, cancelled, or told to the last who can be told."""
     last = events[-1]
-    return (last['state'] in ('resolved', 'cancelled') or last['level'] == 'technical'
+    return (last['state'] in CLOSED_STATES or last['level'] == 'technical'
             or any(each['event'] == 'top' for each in events))

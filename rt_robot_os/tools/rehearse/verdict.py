@@ -23,6 +23,7 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.messages.alarm_state import CLOSED_STATES
 from rt_robot_os.tools.rehearse.director import is_settled
 from rt_robot_os.tools.rehearse.director import Record
 from rt_robot_os.tools.rehearse.story import EMERGENCIES
@@ -99,7 +100,7 @@ def _of_agent(record: Record) -> Iterator[str]:
 
 def _end(events: list[dict[str, Any]]) -> str:
     last = events[-1]
-    if last['state'] in ('resolved', 'cancelled'):
+    if last['state'] in CLOSED_STATES:
         return str(last['state'])
     if last['level'] == 'technical':
         return 'technical'
@@ -112,9 +113,9 @@ def _is_noticed(scene: Scene, events: Iterable[dict[str, Any]]) -> bool:
     told = [each for each in events if each['subject'] == scene.who
             and each['level'] != 'technical' and each['t_ns'] <= latest_ns]
     # Who falls while they lie, or presses twice, is told of already.
-    return any(each['state'] not in ('resolved', 'cancelled')
+    return any(each['state'] not in CLOSED_STATES
                and each['t_ns'] >= (scene.at_s - _SAME_S) * NS_PER_S for each in told) or (
-        bool(told) and told[-1]['state'] not in ('resolved', 'cancelled'))
+        bool(told) and told[-1]['state'] not in CLOSED_STATES)
 
 
 def _is_hidden(scene: Scene, story: Story) -> bool:

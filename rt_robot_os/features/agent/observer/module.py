@@ -34,6 +34,7 @@ from rt_robot_os.base.schema import Field
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.agent.observer.levels import Levels
 from rt_robot_os.features.agent.observer.levels import Loudness
+from rt_robot_os.messages.agent import Observation
 from rt_robot_os.messages.agent import ObservationKind
 from rt_robot_os.messages.agent import ObservationOrder
 from rt_robot_os.modules.base import Module
@@ -147,7 +148,7 @@ class Observer(Module):
             order = ObservationOrder.from_json(text)
         except ValueError as error:
             self._refused += 1
-            self._answer({'alarm': '', 'kind': '', 'problem': str(error)}, stamp_ns)
+            self._answer(Observation('', '', '', problem=str(error)).to_dict(), stamp_ns)
             return
         self._number += 1
         kind = order.order
@@ -158,12 +159,12 @@ class Observer(Module):
             one.from_ns, one.until_ns = stamp_ns - _AROUND_NS, stamp_ns
         problem = self._cannot(kind)
         if problem:
-            self._answer({**_names(one), 'problem': problem}, stamp_ns)
+            self._answer(_observation(one, problem=problem).to_dict(), stamp_ns)
             return
         if len(self._open) >= _OPEN_MOST:
             self._refused += 1
-            self._answer({**_names(one), 'problem': f'{_OPEN_MOST} orders are open already'},
-                         stamp_ns)
+            self._answer(_observation(one, problem=(
+                f'{_OPEN_MOST} orders are open already')).to_dict(), stamp_ns)
             return
         self._open.append(one)
         if kind is not ObservationKind.SOUND:
@@ -196,7 +197,8 @@ class Observer(Module):
         if not one.waits_for:
             self._open.remove(one)
         told = {key: value for key, value in told.items() if key != 'id'}
-        self._answer({**told, **_names(one), **self._heard(one)}, stamp_ns)
+        # Unmodified but for what the order says: a camera may add fields of its own.
+        self._answer({**told, **_observation(one).to_dict(), **self._heard(one)}, stamp_ns)
 
     def _end(self, one: _OpenOrder) -> None:
         """Answer for those that have not."""
@@ -204,17 +206,19 @@ class Observer(Module):
         if one.order.order is ObservationKind.SOUND:
             heard = self._levels.between(one.from_ns, one.until_ns)
             if heard is None:
-                told: dict[str, Any] = {'problem': f'{self.topic_of("level")} has said nothing: '
-                                        'is the microphone there?'}
+                found = _observation(one, problem=(
+                    f'{self.topic_of("level")} has said nothing: is the microphone there?'))
             else:
-                told = {'text': _sound_text(heard, one), 't_ns': one.until_ns, **_sound(heard)}
-            self._answer({**_names(one), **told}, one.due_ns)
+                found = _observation(one, text=_sound_text(heard, one), t_ns=one.until_ns,
+                                     **_sound(heard))
+            self._answer(found.to_dict(), one.due_ns)
             return
         for topic in sorted(one.waits_for):
             self._unanswered += 1
-            self._answer({**_names(one), **self._heard(one), 'problem':
-                          f'{topic} has not answered for {self.settings["timeout_s"]:g} s: look '
-                          'whether the camera is there'}, one.due_ns)
+            found = _observation(one, **self._heard(one), problem=(
+                f'{topic} has not answered for {self.settings["timeout_s"]:g} s: look whether '
+                'the camera is there'))
+            self._answer(found.to_dict(), one.due_ns)
 
     def _heard(self, one: _OpenOrder) -> dict[str, Any]:
         heard = self._levels.between(one.from_ns, one.until_ns)
@@ -236,9 +240,9 @@ class Observer(Module):
         self.observed.publish(stamp_ns)
 
 
-def _names(one: _OpenOrder) -> dict[str, Any]:
-    return {'alarm': one.order.alarm, 'subject': one.order.subject,
-            'kind': one.order.order.value}
+def _observation(one: _OpenOrder, **more: Any) -> Observation:
+    order = one.order
+    return Observation(order.alarm, order.subject, order.order.value, **more)
 
 
 def _sound(heard: Loudness) -> dict[str, Any]:

@@ -20,7 +20,6 @@ import time
 from typing import Final
 
 from rt_robot_os.base.errors import LinkError
-from rt_robot_os.link.answers import Answer
 from rt_robot_os.link.answers import answer_of
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.cdr import string_message
@@ -29,6 +28,7 @@ from rt_robot_os.link.diagnostic_array import Status
 from rt_robot_os.link.diagnostic_array import statuses_of
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.readers import no_answer
+from rt_robot_os.messages.command_answer import CommandAnswer
 
 COMMAND: Final = 'alarms/command'
 ANSWER: Final = 'alarms/answer'
@@ -78,7 +78,7 @@ def open_alarms(client: LinkClient, timeout_s: float = LIST_TIMEOUT_S) -> list[S
     return found[-1]
 
 
-def send_command(client: LinkClient, command: str, timeout_s: float) -> Answer:
+def send_command(client: LinkClient, command: str, timeout_s: float) -> CommandAnswer:
     """
     Publish a command and wait for its answer.
 
@@ -88,7 +88,7 @@ def send_command(client: LinkClient, command: str, timeout_s: float) -> Answer:
     if not client.readers(COMMAND, ANSWER):
         raise LinkError(no_answer(ANSWER, 'the modules of the robot need one of type alarms '
                                   '(docs/alarms.md)'))
-    found: list[Answer] = []
+    found: list[CommandAnswer] = []
     asked_ns = time.monotonic_ns()
 
     def take(head: Header, cdr: memoryview) -> None:

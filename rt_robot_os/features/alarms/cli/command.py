@@ -184,7 +184,7 @@ def _ask(arguments: argparse.Namespace, verb: str, about: str, why: str = '') ->
     with connect(arguments.robot, _NAME) as client:
         answer = send_command(client, command, arguments.timeout)
     if arguments.json:
-        print(json.dumps(answer._asdict()))
+        print(json.dumps(answer.to_dict()))
     elif answer.ok:
         print(safe_line(answer.text))
     else:

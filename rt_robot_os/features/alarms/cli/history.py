@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -29,8 +30,11 @@ from rt_robot_os.features.alarms.journal_file import NAME
 from rt_robot_os.features.alarms.journal_file import OLDER
 from rt_robot_os.features.alarms.journal_file import read_journal
 from rt_robot_os.features.alarms.journal_lines import decode
+from rt_robot_os.features.alarms.journal_lines import StoredRecord
 from rt_robot_os.linux.folders import read_file
 from rt_robot_os.linux.folders import ros_home
+from rt_robot_os.messages.alarm_event import AlarmEvent
+from rt_robot_os.messages.journal import JournalRecord
 
 #: The folder of a device of type journal, unless it says another.
 DEFAULT_FOLDER = 'alarms'
@@ -55,7 +59,7 @@ def find(name: str) -> JournalHistory:
         raise ConfigError([f'{path}: {error.strerror}: name the folder of a device of type '
                            'journal']) from error
     return JournalHistory(contents.records, contents.torn_bytes, contents.damaged,
-                 contents.beginning.generation if contents.beginning else 0)
+                          contents.beginning.generation if contents.beginning else 0)
 
 
 def as_dict(found: JournalHistory) -> dict[str, Any]:
@@ -70,18 +74,25 @@ def lines(found: JournalHistory) -> list[str]:
     """Return an event a line, then what is open and what was damaged."""
     told = []
     for each in found.records:
-        events = each.record.get('events')
         day = datetime.fromtimestamp(each.at_ns / NS_PER_S).strftime('%Y-%m-%d')
-        for event in events if isinstance(events, list) else ():
-            if isinstance(event, dict) and isinstance(event.get('t_ns'), int):
-                # The clock of the core that wrote it, by when the record was stored.
-                written_ns = each.record.get('t_ns')
-                behind_ns = each.at_ns - (written_ns if isinstance(written_ns, int)
-                                          else event['t_ns'])
-                told.append(f'{day} {event_line(event, behind_ns)}')
+        for event, written_ns in _events(each):
+            told.append(f'{day} {event_line(event, each.at_ns - written_ns)}')
     count = sum(bool(each.record.get('state')) for each in found.living())
     told.append(f'{len(found.records)} records, {count} alarms open')
     if found.torn_bytes or found.damaged:
         told.append(f'{found.torn_bytes} bytes cut off at the end, {found.damaged} damaged '
                     'places: what was whole is above')
     return told
+
+
+def _events(stored: StoredRecord) -> Iterator[tuple[AlarmEvent, int]]:
+    """Yield the events of a record, each with the time of the record on the core's clock."""
+    try:
+        record = JournalRecord.from_dict(stored.record)
+    except ValueError:
+        return
+    for each in record.events:
+        try:
+            yield AlarmEvent.from_dict(each), record.t_ns
+        except ValueError:
+            continue

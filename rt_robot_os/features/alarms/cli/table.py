@@ -26,9 +26,10 @@ from typing import Final
 from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.link.diagnostic_array import Status
+from rt_robot_os.messages.alarm_event import AlarmEvent
 
 _HEADS: Final = ('ID', 'LEVEL', 'STATE', 'OPEN FOR', 'WHO', 'WHAT', 'TOLD')
-_LONGEST: Final = 100
+_CHARACTERS: Final = 100
 _UNITS: Final = ((86_400, 'd'), (3_600, 'h'), (60, 'min'))
 
 
@@ -66,7 +67,7 @@ def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     def text(key: str) -> str:
-        return safe_line(str(row.get(key, '')), _LONGEST)
+        return safe_line(str(row.get(key, '')), _CHARACTERS)
 
     state = text('state')
     if row.get('by'):
@@ -78,22 +79,19 @@ def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
             text('subject'), text('kinds').replace(' ', ', '), told.strip())
 
 
-def event_line(event: Mapping[str, Any], behind_ns: int) -> str:
+def event_line(event: AlarmEvent, behind_ns: int) -> str:
     """
-    Write a line of what happened to an alarm.
+    Return an event of an alarm as a line.
 
-    :param behind_ns: of the core's clock, behind the time since 1970.
+    :param behind_ns: how far the clock of the core is behind the time since 1970.
     """
-    def text(key: str) -> str:
-        return safe_line(str(event.get(key, '')), _LONGEST)
+    def shown(text: str) -> str:
+        return safe_line(text, _CHARACTERS)
 
-    t_ns = event.get('t_ns')
     at = ''
-    if isinstance(t_ns, int) and not isinstance(t_ns, bool) and 0 < t_ns < 1 << 62:
-        at = f'{datetime.fromtimestamp((t_ns + behind_ns) / NS_PER_S):%H:%M:%S.%f}'[:-3]
-    kinds = event.get('kinds')
-    about = ', '.join(safe_line(str(each)) for each in kinds) if isinstance(kinds, list) else ''
-    by = f' by {text("by")}' if event.get('by') else ''
-    why = f' ({text("why")})' if event.get('why') else ''
-    return (f'{at:12}  {text("alarm"):>4}  {text("level"):9}  {text("event"):14}  '
-            f'{text("subject")}: {about}{by}{why}').rstrip()
+    if 0 < event.t_ns < 1 << 62:
+        at = f'{datetime.fromtimestamp((event.t_ns + behind_ns) / NS_PER_S):%H:%M:%S.%f}'[:-3]
+    by = f' by {shown(event.by)}' if event.by else ''
+    why = f' ({shown(event.why)})' if event.why else ''
+    return (f'{at:12}  {shown(event.alarm):>4}  {shown(event.level):9}  {shown(event.event):14}  '
+            f'{shown(event.subject)}: {", ".join(map(safe_line, event.kinds))}{by}{why}').rstrip()

@@ -21,17 +21,20 @@ import json
 from pathlib import Path
 import sys
 import time
-from typing import Any
 
 from rt_robot_os.base.programs import tell
+from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.features.alarms.cli.client import check_topics
 from rt_robot_os.features.alarms.cli.client import EVENTS
 from rt_robot_os.features.alarms.cli.table import event_line
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.lasting_client import LastingClient
+from rt_robot_os.messages.alarm_event import AlarmEvent
+from rt_robot_os.messages.fields import parse_object
 
 _PUMP_S = 0.2
+_SHOWN = 60
 
 
 def watch(path: Path, as_json: bool, stopping: Callable[[], bool] = lambda: False) -> None:
@@ -45,8 +48,7 @@ def watch(path: Path, as_json: bool, stopping: Callable[[], bool] = lambda: Fals
 
     def take(stamp_ns: int, missed: int, cdr: memoryview) -> None:
         text = string_in(cdr)
-        print(json.dumps(_object(text)) if as_json else event_line(_object(text), behind_ns),
-              flush=True)
+        print(_as_json(text) if as_json else _as_line(text, behind_ns), flush=True)
 
     def connect(client: LinkClient) -> None:
         check_topics(client, EVENTS)
@@ -66,9 +68,15 @@ def watch(path: Path, as_json: bool, stopping: Callable[[], bool] = lambda: Fals
         connection.close()
 
 
-def _object(text: str) -> dict[str, Any]:
+def _as_json(text: str) -> str:
     try:
-        found = json.loads(text)
-    except (ValueError, RecursionError):
-        found = None
-    return found if isinstance(found, dict) else {'event': 'unreadable', 'why': text[:60]}
+        return json.dumps(parse_object(text, ''))
+    except ValueError:
+        return json.dumps({'event': 'unreadable', 'why': text[:_SHOWN]})
+
+
+def _as_line(text: str, behind_ns: int) -> str:
+    try:
+        return event_line(AlarmEvent.from_json(text), behind_ns)
+    except ValueError as error:
+        return f'unreadable event: {safe_line(str(error))}'
