@@ -114,7 +114,7 @@ def _extras(missing: Iterable[Library]) -> list[str]:
 
 def _is_of_scripts() -> bool:
     """Return whether scripts/run made this environment, and can add to it."""
-    root = Path(__file__).resolve().parents[1]
+    root = Path(__file__).resolve().parents[2]
     return (root / _SCRIPT).is_file() and any(Path(sys.prefix).glob(_STAMPS))
 
 
