@@ -54,14 +54,14 @@ class ManagedDevice:
     :ivar arrival: the task that bytes and inputs release, None when the device is only polled.
     :ivar guards: the device moves something as its inputs say, so it is brought to rest whenever
         it is opened, given up or closed, and while one of its tasks is held.
-    :ivar by_schedule: each of its rounds is released from outside, by a replay; nothing else may.
+    :ivar replay_gate: each of its rounds is released from outside, by a replay; nothing else may.
     """
 
     def __init__(self, device: Device, kernel: Kernel, recovery: RecoverySettings,
                  reports: Reports) -> None:
         self.device = device
         self.arrival: Task | None = None
-        self.by_schedule = False
+        self.replay_gate = False
         self._receives = device.receives()
         self.guards = self._receives and device.has_safe_state()
         self._at_rest = False
@@ -173,7 +173,7 @@ class ManagedDevice:
             return
         self._at_rest = False
         due_ns = self.device.receive(now_ns, polled)
-        if due_ns and self._due is not None and not self.by_schedule and (
+        if due_ns and self._due is not None and not self.replay_gate and (
                 not self._due.started or due_ns < self._due_ns):
             self._due_ns = due_ns
             self._due.start_at(due_ns)

@@ -45,10 +45,10 @@ class Wait(ABC):
 
     @abstractmethod
     def begin(self, body: AsyncBody) -> None:
-        """Arrange that the task is released when :meth:`over` may have become true."""
+        """Arrange that the task is released when :meth:`is_ready` may have become true."""
 
     @abstractmethod
-    def over(self) -> bool:
+    def is_ready(self) -> bool:
         """Whether the task can go on."""
 
     def end(self, body: AsyncBody) -> None:
@@ -75,10 +75,10 @@ class Until(Wait):
     def begin(self, body: AsyncBody) -> None:
         """Start the task's timer."""
         self._body = body
-        if body.by_schedule is None:
+        if body.replay_gate is None:
             body.timer.start_at(self.time_ns)
 
-    def over(self) -> bool:
+    def is_ready(self) -> bool:
         """Whether the time has come."""
         return self._body is not None and self._body.kernel.now_ns() >= self.time_ns
 
@@ -91,17 +91,17 @@ class AnyOf(Wait):
     """
     Whichever of several is over first; made by :func:`any_of`.
 
-    :param waits: of which the first that is over is the one; the others stay as they are.
+    :param waits: of which the first that is over is the one; the others are left pending.
     """
 
-    __slots__ = ('_waits', '_timed', '_over')
+    __slots__ = ('_waits', '_timed', '_first_ready')
 
     def __init__(self, waits: tuple[Wait, ...]) -> None:
         self._waits = waits
         # A task has one timer.
         timed = [each for each in waits if isinstance(each, Until)]
         self._timed = min(timed, key=_time_of) if timed else None
-        self._over: Wait | None = None
+        self._first_ready: Wait | None = None
 
     def begin(self, body: AsyncBody) -> None:
         """Begin all; of the points in time the earliest."""
@@ -109,14 +109,14 @@ class AnyOf(Wait):
             if each is self._timed or not isinstance(each, Until):
                 each.begin(body)
 
-    def over(self) -> bool:
+    def is_ready(self) -> bool:
         """Whether one of them is over; those after it are not asked."""
-        if self._over is None:
+        if self._first_ready is None:
             for each in self._waits:
-                if each.over():
-                    self._over = each
+                if each.is_ready():
+                    self._first_ready = each
                     return True
-        return self._over is not None
+        return self._first_ready is not None
 
     def end(self, body: AsyncBody) -> None:
         """Undo :meth:`begin`."""
@@ -126,7 +126,7 @@ class AnyOf(Wait):
 
     def result(self) -> Any:
         """Return what awaiting the one alone would have given."""
-        return None if self._over is None else self._over.result()
+        return None if self._first_ready is None else self._first_ready.result()
 
 
 def any_of(*waits: Wait) -> AnyOf:
@@ -196,10 +196,10 @@ class _EventWait(Wait):
         self._event = event
 
     def begin(self, body: AsyncBody) -> None:
-        if body.by_schedule is None:
+        if body.replay_gate is None:
             self._event._waiting.append(body.task)
 
-    def over(self) -> bool:
+    def is_ready(self) -> bool:
         return self._event.is_set
 
     def end(self, body: AsyncBody) -> None:
@@ -244,7 +244,7 @@ class AsyncBody(TaskCoroutine):
         if self._coroutine is None:
             if not self.finished:
                 self.start()
-        elif wait is not None and self._goes_on(wait):
+        elif wait is not None and self._may_resume(wait):
             wait.end(self)
             self._wait = None
             self._run(wait.result())
@@ -270,7 +270,7 @@ class AsyncBody(TaskCoroutine):
                     if problem is not None:
                         raise problem
                 awaited.begin(self)
-                if not self._goes_on(awaited):
+                if not self._may_resume(awaited):
                     self._wait = awaited
                     return
                 awaited.end(self)
@@ -284,11 +284,11 @@ class AsyncBody(TaskCoroutine):
                 coroutine.close()
             raise
 
-    def _goes_on(self, wait: Wait) -> bool:
-        over = wait.over() if self.by_schedule is None else self.by_schedule(wait.over)
-        if over and self.on_going_on is not None:
-            self.on_going_on()
-        return over
+    def _may_resume(self, wait: Wait) -> bool:
+        ready = wait.is_ready() if self.replay_gate is None else self.replay_gate(wait.is_ready)
+        if ready and self.on_resume is not None:
+            self.on_resume()
+        return ready
 
     def _problem(self, awaited: Any) -> TaskError | None:
         if not isinstance(awaited, Wait):

@@ -24,7 +24,7 @@ from types import TracebackType
 
 from rt_robot_os.base.units import NS_PER_US
 
-_CALLS_KEPT = 8
+_CALLS_MAXIMUM = 8
 _TEXT_MAXIMUM = 1000
 # Past what the class of an exception may have put in its place.
 _context = BaseException.__dict__['__context__']
@@ -65,13 +65,13 @@ class FailureReport:
     trace: tuple[tuple[str, int, str], ...]
 
     @property
-    def told(self) -> str:
+    def details(self) -> str:
         """Return the error and where it came from, a line a call."""
         return self.error + ''.join(
             f'\n  {path}:{line} in {name}' for path, line, name in self.trace)
 
     def __str__(self) -> str:
-        return f'task {self.task!r}: {self.told}'
+        return f'task {self.task!r}: {self.details}'
 
 
 def describe(task: str, at_ns: int, error: BaseException, *,
@@ -117,7 +117,7 @@ def drop_context() -> None:
 
 
 def _innermost_calls(traceback: TracebackType | None) -> tuple[tuple[str, int, str], ...]:
-    calls: deque[tuple[str, int, str]] = deque(maxlen=_CALLS_KEPT)
+    calls: deque[tuple[str, int, str]] = deque(maxlen=_CALLS_MAXIMUM)
     while traceback is not None:
         code = traceback.tb_frame.f_code
         calls.append((code.co_filename, traceback.tb_lineno, code.co_name))

@@ -152,7 +152,7 @@ class TaskSpec:
     logical: bool = False
 
     def __post_init__(self) -> None:
-        raise_any(self, _out_of_range(self) or broken(self))
+        raise_problems(self, _out_of_range(self) or broken_rules(self))
 
 
 def checked_period_ns(name: str, rate_hz: Any) -> int:
@@ -168,14 +168,14 @@ def checked_period_ns(name: str, rate_hz: Any) -> int:
     return period_from_rate(rate_hz)
 
 
-def broken(spec: TaskSpec, *, preemptive: bool = True, can_be_safe: bool = True) -> list[str]:
+def broken_rules(spec: TaskSpec, *, preemptive: bool = True, can_be_safe: bool = True) -> list[str]:
     """Return which rules a declaration breaks; each text begins with its keyword."""
     declared = vars(spec)
     return [rule.value.format(**declared) for rule in contradictions(
         **declared, preemptive=preemptive, can_be_safe=can_be_safe)]
 
 
-def raise_any(spec: TaskSpec, found: Sequence[str]) -> None:
+def raise_problems(spec: TaskSpec, found: Sequence[str]) -> None:
     """
     Do nothing when nothing was found.
 
@@ -225,20 +225,8 @@ def contradictions(
     :param can_be_safe: the task has an ``on_safe_state``.
     """
     aborts = on_budget is BudgetPolicy.ABORT
-    if aborts and period_ns and budget_ns > period_ns:
-        yield Rule.BUDGET_ABOVE_PERIOD
-    if aborts and deadline_ns and budget_ns > deadline_ns:
-        yield Rule.BUDGET_ABOVE_DEADLINE
-    if period_ns and deadline_ns > period_ns and overrun not in _QUEUEING:
-        yield Rule.DEADLINE_ABOVE_PERIOD
-    if not period_ns and overrun is not OverrunPolicy.SKIP:
-        yield Rule.OVERRUN_WITHOUT_RATE
-    if overrun_limit and not period_ns:
-        yield Rule.LIMIT_WITHOUT_RATE
-    if overrun_limit and overrun is OverrunPolicy.STOP:
-        yield Rule.LIMIT_WITH_STOP
-    if overrun_limit and failure is FailurePolicy.CONTINUE:
-        yield Rule.LIMIT_WITHOUT_POLICY
+    yield from _of_budget(aborts, budget_ns, period_ns, deadline_ns)
+    yield from _of_overrun(overrun, overrun_limit, failure, period_ns, deadline_ns)
     if aborts and not budget_ns:
         yield Rule.ABORT_WITHOUT_BUDGET
     if restart_maximum_ns < restart_ns:
@@ -249,3 +237,26 @@ def contradictions(
         yield Rule.NO_SAFE_STATE
     if aborts and not preemptive:
         yield Rule.ABORT_WITHOUT_PREEMPTION
+
+
+def _of_budget(aborts: bool, budget_ns: int, period_ns: int, deadline_ns: int) -> Iterator[Rule]:
+    if aborts and period_ns and budget_ns > period_ns:
+        yield Rule.BUDGET_ABOVE_PERIOD
+    if aborts and deadline_ns and budget_ns > deadline_ns:
+        yield Rule.BUDGET_ABOVE_DEADLINE
+
+
+def _of_overrun(overrun: OverrunPolicy, overrun_limit: int, failure: FailurePolicy,
+                period_ns: int, deadline_ns: int) -> Iterator[Rule]:
+    if period_ns and deadline_ns > period_ns and overrun not in _QUEUEING:
+        yield Rule.DEADLINE_ABOVE_PERIOD
+    if not period_ns and overrun is not OverrunPolicy.SKIP:
+        yield Rule.OVERRUN_WITHOUT_RATE
+    if not overrun_limit:
+        return
+    if not period_ns:
+        yield Rule.LIMIT_WITHOUT_RATE
+    if overrun is OverrunPolicy.STOP:
+        yield Rule.LIMIT_WITH_STOP
+    if failure is FailurePolicy.CONTINUE:
+        yield Rule.LIMIT_WITHOUT_POLICY

@@ -49,18 +49,18 @@ class Coroutine(ABC):
     What a task is made of that is written as one: :class:`rt_robot_os.kernel.coroutine.AsyncBody`.
 
     :ivar finished: it returned; the task makes no more jobs.
-    :ivar on_going_on: called each time that what it awaited is over; None when nobody asks.
-    :ivar by_schedule: None, or what a replay sets, which alone releases the task then: no timer
+    :ivar on_resume: called each time that what it awaited is over; None when nobody asks.
+    :ivar replay_gate: None, or what a replay sets, which alone releases the task then: no timer
         and no sample does. It is asked whether the task goes on, and calls what it is given when
         the moment is there at which the real one looked.
     """
 
-    __slots__ = ('finished', 'on_going_on', 'by_schedule')
+    __slots__ = ('finished', 'on_resume', 'replay_gate')
 
     def __init__(self) -> None:
         self.finished = False
-        self.on_going_on: Callable[[], object] | None = None
-        self.by_schedule: Callable[[Callable[[], bool]], bool] | None = None
+        self.on_resume: Callable[[], object] | None = None
+        self.replay_gate: Callable[[Callable[[], bool]], bool] | None = None
 
     @abstractmethod
     def close(self) -> None:
@@ -84,7 +84,7 @@ class Task(TaskCore):
     :ivar state: whether its releases make jobs.
     :ivar backlog: times of releases that the overrun policy catch_up stores.
     :ivar rephasing: its grid begins anew when the job that runs has ended.
-    :ivar wanted: the policy to apply then.
+    :ivar requested_policy: the policy to apply then.
     :ivar aborts_raised: times that TaskAborted was raised in the job that runs.
     :ivar bucket: of overruns, see ``overrun_limit``; ``bucket_runs`` is ``runs`` at the last one.
     :ivar restart_ns: the next pause before a restart.
@@ -97,7 +97,7 @@ class Task(TaskCore):
         'spec', 'body', 'on_restart', 'on_safe_state', 'successors', 'logical', 'coroutine',
         'deadline_ns',
         # What went wrong, and what is done about it
-        '_state', 'backlog', 'rephasing', 'wanted', 'aborts_raised', 'bucket', 'bucket_runs',
+        '_state', 'backlog', 'rephasing', 'requested_policy', 'aborts_raised', 'bucket', 'bucket_runs',
         'restart_ns', 'resume_ns', 'miss', 'suspects',
         # Counters
         'failures', 'aborted', 'budget_exceeded', 'deadline_missed', 'response_maximum_ns',
@@ -128,7 +128,7 @@ class Task(TaskCore):
         self.backlog: deque[int] = deque()
         self._rearm = rearm
         self._account = account
-        self.rest()
+        self.reset()
         self.reset_statistics()
 
     @property
@@ -141,7 +141,7 @@ class Task(TaskCore):
         self._state = state
         self.held = state is not TaskState.ACTIVE
 
-    def rest(self) -> None:
+    def reset(self) -> None:
         """Forget a job that was waiting, and any trouble; the kernel calls it before it starts."""
         self.function = self.body
         self.pending = self.busy = False
@@ -150,11 +150,11 @@ class Task(TaskCore):
         self.follow_up = bool(self.successors)
         self.limit_ns = self.computed_ns = self.waited_ns = 0
         self.aborts_raised = 0
-        self.abort_pending = self.over = self.resists = False
+        self.abort_pending = self.containing = self.grace_used = False
         self.backlog.clear()
         self.rephasing = False
         self.state = TaskState.ACTIVE
-        self.wanted: FailurePolicy | None = None
+        self.requested_policy: FailurePolicy | None = None
         self.bucket = self.bucket_runs = 0
         self.restart_ns = self.spec.restart_ns
         self.resume_ns = 0

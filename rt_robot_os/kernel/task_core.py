@@ -35,7 +35,7 @@ JITTER: Final = 2
 _KINDS: Final = 3
 
 
-class Judge(Protocol):
+class LimitHandler(Protocol):
     """Who is asked when a time is longer than any so far: the kernel's FaultHandling."""
 
     def long_execution(self, task: Any, execution_ns: int) -> int:
@@ -82,7 +82,7 @@ class TaskCore:
     :ivar waited_ns: how long a job with a budget to abort did not compute although Linux took
         nothing, as far as that is known: it waited in a system call.
     :ivar abort_pending: TaskAborted is to be raised in it.
-    :ivar resists: it had its time for ``finally`` clauses: TaskAborted is raised until it ends.
+    :ivar grace_used: it had its time for ``finally`` clauses: TaskAborted is raised until it ends.
     :ivar over: its function has ended by an exception, which is being described and dropped.
 
     What is counted, see :class:`~rt_robot_os.kernel.TaskStatistics`; and two limits:
@@ -97,7 +97,7 @@ class TaskCore:
         'pending', 'held', 'next_ns', 'next_period_ns', 'release_ns', 'interval_ns', 'busy',
         'start_ns', 'inside', 'follow_up',
         # Its budget
-        'limit_ns', 'computed_ns', 'waited_ns', 'abort_pending', 'resists', 'over',
+        'limit_ns', 'computed_ns', 'waited_ns', 'abort_pending', 'grace_used', 'containing',
         # What is counted
         'releases', 'runs', 'missed', 'coalesced', 'overruns', 'execution_total_ns',
         'execution_limit_ns', 'execution_maximum_ns', 'latency_maximum_ns', 'response_limit_ns',
@@ -112,7 +112,7 @@ class TaskCore:
         self.next_ns = self.next_period_ns = self.release_ns = self.interval_ns = 0
         self.start_ns = -1
         self.inside = self.limit_ns = self.computed_ns = self.waited_ns = 0
-        self.abort_pending = self.resists = self.over = False
+        self.abort_pending = self.grace_used = self.containing = False
         self.clear_counts()
 
     def clear_counts(self) -> None:
@@ -131,7 +131,7 @@ class TaskCore:
         """
         return self._counts[kind].copy()
 
-    def count(self, release_ns: int, previous_ns: int, end_ns: int, stolen_ns: int, judge: Judge
+    def count(self, release_ns: int, previous_ns: int, end_ns: int, stolen_ns: int, handler: LimitHandler
               ) -> None:
         """
         Count the job that has ended: how long it took, waited, and how regularly it began.
@@ -146,11 +146,11 @@ class TaskCore:
         execution_ns = end_ns - start_ns - stolen_ns
         self.execution_total_ns += execution_ns
         if execution_ns > self.execution_limit_ns:
-            execution_ns = judge.long_execution(self, execution_ns)
+            execution_ns = handler.long_execution(self, execution_ns)
         if latency_ns > self.latency_maximum_ns:
             self.latency_maximum_ns = latency_ns
         if end_ns - release_ns > self.response_limit_ns:
-            judge.long_response(self, release_ns, end_ns)
+            handler.long_response(self, release_ns, end_ns)
         # The arithmetic of histogram.bucket: three calls would cost half as much again.
         latencies, executions, jitters = self._counts
         shift = latency_ns.bit_length() - 4

@@ -48,6 +48,17 @@ def force_recursion_limit(limit: int) -> None:
     _set_limit(limit)
 
 
+def restore_recursion_limit(limit: int) -> None:
+    """Set the limit at the end of a handler of signals, however deep the stack is."""
+    try:
+        sys.setrecursionlimit(limit)
+    except RecursionError:
+        try:
+            force_recursion_limit(limit)
+        except RecursionError:  # the handler has no stack left; the limit is set all the same
+            pass
+
+
 class _WithRoom(map):  # type: ignore[type-arg]
     """
     A handler of signals that begins by raising the recursion limit, in native code alone.

@@ -35,7 +35,7 @@ from rt_robot_os.linux import _libc
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 
 # Before Python 3.12 a handler may find no room left on the stack: the signal comes again sooner.
-AGAIN_NS = 10 * NS_PER_MS if SEPARATE_LIMITS else NS_PER_MS
+REPEAT_NS = 10 * NS_PER_MS if SEPARATE_LIMITS else NS_PER_MS
 
 
 def make_timer(event: _libc.SigEvent, timer: ctypes.c_void_p) -> None:
@@ -58,7 +58,7 @@ class SignalTimer:
     """
     An absolute timer on CLOCK_MONOTONIC that sends a signal to the creating thread.
 
-    Until it is armed anew it repeats the signal every ``AGAIN_NS``: a handler that had no room
+    Until it is armed anew it repeats the signal every ``REPEAT_NS``: a handler that had no room
     left on the stack of a task that recursed too deeply must not stop the clock for ever.
 
     :param signo: the signal to send; its handler must be installed before :meth:`arm`.
@@ -72,13 +72,13 @@ class SignalTimer:
         make_timer(event, self._timer)
         self._spec_storage = (ctypes.c_int64 * 4)()
         self._spec = memoryview(self._spec_storage).cast('B').cast('q')
-        self._spec[1] = AGAIN_NS
+        self._spec[1] = REPEAT_NS
         self._arguments = (self._timer, ctypes.c_int(_libc.TIMER_ABSTIME),
                            ctypes.byref(self._spec_storage), None)
         self._alive = True
         if NATIVE is not None:
             self.arm = NATIVE.PosixTimer(  # type: ignore[method-assign]
-                self._timer.value or 0, AGAIN_NS).arm
+                self._timer.value or 0, REPEAT_NS).arm
 
     def arm(self, deadline_ns: int) -> None:
         """
@@ -109,7 +109,7 @@ class SignalTimer:
             _libc.timer_delete(self._timer)
 
 
-class Noting(Protocol):
+class HasPending(Protocol):
     """Somebody who rests until something comes up."""
 
     pending: bool
@@ -128,46 +128,48 @@ class SignalGate:
         for signo in signals:
             self._set[0] |= 1 << (signo - 1)
         reference = ctypes.byref(self._set)
-        self._hold = (ctypes.c_int(_libc.SIG_BLOCK), reference, None)
-        self._admit = (ctypes.c_int(_libc.SIG_UNBLOCK), reference, None)
-        self._wait = (reference, None)
+        self._mask_arguments = (ctypes.c_int(_libc.SIG_BLOCK), reference, None)
+        self._unmask_arguments = (ctypes.c_int(_libc.SIG_UNBLOCK), reference, None)
+        self._wait_arguments = (reference, None)
         if NATIVE is not None:
             gate = NATIVE.SignalGate(self._set[0])
-            self.hold, self.admit = gate.hold, gate.admit  # type: ignore[method-assign]
-            self.wait, self.rest = gate.wait, gate.rest  # type: ignore[method-assign]
+            self.mask_signals = gate.mask_signals  # type: ignore[method-assign]
+            self.unmask_signals = gate.unmask_signals  # type: ignore[method-assign]
+            self.wait_masked = gate.wait_masked  # type: ignore[method-assign]
+            self.wait = gate.wait  # type: ignore[method-assign]
 
     @property
     def mask(self) -> int:
         """Return the set: bit n-1 stands for signal n."""
         return int(self._set[0])
 
-    def hold(self) -> None:
+    def mask_signals(self) -> None:
         """Keep the signals pending; safe in the real-time loop."""
-        _libc.pthread_sigmask(*self._hold)
+        _libc.pthread_sigmask(*self._mask_arguments)
 
-    def admit(self) -> None:
+    def unmask_signals(self) -> None:
         """Let the signals through again; safe in the real-time loop."""
-        _libc.pthread_sigmask(*self._admit)
+        _libc.pthread_sigmask(*self._unmask_arguments)
 
-    def wait(self) -> int:
+    def wait_masked(self) -> int:
         """
         Sleep until one of the held signals is there, and take it.
 
         :return: its number; -1 when a signal outside the set was handled instead.
         """
-        result: int = _libc.sigwaitinfo(*self._wait)
+        result: int = _libc.sigwaitinfo(*self._wait_arguments)
         return result
 
-    def rest(self, owner: Noting) -> int:
+    def wait(self, owner: HasPending) -> int:
         """
         Wait for one of the signals unless something is pending, and lose none in between.
 
-        :return: what :meth:`wait` gives; 0 when something was pending.
+        :return: what :meth:`wait_masked` gives; 0 when something was pending.
         """
-        self.hold()
-        # A signal that came before hold() has left its note; one after it is held.
-        signo = 0 if owner.pending else self.wait()
-        self.admit()
+        self.mask_signals()
+        # A signal that came before mask_signals() has set `pending`; a later one stays pending in Linux.
+        signo = 0 if owner.pending else self.wait_masked()
+        self.unmask_signals()
         return signo
 
 

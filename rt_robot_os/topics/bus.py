@@ -87,7 +87,7 @@ class Bus:
                     layout.type_name, layout.prototype, layout.max_size):
                 raise TopicError(f'topic {name!r}: declared as {known.layout!r} before and as '
                                  f'{layout!r} now; choose another name for one of them')
-            self._agree(known, depth, max_subscribers)
+            self._check_redeclaration(known, depth, max_subscribers)
             return known
         topic = Topic(self.kernel, name, layout, depth=depth, rate_hz=rate_hz,
                       max_subscribers=max_subscribers)
@@ -110,7 +110,7 @@ class Bus:
             topic.limit_given = not isinstance(max_subscribers, Default)
         return topic
 
-    def _agree(self, topic: Topic, depth: int, max_subscribers: int) -> None:
+    def _check_redeclaration(self, topic: Topic, depth: int, max_subscribers: int) -> None:
         """Check a further declaration of a topic against those before."""
         if topic.depth_given and not isinstance(depth, Default) and depth != topic.depth:
             raise TopicError(f'topic {topic.name!r}: declared with depth {topic.depth} before and '
@@ -221,7 +221,7 @@ class Bus:
             topic.subscribers.remove(subscription)
             topic.uncounted.discard(subscription)
             if subscription.task is not None:
-                topic.wake_no_more(subscription.task)
+                topic.stop_waking(subscription.task)
 
     def release_every(self, name: str, task: Task, number: int) -> None:
         """
@@ -242,11 +242,11 @@ class Bus:
         for topic in topics:
             topic.triggers.append(trigger)
 
-    def release_no_more(self, task: Task) -> None:
+    def stop_releasing(self, task: Task) -> None:
         """Take a task from all topics that release it; what it reads is left as it is."""
         for topic in self._topics.values():
             while task in topic.wakes:
-                topic.wake_no_more(task)
+                topic.stop_waking(task)
             topic.triggers[:] = [each for each in topic.triggers if each.task is not task]
 
     def statistics(self) -> tuple[TopicStatistics, ...]:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rt_robot_os.topics.topic import Topic
 
 
-class _Kept:
+class _HeldMessage:
     """One message that waits for the deadline."""
 
     __slots__ = ('data', 'length', 'stamp_ns')
@@ -46,13 +46,13 @@ class LogicalPublisher(Publisher):
         than the topic holds.
     """
 
-    __slots__ = ('discarded', '_kept', '_count')
+    __slots__ = ('discarded', '_held', '_count')
 
     def __init__(self, topic: Topic, logical: Logical) -> None:
         super().__init__(topic)
         self.discarded = 0
         # Laid out beforehand: nothing is allocated in the loop.
-        self._kept = [_Kept(topic.layout.max_size) for _ in range(topic.depth)]
+        self._held = [_HeldMessage(topic.layout.max_size) for _ in range(topic.depth)]
         self._count = 0
         logical.outputs.append(self._end)
 
@@ -66,10 +66,10 @@ class LogicalPublisher(Publisher):
 
     def send(self, data: memoryview, stamp_ns: int = 0) -> None:
         """Let CDR be published at the deadline; safe in the real-time loop."""
-        if self._count == len(self._kept):
+        if self._count == len(self._held):
             self.discarded += 1
             return
-        kept = self._kept[self._count]
+        kept = self._held[self._count]
         kept.data[:len(data)] = data
         kept.length, kept.stamp_ns = len(data), stamp_ns
         self._count += 1
@@ -79,7 +79,7 @@ class LogicalPublisher(Publisher):
         if not in_time:
             self.discarded += count
             return
-        for kept in self._kept[:count]:
+        for kept in self._held[:count]:
             super().send(kept.data[:kept.length], kept.stamp_ns)
 
 

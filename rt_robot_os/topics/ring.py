@@ -92,7 +92,7 @@ class TopicCore:
         """Return the length of a sample that is kept, in bytes."""
         return self._lengths[number & self.mask]
 
-    def pull(self, now_ns: int) -> None:
+    def release_triggered(self, now_ns: int) -> None:
         """Release the tasks whose triggers say so; within a publication."""
         raise NotImplementedError
 
@@ -174,7 +174,7 @@ class PublisherCore:
         if topic.wakes:
             kernel.wake(topic.wakes, now_ns)
         if topic.triggers:
-            topic.pull(now_ns)
+            topic.release_triggered(now_ns)
 
 
 class SubscriptionCore:
@@ -260,7 +260,7 @@ class SubscriptionCore:
         """Copy the sample in a slot of a large topic, in pieces."""
         raise NotImplementedError
 
-    def pass_over(self, newest: bool = False) -> bool:
+    def skip(self, newest: bool = False) -> bool:
         """
         Pass over a sample without copying it; safe in the real-time loop.
 

@@ -144,16 +144,16 @@ class _NextSample(Wait):
         self._taken = False
 
     def begin(self, body: AsyncBody) -> None:
-        if body.by_schedule is None:
+        if body.replay_gate is None:
             self._subscription.topic.wake_on_publish(body.task)
 
-    def over(self) -> bool:
+    def is_ready(self) -> bool:
         if not self._taken:
             self._taken = self._subscription.take()
         return self._taken
 
     def end(self, body: AsyncBody) -> None:
-        self._subscription.topic.wake_no_more(body.task)
+        self._subscription.topic.stop_waking(body.task)
 
     def result(self) -> Subscription:
         return self._subscription

@@ -98,7 +98,7 @@ class Topic(TopicCore):
     """
 
     __slots__ = ('depth', 'rate_hz', 'stale_after_ns', 'max_subscribers', 'subscribers',
-                 'uncounted', 'messages', 'depth_given', 'limit_given', '_wanted')
+                 'uncounted', 'messages', 'depth_given', 'limit_given', '_wake_counts')
 
     triggers: list[Trigger]
 
@@ -114,7 +114,7 @@ class Topic(TopicCore):
         self.max_subscribers = int(max_subscribers)
         self.limit_given = not isinstance(max_subscribers, Default)
         self.messages = [layout.view(slot) for slot in slots] if self.large else []
-        self._wanted: dict[Task, int] = {}
+        self._wake_counts: dict[Task, int] = {}
         self.subscribers: list[SubscriberStatisticsSource] = []
         self.uncounted: set[SubscriberStatisticsSource] = set()
 
@@ -130,20 +130,20 @@ class Topic(TopicCore):
         A task above the publisher runs before ``publish`` returns. A task that is given several
         times is released once.
         """
-        count = self._wanted.get(task, 0)
-        self._wanted[task] = count + 1
+        count = self._wake_counts.get(task, 0)
+        self._wake_counts[task] = count + 1
         if not count:
             self.wakes.append(task)
 
-    def wake_no_more(self, task: Task) -> None:
+    def stop_waking(self, task: Task) -> None:
         """Undo one :meth:`wake_on_publish`; tasks that were never given are fine."""
-        count = self._wanted.pop(task, 0)
+        count = self._wake_counts.pop(task, 0)
         if count > 1:
-            self._wanted[task] = count - 1
+            self._wake_counts[task] = count - 1
         elif count:
             self.wakes.remove(task)
 
-    def pull(self, now_ns: int) -> None:
+    def release_triggered(self, now_ns: int) -> None:
         """Release the tasks whose triggers say so; within a publication."""
         for trigger in self.triggers:
             if trigger.published(self):
