@@ -15,9 +15,9 @@
 """
 Time as the kernel sees it: now, two timers that interrupt, and waiting.
 
-The kernel does not depend on the kind of clock. Under :class:`~rt_robot_os.kernel.MonotonicClock` a timer
-is a signal that interrupts the running Python code; under
-:class:`~rt_robot_os.kernel.VirtualClock` time passes only where a task simulates work
+The kernel does not depend on the kind of clock. With
+:class:`~rt_robot_os.kernel.MonotonicClock` a timer is a signal that interrupts the running Python
+code. With :class:`~rt_robot_os.kernel.VirtualClock` time passes only where a task simulates work
 (:meth:`Clock.spend`), and the interrupt is a plain call. Both call the same handler.
 """
 

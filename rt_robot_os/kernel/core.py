@@ -61,8 +61,8 @@ from rt_robot_os.linux.recursion import force_recursion_limit
 from rt_robot_os.linux.recursion import restore_recursion_limit
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 
-# Python frames that each level of nesting adds to the recursion limit, so that a task that recurses
-# up to its limit leaves enough frames for the tasks that preempt it.
+# Python frames that each level of nesting adds to the recursion limit: a task that recurses up to
+# its limit must leave enough frames for the tasks that preempt it.
 RECURSION_ROOM: Final = 200
 # An interrupt that is later than this is charged to the job that delayed it.
 BLOCKED_NS: Final = 50 * NS_PER_US
@@ -125,7 +125,7 @@ class Core(TimerInterrupt):
 
     @abstractmethod
     def make_abort(self, task: Any) -> tuple[TaskAborted, Iterable[object]]:
-        """Return the exception to raise in the interrupted task, and an iterable that raises it."""
+        """Return the exception for the interrupted task, and an iterable that raises it."""
 
     @abstractmethod
     def contain(self, task: Any, error: BaseException) -> FailureReport:

@@ -42,7 +42,7 @@ def make_spec(name: str, function: Callable[[], object], *, priority: Any, rate_
 
     :param priority: unchecked; it is checked here, as is the rate.
     :param can_be_safe: it has an ``on_safe_state``.
-    :param preemptive: the kernel's clock interrupts what runs.
+    :param preemptive: the kernel's clock interrupts running jobs.
     :raises TaskError: with all problems found.
     """
     unknown = sorted(set(declared) - _KEYWORDS)

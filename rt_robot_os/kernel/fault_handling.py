@@ -40,7 +40,7 @@ from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.task import Task
 
 _SUSPECTS_EVERY_NS: Final = 10 * NS_PER_MS
-# A job that waits in system calls instead of computing is aborted after this many times its budget.
+# A job that waits in system calls instead of computing is aborted after this many budgets.
 WAITING_LIMITS: Final = 20
 
 
@@ -161,7 +161,7 @@ class FaultHandling:
         kernel = self._kernel
         late_ns = end_ns - release_ns - task.deadline_ns
         task.deadline_missed += 1
-        if end_ns - self._suspects_ns >= _SUSPECTS_EVERY_NS:  # the search must not add to an overload
+        if end_ns - self._suspects_ns >= _SUSPECTS_EVERY_NS:  # must not add to an overload
             self._suspects_ns = end_ns
             task.suspects = blame(
                 kernel.black_box.latest(RECORDS_MAXIMUM), task, release_ns, end_ns)

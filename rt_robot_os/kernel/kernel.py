@@ -390,7 +390,7 @@ class Kernel(Scheduler):
             self.unlock(before)
 
     def remove_interrupt(self, fd: int) -> None:
-        """Undo :meth:`add_interrupt`, before the descriptor is closed; unknown ones are ignored."""
+        """Undo :meth:`add_interrupt` before the descriptor is closed; ignores unknown ones."""
         before = self.lock()
         try:
             self._sources.remove(fd)
@@ -404,7 +404,8 @@ class Kernel(Scheduler):
     def _on_break(self, signum: int = 0, frame: object = None) -> None:
         """Stop on Ctrl-C; a second Ctrl-C interrupts a job that does not end by itself."""
         current = self.current
-        if self._break_requested and current is not None and not (self.locked or current.containing):
+        if (self._break_requested and current is not None
+                and not (self.locked or current.containing)):
             raise KeyboardInterrupt
         self._break_requested = True
         self.stop('KeyboardInterrupt')

@@ -56,8 +56,8 @@ from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.steal_time import StealTime
 from rt_robot_os.kernel.task import Task
 
-# Minimum computing time for ``finally`` clauses between the first TaskAborted and the second. After
-# that, TaskAborted is raised wherever Python runs handlers of signals, until the job has ended.
+# Minimum computing time for ``finally`` clauses between the first TaskAborted and the second.
+# After that, TaskAborted is raised wherever Python runs handlers of signals, until the job ends.
 # The timer interrupts as well, for the case that the stack had no room to raise it.
 GRACE_NS: Final = 20 * NS_PER_MS
 ABORT_AGAIN_NS: Final = 50 * NS_PER_US
@@ -181,7 +181,8 @@ class Scheduler(Core):
             if left_ns > 0 and task.waited_ns:  # waiting does not use up the rest
                 left_ns = max(left_ns, LATE_NS)
             check_ns = now_ns + left_ns
-        if self.stopping and not (task.aborts_raised or task.containing) and self._stop_ns < check_ns:
+        if (self.stopping and not (task.aborts_raised or task.containing)
+                and self._stop_ns < check_ns):
             check_ns = self._stop_ns
         if now_ns < check_ns:
             return check_ns
@@ -220,11 +221,12 @@ class Scheduler(Core):
         reason = ''
         if self.stopping and now_ns >= self._stop_ns:
             reason = (f'was ended {(now_ns - self._stop_ns + self.stop_grace_ns) // NS_PER_MS} ms '
-                   f'after the kernel was told to stop ({self._stop_reason})')
+                      f'after the kernel was told to stop ({self._stop_reason})')
             if task.name not in self.ended:
                 self.ended.append(task.name)
         elif task.waited_ns >= WAITING_LIMITS * task.budget_ns:
-            reason = f'waited for {task.waited_ns // NS_PER_MS} ms, {WAITING_LIMITS} times its budget'
+            reason = (f'waited for {task.waited_ns // NS_PER_MS} ms, {WAITING_LIMITS} times its '
+                      'budget')
         elif not task.aborts or used_ns < task.budget_ns:
             reason = f'was ended near the recursion limit, after {used_ns // NS_PER_US} us'
         abort = TaskAborted(task.name, used_ns, task.spec.budget_ns, reason)

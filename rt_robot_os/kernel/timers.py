@@ -15,8 +15,8 @@
 """
 The timers of a level: a list that is sorted by due time.
 
-It is not a heap: a heap compares down to a leaf each time that its first element is removed. Here a
-timer that is inserted again usually comes last at its level, and little has to be moved.
+It is not a heap: a heap compares down to a leaf each time that its first element is removed. Here
+a timer that is inserted again usually comes last at its level, and little has to be moved.
 """
 
 from __future__ import annotations

@@ -167,7 +167,7 @@ class SignalGate:
         :return: what :meth:`wait_masked` gives; 0 when something was pending.
         """
         self.mask_signals()
-        # A signal that came before mask_signals() has set `pending`; a later one stays pending in Linux.
+        # A signal before mask_signals() has set `pending`; a later one stays pending in Linux.
         signo = 0 if owner.pending else self.wait_masked()
         self.unmask_signals()
         return signo

@@ -211,7 +211,7 @@ def test_running_a_kernel_that_runs_is_refused(kernel: Kernel) -> None:
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
-    ({'priority': 0}, "'bad': priority 0 must be a whole number from 1 to 99"),
+    ({'priority': 0}, "'bad': priority 0 must be an integer from 1 to 99"),
     ({'priority': 100}, 'priority 100'),
     ({'priority': 5.0}, 'priority 5.0'),
     ({'priority': True}, 'priority True'),

@@ -144,7 +144,7 @@ class Owner:
 
 
 class Woken:
-    """An owner that receives a signal between the masking of signals and the wait."""
+    """An owner that receives a signal between the masking and the wait."""
 
     def __init__(self) -> None:
         self.masks: list[set[int]] = []
@@ -160,7 +160,7 @@ class Woken:
     def send(self, thread: int) -> None:
         signal.pthread_kill(thread, SIGNAL)
         if not self.returned.wait(PATIENCE_NS / 1e9):
-            signal.pthread_kill(thread, SIGNAL)  # or a wait that lost the first signal would never end
+            signal.pthread_kill(thread, SIGNAL)  # ends a wait that lost the first one
 
 
 def test_a_signal_after_the_masking_ends_the_wait_and_signals_are_unmasked_again(seen: list[int]) -> None:
