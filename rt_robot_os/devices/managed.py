@@ -133,7 +133,7 @@ class ManagedDevice:
             if self._gaps.round(now_ns, self.task.period_ns if self.task is not None else 0):
                 self._wake_up(now_ns)
             if device.changes:
-                device.take_changes()
+                device.apply_changes()
             if self._receives:
                 self._receive(now_ns, command)
             if command:

@@ -116,7 +116,7 @@ class LargeMirror(Mirror):
                     return
                 self._pass_over()
                 continue
-            slot = self.loans.take()
+            slot = self.loans.acquire()
             if slot < 0 and self.patient:
                 return  # it waits in the topic until it is overwritten there
             if slot < 0:

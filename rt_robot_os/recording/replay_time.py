@@ -215,6 +215,6 @@ class ReplayBus(Bus):
             return super().subscribe(name, subscriber, initial=initial, task=task, buffer=buffer,
                                      newest=newest, counted=counted)
         subscription = ReplaySubscription(
-            self._with_room(name, subscriber), subscriber, initial=initial, task=task)
+            self._topic_with_capacity(name, subscriber), subscriber, initial=initial, task=task)
         subscription.schedule = self._schedule
         return self._add(subscription, task)

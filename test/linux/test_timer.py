@@ -163,7 +163,8 @@ class Woken:
             signal.pthread_kill(thread, SIGNAL)  # ends a wait that lost the first one
 
 
-def test_a_signal_after_the_masking_ends_the_wait_and_signals_are_unmasked_again(seen: list[int]) -> None:
+def test_a_signal_after_the_masking_ends_the_wait_and_signals_are_unmasked(
+        seen: list[int]) -> None:
     owner = Woken()
     assert SignalGate([SIGNAL]).wait(owner) == SIGNAL
     owner.returned.set()

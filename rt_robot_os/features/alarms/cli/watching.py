@@ -23,7 +23,7 @@ import sys
 import time
 from typing import Any
 
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.features.alarms.cli.desk import check_topics
 from rt_robot_os.features.alarms.cli.desk import EVENTS
 from rt_robot_os.features.alarms.cli.shown import event_line
@@ -55,7 +55,7 @@ def watch(path: Path, as_json: bool, stopping: Callable[[], bool] = lambda: Fals
         client.mirror(EVENTS, patient=True, oldest=connection.connections > 0)
 
     def say(text: str) -> None:
-        tell('alarms', text)
+        warn('alarms', text)
 
     connection = LastingClient(path, 'alarms', connect, say)
     try:
