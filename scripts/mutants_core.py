@@ -22,7 +22,7 @@ Plant faults in the C core, one at a time, and see whether the tests find them.
 Each mutant is a copy of the package with one text of a C file replaced, compiled. It is compared
 with the pure build in random scenarios (``scripts/compare_builds.py``); one that is not found
 there has to be found by the tests of the kernel and of the topics. A text that is not in its file
-any more is an error: the mutant has to be written anew.
+any more is an error: update the mutant.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ MUTANTS = (
     Mutant('lost spare timer', CORE, '    core->spare_ns = spare_ns;\n    return set_timer(core, 1, '
            'spare_ns);', '    core->spare_ns = spare_ns;\n    return 0;'),
     Mutant('forgotten reference to a timer', CORE,
-           '    *timer_at(list, low) = timer;\n    Py_INCREF(timer.what);',
+           '    *timer_at(list, low) = timer;\n    Py_INCREF(timer.target);',
            '    *timer_at(list, low) = timer;'),
     Mutant('dropped record', TASK, '        box->count++;\n    else if',
            '        box->count += record->kind != OVERRUN;\n    else if'),
@@ -134,7 +134,7 @@ def main() -> int:
             text = path.read_text()
             if text.count(mutant.right) != 1:
                 parser.error(f'mutant {mutant.name!r}: its text is {text.count(mutant.right)} '
-                             f'times in {mutant.file}, and must be there once: write it anew')
+                             f'times in {mutant.file}, but must be there once: update the mutant')
             path.write_text(text.replace(mutant.right, mutant.wrong))
             build(folder, ('-O1', '-w', *STABLE))
             found = killer(folder, options.cases)

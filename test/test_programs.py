@@ -22,7 +22,6 @@ from collections.abc import Sequence
 import gc
 import os
 from pathlib import Path
-import re
 import signal
 import subprocess
 import sys
@@ -155,7 +154,7 @@ def test_its_own_exit_code_is_kept_and_ctrl_c_is_as_before() -> None:
         return 3
 
     assert run_program('test', lambda: run, ['--all']) == 3
-    assert run_program('test', lambda: run, [], listens=True) == 3
+    assert run_program('test', lambda: run, [], handles_signals=True) == 3
     assert seen == [(['--all'], before), ([], signal.SIG_DFL)]
     assert signal.getsignal(signal.SIGINT) is before
 
@@ -209,7 +208,7 @@ sys.exit(MAIN)
 """
 
 
-@pytest.mark.parametrize('main', ["run_program('test', lambda: run, listens=True)",
+@pytest.mark.parametrize('main', ["run_program('test', lambda: run, handles_signals=True)",
                                   'run_child(run)'])
 def test_a_second_request_to_end_does_not_interrupt_the_clean_up(main: str) -> None:
     """A child of which the parent closes the pipe and sends SIGTERM as well ends with code 0."""

@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What every part is built on: errors, units, fields of settings, logging, programs."""
+"""The foundation of all parts: errors, units, settings fields, logging, programs."""

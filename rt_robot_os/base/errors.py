@@ -13,21 +13,21 @@
 # limitations under the License.
 
 """
-The one error tree.
+The exception hierarchy.
 
 ::
 
     RtRobotError
-    |- ConfigError (ValueError)      what the user wrote is wrong; holds every problem found
-    |- LayoutError (ValueError)      a message type or its shape cannot be laid out
+    |- ConfigError (ValueError)      invalid configuration; lists every problem found
+    |- LayoutError (ValueError)      a message type or its shape is not supported
     |- TopicError (ValueError)       misuse of a topic: unknown name, too many subscribers, ...
-    |- TaskError (ValueError)        misuse of the kernel: priority 0, a name taken, ...
-    |- StartError (OSError)          this machine does not let it start; trying again is no use
-    |- DeviceError (OSError)         the outside world: a port that is missing, unplugged, silent
-    |- LinkError (OSError)           the other side of the link is gone or talks nonsense
+    |- TaskError (ValueError)        misuse of the kernel: priority 0, duplicate name, ...
+    |- StartError (OSError)          the machine does not allow the start; retrying is useless
+    |- DeviceError (OSError)         a port is missing or unplugged, or a device does not respond
+    |- LinkError (OSError)           the other side of the link is gone or violates the protocol
     |- BlackBoxError (OSError)       a dump of the black box cannot be written or read
     |- RecordingError (OSError)      a recording cannot be written or read
-    |- StoreError (OSError)          the database is away or full; nothing was kept, try again
+    |- StoreError (OSError)          the database is unreachable or full; nothing was stored, retry
     `- KernelError (RuntimeError)    a defect in the kernel itself: please report it
 
 Every message names the object, the value and the remedy.
@@ -40,14 +40,14 @@ from typing import Final
 
 
 class RtRobotError(Exception):
-    """Base of every error that this package raises on purpose."""
+    """Base of every exception that this package raises intentionally."""
 
 
 class ConfigError(RtRobotError, ValueError):
     """
     The configuration is wrong; raised once, before anything is opened.
 
-    :ivar problems: one line a problem: file, key, value, remedy.
+    :ivar problems: one line per problem: file, key, value, remedy.
     """
 
     def __init__(self, problems: Iterable[str]) -> None:
@@ -56,55 +56,55 @@ class ConfigError(RtRobotError, ValueError):
 
 
 class LayoutError(RtRobotError, ValueError):
-    """A message type or the shape asked of it cannot be laid out in fixed slots."""
+    """A message type with the given shape does not fit fixed slots."""
 
 
 class TopicError(RtRobotError, ValueError):
-    """A topic was used against its declaration."""
+    """A topic was used in conflict with its declaration."""
 
 
 class TaskError(RtRobotError, ValueError):
-    """A task was declared or used in a way that the kernel cannot honour."""
+    """A task was declared or used in a way that the kernel does not support."""
 
 
 class StartError(RtRobotError, OSError):
-    """It cannot start here as things are: its name is taken, a folder or a limit forbids it."""
+    """A program cannot start: its name is in use, or a folder or a limit does not allow it."""
 
 
 class DeviceError(RtRobotError, OSError):
-    """A device cannot be reached or does not behave; it will be retried."""
+    """A device is unreachable or faulty; it will be retried."""
 
 
 class LinkError(RtRobotError, OSError):
-    """The other side of the link is gone, refuses, or sent what is not the protocol."""
+    """The other side of the link is gone, rejects a request, or violates the protocol."""
 
 
 class BlackBoxError(RtRobotError, OSError):
-    """A dump of the black box cannot be written, or is no whole dump of this version."""
+    """A dump of the black box cannot be written, or is incomplete or of another version."""
 
 
 class RecordingError(RtRobotError, OSError):
-    """A recording cannot be written, or holds nothing that can be read."""
+    """A recording cannot be written, or has no readable content."""
 
 
 class StoreError(RtRobotError, OSError):
-    """The database is away, full or locked: nothing of what was asked is done; try again."""
+    """The database is unreachable, full or locked: the request had no effect; try again."""
 
 
 class KernelError(RtRobotError, RuntimeError):
-    """A defect in the kernel; the message says what was found."""
+    """A defect in the kernel; the message describes it."""
 
 
-# Of long lists the beginning is shown.
+# Only the first items of a long list are shown.
 _NAMED_MAXIMUM: Final = 40
 
 
 def no_match(option: str, value: str, there: Iterable[str]) -> ConfigError:
     """
-    Make the error for a selection that matches nothing: doing nothing is no success.
+    Make the error for a selection that matches nothing.
 
-    :param option: what the user selects with, such as ``--only``.
-    :param there: what could have been selected.
+    :param option: the option of the selection, such as ``--only``.
+    :param there: the valid names.
     """
     names = list(there)
     more = len(names) - _NAMED_MAXIMUM

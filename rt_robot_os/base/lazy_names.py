@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Public names of a package that are imported when they are first asked for."""
+"""Lazy imports: public names of a package that are imported on first access."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _PLACES: dict[str, Mapping[str, str]] = {}
 
 
 class _LazyPackage(ModuleType):
-    """A package of which not everything is imported yet."""
+    """A package with lazily imported names."""
 
     def __getattr__(self, name: str) -> Any:
         """
         Import a public name.
 
-        :raises AttributeError: there is none of that name.
+        :raises AttributeError: the package has no such name.
         """
         place = _PLACES[self.__name__].get(name)
         if place is None:
@@ -43,24 +43,24 @@ class _LazyPackage(ModuleType):
         return found
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Set an attribute; a module that is imported does not hide a public name like its own."""
+        """Set an attribute; an imported submodule does not replace a public name."""
         if not (isinstance(value, ModuleType) and name in _PLACES[self.__name__]):
             super().__setattr__(name, value)
 
     def __dir__(self) -> Iterable[str]:
-        """Name what is there, and what would be imported."""
+        """List the present names and the lazy ones."""
         return sorted({*super().__dir__(), *_PLACES[self.__name__]})
 
 
 def lazy_names(package: str, places: Mapping[str, str]) -> None:
     """
-    Have public names of a package imported when they are first asked for.
+    Import public names of a package on first access.
 
-    Whoever imports one module of a package runs its ``__init__``, too, which therefore imports
-    nothing that not everybody needs: `--help` would take a second otherwise.
+    Importing one module of a package also runs its ``__init__``. So that imports nothing that is
+    not always needed: otherwise ``--help`` would take a second.
 
-    :param package: its ``__name__``; called at the end of its ``__init__``.
-    :param places: name -> the module that has it, from this package.
+    :param package: its ``__name__``; call this at the end of its ``__init__``.
+    :param places: name -> the module of this package that defines it.
     """
     _PLACES[package] = places
     sys.modules[package].__class__ = _LazyPackage

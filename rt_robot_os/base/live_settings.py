@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The settings of a device or a module: some of them change while the robot runs."""
+"""The settings of a device or a module; some can be changed while the robot runs."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ class LiveSettings:
     """
     The base of devices and modules: a name, settings, and their change between two jobs.
 
-    :cvar SETTINGS: what can be set; fields with ``live=True`` while the robot runs as well.
-    :ivar changes: what was changed and waits for the next job.
-    :ivar settings: the values in force, by name; those of one job never change during it.
+    :cvar SETTINGS: the settings; those with ``live=True`` can be changed while the robot runs.
+    :ivar changes: changed values that take effect with the next job.
+    :ivar settings: the current values, by name; they never change during a job.
     """
 
     SETTINGS: ClassVar[tuple[Field, ...]] = ()
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings.
+        Store the settings.
 
-        :param settings: a value for each of :meth:`fields`, checked already.
+        :param settings: a validated value for each of :meth:`fields`.
         """
         self.name = name
         self.settings = dict(settings)
@@ -47,39 +47,39 @@ class LiveSettings:
 
     @classmethod
     def fields(cls) -> tuple[Field, ...]:
-        """Return everything that can be set."""
+        """Return all settings."""
         return cls.SETTINGS
 
     def value(self, name: str) -> Any:
-        """Return a setting; a changed one as it will be in the next job."""
+        """Return the value of a setting in the next job, changes included."""
         return self.changes.get(name, self.settings[name])
 
     def change(self, name: str, value: Any) -> Any:
         """
-        Change a live setting with the next job, never in the middle of one; from any task.
+        Change a live setting as of the next job; can be called from any task.
 
         Of several changes before that job the last one counts.
 
         :return: the value in its declared type.
-        :raises ConfigError: no such setting, not a live one, or a value out of range.
+        :raises ConfigError: the setting does not exist or is not live, or the value is invalid.
         """
         fields = {field.name: field for field in self.fields() if field.live}
         if name not in fields:
             live = ', '.join(fields) or 'none'
             raise ConfigError([f'{self.name}.{name} cannot be changed while the robot runs; '
-                               f'what can: {live}'])
+                               f'live settings: {live}'])
         problem = fields[name].problem(value)
         if problem:
             raise ConfigError([f'{self.name}.{name} = {value!r}: must be {problem}'])
         self.changes[name] = coerced = fields[name].coerce(value)
         return coerced
 
-    def take_changes(self) -> None:
-        """Take over what was changed since the last job; called between two of them."""
+    def apply_changes(self) -> None:
+        """Apply the changes since the last job; called between two jobs."""
         while self.changes:
             name = next(iter(self.changes))
             self.settings[name] = self.changes.pop(name)
             self.changed(name)
 
     def changed(self, name: str) -> None:
-        """React to a changed live setting, which :attr:`settings` has by now; in the loop."""
+        """React to a changed live setting, already stored in :attr:`settings`; in the loop."""

@@ -14,11 +14,11 @@
 
 
 """
-The log of modules and drivers: a call in the loop only notes the text and its arguments.
+The log of modules and drivers: a call in the loop only stores the text and its arguments.
 
-The text and its arguments are kept as they are and formatted when they leave the core, by the
-lowest tasks. Nothing here waits, and a task may be preempted anywhere in it by another that logs
-with the same logger: each step that counts is one native call.
+The text and its arguments are stored unmodified and formatted by the lowest-priority tasks when
+they leave the core. Nothing here waits. A task may be preempted anywhere in it by another that
+uses the same logger: each critical step is one native call.
 """
 
 from __future__ import annotations
@@ -44,12 +44,13 @@ ARGUMENT_MAXIMUM = 500
 SITES_MAXIMUM = 256
 
 _FOREVER_NS = 1 << 63
-# What cannot change and costs nothing to keep. A long text is cut, everything else made a text.
-_PLAIN = frozenset({int, float, bool, type(None)})
+# Immutable types that are stored unmodified. A long string is cut; others are converted to
+# strings.
+_IMMUTABLE_TYPES = frozenset({int, float, bool, type(None)})
 
 
-def _kept(value: object) -> object:
-    """Return what may be formatted later: nobody changes it meanwhile, and it is not large."""
+def _immutable(value: object) -> object:
+    """Return an immutable value of limited size, which can be formatted later."""
     if isinstance(value, Number):
         return value
     if isinstance(value, str):
@@ -62,11 +63,11 @@ def _kept(value: object) -> object:
 
 class _Window:
     """
-    The time during which one line of code is held back after it has logged.
+    The throttling window of one line of code after it has logged.
 
-    :ivar tally: counts what is held back.
-    :ivar total: how many that were, once the window is closed; -1 before.
-    :ivar last: the latest text and arguments that were held back.
+    :ivar tally: counts the suppressed calls.
+    :ivar total: their number, once the window is closed; -1 before.
+    :ivar last: text and arguments of the last suppressed call.
     """
 
     __slots__ = ('code', 'severity', 'begin_ns', 'end_ns', 'tally', 'total', 'last')
@@ -83,12 +84,12 @@ class _Window:
 
 class Logger:
     """
-    Log under one name.
+    A named logger.
 
     Texts are formatted with ``%`` as in Python's own logging: ``log.info('%.1f m/s', speed)``.
 
     :param name: of the module or the device.
-    :ivar level: the least severity that is logged; may be set at any time.
+    :ivar level: the lowest severity that is logged; may be set at any time.
     """
 
     def __init__(self, name: str, level: int = INFO) -> None:
@@ -99,9 +100,9 @@ class Logger:
 
     def connect(self, reports: Reports, now_ns: Callable[[], int]) -> None:
         """
-        Say where the lines go; into a list of its own before.
+        Set the destination of the lines; before this they go to a private list.
 
-        :param now_ns: the clock that stamps them.
+        :param now_ns: the clock for their stamps.
         """
         self._now_ns = now_ns
         self._extend = reports.lines.extend
@@ -109,17 +110,17 @@ class Logger:
 
     @property
     def level_name(self) -> str:
-        """Name the least severity that is logged, as in a configuration."""
+        """Return the name of the lowest severity that is logged, as in a configuration."""
         return next((name for name, severity in zip(LEVELS, Severity) if severity >= self.level),
                     LEVELS[-1])
 
     def set_level(self, name: str) -> None:
-        """Set it, to one of ``LEVELS``."""
+        """Set the lowest severity that is logged, one of ``LEVELS``."""
         self.level = int(Severity[name.upper()])
 
     def debug(self, text: str, *arguments: object, throttle_s: float = 0.0,
               once: bool = False) -> None:
-        """Log at DEBUG; all that :meth:`info` says holds."""
+        """Log at DEBUG; see :meth:`info`."""
         if self.level <= 10:
             self._log(10, text, arguments, throttle_s, once)
 
@@ -128,43 +129,43 @@ class Logger:
         """
         Log at INFO; safe in the real-time loop, about a microsecond.
 
-        :param text: with ``%`` places for the arguments, which are put in later.
-        :param arguments: numbers and short texts are kept as they are; of anything else its
-            ``str()`` is, made at once.
-        :param throttle_s: this line of code is held back for so long after it has logged; what was
-            held back is summed up then.
-        :param once: this line of code logs once only.
+        :param text: with ``%`` placeholders for the arguments; formatted later.
+        :param arguments: numbers and short strings are stored unmodified; anything else is
+            converted by ``str()`` immediately.
+        :param throttle_s: time during which this line of code is suppressed after it has logged;
+            the suppressed calls are summarised afterwards.
+        :param once: this line of code logs only once.
         """
         if self.level <= 20:
             self._log(20, text, arguments, throttle_s, once)
 
     def warn(self, text: str, *arguments: object, throttle_s: float = 0.0,
              once: bool = False) -> None:
-        """Log at WARN; all that :meth:`info` says holds."""
+        """Log at WARN; see :meth:`info`."""
         if self.level <= 30:
             self._log(30, text, arguments, throttle_s, once)
 
     def error(self, text: str, *arguments: object, throttle_s: float = 0.0,
               once: bool = False) -> None:
-        """Log at ERROR; all that :meth:`info` says holds."""
+        """Log at ERROR; see :meth:`info`."""
         if self.level <= 40:
             self._log(40, text, arguments, throttle_s, once)
 
     def fatal(self, text: str, *arguments: object, throttle_s: float = 0.0,
               once: bool = False) -> None:
-        """Log at FATAL, which has no other effect; all that :meth:`info` says holds."""
+        """Log at FATAL; the robot keeps running; see :meth:`info`."""
         if self.level <= 50:
             self._log(50, text, arguments, throttle_s, once)
 
     def _log(self, severity: int, text: str, arguments: tuple[object, ...], throttle_s: float,
              once: bool) -> None:
         for value in arguments:
-            if type(value) not in _PLAIN and not (
+            if type(value) not in _IMMUTABLE_TYPES and not (
                     type(value) is str and len(value) <= ARGUMENT_MAXIMUM):
-                arguments = tuple(map(_kept, arguments))
+                arguments = tuple(map(_immutable, arguments))
                 break
         if type(text) is not str or len(text) > TEXT_MAXIMUM:
-            text = str(_kept(text)) if type(text) is not str else text[:TEXT_MAXIMUM]
+            text = str(_immutable(text)) if type(text) is not str else text[:TEXT_MAXIMUM]
         now_ns = self._now_ns()
         if (once or throttle_s) and not self._passes(
                 sys._getframe(2), severity, text, arguments, now_ns,
@@ -173,15 +174,15 @@ class Logger:
         self._note((now_ns, severity, self.name, text, arguments))
 
     def _note(self, line: RawLine) -> None:
-        # Numbered and added by one native call, which another task that logs cannot divide.
+        # Numbered and added in one native call, which another task cannot preempt.
         self._extend(zip((line,), self._numbers))
 
-    # ---- what is held back -------------------------------------------------------------------
+    # ---- throttling --------------------------------------------------------------------------
 
     def _passes(self, caller: FrameType, severity: int, text: str,
                 arguments: tuple[object, ...], now_ns: int, end_ns: int) -> bool:
-        """Return whether a line may be logged now; if not, it is counted."""
-        # By place, not by text: a formatted text differs each time.
+        """Return whether a line may be logged now; otherwise count it."""
+        # By place in the code, not by text: a formatted text differs each time.
         site = (id(caller.f_code), caller.f_lasti)
         while True:
             window = self._windows.get(site)
@@ -199,10 +200,10 @@ class Logger:
             number = next(window.tally)
             if window.total < 0 or number < window.total:
                 return False
-            # A task above this one has closed the window before this line was counted: again.
+            # A preempting task closed the window before this line was counted: retry.
 
     def _close(self, site: tuple[int, int], now_ns: int) -> None:
-        """Close a window and sum up; whoever takes it out of the table does so alone."""
+        """Close a window and summarise it; the task that removes it from the table owns it."""
         window = self._windows.pop(site, None)
         if window is None:
             return
@@ -216,7 +217,7 @@ class Logger:
                         (window.total, seconds, *arguments)))
 
     def sweep(self, now_ns: int) -> None:
-        """Sum up what was held back until now; called a few times a second by the lowest task."""
+        """Close expired windows; called a few times per second by the lowest-priority task."""
         for site, window in list(self._windows.items()):
             if now_ns >= window.end_ns:
                 self._close(site, now_ns)
@@ -226,7 +227,7 @@ class Logs:
     """
     The loggers of a core.
 
-    :ivar by_name: each that was connected.
+    :ivar by_name: the connected loggers.
     """
 
     def __init__(self, reports: Reports, now_ns: Callable[[], int]) -> None:
@@ -235,14 +236,14 @@ class Logs:
         self._now_ns = now_ns
 
     def connect(self, log: object, level: str) -> None:
-        """Make a log work, at a level; anything else is of somebody who has another use for it."""
+        """Connect a logger and set its level; an attribute ``log`` of another type is ignored."""
         if isinstance(log, Logger):
             log.connect(self._reports, self._now_ns)
             log.set_level(level)
             self.by_name[log.name] = log
 
     def sweep(self) -> None:
-        """Sum up what was held back and is due."""
+        """Close the expired windows of all loggers."""
         now_ns = self._now_ns()
         for log in self.by_name.values():
             log.sweep(now_ns)

@@ -13,18 +13,18 @@
 # limitations under the License.
 
 """
-Check optional libraries before they are imported, and say how the missing ones are installed.
+Check optional libraries before they are imported, and report how to install the missing ones.
 
-Whatever imports an optional library asks here first, with the name of its distribution in
-:data:`rt_robot_os.base.requirements.LIBRARIES`, so that a version that is too old is reported like
-a library that is missing::
+Code that imports an optional library first calls this module with the name of its distribution in
+:data:`rt_robot_os.base.requirements.LIBRARIES`, so that an outdated version is reported like a
+missing library::
 
     require('mapping', 'scipy')                                  # raises StartError
     require('--picture', 'matplotlib', error=ConfigError)
-    text = lacking('voice', 'aiortc')                            # '' when it is there
+    text = lacking('voice', 'aiortc')                            # '' when it is installed
 
-The message names the feature, each library with its version, and the command that works in this
-environment; ``docs/libraries.md`` explains them all. Nothing here is for the real-time loop.
+The message names the feature, each library with its version, and the command for this
+environment; see ``docs/libraries.md``. Nothing here is for the real-time loop.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ from rt_robot_os.base.requirements import Library
 
 PAGE: Final = 'docs/libraries.md'
 _SCRIPT: Final = Path('scripts', 'install')
-# What the scripts leave in an environment that they have made or adopted.
+# Marker files of the scripts in an environment that they created or adopted.
 _STAMPS: Final = '.rt_robot_os*'
-# The oldest release of a distribution that has the packages of the table.
+# The oldest release of a distribution with the packages in the table.
 _PACKAGED: Final = {'debian': '13', 'ubuntu': '24.04'}
 
 
@@ -60,10 +60,10 @@ def require(feature: str, *names: str, error: type[RtRobotError] = StartError) -
     """
     Make sure that libraries are installed and new enough; nothing is imported.
 
-    :param feature: what needs them, as the subject of a sentence.
+    :param feature: that needs them, as the subject of a sentence.
     :param names: of distributions.
-    :param error: what is raised.
-    :raises RtRobotError: one is missing or too old; the message says how it is installed.
+    :param error: the type to raise.
+    :raises RtRobotError: one is missing or too old; the message says how to install it.
     """
     text = lacking(feature, *names)
     if text:
@@ -72,9 +72,9 @@ def require(feature: str, *names: str, error: type[RtRobotError] = StartError) -
 
 def lacking(feature: str, *names: str) -> str:
     """
-    Return what is missing or too old and how it is installed; '' when nothing is.
+    Return which libraries are missing or too old and how to install them; '' when none is.
 
-    :param feature: what needs the libraries, as the subject of a sentence.
+    :param feature: that needs the libraries, as the subject of a sentence.
     :param names: of distributions.
     """
     missing = [LIBRARIES[name] for name in names if not LIBRARIES[name].is_satisfied()]
@@ -103,7 +103,7 @@ def remedy(missing: Sequence[Library]) -> str:
 
 
 def _extras(missing: Iterable[Library]) -> list[str]:
-    """Return the smallest extras that bring libraries; what no extra brings is of the base."""
+    """Return the smallest extras that include libraries; ``base`` for those in none."""
     found: dict[str, None] = {}
     for each in missing:
         if not any(each in libraries([extra]) for extra in found):
@@ -113,19 +113,19 @@ def _extras(missing: Iterable[Library]) -> list[str]:
 
 
 def _is_of_scripts() -> bool:
-    """Return whether scripts/run made this environment, and can add to it."""
-    root = Path(__file__).resolve().parents[1]
+    """Return whether scripts/run created this environment and can extend it."""
+    root = Path(__file__).resolve().parents[2]
     return (root / _SCRIPT).is_file() and any(Path(sys.prefix).glob(_STAMPS))
 
 
 def _is_managed() -> bool:
-    """Return whether pip may not install here (PEP 668), as into the system's Python."""
+    """Return whether pip must not install here (PEP 668), as in the system's Python."""
     return sys.prefix == sys.base_prefix and Path(
         sysconfig.get_path('stdlib'), 'EXTERNALLY-MANAGED').is_file()
 
 
 def _has_packages() -> bool:
-    """Return whether the packages of this distribution are as new as the table's."""
+    """Return whether the packages of this distribution are new enough."""
     try:
         about = platform.freedesktop_os_release()
     except OSError:
@@ -135,9 +135,9 @@ def _has_packages() -> bool:
 
 
 def _python() -> str:
-    """Return what starts this interpreter in a shell."""
+    """Return the command of this interpreter in a shell."""
     found = shutil.which('python3')
-    # The folders are compared: the interpreter of a virtual environment is a link to another one.
+    # Compare the folders: the interpreter of a virtual environment is a symbolic link.
     same = found is not None and Path(found).parent.resolve() == Path(
         sys.executable).parent.resolve()
     return 'python3' if same else shlex.quote(sys.executable)
@@ -145,7 +145,7 @@ def _python() -> str:
 
 def ros_remedy(package: str) -> str:
     """
-    Return how a package of ROS messages is installed here; '' where nothing installs it.
+    Return the command that installs a package of ROS messages; '' where there is none.
 
     :param package: such as ``tf2_msgs``.
     """

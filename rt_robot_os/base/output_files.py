@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Check the files that a command line asks for before any work is done.
+Check the output files of a command line before any work is done.
 
-A simulation of an hour is lost when its picture turns out to be impossible afterwards.
+Otherwise an hour of simulation is lost when its picture cannot be written at the end.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from typing import Final
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.needs import lacking
 
-#: What matplotlib can write, by the ending of a name.
+#: The formats that matplotlib can write, by file name extension.
 PICTURES: Final = ('.png', '.svg', '.pdf', '.jpg', '.jpeg', '.webp')
 
 
 def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) -> None:
     """
-    Make sure that a file can be written.
+    Ensure that a file can be written.
 
     :param option: the argument that names it, for the message.
-    :param path: of the file; None: it is not asked for.
-    :param endings: those that its name may have; any when there is none.
-    :raises ConfigError: it cannot be written, or its name has another ending.
+    :param path: of the file; None when it is not requested.
+    :param endings: the allowed extensions; empty allows all.
+    :raises ConfigError: it cannot be written, or has another extension.
     """
     if path is None:
         return
@@ -59,7 +59,7 @@ def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) ->
 
 def check_picture(option: str, path: Path | None, endings: Sequence[str] = PICTURES) -> None:
     """
-    Make sure that a picture can be drawn and written.
+    Ensure that a picture can be drawn and written.
 
     :raises ConfigError: as for :func:`check_output`, or matplotlib is missing or too old.
     """

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Names of plug-ins: those of this package and those of entry points, imported only when asked for.
+Plug-ins by name: those of this package and those of entry points, imported on demand.
 
-Users add their own from a package of theirs, here a module::
+Users add plug-ins from their own packages, here a module::
 
     entry_points={'rt_robot_os.modules': ['my_filter = my_package.my_filter:MyFilter']}
 
-A plug-in that cannot be imported is reported when it is named; it does not disturb the others.
+A plug-in that cannot be imported is reported when it is used; it does not affect the others.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ _GROUPS: Final = 'rt_robot_os.'
 @functools.lru_cache(maxsize=4)
 def installed(path: tuple[str, ...]) -> Mapping[str, Mapping[str, str]]:
     """
-    Look through all installed packages, once, since that takes tens of milliseconds.
+    Search all installed packages, once, since that takes tens of milliseconds.
 
-    :param path: folders that Python imports from; others are looked through anew.
-    :return: our entry-point groups -> name -> ``module:Class``.
+    :param path: the import path of Python; another path is searched again.
+    :return: entry-point groups of this package -> name -> ``module:Class``.
     """
-    # Late: most processes only ask for names of this package.
+    # Imported late: most processes only use names of this package.
     from importlib.metadata import entry_points
     found = entry_points()
-    # A value may name extras behind the class: `module:Class [extra]`.
+    # A value may name extras after the class: `module:Class [extra]`.
     return {group: {point.name: point.value.partition('[')[0].strip()
                     for point in found.select(group=group)}
             for group in found.groups if group.startswith(_GROUPS)}
@@ -58,9 +58,9 @@ def installed(path: tuple[str, ...]) -> Mapping[str, Mapping[str, str]]:
 
 def entry_point_targets(*groups: str) -> dict[str, str]:
     """
-    Return what other packages add to entry-point groups: name -> ``module:Class``.
+    Return the plug-ins of other packages in entry-point groups: name -> ``module:Class``.
 
-    :param groups: the later ones win.
+    :param groups: later ones take precedence.
     """
     found = installed(tuple(sys.path))
     return {name: target for group in groups for name, target in found.get(group, {}).items()}
@@ -68,9 +68,9 @@ def entry_point_targets(*groups: str) -> dict[str, str]:
 
 def load_object(what: str, target: str) -> object:
     """
-    Import what a target ``module:name`` names.
+    Import the object of a target ``module:name``.
 
-    :param what: what it is in errors, such as ``driver 'my_lidar'``.
+    :param what: its description in errors, such as ``driver 'my_lidar'``.
     :raises ConfigError: it cannot be imported, or is broken.
     """
     module, _, attribute = target.partition(':')
@@ -78,9 +78,9 @@ def load_object(what: str, target: str) -> object:
         return getattr(import_module(module), attribute)
     except ImportError as error:
         raise ConfigError([
-            f'{what} ({target}) cannot be imported: {error}; install what is '
-            'missing']) from error
-    except Exception as error:  # the code of others may raise anything while it is imported
+            f'{what} ({target}) cannot be imported: {error}; install the '
+            'missing package']) from error
+    except Exception as error:  # foreign code may raise anything during the import
         raise ConfigError([
             f'{what} ({target}) is broken: {type(error).__name__}: {error}; '
             'report it to its author']) from error
@@ -90,16 +90,16 @@ class PluginRegistry(Generic[T]):
     """
     The classes of one kind, by name.
 
-    :ivar group: entry-point group from which other packages add to it.
+    :ivar group: entry-point group of plug-ins from other packages.
     """
 
     def __init__(self, group: str, base: type[T], noun: str, own: Mapping[str, str]) -> None:
         """
-        Keep the names; nothing is imported.
+        Store the names; nothing is imported.
 
-        :param base: what each class must derive from.
-        :param noun: what a plug-in is called in errors, such as ``driver``.
-        :param own: name -> ``module:Class`` of this package; these names cannot be taken over.
+        :param base: the required base class.
+        :param noun: term for a plug-in in errors, such as ``driver``.
+        :param own: name -> ``module:Class`` of this package; others cannot replace these names.
         """
         self.group = group
         self._base = base
@@ -107,22 +107,22 @@ class PluginRegistry(Generic[T]):
         self._own = own
 
     def __contains__(self, name: str) -> bool:
-        """Return whether there is one of that name, be it broken."""
+        """Return whether a name exists, even if its plug-in is broken."""
         return name in self._own or name in self._others()
 
     def names(self) -> tuple[str, ...]:
-        """Return all names, sorted; those of broken plug-ins too."""
+        """Return all names, sorted, including those of broken plug-ins."""
         return tuple(sorted({**self._others(), **self._own}))
 
     def foreign_names(self) -> tuple[str, ...]:
-        """Return the names of other packages, sorted; those of broken plug-ins too."""
+        """Return the names of other packages, sorted, including those of broken plug-ins."""
         return tuple(sorted(set(self._others()) - set(self._own)))
 
     def load(self, name: str) -> type[T]:
         """
         Import a class.
 
-        :raises ConfigError: there is no such name, or its plug-in is broken.
+        :raises ConfigError: the name does not exist, or its plug-in is broken.
         """
         target = self._target(name)
         if not target:
@@ -137,7 +137,7 @@ class PluginRegistry(Generic[T]):
         return found
 
     def problems(self) -> tuple[str, ...]:
-        """Import every plug-in and say what is wrong, one line a problem."""
+        """Import every plug-in and return the problems, one line each."""
         found = [
             f'{self._noun} {name!r} of the entry point {target} is not used: this package has one '
             'of that name; rename it'
@@ -151,7 +151,7 @@ class PluginRegistry(Generic[T]):
         return tuple(found)
 
     def _target(self, name: str) -> str:
-        """Return ``module:Class`` of a name; empty when there is none."""
+        """Return ``module:Class`` of a name; empty when it does not exist."""
         return self._own.get(name) or self._others().get(name, '')
 
     def _others(self) -> dict[str, str]:

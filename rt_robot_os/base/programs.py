@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-How every program begins and ends.
+The start and the end of every program.
 
-A program is a ``program.py`` (``NAME_program.py`` where a part has several) with ``main``, which
-imports nothing that is slow, and a ``command.py`` beside it with what it does with its command
-line. A :class:`Program` brings the two together.
+A program consists of ``program.py`` (``NAME_program.py`` where a part has several), whose ``main``
+imports nothing slow, and ``command.py`` in the same folder, which processes the command line.
+:class:`Program` connects the two.
 """
 
 from __future__ import annotations
@@ -45,111 +45,111 @@ from rt_robot_os.base.errors import RtRobotError
 
 OK: Final = 0
 FAILED: Final = 1
-# A wrong command line or configuration: nothing was begun.
+# A wrong command line or configuration: nothing was started.
 BAD_USE: Final = 2
-# What a shell says of a program that SIGINT or SIGPIPE has ended.
+# Exit codes of a shell for a program that SIGINT or SIGPIPE has ended.
 INTERRUPTED: Final = 128 + signal.SIGINT
-READER_GONE: Final = 128 + signal.SIGPIPE
+BROKEN_PIPE: Final = 128 + signal.SIGPIPE
 
-# What ends a program in order.
+# Signals that end a program in order.
 END_SIGNALS: Final = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 
-# NumPy's libraries start threads, which only take memory where one thread does all, and CPUs from
-# the core where it does not. They look at this once, when they are imported.
+# NumPy's libraries start threads, which waste memory in single-threaded programs and take CPUs
+# from the core in others. They read these variables once, when they are imported.
 ONE_BLAS_THREAD: Final = {
     'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
 
-# Set where this process runs one program and ends with it.
+# Set when this process runs one program and ends with it.
 _one_program = False
 
-# Takes the arguments without the program's name, gives the exit code.
+# Called with the arguments without the program's name, returns the exit code.
 Run = Callable[[Sequence[str]], int]
 
 
 @dataclass(frozen=True)
 class Program:
     """
-    The ``main`` of a program: what it runs is imported when it is called, and not before.
+    The ``main`` of a program: its code is imported only when it is called.
 
     :param name: of the program.
-    :param command: what runs it, as ``package.module:function``.
-    :param listens: as for :func:`run_program`.
-    :param reader_gone: as well.
-    :param one_thread: NumPy has no threads in it.
+    :param command: its function, as ``package.module:function``.
+    :param handles_signals: as for :func:`run_program`.
+    :param broken_pipe_code: as for :func:`run_program`.
+    :param one_thread: NumPy uses no threads in it.
     """
 
     name: str
     command: str
-    listens: bool = False
-    reader_gone: int = READER_GONE
+    handles_signals: bool = False
+    broken_pipe_code: int = BROKEN_PIPE
     one_thread: bool = False
 
     def load(self) -> Run:
-        """Import what runs it."""
+        """Import the function of the program."""
         module, _, function = self.command.partition(':')
         run: Run = getattr(import_module(module), function)
         return run
 
     def __call__(self, argv: Sequence[str] | None = None) -> int:
-        """Run it; the arguments are those of the process unless they are given."""
+        """Run it, by default with the arguments of the process."""
         if self.one_thread:
             os.environ.update(ONE_BLAS_THREAD)
-        return run_program(self.name, self.load, argv, listens=self.listens,
-                           reader_gone=self.reader_gone)
+        return run_program(self.name, self.load, argv, handles_signals=self.handles_signals,
+                           broken_pipe_code=self.broken_pipe_code)
 
 
 def run_program(name: str, load: Callable[[], Run], argv: Sequence[str] | None = None, *,
-                listens: bool = False, reader_gone: int = READER_GONE) -> int:
+                handles_signals: bool = False, broken_pipe_code: int = BROKEN_PIPE) -> int:
     """
-    Run a program to its end, whatever ends it.
+    Run a program, and translate every end of it to an exit code.
 
-    Ctrl-C ends it at once and in silence while it is loaded, and then with code 130; a reader who
-    has enough (``| head``) ends it in silence, too; an error of this package or of the system that
-    comes up to here is told in one line, with exit code 1; a compiled build that is demanded and
-    not there, with 2.
+    While the program is being loaded, Ctrl-C ends it immediately without a message, afterwards
+    with code 130. A closed output (``| head``) ends it without a message. An error of this package
+    or of the system is printed in one line, with exit code 1; a missing compiled build that is
+    required, with 2.
 
-    :param load: imports what the program needs and gives what runs it.
+    :param load: imports the code of the program and returns the function that runs it.
     :param argv: the arguments; None takes those of the process, which ends with the program.
-    :param listens: it listens to signals itself, and Ctrl-C ends it at once until it does.
-    :param reader_gone: the exit code when nobody reads on.
+    :param handles_signals: it installs its own handlers; until then Ctrl-C ends it immediately.
+    :param broken_pipe_code: the exit code when its output is closed.
     :return: the exit code.
     """
-    end_quietly()
+    restore_default_sigint()
     try:
         with own_process() if argv is None else nullcontext():
             with importing():
                 run = load()
-            if not listens:
-                raise_again()
+            if not handles_signals:
+                raise_on_sigint()
             code = run(sys.argv[1:] if argv is None else argv)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:
-        return reader_gone
+        return broken_pipe_code
     except (RtRobotError, OSError) as error:
-        tell(name, error)
+        warn(name, error)
         return FAILED
     except ImportError as error:
         if error.name != EXTENSION:
             raise
-        tell(name, error)  # a build was demanded that is not there
+        warn(name, error)  # a required build is missing
         return BAD_USE
     finally:
-        _let_go_of_output()
+        _flush_output()
         if argv is None:
-            end_quietly()  # a traceback of an interpreter that ends helps nobody
+            restore_default_sigint()  # no traceback while the interpreter ends
         else:
-            raise_again()
+            raise_on_sigint()
 
 
-def tell(name: str, what: object, details: Iterable[str] = ()) -> None:
+def warn(name: str, what: object, details: Iterable[str] = ()) -> None:
     """
-    Write on standard error what is wrong; does nothing when nobody reads there any more.
+    Print a problem on standard error; does nothing when that is closed.
 
     :param name: of the program.
-    :param details: a line each below it.
+    :param details: further lines.
     """
     with suppress(BrokenPipeError):
         print(f'{name}: {what}', *(f'  {each}' for each in details), sep='\n', file=sys.stderr,
@@ -158,10 +158,10 @@ def tell(name: str, what: object, details: Iterable[str] = ()) -> None:
 
 def run_command(name: str, description: str, commands: Iterable[Any], argv: Sequence[str]) -> int:
     """
-    Run one of the commands of a program.
+    Run one of the subcommands of a program.
 
-    :param commands: modules with ``add_to``, which adds a parser and what runs it, in the order in
-        which the help names them.
+    :param commands: modules with ``add_to``, which adds a parser and its function, in the order of
+        the help.
     :param argv: without the program's name.
     :return: the exit code.
     :raises RtRobotError: it failed.
@@ -175,27 +175,27 @@ def run_command(name: str, description: str, commands: Iterable[Any], argv: Sequ
     try:
         return int(arguments.run(arguments))
     except ConfigError as error:
-        tell(name, error.problems[0], error.problems[1:])
+        warn(name, error.problems[0], error.problems[1:])
         return BAD_USE
 
 
 def command_line(program: str) -> str:
-    """Return what starts a program of this package here: with ROS 2, or in a clone without."""
+    """Return the command that starts a program here: with ROS 2, or in a clone without it."""
     import shutil
     return ('ros2 run rt_robot_os ' if shutil.which('ros2') else './scripts/run ') + program
 
 
-def end_quietly() -> None:
+def restore_default_sigint() -> None:
     """
-    Let Ctrl-C end this process at once and without a traceback, as it ends most programs.
+    Have Ctrl-C end this process immediately and without a traceback.
 
-    For what takes long to import, where there is nothing to put in order yet.
+    For long imports, where there is nothing to clean up yet.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def raise_again() -> None:
+def raise_on_sigint() -> None:
     """Have Ctrl-C raise KeyboardInterrupt, as Python does."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -204,10 +204,10 @@ def raise_again() -> None:
 @contextmanager
 def importing() -> Iterator[None]:
     """
-    Import much at once, a tenth faster in a process of one program (:func:`own_process`).
+    Import many modules, 10 % faster in a process of one program (:func:`own_process`).
 
-    Hardly anything that is made by an import ever becomes garbage: the collector does not look
-    through it meanwhile, nor later.
+    Objects that an import makes hardly ever become garbage: the garbage collector is off meanwhile
+    and ignores them later.
     """
     if not _one_program:
         yield
@@ -243,7 +243,7 @@ def ended_by_signals(end: Callable[[int], object]) -> Iterator[None]:
     action of the second request would skip the clean-up and falsify the exit code. In any other
     process the previous handlers are restored.
 
-    :param end: takes the number of the signal.
+    :param end: called with the number of the signal.
     """
     def note(signum: int, frame: FrameType | None) -> None:
         end(signum)
@@ -256,10 +256,10 @@ def ended_by_signals(end: Callable[[int], object]) -> Iterator[None]:
             signal.signal(signo, signal.SIG_IGN if _one_program else handler)
 
 
-def _let_go_of_output() -> None:
-    """Write what is left; where nobody reads it, keep the interpreter from trying at its end."""
+def _flush_output() -> None:
+    """Flush the output; if it is closed, keep the interpreter from trying again at its end."""
     try:
         sys.stdout.flush()
     except OSError:
-        with suppress(OSError):  # replaced by something that is no file
+        with suppress(OSError):  # replaced by an object that is not a file
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What the core has to tell people: noted in the loop, written elsewhere.
+The log lines of the core: stored in the loop, written elsewhere.
 
-Formatting and writing cost time and may block, so the real-time code only leaves a line here; the
-lowest-priority task and the link carry it out of the core. What modules and drivers log lies
-beside what the core itself reports: a flood of the former drives out nothing of the latter.
+Formatting and writing take time and may block, so the real-time code only adds a line here. The
+lowest-priority task and the link take it out of the core. The log of modules and drivers is stored
+separately from the core's own reports, so that a flood of the former evicts none of the latter.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from typing import Any
 from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.base.safe_text import safe_text
 
-# What is logged and not formatted yet: at_ns, severity, source, text, arguments.
+# An unformatted log line: at_ns, severity, source, text, arguments.
 RawLine = tuple[int, int, str, str, tuple[Any, ...]]
 
 TEXT_MAXIMUM = 2000
@@ -55,7 +55,7 @@ class Severity(IntEnum):
 @dataclass(frozen=True)
 class Report:
     """
-    One line.
+    One log line.
 
     :ivar at_ns: CLOCK_MONOTONIC.
     :ivar source: device, task or part of the core.
@@ -71,7 +71,7 @@ class Report:
 
 
 def formatted(line: RawLine) -> Report:
-    """Format what was logged; arguments that do not fit are shown beside the text."""
+    """Format a log line; arguments that do not fit are appended to the text."""
     at_ns, severity, source, text, arguments = line
     if arguments:
         try:
@@ -82,7 +82,7 @@ def formatted(line: RawLine) -> Report:
 
 
 def _safe(report: Report) -> Report:
-    """Make a report fit for consoles and messages; most are that already."""
+    """Make a report safe for consoles and messages; most are safe already."""
     source, text = safe_line(report.source), safe_text(report.text)
     if source is report.source and text is report.text:
         return report
@@ -92,51 +92,51 @@ def _safe(report: Report) -> Report:
 def _shown(arguments: tuple[Any, ...]) -> str:
     try:
         return repr(arguments)
-    except Exception as error:  # an integer of 5000 digits
+    except Exception as error:  # such as an integer of 5000 digits
         return f'({type(error).__name__})'
 
 
 class Reports:
     """
-    A bounded list of reports; readers keep their own place in it.
+    A bounded list of reports; each reader stores its own position in it.
 
-    :param capacity: the oldest gives way to a new one when it is full.
-    :param lines: the same for what modules and drivers log.
-    :ivar lines: what they logged, each with its number; a :class:`rt_robot_os.base.logger.Logger`
-        adds.
-    :ivar numbers: of both, in one order.
+    :param capacity: of the core's reports; when it is full the oldest is dropped.
+    :param lines: the same for the log of modules and drivers.
+    :ivar lines: the log of modules and drivers, with numbers; each
+        :class:`rt_robot_os.base.logger.Logger` adds to it.
+    :ivar numbers: a common sequence for both.
     """
 
     def __init__(self, capacity: int = 256, lines: int = 1024) -> None:
-        self._kept: deque[tuple[Report, int]] = deque(maxlen=capacity)
+        self._stored: deque[tuple[Report, int]] = deque(maxlen=capacity)
         self.lines: deque[tuple[RawLine, int]] = deque(maxlen=lines)
         self.numbers = itertools.count()
 
     @property
     def total(self) -> int:
-        """Count all there were."""
-        kept = self._kept[-1][1] + 1 if self._kept else 0
+        """Return the number of all lines so far."""
+        kept = self._stored[-1][1] + 1 if self._stored else 0
         return max(kept, self.lines[-1][1] + 1) if self.lines else kept
 
     def note(self, report: Report) -> None:
         """Add a report; safe in the real-time loop."""
-        # Numbered and added by one native call, which another task that notes cannot divide.
-        self._kept.extend(zip((report,), self.numbers))
+        # Numbered and added in one native call, which another task cannot preempt.
+        self._stored.extend(zip((report,), self.numbers))
 
     def since(self, place: int) -> tuple[int, int, tuple[Report, ...]]:
         """
-        Return the reports after a place; formats what was logged, so not for high priorities.
+        Return the reports after a position; it formats log lines, so not for high priorities.
 
-        What others have put into them can be encoded and holds no control characters.
+        Their texts can be encoded and contain no control characters.
 
-        :param place: 0 at first, afterwards what the last call returned.
-        :return: the new place, how many were dropped unread, the reports.
+        :param place: 0 at first, then the position that the last call returned.
+        :return: the new position, the number of reports dropped unread, the reports.
         """
-        # The end comes first: what is noted from here on is for the next call.
+        # The end is read first: lines that are added from here on are for the next call.
         end = self.total
         if end <= place:
             return place, 0, ()
-        kept, lines = tuple(self._kept), tuple(self.lines)
+        kept, lines = tuple(self._stored), tuple(self.lines)
         found: list[tuple[Report | RawLine, int]] = sorted(
             [*_between(kept, place, end), *_between(lines, place, end)], key=_NUMBER)
         reports = tuple(_safe(each if isinstance(each, Report) else formatted(each))

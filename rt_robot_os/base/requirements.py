@@ -16,13 +16,13 @@
 The Python libraries of this package: one table of names, versions and extras.
 
 ``setup.py`` takes its requirements from here, :mod:`rt_robot_os.base.needs` its messages, and the
-scripts what they install. It imports the standard library alone, so that the scripts can run it
-as a file before anything is installed::
+scripts the packages that they install. It imports only the standard library, so that the scripts
+can run it as a file before anything is installed::
 
     python3 -I rt_robot_os/base/requirements.py install base monitor  # lines for pip
-    python3 -I rt_robot_os/base/requirements.py missing base monitor  # what is not satisfied
-    python3 -I rt_robot_os/base/requirements.py lowest  # constraints: the oldest of all
-    python3 -I rt_robot_os/base/requirements.py extras monitor  # what a program needs
+    python3 -I rt_robot_os/base/requirements.py missing base monitor  # the unsatisfied ones
+    python3 -I rt_robot_os/base/requirements.py lowest  # constraints: the oldest versions
+    python3 -I rt_robot_os/base/requirements.py extras monitor  # the extras of a program
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ class Library:
     A library from the package index.
 
     :ivar name: of the distribution.
-    :ivar module: that is imported.
+    :ivar module: its import name.
     :ivar lowest: the oldest version that is supported; ``scripts/lowest`` tests with it.
-    :ivar below: the first version that our own environments do not install; '' for any.
-    :ivar apt: the package of Ubuntu 24.04; '' where it has none, or one that is too old.
+    :ivar below: exclusive upper bound in the environments of the scripts; '' for none.
+    :ivar apt: the package of Ubuntu 24.04; '' where there is none, or it is too old.
     :ivar parts: extras of the library itself.
-    :ivar marker: where it can be installed; '' for everywhere.
-    :ivar others: distributions that bring the same module.
+    :ivar marker: environment marker; '' for all environments.
+    :ivar others: other distributions with the same module.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Library:
 
     @property
     def bounded(self) -> str:
-        """Return the requirement as our own environments install it."""
+        """Return the requirement as the scripts install it."""
         below = f',<{self.below}' if self.below else ''
         return f'{self._named}>={self.lowest}{below}{self._where}'
 
@@ -81,8 +81,8 @@ class Library:
         return f'; {self.marker}' if self.marker else ''
 
     def found(self) -> str | None:
-        """Return the installed version: None when it is missing, '' when nothing states it."""
-        from importlib import metadata  # which the core need not load
+        """Return the installed version: None when it is missing, '' when it is unknown."""
+        from importlib import metadata  # not needed by the core
         if find_spec(self.module) is None:
             return None
         for name in (self.name, *self.others):
@@ -142,7 +142,7 @@ LIBRARIES: Final = {each.name: each for each in (
     Library('simpy', 'simpy', '4'),
     Library('vitalscore', 'vitalscore', '0.1', '1'))}
 
-# What the package cannot do without.
+# Required by every program.
 BASE: Final = ('numpy', 'pyserial', 'PyYAML', 'rich', 'setuptools')
 
 EXTRAS: Final = {
@@ -163,7 +163,7 @@ EXTRAS: Final = {
     'test': ('hypothesis', 'mcap', 'mcap-ros2-support', 'pillow', 'pytest', 'rosbags'),
     'voice': ('aiortc', 'sounddevice')}
 
-# What `./scripts/run PROGRAM` installs before it starts a program: extras. `base` comes with each.
+# The extras that `./scripts/run PROGRAM` installs before the first start, in addition to `base`.
 PROGRAMS: Final = {
     'core': ('pictures',),
     'gateway': ('gateway',),
@@ -173,18 +173,18 @@ PROGRAMS: Final = {
     'record': ('record',),
     'replay': ('record',),
     'robot': ('pictures',),
-    # What `./scripts/test` installs; what is left needs more than a wheel, or is for comparisons.
+    # Installed by `./scripts/test`; the others need more than a wheel, or are for comparisons.
     'test': ('attitude', 'docs', 'gateway', 'i2c', 'monitor', 'pictures', 'plot', 'postgres',
              'record', 'slam', 'test', 'voice')}
 
-# They build the package; their oldest versions come with the distributions.
+# Build tools; their oldest versions come with the distributions.
 _TOOLS: Final = ('setuptools',)
 
 
 def at_least(version: str, lowest: str) -> bool:
-    """Return whether a version is as new as another; what follows the release does not count."""
+    """Return whether a version is as new as another; only the release numbers are compared."""
     pairs = zip_longest(_release(version), _release(lowest), fillvalue=0)
-    return next((ours > theirs for ours, theirs in pairs if ours != theirs), True)
+    return next((one > other for one, other in pairs if one != other), True)
 
 
 def _release(version: str) -> list[int]:
@@ -196,9 +196,9 @@ def libraries(extras: Iterable[str]) -> list[Library]:
     """
     Return the libraries of extras, each once.
 
-    ``base`` is what every robot needs.
+    ``base`` stands for those that every robot needs.
 
-    :raises KeyError: there is no such extra.
+    :raises KeyError: an extra does not exist.
     """
     groups = {**EXTRAS, 'base': BASE}
     names = dict.fromkeys(name for extra in extras for name in groups[extra])
@@ -206,17 +206,17 @@ def libraries(extras: Iterable[str]) -> list[Library]:
 
 
 def install_requires() -> list[str]:
-    """Return what ``setup.py`` states as needed."""
+    """Return ``install_requires`` of ``setup.py``."""
     return [each.requirement for each in libraries(['base'])]
 
 
 def extras_require() -> dict[str, list[str]]:
-    """Return what ``setup.py`` states as extras."""
+    """Return ``extras_require`` of ``setup.py``."""
     return {extra: [each.requirement for each in libraries([extra])] for extra in EXTRAS}
 
 
 def main(argv: Sequence[str]) -> int:
-    """Answer the scripts; the exit code is 2 for an unknown command or extra."""
+    """Run a command of the scripts; the exit code is 2 for an unknown command or extra."""
     command, *names = argv or ['']
     if command == 'extras':
         lines = [' '.join(PROGRAMS.get(names[0], ()))]

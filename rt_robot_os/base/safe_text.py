@@ -13,17 +13,17 @@
 # limitations under the License.
 
 """
-Text that may leave the core: for consoles, files and ROS messages.
+Escaping of text for consoles, files and ROS messages.
 
-Names and texts come from clients, devices and other people's code. A lone surrogate cannot be
-encoded, and a control character would reach the terminal of whoever reads a log.
+Names and texts come from clients, devices and foreign code. A lone surrogate cannot be encoded,
+and a control character would reach the terminal of a reader of the log.
 """
 
 from __future__ import annotations
 
 import re
 
-# Controls without newline and tab, lone surrogates, line separators and changes of direction.
+# Control characters except newline and tab, lone surrogates, line separators, and bidi controls.
 _UNSAFE = re.compile(
     '[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]')
 
@@ -34,16 +34,15 @@ def _escaped(match: re.Match[str]) -> str:
 
 def safe_text(text: str) -> str:
     """
-    Write what cannot be encoded or would control a terminal as an escape; lines stay lines.
+    Escape characters that cannot be encoded or would control a terminal; newlines stay.
 
-    :return: the same text where there is nothing of that. Safe in the real-time loop for short
-        texts.
+    :return: the same object when there are none. Safe in the real-time loop for short texts.
     """
     return text if text.isprintable() else _UNSAFE.sub(_escaped, text)
 
 
 def safe_line(text: str, longest: int = 200) -> str:
-    """Make one line of a text, as :func:`safe_text` does, that is cut at a length: for names."""
+    """Escape a text as :func:`safe_text` does, in one line of limited length; for names."""
     text = text[:longest]
     if text.isprintable():
         return text
@@ -51,7 +50,7 @@ def safe_line(text: str, longest: int = 200) -> str:
 
 
 def encodable(text: str) -> bool:
-    """Return whether a text is Unicode that others can read: no lone surrogates."""
+    """Return whether a text can be encoded: it has no lone surrogates."""
     try:
         text.encode()
     except UnicodeEncodeError:

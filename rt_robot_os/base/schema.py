@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-What a part of a robot declares of itself: its settings, and the topics that it writes and reads.
+The declarations of a part of a robot: its settings, and the topics that it writes and reads.
 
 A driver and a module declare their settings as a tuple of :class:`Field`. The robot declares its
 own as dataclasses: each field is a :func:`setting`, and :func:`declared` makes such a tuple.
-That one declaration checks the YAML file, describes the ROS 2 parameter, documents the key and
-gives the value when the key is absent.
+This one declaration validates the YAML file, describes the ROS 2 parameter, documents the key and
+provides the default.
 """
 
 from __future__ import annotations
@@ -41,20 +41,20 @@ from typing import get_origin
 from typing import get_type_hints
 
 REQUIRED: Any = object()
-#: Of ``Field.before``: the key is left out, and its class knows what that means.
+#: Value of ``Field.before``: the key is omitted, and its class handles that.
 ABSENT: Any = object()
-# Of the same: the default.
+# Value of ``Field.before``: the default.
 _DEFAULT: Any = object()
 
-#: In the name of a topic that is read: it stands for one part of the name, or some letters of it.
+#: Wildcard in the name of a topic that is read: it matches one part of the name, or some of it.
 STAR = '*'
 
 _NOUNS: Mapping[type, str] = {
-    bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
+    bool: 'true or false', int: 'an integer', float: 'a number', str: 'a string'}
 _PLURALS: Mapping[type, str] = {
-    bool: 'true or false', int: 'whole numbers', float: 'numbers', str: 'texts'}
+    bool: 'true or false', int: 'integers', float: 'numbers', str: 'strings'}
 
-# What a field of a dataclass carries: how it is declared, or that its own keys stand beside it.
+# Metadata of a dataclass field: its declaration, or that its own keys are on the same level.
 _SETTING = 'rt_robot_os.setting'
 _INLINE = 'rt_robot_os.inline'
 
@@ -66,16 +66,16 @@ class Field:
 
     :ivar name: the key in YAML and in the ROS 2 parameter.
     :ivar kind: ``bool``, ``int``, ``float``, ``str`` or ``list`` (of ``item``).
-    :ivar default: used when the key is absent; ``REQUIRED`` makes absence an error.
+    :ivar default: used when the key is absent; ``REQUIRED`` makes that an error.
     :ivar minimum: smallest allowed value, in ``unit``.
     :ivar maximum: largest allowed value, in ``unit``.
     :ivar choices: the allowed values; empty allows all.
     :ivar live: whether it may be changed while the robot runs.
-    :ivar length: how many items a list has; 0 for any number.
-    :ivar is_file: it names a file: a relative path counts from the folder of the configuration
-        that has it, else from the folder of those that are shipped.
-    :ivar before: of a key that an earlier release did not have: the value with which its
-        recordings replay alike, or ``ABSENT``; by default the default.
+    :ivar length: number of items of a list; 0 for any number.
+    :ivar is_file: it names a file: a relative path is relative to the folder of the configuration
+        that contains it, or to the folder of the shipped ones.
+    :ivar before: for a key that an earlier release did not have: the value with which recordings
+        of that release replay identically, or ``ABSENT``; by default the default.
     """
 
     name: str
@@ -98,9 +98,9 @@ class Field:
 
     def problem(self, value: Any) -> str | None:
         """
-        Return what is wrong with a value, each item of a list included.
+        Validate a value, including each item of a list.
 
-        :return: None when the value may be used, else what would be right.
+        :return: None when the value is valid, otherwise what is required.
         """
         if self.kind is list:
             right = (isinstance(value, list | tuple)
@@ -111,13 +111,13 @@ class Field:
         return None if right else self.wanted()
 
     def coerce(self, value: Any) -> Any:
-        """Return the value in its declared type; call only when :meth:`problem` found nothing."""
+        """Return the value in its declared type; it must have passed :meth:`problem`."""
         if self.kind is list:
             return [self.item(v) for v in value]
         return self.kind(value)
 
     def wanted(self) -> str:
-        """Return what the field takes: its type, range and unit, or its choices."""
+        """Describe valid values: the type, range and unit, or the choices."""
         if self.choices:
             names = ', '.join(str(choice) for choice in self.choices)
             text = f'a list of any of {names}' if self.kind is list else f'one of {names}'
@@ -129,7 +129,7 @@ class Field:
         return f'{text} ({self.unit})' if self.unit else text
 
     def limits(self) -> str:
-        """Write the range, such as ' from 1 to 99'; empty when there is none."""
+        """Return the range, such as ' from 1 to 99'; empty when there is none."""
         low, high = number(self.minimum), number(self.maximum)
         if low and high:
             return f' from {low} to {high}'
@@ -149,7 +149,7 @@ class Field:
         return self._in_range(value, kind)
 
     def _in_range(self, value: Any, kind: type) -> bool:
-        # An int may be too large for a float: it is compared as it is.
+        # An int may be too large for a float: it is compared without conversion.
         if isinstance(value, float) and not math.isfinite(value):
             return False
         if kind is float and abs(value) > sys.float_info.max:
@@ -161,17 +161,17 @@ class Field:
 @dataclass(frozen=True)
 class TopicSpec:
     """
-    One topic as whoever writes it declares it.
+    A published topic.
 
     :ivar topic: its name, relative, such as ``imu/data``.
     :ivar message: ROS 2 type such as ``sensor_msgs/msg/Imu``.
-    :ivar fixed: dotted field name -> value of what never changes: all texts, sequence lengths; see
+    :ivar fixed: dotted field name -> constant value: all strings, sequence lengths; see
         :class:`rt_robot_os.topics.Layout`.
-    :ivar depth: samples kept, a power of two.
-    :ivar rate_hz: samples a second that are expected; 0 when that is not known.
-    :ivar tail: most elements of a last field of variable length; None without.
-    :ivar most_hz: it is written that often at most, in the long run; 0: perhaps in each job. What
-        is written seldom and has no ``rate_hz`` says it, so that ``plan`` can count with it.
+    :ivar depth: number of stored samples, a power of two.
+    :ivar rate_hz: expected samples per second; 0 when unknown.
+    :ivar tail: maximum number of elements of a variable-length last field; None without one.
+    :ivar most_hz: maximum long-term publication rate, for ``plan``; 0 means up to one per job. Set
+        it for a topic that is published rarely and has no ``rate_hz``.
     """
 
     topic: str
@@ -186,17 +186,17 @@ class TopicSpec:
 @dataclass(frozen=True)
 class TopicRead:
     """
-    One topic as whoever reads it declares it.
+    A subscribed topic.
 
     :ivar topic: its name.
-    :ivar wake: True: each publication releases the reader; a number n above 1: each n-th does;
-        ``'all'``: it is released when each of its inputs that say so has something new.
-    :ivar initial: begin with the last sample that is there already.
-    :ivar newest: ``take`` gives only the newest sample; those before it count as skipped.
-    :ivar message: type such as ``'sensor_msgs/msg/Imu'``; empty takes what is there.
-    :ivar key: the setting that it comes from, when that is more than its name.
-    :ivar check: says what is wrong with a topic as it is declared, a line each; asked when the
-        settings are read.
+    :ivar wake: True: each publication releases the reader; an integer n above 1: each n-th does;
+        ``'all'``: it is released when each of its inputs with ``'all'`` has a new sample.
+    :ivar initial: begin with the last existing sample.
+    :ivar newest: ``take`` returns only the newest sample; earlier ones count as skipped.
+    :ivar message: type such as ``'sensor_msgs/msg/Imu'``; empty accepts any.
+    :ivar key: the setting that it comes from, if that is more than its name.
+    :ivar check: validates the declaration of the topic when the settings are read; returns one
+        line per problem.
     """
 
     topic: str
@@ -214,8 +214,8 @@ class PartTopics:
     """
     The topics of a device or a module.
 
-    :ivar published: what it writes.
-    :ivar read: what it reads; a topic may be there more than once.
+    :ivar published: the topics that it writes.
+    :ivar read: the topics that it reads; one may occur more than once.
     """
 
     published: tuple[TopicSpec, ...] = ()
@@ -224,9 +224,9 @@ class PartTopics:
 
 def star_match(pattern: str, topic: str) -> str | None:
     """
-    Match the name of a topic against one that may have a :data:`STAR`.
+    Match the name of a topic against a pattern that may contain a :data:`STAR`.
 
-    :return: what the star stands for, empty without one; None when it does not match.
+    :return: the part that the star matches, empty without a star; None when it does not match.
     """
     if STAR not in pattern:
         return '' if topic == pattern else None
@@ -235,7 +235,7 @@ def star_match(pattern: str, topic: str) -> str | None:
 
 
 def number(value: float | None) -> str:
-    """Write a limit without exponent where that stays short; empty for None."""
+    """Format a limit without an exponent where that is short; empty for None."""
     if value is None:
         return ''
     if float(value).is_integer() and abs(value) < 1e15:
@@ -251,10 +251,10 @@ def setting(
     """
     Declare a setting as a field of a dataclass: name and type are those of the field.
 
-    A key that is a word of Python, such as ``as``, is a field with an underscore: ``as_``.
+    A key that is a Python keyword, such as ``as``, is a field with an underscore: ``as_``.
 
-    A tuple of texts is a list in YAML; so is a tuple of dataclasses: a list of their names. A
-    setting that is a ``ClassVar`` is read and checked, and no object holds it.
+    A tuple of strings is a list in YAML; so is a tuple of dataclasses: a list of their names. A
+    setting that is a ``ClassVar`` is read and validated but not stored in an object.
     """
     facts = {'default': default, 'description': description, 'unit': unit, 'minimum': minimum,
              'maximum': maximum, 'choices': choices, 'live': live, 'is_file': is_file}
@@ -263,7 +263,7 @@ def setting(
 
 
 def inline(default: Any) -> Any:
-    """Declare that the settings of another dataclass stand among those of this one."""
+    """Declare that the settings of another dataclass are on the level of this one's."""
     return dataclasses.field(default=default, metadata={_INLINE: True})
 
 
@@ -297,8 +297,8 @@ def made(cls: type, values: Mapping[str, Any], **others: Any) -> Any:
     """
     Make an object of a dataclass.
 
-    :param values: of its settings, by name; for one that is missing the default counts.
-    :param others: what is no setting; also what is to be given in place of one.
+    :param values: of its settings, by name; missing ones take their default.
+    :param others: attributes that are not settings, or that replace one.
     """
     hints = hints_of(cls)
     given: dict[str, Any] = {}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Units: times are integers of nanoseconds inside, SI floats at the edges."""
+"""Units: internally times are integers in nanoseconds; external interfaces use SI floats."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STANDARD_GRAVITY_M_S2: Final = 9.80665
 
 def period_from_rate(rate_hz: float) -> int:
     """
-    Convert a rate to the nearest whole period.
+    Convert a rate to the nearest integer period.
 
     :param rate_hz: above zero.
     :return: the period in nanoseconds, at least 1.

@@ -32,10 +32,10 @@ import sys
 import time
 
 from rt_robot_os.base.programs import ended_by_signals
-from rt_robot_os.linux.process import hand_over
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.linux.process import start_child
-from rt_robot_os.linux.supervised_child import ended_how
+from rt_robot_os.linux.process import write_stdin
+from rt_robot_os.linux.supervised_child import describe_exit
 from rt_robot_os.linux.supervised_child import LONG_LIFE_S
 from rt_robot_os.linux.supervised_child import PAUSE_FIRST_S
 from rt_robot_os.linux.supervised_child import PAUSE_MAXIMUM_S
@@ -85,7 +85,7 @@ class Keeper:
             time.sleep(pause_s)
             pause_s = min(2 * pause_s, PAUSE_MAXIMUM_S)
             self.restarts += 1
-            _tell(f'the process of the simulated devices {ended_how(code)}; {RESTARTED}')
+            _tell(f'the process of the simulated devices {describe_exit(code)}; {RESTARTED}')
         return 0
 
     def _is_stopping(self) -> bool:
@@ -123,7 +123,7 @@ def main(arguments: Sequence[str]) -> int:
 
     def start() -> subprocess.Popen[bytes]:
         process = loaded.pop() if loaded else load()
-        hand_over(process, settings)
+        write_stdin(process, settings)
         return process
 
     loaded = []

@@ -111,17 +111,17 @@ class ProcessGuard:
         return RtResult(True, step)
 
     def _feed_manager(self) -> None:
-        self.manager.tell('WATCHDOG=1')
+        self.manager.notify('WATCHDOG=1')
 
     def ready(self) -> None:
         """Tell the service manager, once, that everything runs."""
         if not self._told:
             self._told = True
-            self.manager.tell('READY=1')
+            self.manager.notify('READY=1')
 
     def leave(self) -> None:
         """Tell the service manager that the end has begun."""
-        self.manager.tell('STOPPING=1')
+        self.manager.notify('STOPPING=1')
 
     def release(self) -> None:
         """Stop the timer of the watchdog: what follows is bounded in time."""

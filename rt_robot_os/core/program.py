@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ['OPENBLAS_NUM_THREADS'] = '1'
         os.execv(sys.executable, [sys.executable, '-m', 'rt_robot_os.core.program',
                                   *(sys.argv[1:] if argv is None else argv)])
-    return run_program('core', _load, argv, listens=True)
+    return run_program('core', _load, argv, handles_signals=True)
 
 
 if __name__ == '__main__':

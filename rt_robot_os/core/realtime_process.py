@@ -19,8 +19,8 @@ from __future__ import annotations
 from rt_robot_os.core.process_guard import ProcessGuard
 from rt_robot_os.core.watchdog import Watchdog
 from rt_robot_os.linux import realtime
-from rt_robot_os.linux.realtime import HeldCpuLatency
-from rt_robot_os.linux.realtime import hold_cpu_latency
+from rt_robot_os.linux.realtime import CpuLatencyRequest
+from rt_robot_os.linux.realtime import request_cpu_latency
 from rt_robot_os.linux.realtime import RtResult
 from rt_robot_os.settings import CoreSettings
 
@@ -39,7 +39,7 @@ class RealtimeProcess:
         self.results: tuple[RtResult, ...] = ()
         self._settings = settings
         self._cpu = cpu
-        self._cpu_latency: HeldCpuLatency | None = None
+        self._cpu_latency: CpuLatencyRequest | None = None
 
     def prepare(self, guard: ProcessGuard, watchdog: Watchdog | None) -> tuple[RtResult, ...]:
         """Ask for everything; what is refused is among the results."""
@@ -50,7 +50,7 @@ class RealtimeProcess:
         if wanted.lock_memory:
             results.append(realtime.lock_memory())
         if wanted.cpu_latency_us >= 0:
-            result, self._cpu_latency = hold_cpu_latency(wanted.cpu_latency_us)
+            result, self._cpu_latency = request_cpu_latency(wanted.cpu_latency_us)
             results.append(result)
         results += guard.equip(watchdog)
         results.append(realtime.freeze_garbage())

@@ -25,7 +25,8 @@ from typing import Final
 
 from rt_robot_os.base.programs import Program
 
-main: Final = Program('simulator', 'rt_robot_os.core.simulator_command:simulator', listens=True)
+main: Final = Program('simulator', 'rt_robot_os.core.simulator_command:simulator',
+                      handles_signals=True)
 
 
 if __name__ == '__main__':

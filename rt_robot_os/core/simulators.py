@@ -30,9 +30,9 @@ from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.reports import Severity
 from rt_robot_os.core.keeper import RESTARTED
 from rt_robot_os.core.part import Host
-from rt_robot_os.linux.process import hand_over
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.linux.process import START_PATIENCE_S
+from rt_robot_os.linux.process import write_stdin
 from rt_robot_os.linux.supervised_child import SupervisedChild
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
@@ -146,13 +146,13 @@ class Simulators:
 
     def _started_keeper(self, folder: Path, given: bytes) -> subprocess.Popen[bytes]:
         process, self._loaded = self._loaded or _loaded_keeper(folder), None
-        hand_over(process, given)
+        write_stdin(process, given)
         return process
 
     def _end_loaded(self) -> None:
         """End what was loaded and is not needed: it ends by itself when it is given nothing."""
         if self._loaded is not None:
-            hand_over(self._loaded, b'')
+            write_stdin(self._loaded, b'')
             self._loaded = None
 
     def stop(self) -> None:

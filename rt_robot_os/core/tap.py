@@ -247,7 +247,7 @@ class Taps:
             self._kernel, self._bus.publisher(SCHEDULE_TOPIC), tasks, topics)
         for task in tasks:
             if task is not None and task.coroutine is not None:
-                task.coroutine.on_going_on = self._noting(self._schedule, task)
+                task.coroutine.on_resume = self._noting(self._schedule, task)
         self.topics = (SCHEDULE_TOPIC, *names)
 
     def _noting(self, schedule: ScheduleTap, task: Task) -> Callable[[], None]:

@@ -54,7 +54,7 @@ def add_module_task(kernel: Kernel, module: Module, entry: ModuleSettings,
     segment = task.body
 
     def job() -> None:
-        module.take_changes()
+        module.apply_changes()
         segment()
 
     task.body = job

@@ -165,7 +165,7 @@ class Actuator(Device):
         """
         self._deadline_ns = 0
         self._rests += 1
-        while self.command.pass_over(newest=True):
+        while self.command.skip(newest=True):
             pass
         self.safe_state()
 

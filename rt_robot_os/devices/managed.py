@@ -54,14 +54,14 @@ class ManagedDevice:
     :ivar arrival: the task that bytes and inputs release; None when the device is only polled.
     :ivar guards: the device moves something by its inputs, so it is brought to rest whenever it is
         opened or closed or goes to FAULT, and while one of its tasks is held.
-    :ivar by_schedule: each of its rounds is released by a replay, and by nothing else.
+    :ivar replay_gate: each of its rounds is released by a replay, and by nothing else.
     """
 
     def __init__(self, device: Device, kernel: Kernel, recovery: RecoverySettings,
                  reports: Reports) -> None:
         self.device = device
         self.arrival: Task | None = None
-        self.by_schedule = False
+        self.replay_gate = False
         self._receives = device.receives()
         self.guards = self._receives and device.has_safe_state()
         self._at_rest = False
@@ -135,7 +135,7 @@ class ManagedDevice:
             if self._gaps.round(now_ns, self.task.period_ns if self.task is not None else 0):
                 self._wake_up(now_ns)
             if device.changes:
-                device.take_changes()
+                device.apply_changes()
             if self._receives:
                 self._receive(now_ns, command)
             if command:
@@ -178,7 +178,7 @@ class ManagedDevice:
             return
         self._at_rest = False
         due_ns = self.device.receive(now_ns, polled)
-        if due_ns and self._due is not None and not self.by_schedule and (
+        if due_ns and self._due is not None and not self.replay_gate and (
                 not self._due.started or due_ns < self._due_ns):
             self._due_ns = due_ns
             self._due.start_at(due_ns)

@@ -26,7 +26,7 @@ from rt_robot_os.base.needs import require
 from rt_robot_os.base.programs import BAD_USE
 from rt_robot_os.base.programs import ended_by_signals
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.base.requirements import EXTRAS
 from rt_robot_os.gateway.settings import GatewaySettings
 from rt_robot_os.gateway.settings import load
@@ -36,7 +36,7 @@ from rt_robot_os.link.only_one import only_one
 from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.linux.paths import robot_name
 from rt_robot_os.linux.paths import socket_path
-from rt_robot_os.linux.process import leave_alone
+from rt_robot_os.linux.process import use_ordinary_scheduling
 from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.settings.ros_args import parse_ros_args
 
@@ -71,15 +71,15 @@ def run(argv: Sequence[str]) -> int:
         settings = load((*arguments.files, *ros.params_files), ros.overrides, ros.node_name,
                         ros.namespace)
     except ConfigError as error:
-        tell(_NAME, error.problems[0], error.problems[1:])
+        warn(_NAME, error.problems[0], error.problems[1:])
         return BAD_USE
     if arguments.server:
         settings = replace(settings, server=arguments.server)
         if wrong := server_problem(settings.server):
-            tell(_NAME, f'--server {settings.server!r}: {wrong}')
+            warn(_NAME, f'--server {settings.server!r}: {wrong}')
             return BAD_USE
     if not settings.server:
-        tell(_NAME, 'no server: give --server wss://HOST:PORT, or write server: under /**/gateway '
+        warn(_NAME, 'no server: give --server wss://HOST:PORT, or write server: under /**/gateway '
              'in a parameter file and give that')
         return BAD_USE
     require('the gateway', *EXTRAS['gateway'])
@@ -93,9 +93,9 @@ def _carry(settings: GatewaySettings, robot: str) -> int:
     with only_one(_NAME, robot,
                   f'a gateway of the robot {robot} runs already: two would send '
                   'everything twice'):
-        leave_alone(settings.avoid_cpus)
+        use_ordinary_scheduling(settings.avoid_cpus)
         gateway = Gateway(settings, robot, socket_path(robot), folder,
-                          lambda text: tell(_NAME, text))
+                          lambda text: warn(_NAME, text))
         with ended_by_signals(stopping.append):
             asyncio.run(gateway.run(lambda: bool(stopping)))
     return OK

@@ -25,7 +25,7 @@ from typing import Final
 
 from rt_robot_os.base.programs import Program
 
-main: Final = Program('gateway', 'rt_robot_os.gateway.command:run', listens=True)
+main: Final = Program('gateway', 'rt_robot_os.gateway.command:run', handles_signals=True)
 
 
 if __name__ == '__main__':

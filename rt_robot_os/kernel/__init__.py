@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The kernel's whole public face; everything above is built on these names alone."""
+"""The public API of the kernel; everything above is built on these names only."""
 
 from rt_robot_os.kernel.black_box import BlackBox
 from rt_robot_os.kernel.black_box import BlackBoxDump

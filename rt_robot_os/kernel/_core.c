@@ -17,31 +17,31 @@
 /*
  * The core of the kernel: releases.py, timer_interrupt.py and core.py in C, method by method.
  *
- * Those files are the specification and say why; the comments here are about C alone. What is
- * changed there is changed here as well (docs/testing_the_core.md).
+ * Those files are the specification and give the reasons; the comments here are about C only. Each
+ * change of those files is made here as well (docs/testing_the_core.md).
  */
 
 #include "_core.h"
 
 #define NS_PER_S 1000000000LL
 #define ONE_SHOT_ORDER (1LL << 32)
-#define DEFER_MOST 8
+#define DEFER_MAXIMUM 8
 #define DEFER_NS 1000000LL
 #define OFTEN_WAKES 4
 #define SLACK_WAKES 4
-#define REST_EVERY_NS 800000LL
-#define REST_NS 60000LL
+#define YIELD_EVERY_NS 800000LL
+#define YIELD_NS 60000LL
 #define RECURSION_ROOM 200
 #define BLOCKED_NS 50000LL
 #define LATE_NS 200000LL
 #define ABORT_ALWAYS_NS 1
-#define FRESH_NS 20000000LL
+#define REFRESH_NS 20000000LL
 
 PyTypeObject *core_type;
 static PyObject *task_aborted; /* kernel.failure.TaskAborted; that module imports this one */
 static PyObject *system_clock, *thread_clock; /* time.monotonic_ns, time.thread_time_ns */
 static PyObject *arm_name, *arm_spare_name, *swap_name, *poll_name, *wait_name;
-static PyObject *keep_fresh_name, *start_text, *end_text, *fail_text;
+static PyObject *refresh_name, *start_text, *end_text, *fail_text;
 
 static ns_t
 smaller(ns_t one, ns_t other)
@@ -57,7 +57,7 @@ larger(ns_t one, ns_t other)
 
 /* ---- calls to Python --------------------------------------------------------------------- */
 
-/* The time in what a call returned, which is released; also when the call failed. */
+/* Converts the result of a call to a time and releases it; FAILED_NS when the call failed. */
 static ns_t
 time_from(PyObject *result)
 {
@@ -68,7 +68,7 @@ time_from(PyObject *result)
     return time == -1 && PyErr_Occurred() ? FAILED_NS : time;
 }
 
-/* Drops what a call returned; -1 when it failed. */
+/* Releases the result of a call; -1 when the call failed. */
 static int
 done(PyObject *result)
 {
@@ -128,7 +128,7 @@ set_timer(Core *core, int role, ns_t at_ns)
     if (!core->sets_timers)
         return done(call_with_time(core->clock, role ? arm_spare_name : arm_name, at_ns));
     struct itimerspec spec = {
-        {core->again_ns / NS_PER_S, core->again_ns % NS_PER_S},
+        {core->repeat_ns / NS_PER_S, core->repeat_ns % NS_PER_S},
         {at_ns / NS_PER_S, at_ns % NS_PER_S},
     };
     if (timer_settime(core->posix_timers[role], TIMER_ABSTIME, &spec, NULL) < 0) {
@@ -176,12 +176,12 @@ poll_sources(Core *core, ns_t at_ns)
     return done(PyObject_CallMethod((PyObject *)core, "poll_sources", "L", at_ns));
 }
 
-/* What Linux took of the time of a job; FAILED_NS when the call failed. */
+/* Returns the steal time of a job; FAILED_NS when the call failed. */
 static ns_t
-held_up(Core *core, Task *task, int level, ns_t at_ns, ns_t late_ns)
+charge_blocking(Core *core, Task *task, int level, ns_t at_ns, ns_t late_ns)
 {
-    return time_from(PyObject_CallMethod(core->faults, "held_up", "OiLL", task, level, at_ns,
-                                         late_ns));
+    return time_from(PyObject_CallMethod(core->faults, "charge_blocking", "OiLL", task, level,
+                                         at_ns, late_ns));
 }
 
 /* ---- timers, sorted by (due_ns, order) ---------------------------------------------------- */
@@ -192,7 +192,7 @@ timer_at(TimerList *list, int index)
     return &list->storage[list->first + index];
 }
 
-/* When the one of that number at a level is due; of more than there are never. */
+/* Returns when the timer of an index at a level is due; NEVER_NS beyond the last one. */
 static ns_t
 due_at(Core *core, int level, int index)
 {
@@ -221,14 +221,14 @@ make_room(TimerList *list)
     return 0;
 }
 
-/* Inserts a timer, with a reference of its own to what it is for. */
+/* Inserts a timer, which gets its own reference to the target. */
 static int
 insert_timer(TimerList *list, Timer timer)
 {
     if (make_room(list) < 0)
         return -1;
     int low = 0, high = list->count;
-    /* As a rule it is the last: the first comparison is with that. */
+    /* It usually is the last: the first comparison is with the last one. */
     for (int middle = high - 1; low < high; middle = (low + high) / 2) {
         Timer *other = timer_at(list, middle);
         if (other->due_ns < timer.due_ns
@@ -244,7 +244,7 @@ insert_timer(TimerList *list, Timer timer)
                 (size_t)(list->count - low) * sizeof(Timer));
     list->count++;
     *timer_at(list, low) = timer;
-    Py_INCREF(timer.what);
+    Py_INCREF(timer.target);
     return 0;
 }
 
@@ -265,11 +265,11 @@ empty_timers(TimerList *list)
     TimerList old = *list;
     memset(list, 0, sizeof *list);
     for (int i = 0; i < old.count; i++)
-        Py_DECREF(timer_at(&old, i)->what);
+        Py_DECREF(timer_at(&old, i)->target);
     PyMem_Free(old.storage);
 }
 
-/* ---- levels: what is ready, and what falls due first -------------------------------------- */
+/* ---- levels: ready ones, and which falls due first ---------------------------------------- */
 
 static int
 top_level(Core *core)
@@ -329,7 +329,7 @@ put_first(Core *core, int level, ns_t due_ns)
 }
 
 static void
-take_first(Core *core)
+mark_first_ready(Core *core)
 {
     int level = core->firsts[0].level;
     remove_first(core, 0);
@@ -351,7 +351,7 @@ index_timer(Core *core, int level)
 }
 
 static void
-rest_level(Core *core, int level)
+clear_ready(Core *core, int level)
 {
     ns_t due_ns = due_at(core, level, 0);
     core->ready[level >> 6] &= ~(1ULL << (level & 63));
@@ -363,17 +363,17 @@ static int
 collect_due(Core *core, ns_t at_ns)
 {
     while (core->firsts_count && core->firsts[0].due_ns <= at_ns)
-        take_first(core);
+        mark_first_ready(core);
     return core->interrupted ? poll_sources(core, at_ns) : 0;
 }
 
 static void
 defer(Core *core, int level, ns_t at_ns)
 {
-    for (int i = 0; i < DEFER_MOST && core->firsts_count; i++) {
+    for (int i = 0; i < DEFER_MAXIMUM && core->firsts_count; i++) {
         if (core->firsts[0].level > level || core->firsts[0].due_ns > at_ns + DEFER_NS)
             break;
-        take_first(core);
+        mark_first_ready(core);
     }
 }
 
@@ -384,11 +384,11 @@ append_to_queue(Core *core, Task *task)
 {
     Queue *queue = &core->queues[task->priority];
     Py_INCREF((PyObject *)task);
-    task->behind = NULL;
+    task->next_task = NULL;
     if (queue->last == NULL)
         queue->first = task;
     else
-        queue->last->behind = task;
+        queue->last->next_task = task;
     queue->last = task;
     set_ready(core, task->priority);
 }
@@ -398,10 +398,10 @@ static Task *
 pop_queue(Queue *queue)
 {
     Task *task = queue->first;
-    queue->first = task->behind;
+    queue->first = task->next_task;
     if (queue->first == NULL)
         queue->last = NULL;
-    task->behind = NULL;
+    task->next_task = NULL;
     return task;
 }
 
@@ -448,14 +448,14 @@ serve(Core *core, Timer timer, ns_t at_ns)
 {
     int status = 0;
     if (timer.period_ns)
-        release_periodic(core, (Task *)timer.what, timer.due_ns, timer.period_ns);
+        release_periodic(core, (Task *)timer.target, timer.due_ns, timer.period_ns);
     else
-        status = done(PyObject_CallFunction(timer.what, "L", at_ns));
-    Py_DECREF(timer.what);
+        status = done(PyObject_CallFunction(timer.target, "L", at_ns));
+    Py_DECREF(timer.target);
     return status;
 }
 
-/* Gives whether there was anything; -1 with an exception. */
+/* Returns whether anything was due; -1 with an exception. */
 static int
 release_due(Core *core, int level, ns_t at_ns)
 {
@@ -500,7 +500,7 @@ return_timer(Core *core, Task *task, ns_t at_ns)
             task->releases += unserved;
             task->overruns += unserved;
             task->missed += unserved;
-            Record record = {.kind = OVERRUN, .who = (PyObject *)task, .a = due_ns,
+            Record record = {.kind = OVERRUN, .task = (PyObject *)task, .a = due_ns,
                              .b = unserved};
             if (add_record(core, &record) < 0)
                 return -1;
@@ -527,7 +527,7 @@ static int
 wake_one(Core *core, PyObject *object, ns_t at_ns)
 {
     if (!PyObject_TypeCheck(object, task_type)) {
-        PyErr_Format(PyExc_TypeError, "%R is no task of this kernel", object);
+        PyErr_Format(PyExc_TypeError, "%R is not a task of this kernel", object);
         return -1;
     }
     Task *task = (Task *)object;
@@ -565,7 +565,7 @@ wake(Core *core, PyObject *tasks, ns_t at_ns)
     return status;
 }
 
-/* ---- which time the timers are set to ----------------------------------------------------- */
+/* ---- the times that the timers are set to ------------------------------------------------- */
 
 static int
 arm(Core *core, ns_t interrupt_ns)
@@ -729,7 +729,7 @@ spin(Core *core, ns_t time_ns, int level)
     return time_ns;
 }
 
-/* When the interrupt comes; 0 when it polled; FAILED_NS. */
+/* Returns when the interrupt comes, 0 when it polled, or FAILED_NS. */
 static ns_t
 arm_or_poll(Core *core, ns_t time_ns, ns_t idled_ns)
 {
@@ -739,17 +739,17 @@ arm_or_poll(Core *core, ns_t time_ns, ns_t idled_ns)
         core->slack_ns = 0;
         return arm_ahead(core, IDLE_LEVEL, NEVER_NS) < 0 ? FAILED_NS : due_ns;
     }
-    if (time_ns - idled_ns <= REST_EVERY_NS || core->end_ns - time_ns <= 2 * REST_NS)
+    if (time_ns - idled_ns <= YIELD_EVERY_NS || core->end_ns - time_ns <= 2 * YIELD_NS)
         return poll_clock(core, due_ns, time_ns) == FAILED_NS ? FAILED_NS : 0;
-    if (arm(core, time_ns + REST_NS) < 0)
+    if (arm(core, time_ns + YIELD_NS) < 0)
         return FAILED_NS;
     core->armed_due_ns = 0;
-    return drop_spare(core) < 0 ? FAILED_NS : time_ns + REST_NS;
+    return drop_spare(core) < 0 ? FAILED_NS : time_ns + YIELD_NS;
 }
 
 /* ---- dispatch ---------------------------------------------------------------------------- */
 
-/* Gives the task whose turn it is, with a reference for the caller, or NULL to ask again. */
+/* Sets the next task to run, with a reference for the caller, or NULL: call it again. */
 static int
 next_job(Core *core, int level, ns_t time_ns, Task **task)
 {
@@ -760,7 +760,7 @@ next_job(Core *core, int level, ns_t time_ns, Task **task)
         return core->interrupted ? poll_sources(core, time_ns) : 0;
     }
     if (core->queues[level].first == NULL) {
-        rest_level(core, level);
+        clear_ready(core, level);
         return 0;
     }
     *task = pop_queue(&core->queues[level]);
@@ -806,7 +806,7 @@ attribute_of(const char *module_name, const char *name)
     return found;
 }
 
-/* Removes the exception that is raised now and returns it. */
+/* Clears the current exception and returns it. */
 static PyObject *
 raised_exception(void)
 {
@@ -820,7 +820,7 @@ raised_exception(void)
     return value;
 }
 
-/* Describes what a job raised, and drops it: both are code of its author, and preemptible. */
+/* Describes the exception of a job and releases it: both may run user code and are preemptible. */
 static int
 contain(Core *core, Task *task, PyObject **failure)
 {
@@ -839,7 +839,7 @@ contain(Core *core, Task *task, PyObject **failure)
     if (*failure == NULL) {
         PyErr_Clear();
         core->locked = 1;
-        *failure = PyObject_CallMethod((PyObject *)core, "undescribed", "O", task);
+        *failure = PyObject_CallMethod((PyObject *)core, "minimal_report", "O", task);
         core->locked = 0;
     }
     Py_DECREF(error);
@@ -847,7 +847,7 @@ contain(Core *core, Task *task, PyObject **failure)
     return *failure == NULL ? -1 : outcome;
 }
 
-/* Lets the job run. Gives its outcome; -1 when the kernel itself failed. */
+/* Runs the job. Returns its outcome; -1 when the kernel itself failed. */
 static int
 call(Core *core, Task *task, PyObject **failure)
 {
@@ -868,7 +868,7 @@ static int
 end_job(Core *core, Task *task, ns_t release_ns, ns_t previous_ns, ns_t end_ns, int outcome,
         PyObject *failure)
 {
-    Record record = {.kind = JOB, .outcome = outcome, .who = (PyObject *)task, .a = release_ns,
+    Record record = {.kind = JOB, .outcome = outcome, .task = (PyObject *)task, .a = release_ns,
                      .b = task->start_ns, .c = end_ns};
     if (add_record(core, &record) < 0
             || count_job(task, release_ns, previous_ns, end_ns, core->stolen_ns, core->faults) < 0
@@ -885,7 +885,7 @@ end_job(Core *core, Task *task, ns_t release_ns, ns_t previous_ns, ns_t end_ns, 
                                     failure == NULL ? Py_None : failure, outcome, end_ns));
 }
 
-/* Notes what came up while a job ran; gives the time. */
+/* Collects what fell due while a job ran; returns the time. */
 static ns_t
 collect_after(Core *core, Task *task, int level)
 {
@@ -896,7 +896,7 @@ collect_after(Core *core, Task *task, int level)
     ns_t late_ns = time_ns - larger(core->armed_ns, task->start_ns);
     if (collect_due(core, time_ns) < 0)
         return FAILED_NS;
-    if (late_ns > BLOCKED_NS && held_up(core, task, level, time_ns, late_ns) == FAILED_NS)
+    if (late_ns > BLOCKED_NS && charge_blocking(core, task, level, time_ns, late_ns) == FAILED_NS)
         return FAILED_NS;
     return time_ns;
 }
@@ -917,7 +917,7 @@ run_job(Core *core, Task *task, int level, ns_t *time_ns, ns_t *end_ns)
     Py_XDECREF(failure);
     if (status < 0)
         return -1;
-    /* Handlers of signals run here, between two jobs, as they do in the Python text. */
+    /* Handlers of signals run here, between two jobs, as they do in the Python form. */
     if (PyErr_CheckSignals() < 0)
         return -1;
     if (core->pending || first_due(core, 0).due_ns <= *end_ns)
@@ -926,7 +926,7 @@ run_job(Core *core, Task *task, int level, ns_t *time_ns, ns_t *end_ns)
 }
 
 static void
-nobody_runs(Core *core, int level)
+clear_current(Core *core, int level)
 {
     Task *before = core->current;
     core->current = NULL;
@@ -934,8 +934,8 @@ nobody_runs(Core *core, int level)
     Py_XDECREF((PyObject *)before);
 }
 
-/* Runs every ready task above a level. `end_ns`: when the last job ended, or whatever the kernel
-   did not do itself; the same on return. */
+/* Runs every ready task above a level. `end_ns`: the end of the last work that was not the
+   kernel's own; updated on return. */
 static int
 dispatch(Core *core, int floor, ns_t time_ns, ns_t *end_ns)
 {
@@ -953,14 +953,14 @@ dispatch(Core *core, int floor, ns_t time_ns, ns_t *end_ns)
         if (status < 0)
             return -1;
     }
-    nobody_runs(core, floor);
+    clear_current(core, floor);
     return 0;
 }
 
 /* ---- interrupts -------------------------------------------------------------------------- */
 
 static int
-stay(Core *core, int level, ns_t *end_ns)
+serve_soon(Core *core, int level, ns_t *end_ns)
 {
     ns_t left_ns = core->near_ns;
     while (!core->stopping) {
@@ -989,7 +989,7 @@ stay(Core *core, int level, ns_t *end_ns)
     return 0;
 }
 
-/* Sets the timer for what comes after an interrupt; looks after the budget of the job. */
+/* Sets the timer after an interrupt; checks the budget of the job. */
 static int
 arm_after(Core *core, Task *current, int level, ns_t entry_ns, ns_t stolen_ns)
 {
@@ -1012,15 +1012,15 @@ arm_after(Core *core, Task *current, int level, ns_t entry_ns, ns_t stolen_ns)
     return check_ns == FAILED_NS ? -1 : arm_ahead(core, level, check_ns);
 }
 
-/* Gives what Linux took from a job with a limit, if it did not compute all the time. */
+/* Returns the steal time of a job with a limit, if it did not compute all the time. */
 static ns_t
-stolen_from(Core *core, Task *task, ns_t entry_ns, ns_t stolen_ns, ns_t thread_ns)
+steal_time_of(Core *core, Task *task, ns_t entry_ns, ns_t stolen_ns, ns_t thread_ns)
 {
     ns_t gap_ns = entry_ns - task->start_ns - stolen_ns - task->waited_ns
         - (thread_ns - task->computed_ns);
     if (gap_ns <= LATE_NS)
         return 0;
-    return time_from(PyObject_CallMethod(core->faults, "did_not_compute", "OLL", task, entry_ns,
+    return time_from(PyObject_CallMethod(core->faults, "attribute_gap", "OLL", task, entry_ns,
                                          gap_ns));
 }
 
@@ -1042,13 +1042,13 @@ serve_interrupt(Core *core, Task *current, int level)
     if (time_ns == FAILED_NS || collect_due(core, time_ns) < 0)
         return -1;
     if (current != NULL && (late_ns > current->blocked_maximum_ns || late_ns > BLOCKED_NS)) {
-        taken_ns = held_up(core, current, level, entry_ns, late_ns);
+        taken_ns = charge_blocking(core, current, level, entry_ns, late_ns);
         if (taken_ns == FAILED_NS)
             return -1;
         stolen_ns += taken_ns;
     }
     if (limited) {
-        taken_ns = stolen_from(core, current, entry_ns, stolen_ns, thread_ns);
+        taken_ns = steal_time_of(core, current, entry_ns, stolen_ns, thread_ns);
         if (taken_ns == FAILED_NS)
             return -1;
         stolen_ns += taken_ns;
@@ -1057,7 +1057,7 @@ serve_interrupt(Core *core, Task *current, int level)
     if (top_level(core) > level && dispatch(core, level, time_ns, &done_ns) < 0)
         return -1;
     if (core->near_ns && first_due(core, 0).due_ns - done_ns <= core->near_ns
-            && stay(core, level, &done_ns) < 0)
+            && serve_soon(core, level, &done_ns) < 0)
         return -1;
     if (first_due(core, 0).level <= level)
         defer(core, level, time_ns);
@@ -1078,7 +1078,7 @@ serve_interrupt(Core *core, Task *current, int level)
 }
 
 static void
-go_on(Core *core, Task *current, int level)
+set_current(Core *core, Task *current, int level)
 {
     Task *before = core->current;
     Py_XINCREF((PyObject *)current);
@@ -1087,13 +1087,13 @@ go_on(Core *core, Task *current, int level)
     Py_XDECREF((PyObject *)before);
 }
 
-/* Serves interrupts until none is pending. What the kernel itself raises ends it, not the job. */
+/* Serves interrupts until none is pending. An error of the kernel ends the kernel, not the job. */
 static int
 serve_interrupts(Core *core, Task *current, int level)
 {
     do {
         int status = serve_interrupt(core, current, level);
-        go_on(core, current, level);
+        set_current(core, current, level);
         if (status == 0)
             continue;
         if (PyErr_ExceptionMatches(PyExc_RecursionError)
@@ -1112,7 +1112,7 @@ serve_interrupts(Core *core, Task *current, int level)
     return 0;
 }
 
-/* Raises TaskAborted in the interrupted task; `made` is what make_abort returned. */
+/* Raises TaskAborted in the interrupted task; `made` is the result of make_abort. */
 static int
 raise_abort(PyObject *made)
 {
@@ -1123,7 +1123,7 @@ raise_abort(PyObject *made)
     while (iterator != NULL && (step = PyIter_Next(iterator)) != NULL)
         Py_DECREF(step);
     Py_XDECREF(iterator);
-    PyErr_Clear(); /* the same exception, or there was no room on the stack */
+    PyErr_Clear(); /* the same exception, or the stack had no room */
     PyErr_SetObject((PyObject *)Py_TYPE(abort), abort);
     return -1;
 }
@@ -1169,15 +1169,15 @@ settle(Core *core, int signalled)
 
 /* ---- waiting ----------------------------------------------------------------------------- */
 
-/* Waits as MonotonicClock.wait does, or calls the clock. Gives whether it may have been something
-   else than the timer; -1 with an exception. */
+/* Waits as MonotonicClock.wait does, or calls the clock. Returns whether something other than the
+   timer may have ended the wait; -1 with an exception. */
 static int
 wait_for_signal(Core *core)
 {
     PyObject *came;
     if (core->sets_timers) {
         int signo;
-        if (rest(&core->signals, (PyObject *)core, &signo) < 0)
+        if (wait_for_any(&core->signals, (PyObject *)core, &signo) < 0)
             return -1;
         if (signo == 0 || signo == core->tick_signal)
             return 0;
@@ -1189,7 +1189,7 @@ wait_for_signal(Core *core)
     return other;
 }
 
-/* Waits until a time, unless something comes up. */
+/* Calls on_idle, then waits for the interrupt or another signal. */
 static int
 idle(Core *core, ns_t time_ns, ns_t interrupt_ns)
 {
@@ -1199,9 +1199,9 @@ idle(Core *core, ns_t time_ns, ns_t interrupt_ns)
         if (core->stopping)
             return 0;
     }
-    if (time_ns - core->fresh_ns > FRESH_NS) {
-        core->fresh_ns = time_ns;
-        if (done(call_with_time(core->steal_time, keep_fresh_name, time_ns)) < 0)
+    if (time_ns - core->refreshed_ns > REFRESH_NS) {
+        core->refreshed_ns = time_ns;
+        if (done(call_with_time(core->steal_time, refresh_name, time_ns)) < 0)
             return -1;
     }
     int other = wait_for_signal(core);
@@ -1268,7 +1268,7 @@ is_level(long level)
     return 0;
 }
 
-/* A task out of an argument. */
+/* Converts an argument to a task. */
 static int
 to_task(PyObject *object, void *address)
 {
@@ -1364,7 +1364,7 @@ core_schedule(PyObject *self, PyObject *args)
     Core *core = (Core *)self;
     Timer timer = {0, 0, 0, NULL};
     int level;
-    if (!PyArg_ParseTuple(args, "LOi", &timer.due_ns, &timer.what, &level) || !is_level(level))
+    if (!PyArg_ParseTuple(args, "LOi", &timer.due_ns, &timer.target, &level) || !is_level(level))
         return NULL;
     timer.order = ONE_SHOT_ORDER + ++core->one_shots;
     if (insert_timer(&core->timers[level], timer) < 0)
@@ -1383,23 +1383,14 @@ core_cancel(PyObject *self, PyObject *args)
     TimerList *list = &((Core *)self)->timers[level];
     for (int i = 0; i < list->count; i++)
         if (timer_at(list, i)->order == order) {
-            PyObject *what = timer_at(list, i)->what;
+            PyObject *target = timer_at(list, i)->target;
             list->count--;
             memmove(timer_at(list, i), timer_at(list, i + 1),
                     (size_t)(list->count - i) * sizeof(Timer));
-            Py_DECREF(what);
+            Py_DECREF(target);
             break;
         }
     Py_RETURN_NONE;
-}
-
-static PyObject *
-core_collect_due(PyObject *self, PyObject *args)
-{
-    ns_t at_ns;
-    if (!PyArg_ParseTuple(args, "L", &at_ns))
-        return NULL;
-    return none_unless(collect_due((Core *)self, at_ns));
 }
 
 static PyObject *
@@ -1424,7 +1415,7 @@ core_release_unserved(PyObject *self, PyObject *args)
         for (int i = 0; i < core->timers[level].count; i++) {
             Timer timer = *timer_at(&core->timers[level], i);
             if (timer.due_ns <= at_ns && timer.period_ns)
-                release_periodic(core, (Task *)timer.what, timer.due_ns, timer.period_ns);
+                release_periodic(core, (Task *)timer.target, timer.due_ns, timer.period_ns);
         }
     Py_RETURN_NONE;
 }
@@ -1478,17 +1469,17 @@ core_withdraw(PyObject *self, PyObject *object)
     if (!to_task(object, &task))
         return NULL;
     Queue *queue = &((Core *)self)->queues[task->priority];
-    for (Task *each = queue->first; each != NULL; before = each, each = each->behind)
+    for (Task *each = queue->first; each != NULL; before = each, each = each->next_task)
         if (each == task) {
             if (before == NULL)
-                queue->first = task->behind;
+                queue->first = task->next_task;
             else
-                before->behind = task->behind;
+                before->next_task = task->next_task;
             if (queue->last == task)
                 queue->last = before;
-            task->behind = NULL;
+            task->next_task = NULL;
             task->missed++;
-            Py_DECREF((PyObject *)task); /* the argument holds another one */
+            Py_DECREF((PyObject *)task); /* the argument holds another reference */
             break;
         }
     task->pending = 0;
@@ -1531,7 +1522,7 @@ core_begin_timers(PyObject *self, PyObject *Py_UNUSED(nothing))
     if (timers != Py_None) {
         ns_t first, second;
         unsigned long long mask;
-        status = PyArg_ParseTuple(timers, "LLLKi", &first, &second, &core->again_ns, &mask,
+        status = PyArg_ParseTuple(timers, "LLLKi", &first, &second, &core->repeat_ns, &mask,
                                   &core->tick_signal) ? 0 : -1;
         if (status == 0) {
             sigemptyset(&core->signals);
@@ -1578,25 +1569,24 @@ core_poll(PyObject *self, PyObject *args)
 static PyMethodDef core_methods[] = {
     {"settle", core_settle, METH_VARARGS, "Run what is above the interrupted task, on top of it."},
     {"lock", core_lock, METH_NOARGS, "Enter a critical section."},
-    {"unlock", core_unlock, METH_O, "Leave a critical section and do what came up meanwhile."},
-    {"ready_above", core_ready_above, METH_O, "Whether something waits above a level."},
-    {"clear_timers", core_clear_timers, METH_NOARGS, "Forget all."},
-    {"add_timer", core_add_timer, METH_VARARGS, "Let a periodic task be released at a time."},
+    {"unlock", core_unlock, METH_O, "Leave a critical section and settle what is pending."},
+    {"ready_above", core_ready_above, METH_O, "Return whether something is ready above a level."},
+    {"clear_timers", core_clear_timers, METH_NOARGS, "Remove all timers."},
+    {"add_timer", core_add_timer, METH_VARARGS, "Release a periodic task at a time."},
     {"schedule", core_schedule, METH_VARARGS, "Call something once at a time."},
-    {"cancel", core_cancel, METH_VARARGS, "Undo schedule, unless it has happened."},
-    {"collect_due", core_collect_due, METH_VARARGS, "Note which levels have something due."},
+    {"cancel", core_cancel, METH_VARARGS, "Undo schedule, unless it was called already."},
     {"release_due", core_release_due, METH_VARARGS, "Release what is due at a level."},
     {"release_unserved", core_release_unserved, METH_VARARGS, "Count releases at the end."},
     {"return_timer", core_return_timer, METH_VARARGS, "Put the timer of a task back."},
-    {"wake", core_wake, METH_VARARGS, "Note that an event released tasks."},
-    {"arrive", core_arrive, METH_VARARGS, "Note an event."},
-    {"enqueue", core_enqueue, METH_VARARGS, "Let a job of a periodic task wait."},
-    {"withdraw", core_withdraw, METH_O, "Drop the job of a task that waits."},
+    {"wake", core_wake, METH_VARARGS, "Record that an event released tasks."},
+    {"arrive", core_arrive, METH_VARARGS, "Record an event for a task."},
+    {"enqueue", core_enqueue, METH_VARARGS, "Queue a job of a periodic task."},
+    {"withdraw", core_withdraw, METH_O, "Drop the waiting job of a task."},
     {"release", core_release, METH_O, "Release a task now."},
-    {"begin_timers", core_begin_timers, METH_NOARGS, "Forget what was set."},
-    {"_interrupt_by", core_interrupt_by, METH_VARARGS, "Let the interrupt come by a time."},
-    {"_poll", core_poll, METH_VARARGS, "Poll the clock until a release that is near."},
-    {"loop", core_loop, METH_NOARGS, "Run what is due and wait for what comes."},
+    {"begin_timers", core_begin_timers, METH_NOARGS, "Reset the timers' state."},
+    {"_interrupt_by", core_interrupt_by, METH_VARARGS, "Bring the interrupt forward to a time."},
+    {"_poll", core_poll, METH_VARARGS, "Poll the clock until a release."},
+    {"loop", core_loop, METH_NOARGS, "Run what is due, and wait, until the kernel stops."},
     {NULL, NULL, 0, NULL},
 };
 
@@ -1618,7 +1608,7 @@ core_set_current(PyObject *self, PyObject *value, void *Py_UNUSED(closure))
     value = value == NULL ? Py_None : value; /* deleted */
     if (value != Py_None && !to_task(value, &task))
         return -1;
-    go_on((Core *)self, task, ((Core *)self)->level);
+    set_current((Core *)self, task, ((Core *)self)->level);
     return 0;
 }
 
@@ -1657,8 +1647,8 @@ core_traverse(PyObject *self, visitproc visit, void *arg)
     Py_VISIT((PyObject *)core->current);
     for (int level = 0; level < LEVELS; level++) {
         for (int i = 0; i < core->timers[level].count; i++)
-            Py_VISIT(timer_at(&core->timers[level], i)->what);
-        for (Task *task = core->queues[level].first; task != NULL; task = task->behind)
+            Py_VISIT(timer_at(&core->timers[level], i)->target);
+        for (Task *task = core->queues[level].first; task != NULL; task = task->next_task)
             Py_VISIT((PyObject *)task);
     }
     return 0;
@@ -1744,7 +1734,7 @@ add_core_types(PyObject *module)
         const char *text;
     } names[] = {
         {&arm_name, "arm"}, {&arm_spare_name, "arm_spare"}, {&swap_name, "swap"},
-        {&poll_name, "poll"}, {&wait_name, "wait"}, {&keep_fresh_name, "keep_fresh"},
+        {&poll_name, "poll"}, {&wait_name, "wait"}, {&refresh_name, "refresh"},
         {&start_text, "start"}, {&end_text, "end"}, {&fail_text, "fail"},
     };
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)

@@ -15,16 +15,16 @@
  */
 
 /*
- * What the files of the extension share: the structs of a task, of the black box and of the core.
+ * Shared by the files of the extension: the structs of a task, of the black box and of the core.
  *
  * Each is the base of a Python class, and each attribute has the name, and the meaning, that it
  * has in the Python class of the same name: task_core.py, black_box.py, releases.py,
  * timer_interrupt.py and core.py. Times are in nanoseconds.
  *
- * Conventions. A function that returns int gives 0, or -1 with an exception set; one that returns a
- * time gives FAILED_NS then. Handlers of signals run in Python code only, so nothing here needs to
- * be protected against them; but no list is half changed when Python code is called, and no object
- * is released that may be the user's.
+ * Conventions. A function that returns an int returns 0, or -1 with an exception set; one that
+ * returns a time returns FAILED_NS in that case. Handlers of signals run in Python code only, so
+ * nothing here needs protection against them. But no list is in an intermediate state when Python
+ * code is called, or when an object is released that may belong to the user.
  */
 
 #ifndef RT_ROBOT_OS_CORE_H
@@ -50,13 +50,13 @@ enum { LATENCY, EXECUTION, JITTER, KINDS };
 enum { JOB, PUBLISH, INTERRUPT, OVERRUN, ABORT, CEILING, BLOCKED, MISS, MARK, OTHER };
 enum { OK, FAILED, ABORTED };
 
-typedef long long ns_t; /* what T_LONGLONG is */
+typedef long long ns_t; /* as T_LONGLONG */
 
 typedef struct Task {
     PyObject_HEAD
     PyObject *name, *function;
-    struct Task *behind; /* who waits after it at its level */
-    char aborts, skips, pending, held, busy, follow_up, abort_pending, resists, over;
+    struct Task *next_task; /* the next one in the queue of its level */
+    char aborts, skips, pending, held, busy, follow_up, abort_pending, grace_used, containing;
     int priority, index, inside;
     ns_t period_ns, budget_ns, limit_ns, computed_ns, waited_ns;
     ns_t next_ns, next_period_ns, release_ns, interval_ns, start_ns;
@@ -64,12 +64,12 @@ typedef struct Task {
     ns_t execution_total_ns, execution_limit_ns, execution_maximum_ns;
     ns_t latency_maximum_ns, response_limit_ns, gap_maximum_ns, jitter_maximum_ns;
     ns_t blocked_maximum_ns;
-    uint64_t counts[BUCKETS][KINDS]; /* so that a job touches one page of them, as a rule */
+    uint64_t counts[BUCKETS][KINDS]; /* in this order a job usually touches one page */
 } Task;
 
 typedef struct {
     int kind, outcome;
-    PyObject *who, *what; /* a task or None; the name of a topic, source or resource, or a text */
+    PyObject *task, *subject; /* a task or None; a topic, source or resource, or a string */
     ns_t a, b, c;
 } Record;
 
@@ -81,7 +81,7 @@ typedef struct {
 
 typedef struct {
     ns_t due_ns, order, period_ns;
-    PyObject *what; /* a task; without a period an action */
+    PyObject *target; /* a task; without a period an action */
 } Timer;
 
 typedef struct {
@@ -107,10 +107,10 @@ typedef struct {
     char reads_system_clock, reads_thread_clock, sets_timers;
     int level, recursion_limit, firsts_count;
     uint64_t ready[2];
-    ns_t stolen_ns, end_ns, spin_ns, polled_ns, overhead_ns, wakeups, fresh_ns, one_shots;
-    ns_t armed_ns, armed_due_ns, spare_ns, near_ns, slack_ns, set_ns, again_ns;
+    ns_t stolen_ns, end_ns, spin_ns, polled_ns, overhead_ns, wakeups, refreshed_ns, one_shots;
+    ns_t armed_ns, armed_due_ns, spare_ns, near_ns, slack_ns, set_ns, repeat_ns;
     timer_t posix_timers[2];
-    sigset_t signals; /* what ends a wait */
+    sigset_t signals; /* those that end a wait */
     int tick_signal;
     First firsts[LEVELS];
     ns_t indexed_ns[LEVELS];
@@ -121,7 +121,7 @@ typedef struct {
 /* _task.c */
 extern PyTypeObject *task_type, *black_box_type;
 int count_job(Task *task, ns_t release_ns, ns_t previous_ns, ns_t end_ns, ns_t stolen_ns,
-              PyObject *judge);
+              PyObject *handler);
 int store_record(BlackBox *box, const Record *record);
 PyObject *record_as_tuple(const Record *record);
 void free_object(PyObject *object);
@@ -136,7 +136,7 @@ int add_record(Core *core, const Record *record);
 int add_core_types(PyObject *module);
 
 /* topics/_ring.c and linux/_timer.c */
-int rest(const sigset_t *signals, PyObject *owner, int *signo);
+int wait_for_any(const sigset_t *signals, PyObject *owner, int *signo);
 int add_ring_types(PyObject *module);
 int add_timer_types(PyObject *module);
 

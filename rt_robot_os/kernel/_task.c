@@ -14,13 +14,13 @@
  * limitations under the License.
  */
 
-/* A task as each of its jobs touches it, and the black box: task_core.py and black_box.py in C. */
+/* What each job uses of a task, and the black box: task_core.py and black_box.py in C. */
 
 #include "_core.h"
 
 PyTypeObject *task_type, *black_box_type;
 
-/* Frees an object whose type was made at run time; its references are gone already. */
+/* Frees an object of a heap type; its references have been released. */
 void
 free_object(PyObject *object)
 {
@@ -44,13 +44,13 @@ bucket_of(ns_t duration_ns)
 
 int
 count_job(Task *task, ns_t release_ns, ns_t previous_ns, ns_t end_ns, ns_t stolen_ns,
-          PyObject *judge)
+          PyObject *handler)
 {
     ns_t start_ns = task->start_ns, execution_ns = end_ns - start_ns - stolen_ns;
     task->runs++;
     task->execution_total_ns += execution_ns;
     if (execution_ns > task->execution_limit_ns) {
-        PyObject *own = PyObject_CallMethod(judge, "long_execution", "OL", task, execution_ns);
+        PyObject *own = PyObject_CallMethod(handler, "long_execution", "OL", task, execution_ns);
         if (own == NULL)
             return -1;
         execution_ns = PyLong_AsLongLong(own);
@@ -64,7 +64,7 @@ count_job(Task *task, ns_t release_ns, ns_t previous_ns, ns_t end_ns, ns_t stole
     if (latency_ns > task->latency_maximum_ns)
         task->latency_maximum_ns = latency_ns;
     if (end_ns - release_ns > task->response_limit_ns) {
-        PyObject *done = PyObject_CallMethod(judge, "long_response", "OLL", task, release_ns,
+        PyObject *done = PyObject_CallMethod(handler, "long_response", "OLL", task, release_ns,
                                              end_ns);
         if (done == NULL)
             return -1;
@@ -90,9 +90,9 @@ static PyObject *
 task_count(PyObject *self, PyObject *args)
 {
     ns_t release_ns, previous_ns, end_ns, stolen_ns;
-    PyObject *judge;
-    if (!PyArg_ParseTuple(args, "LLLLO", &release_ns, &previous_ns, &end_ns, &stolen_ns, &judge)
-            || count_job((Task *)self, release_ns, previous_ns, end_ns, stolen_ns, judge) < 0)
+    PyObject *handler;
+    if (!PyArg_ParseTuple(args, "LLLLO", &release_ns, &previous_ns, &end_ns, &stolen_ns, &handler)
+            || count_job((Task *)self, release_ns, previous_ns, end_ns, stolen_ns, handler) < 0)
         return NULL;
     Py_RETURN_NONE;
 }
@@ -169,7 +169,7 @@ task_get_priority(PyObject *self, void *Py_UNUSED(closure))
     return PyLong_FromLong(((Task *)self)->priority);
 }
 
-/* The core has as many levels, and asks no more. */
+/* The core has this many levels and does not check again. */
 static int
 task_set_priority(PyObject *self, PyObject *value, void *Py_UNUSED(closure))
 {
@@ -186,14 +186,14 @@ task_set_priority(PyObject *self, PyObject *value, void *Py_UNUSED(closure))
 }
 
 static PyGetSetDef task_attributes[] = {
-    {"priority", task_get_priority, task_set_priority, "Higher runs first.", NULL},
+    {"priority", task_get_priority, task_set_priority, "The higher runs first.", NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };
 
 static PyMethodDef task_methods[] = {
     {"count", task_count, METH_VARARGS, "Count the job that has ended."},
     {"counts", task_counts, METH_O, "Copy a histogram of this task."},
-    {"clear_counts", task_clear_counts, METH_NOARGS, "Begin to count anew."},
+    {"clear_counts", task_clear_counts, METH_NOARGS, "Reset the counters."},
     {NULL, NULL, 0, NULL},
 };
 
@@ -201,8 +201,8 @@ static PyMethodDef task_methods[] = {
 static PyMemberDef task_members[] = {
     FIELD(name, T_OBJECT), FIELD(function, T_OBJECT), FIELD(aborts, T_BOOL),
     FIELD(skips, T_BOOL), FIELD(pending, T_BOOL), FIELD(held, T_BOOL), FIELD(busy, T_BOOL),
-    FIELD(follow_up, T_BOOL), FIELD(abort_pending, T_BOOL), FIELD(resists, T_BOOL),
-    FIELD(over, T_BOOL), FIELD(index, T_INT), FIELD(inside, T_INT),
+    FIELD(follow_up, T_BOOL), FIELD(abort_pending, T_BOOL), FIELD(grace_used, T_BOOL),
+    FIELD(containing, T_BOOL), FIELD(index, T_INT), FIELD(inside, T_INT),
     FIELD(period_ns, T_LONGLONG), FIELD(budget_ns, T_LONGLONG), FIELD(limit_ns, T_LONGLONG),
     FIELD(computed_ns, T_LONGLONG), FIELD(waited_ns, T_LONGLONG),
     FIELD(next_ns, T_LONGLONG), FIELD(next_period_ns, T_LONGLONG),
@@ -236,20 +236,21 @@ static PyType_Spec task_spec = {
 
 /* ---- records ----------------------------------------------------------------------------- */
 
-/* What follows the kind in the tuple of a record: who, what, the times a, b, c, the outcome. */
+/* The parts after the kind in the tuple of a record: w the task, s the subject, the times a, b, c,
+   o the outcome. */
 static const char *const shapes[] = {
     [JOB] = "wabco", [PUBLISH] = "wasb", [INTERRUPT] = "was", [OVERRUN] = "wab",
     [ABORT] = "wab", [CEILING] = "wabs", [BLOCKED] = "wab", [MISS] = "wab", [MARK] = "was",
 };
 
-/* Where a time of a record is; NULL for anything else. */
+/* Returns the address of a time in a record; NULL for any other part. */
 static ns_t *
 time_of(Record *record, char part)
 {
     return part == 'a' ? &record->a : part == 'b' ? &record->b : part == 'c' ? &record->c : NULL;
 }
 
-/* Stores a record; the oldest gives way. Its objects are released when the ring is whole again. */
+/* Stores a record and overwrites the oldest, whose objects are released last. */
 int
 store_record(BlackBox *box, const Record *record)
 {
@@ -259,16 +260,16 @@ store_record(BlackBox *box, const Record *record)
     if (place >= box->capacity)
         place -= box->capacity;
     Record *slot = &box->ring[place];
-    PyObject *who = slot->who, *what = slot->what;
+    PyObject *task = slot->task, *subject = slot->subject;
     *slot = *record;
-    Py_XINCREF(slot->who);
-    Py_XINCREF(slot->what);
+    Py_XINCREF(slot->task);
+    Py_XINCREF(slot->subject);
     if (box->count < box->capacity)
         box->count++;
     else if (++box->oldest == box->capacity)
         box->oldest = 0;
-    Py_XDECREF(who);
-    Py_XDECREF(what);
+    Py_XDECREF(task);
+    Py_XDECREF(subject);
     return 0;
 }
 
@@ -276,8 +277,8 @@ PyObject *
 record_as_tuple(const Record *record)
 {
     if (record->kind == OTHER) {
-        Py_INCREF(record->what);
-        return record->what;
+        Py_INCREF(record->subject);
+        return record->subject;
     }
     const char *shape = shapes[record->kind];
     PyObject *tuple = PyTuple_New((Py_ssize_t)strlen(shape) + 1);
@@ -293,7 +294,7 @@ record_as_tuple(const Record *record)
         else if (code == 'o')
             part = PyLong_FromLong(record->outcome);
         else {
-            part = code == 'w' ? record->who : record->what;
+            part = code == 'w' ? record->task : record->subject;
             part = part == NULL ? Py_None : part;
             Py_INCREF(part);
         }
@@ -302,7 +303,7 @@ record_as_tuple(const Record *record)
     return NULL;
 }
 
-/* Reads the tuple of a record; one of another shape is stored as it is. */
+/* Reads the tuple of a record; one of another shape is stored unmodified. */
 static void
 record_from_tuple(PyObject *tuple, Record *record)
 {
@@ -319,17 +320,17 @@ record_from_tuple(PyObject *tuple, Record *record)
             else if (shapes[kind][i] == 'o')
                 record->outcome = (int)PyLong_AsLong(part);
             else if (shapes[kind][i] == 'w')
-                record->who = part;
+                record->task = part;
             else
-                record->what = part;
+                record->subject = part;
         }
         if (!PyErr_Occurred())
             return;
     }
     PyErr_Clear();
     record->kind = OTHER;
-    record->who = NULL;
-    record->what = tuple;
+    record->task = NULL;
+    record->subject = tuple;
 }
 
 /* ---- the black box ----------------------------------------------------------------------- */
@@ -342,8 +343,8 @@ black_box_empty(BlackBox *box)
     box->ring = NULL;
     box->capacity = box->oldest = box->count = 0;
     for (Py_ssize_t i = 0; i < capacity; i++) {
-        Py_XDECREF(ring[i].who);
-        Py_XDECREF(ring[i].what);
+        Py_XDECREF(ring[i].task);
+        Py_XDECREF(ring[i].subject);
     }
     PyMem_Free(ring);
 }
@@ -387,7 +388,7 @@ static PyObject *
 black_box_mark(PyObject *self, PyObject *args)
 {
     Record record = {.kind = MARK};
-    if (!PyArg_ParseTuple(args, "LO", &record.a, &record.what))
+    if (!PyArg_ParseTuple(args, "LO", &record.a, &record.subject))
         return NULL;
     store_record((BlackBox *)self, &record);
     Py_RETURN_NONE;
@@ -401,8 +402,8 @@ record_at(BlackBox *box, Py_ssize_t index)
 }
 
 /*
- * Returns a tuple of the tuples of some records, from a private copy: to make a tuple may start the
- * collector of garbage, whose work may add records.
+ * Returns a tuple of the tuples of some records, from a private copy: making a tuple may start the
+ * garbage collector, which may add records.
  */
 static PyObject *
 tuple_of(BlackBox *box, Py_ssize_t count, int newest_first)
@@ -416,8 +417,8 @@ tuple_of(BlackBox *box, Py_ssize_t count, int newest_first)
     }
     for (Py_ssize_t i = 0; i < count; i++) {
         copy[i] = *record_at(box, newest_first ? box->count - 1 - i : i);
-        Py_XINCREF(copy[i].who);
-        Py_XINCREF(copy[i].what);
+        Py_XINCREF(copy[i].task);
+        Py_XINCREF(copy[i].subject);
     }
     for (Py_ssize_t i = 0; i < count; i++) {
         PyObject *record = tuple == NULL ? NULL : record_as_tuple(&copy[i]);
@@ -425,8 +426,8 @@ tuple_of(BlackBox *box, Py_ssize_t count, int newest_first)
             PyTuple_SetItem(tuple, i, record);
         else
             Py_CLEAR(tuple);
-        Py_XDECREF(copy[i].who);
-        Py_XDECREF(copy[i].what);
+        Py_XDECREF(copy[i].task);
+        Py_XDECREF(copy[i].subject);
     }
     PyMem_Free(copy);
     return tuple;
@@ -464,13 +465,13 @@ black_box_pop_oldest(PyObject *self, PyObject *Py_UNUSED(nothing))
     if (box->count == 0)
         Py_RETURN_NONE;
     Record *slot = record_at(box, 0), oldest = *slot;
-    slot->who = slot->what = NULL;
+    slot->task = slot->subject = NULL;
     box->count--;
     if (++box->oldest == box->capacity)
         box->oldest = 0;
     PyObject *tuple = record_as_tuple(&oldest);
-    Py_XDECREF(oldest.who);
-    Py_XDECREF(oldest.what);
+    Py_XDECREF(oldest.task);
+    Py_XDECREF(oldest.subject);
     return tuple;
 }
 
@@ -486,8 +487,8 @@ black_box_traverse(PyObject *self, visitproc visit, void *arg)
     BlackBox *box = (BlackBox *)self;
     Py_VISIT(Py_TYPE(self));
     for (Py_ssize_t i = 0; i < box->capacity; i++) {
-        Py_VISIT(box->ring[i].who);
-        Py_VISIT(box->ring[i].what);
+        Py_VISIT(box->ring[i].task);
+        Py_VISIT(box->ring[i].subject);
     }
     return 0;
 }
@@ -509,15 +510,15 @@ black_box_dealloc(PyObject *self)
 
 static PyMethodDef black_box_methods[] = {
     {"add", black_box_add, METH_O, "Append a record."},
-    {"mark", black_box_mark, METH_VARARGS, "Note anything else."},
-    {"latest", black_box_latest, METH_O, "Return a copy of the last ones, the newest first."},
-    {"copy", black_box_copy, METH_NOARGS, "Copy it by one native call."},
+    {"mark", black_box_mark, METH_VARARGS, "Add a mark with a text."},
+    {"latest", black_box_latest, METH_O, "Return a copy of the last records, newest first."},
+    {"copy", black_box_copy, METH_NOARGS, "Copy the black box in one native call."},
     {"pop_oldest", black_box_pop_oldest, METH_NOARGS, "Remove the oldest record and return it."},
     {NULL, NULL, 0, NULL},
 };
 
 static PyGetSetDef black_box_attributes[] = {
-    {"records", black_box_records, NULL, "A copy of all, oldest first.", NULL},
+    {"records", black_box_records, NULL, "A copy of all records, oldest first.", NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };
 
@@ -527,7 +528,7 @@ static PyMemberDef black_box_members[] = {
 };
 
 static PyType_Slot black_box_slots[] = {
-    {Py_tp_doc, "The ring of records."},
+    {Py_tp_doc, "A ring of records."},
     {Py_tp_init, black_box_init},
     {Py_tp_traverse, black_box_traverse},
     {Py_tp_clear, black_box_clear},

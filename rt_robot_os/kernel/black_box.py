@@ -14,21 +14,21 @@
 
 
 """
-The black box: the last things that the scheduler did, always on, in a fixed number of records.
+The black box: a ring of the last events of the scheduler, always on, of fixed size.
 
 A job makes one record, when it ends. There is one stack, so a job whose time lies within that of
 another has preempted it: preemptions and resumptions need no records of their own. A record is a
-plain tuple, its first element says what it is:
+plain tuple; its first element is its kind:
 
 ========== =================================================================
 JOB        task, release_ns, start_ns, end_ns, outcome
-PUBLISH    task or None, at_ns, topic, number of the sample
-INTERRUPT  task that it released, at_ns, source
-OVERRUN    task, when the first of them fell due, how many releases; made when its job has ended
+PUBLISH    task or None, at_ns, topic, sequence number of the sample
+INTERRUPT  released task, at_ns, source
+OVERRUN    task, due time of the first, number of releases; made at the end of its job
 ABORT      task, at_ns, used_ns
 CEILING    task, enter_ns, leave_ns, resource
-BLOCKED    task whose native call held up an interrupt, at_ns, for how long
-MISS       task, at_ns, how late it ended
+BLOCKED    task whose native call delayed an interrupt, at_ns, duration
+MISS       task, at_ns, lateness
 MARK       None, at_ns, text
 ========== =================================================================
 """
@@ -64,13 +64,13 @@ OK: Final = 0
 FAILED: Final = 1
 ABORTED: Final = 2
 
-# More would not fit the caches beside the tasks: with 8192 each job costs 0.3 us more.
+# More would not fit the CPU caches together with the tasks: with 8192 a job costs 0.3 us more.
 RECORDS_DEFAULT: Final = 2048
 
 
 @dataclass(frozen=True)
 class TaskFacts:
-    """What a record's task number stands for."""
+    """The task that a task number in a record refers to."""
 
     name: str
     priority: int
@@ -82,12 +82,12 @@ class BlackBoxDump:
     """
     A copy of the black box: plain data, for a file.
 
-    :ivar at_ns: when it was taken.
+    :ivar at_ns: when the copy was made.
     :ivar start_ns: when the kernel was started.
     :ivar running: jobs on the stack at that moment, the outermost first: number of the task,
         release_ns, start_ns.
-    :ivar records: oldest first; a task is its number in ``tasks``, or -1.
-    :ivar full: older records have been overwritten.
+    :ivar records: oldest first; a task is its index in ``tasks``, or -1.
+    :ivar full: the ring was full: older records may have been overwritten.
     """
 
     reason: str
@@ -103,7 +103,7 @@ class BlackBox:
     """
     The ring of records.
 
-    :param capacity: how many are stored; the next one overwrites the oldest.
+    :param capacity: number of records; the next one overwrites the oldest.
     :ivar add: append a record; about 0.1 us, safe in the real-time loop.
     """
 
@@ -116,26 +116,26 @@ class BlackBox:
 
     @property
     def records(self) -> tuple[Record, ...]:
-        """Return a copy of all, oldest first."""
+        """Return a copy of all records, oldest first."""
         return tuple(self._ring.copy())
 
     def latest(self, count: int) -> tuple[Record, ...]:
-        """Return a copy of the last ones, the newest first; below 10 us for 64."""
+        """Return a copy of the last records, newest first; below 10 us for 64."""
         return tuple(islice(reversed(self._ring), count))
 
     def copy(self) -> BlackBox:
         """
-        Copy it by one native call, about 5 us a thousand records.
+        Copy the black box in one native call, about 5 us per thousand records.
 
-        No job that adds a record can come in between: to go through the ring itself could end with
-        "deque mutated during iteration".
+        No job can add a record meanwhile; iterating over the ring itself could fail with "deque
+        mutated during iteration".
         """
         made = BlackBox(self.capacity)
         made._ring.extend(self._ring.copy())
         return made
 
     def __len__(self) -> int:
-        """Return how many records it holds."""
+        """Return the number of records."""
         return len(self._ring)
 
     def pop_oldest(self) -> Record | None:
@@ -143,13 +143,13 @@ class BlackBox:
         return self._ring.popleft() if self._ring else None
 
     def mark(self, at_ns: int, text: str) -> None:
-        """Note anything else; safe in the real-time loop."""
+        """Add a mark with a text; safe in the real-time loop."""
         self.add((MARK, None, at_ns, text))
 
 
 def dump(box: BlackBox, tasks: Sequence[Task], reason: str, at_ns: int, start_ns: int
          ) -> BlackBoxDump:
-    """Copy a black box; records that are made meanwhile may be left out."""
+    """Copy a black box; records that are added meanwhile may be missing."""
     records = box.records
     numbers: dict[Task | None, int] = {task: number for number, task in enumerate(tasks)}
     running = sorted((task.start_ns, number, task.release_ns)

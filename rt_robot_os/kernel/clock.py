@@ -15,10 +15,10 @@
 """
 Time as the kernel sees it: now, two timers that interrupt, and waiting.
 
-The kernel never asks which clock it has. Under :class:`~rt_robot_os.kernel.MonotonicClock` a timer
-is a signal that interrupts the running Python code; under
-:class:`~rt_robot_os.kernel.VirtualClock` time passes only where a task says that it works
-(:meth:`Clock.spend`), and the interrupt is a plain call. Both reach the same handler.
+The kernel does not depend on the kind of clock. With
+:class:`~rt_robot_os.kernel.MonotonicClock` a timer is a signal that interrupts the running Python
+code. With :class:`~rt_robot_os.kernel.VirtualClock` time passes only where a task simulates work
+(:meth:`Clock.spend`), and the interrupt is a plain call. Both call the same handler.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from typing import Final
 from typing import NamedTuple
 import warnings
 
-from rt_robot_os.linux.timer import Noting
+from rt_robot_os.linux.timer import HasPending
 
-# Later than anything, and what is computed with it stays below 64 bits.
+# Later than any time; sums with it still fit 64 bits.
 NEVER_NS: Final = 1 << 61
 
 TICK_SIGNAL = signal.SIGRTMIN + 5
@@ -48,7 +48,7 @@ Handler = Callable[..., None]
 
 
 def signal_name(signo: int) -> str:
-    """Name a signal; those of real time have numbers only."""
+    """Return the name of a signal; real-time signals have a number only."""
     try:
         return signal.Signals(signo).name
     except ValueError:
@@ -57,33 +57,33 @@ def signal_name(signo: int) -> str:
 
 class PosixTimers(NamedTuple):
     """
-    The timers of a clock, and the signals that end its waits, as Linux calls them.
+    The timers of a clock and the signals that end its waits, as Linux identifies them.
 
-    :ivar first: what ``timer_settime`` calls the timer; ``second`` is the other one.
-    :ivar again_ns: after how long they repeat.
+    :ivar first: id of the timer for ``timer_settime``; ``second`` is that of the spare timer.
+    :ivar repeat_ns: interval at which they repeat.
     :ivar mask: the signals that end a wait: bit n-1 stands for signal n.
-    :ivar tick_signal: that of the timers.
+    :ivar tick_signal: the signal of the timers.
     """
 
     first: int
     second: int
-    again_ns: int
+    repeat_ns: int
     mask: int
     tick_signal: int
 
 
 class Clock(ABC):
     """
-    What a kernel needs of a clock.
+    The clock of a kernel.
 
-    :ivar now_ns: a callable that gives the time in nanoseconds; never runs backwards.
-    :ivar computed_ns: a callable that gives the computing time of the kernel's thread.
-    :ivar was_stopped: the process was stopped (SIGSTOP) and went on; whoever looks clears it.
-    :ivar wake_ns: computing time that it costs to set the timer and to be woken by it, measured by
+    :ivar now_ns: a callable that returns the time in nanoseconds; monotonic.
+    :ivar computed_ns: a callable that returns the CPU time of the kernel's thread.
+    :ivar was_stopped: the process was stopped (SIGSTOP) and continued; the reader clears it.
+    :ivar wake_ns: CPU time that it costs to set the timer and to be woken by it, measured by
         :meth:`attach`; 0 where that costs nothing.
-    :ivar posix_timers: None, or what sets the timers and waits for them in C.
-    :cvar has_signals: file descriptors interrupt what runs.
-    :cvar preemptive: the timer interrupts what runs.
+    :ivar posix_timers: None, or the timers that the C core sets itself.
+    :cvar has_signals: file descriptors interrupt running code.
+    :cvar preemptive: the timer interrupts running code.
     """
 
     now_ns: Callable[[], int]
@@ -108,48 +108,48 @@ class Clock(ABC):
 
     def wrap_handlers(self, run: Callable[..., None]) -> None:
         """
-        Let other handlers of signals be called by a function, until :meth:`detach`.
+        Have a function call all other handlers of signals, until :meth:`detach`.
 
-        :param run: gets the handler and its arguments; sets the recursion limit at its end.
+        :param run: called with the handler and its arguments; restores the recursion limit.
         """
 
     @abstractmethod
     def arm(self, deadline_ns: int) -> None:
         """
-        Set the timer; the deadline set before is forgotten.
+        Set the timer; this replaces the previous deadline.
 
-        It comes again every ``AGAIN_NS`` until it is set anew.
+        It repeats every ``REPEAT_NS`` until it is set again.
         """
 
     @abstractmethod
     def arm_spare(self, deadline_ns: int) -> None:
-        """Set the other timer, in the same way."""
+        """Set the spare timer in the same way."""
 
     @abstractmethod
     def swap(self) -> None:
-        """Let the two timers change roles; neither stops."""
+        """Swap the roles of the two timers; neither stops."""
 
     @abstractmethod
     def mask_signals(self) -> None:
-        """Let signals wait until :meth:`unmask_signals`: none is lost meanwhile."""
+        """Mask the signals until :meth:`unmask_signals`: they stay pending, none is lost."""
 
     @abstractmethod
     def unmask_signals(self) -> None:
-        """Let signals through."""
+        """Unmask the signals."""
 
     @abstractmethod
     def wait_masked(self) -> bool:
         """
-        Wait, while they are masked, for the timer or an interrupt, and remove its signal.
+        Wait, with the signals masked, for the timer or an interrupt, and remove its signal.
 
-        :return: True when it may have been something else than the timer.
+        :return: True when something other than the timer may have ended the wait.
         """
 
-    def wait(self, owner: Noting) -> bool:
+    def wait(self, owner: HasPending) -> bool:
         """
         Mask the signals, :meth:`wait_masked` unless something is pending, and unmask them.
 
-        :return: what :meth:`wait_masked` gives; False when something was pending.
+        :return: the result of :meth:`wait_masked`; False when something was pending.
         """
         self.mask_signals()
         came = not owner.pending and self.wait_masked()
@@ -158,9 +158,9 @@ class Clock(ABC):
 
     def poll(self, until_ns: int) -> int:
         """
-        Read the time once more, on the way to a moment that is too near to wait for.
+        Read the time while polling for a moment that is too near to wait for.
 
-        Between two calls handlers of signals run, also if the caller is compiled code.
+        Handlers of signals run between two calls, also if the caller is compiled code.
 
         :return: the time.
         """
@@ -168,30 +168,30 @@ class Clock(ABC):
 
     def raising(self, error: BaseException) -> Iterable[object]:
         """
-        Let the timer interrupt again as soon as what its handler interrupted goes on.
+        Prepare another interrupt for the moment at which the interrupted code continues.
 
-        :param error: what the handler raises in that.
-        :return: what raises it, and sends the signal, when it is iterated; empty when the timer is
-            set already, so that the caller raises it.
+        :param error: the exception that the handler raises in that code.
+        :return: an iterable that sends the signal and raises the exception; empty when the timer
+            is set already and the caller raises it.
         """
         self.arm(self.now_ns())
         return ()
 
     def waited_ns(self) -> int:
-        """Give the time that the thread waited for a CPU so far, if the system tells."""
+        """Return how long the thread has waited for a CPU, where the system provides that."""
         return 0
 
     def suspended_ns(self) -> int:
-        """Give the time that the machine was suspended so far, which ``now_ns`` leaves out."""
+        """Return how long the machine has been suspended, which ``now_ns`` excludes."""
         return 0
 
     @abstractmethod
     def spend(self, duration_ns: int) -> None:
-        """Pretend to compute: what a task calls in a simulation or a test."""
+        """Simulate computing time; for tasks in a simulation or a test."""
 
 
 def suspended_ns() -> int:
-    """Give the time that the machine was suspended so far."""
+    """Return how long the machine has been suspended."""
     # CLOCK_BOOTTIME counts while the machine is suspended, see clock_gettime(2).
     return time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
 
@@ -200,7 +200,7 @@ _MOVED: Final = {'MonotonicClock': 'monotonic_clock', 'VirtualClock': 'virtual_c
 
 
 def __getattr__(name: str) -> Any:
-    """Find for one release what was here before."""
+    """Provide moved names for one release."""
     if name not in _MOVED:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     warnings.warn(f'{name} has moved to rt_robot_os.kernel', DeprecationWarning, stacklevel=2)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The clock of a kernel without preemption: where signals are not to be had."""
+"""The clock of a kernel without preemption: where signals are not available."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from rt_robot_os.kernel.clock import Handler
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.clock import suspended_ns
 
-# It polls this often while the kernel idles: file descriptors.
+# While the kernel idles it polls file descriptors at this interval.
 _POLL_NS = NS_PER_MS
 
 
 class CooperativeClock(Clock):
     """
-    CLOCK_MONOTONIC, whose timer interrupts nothing.
+    CLOCK_MONOTONIC without timer interrupts.
 
-    A kernel on this clock looks at the time between two jobs, where a job calls
-    ``kernel.settle()``, and where it publishes. Whatever a job does in between holds up all
-    others, whatever their priorities: the longest job bounds every latency.
+    A kernel on this clock checks the time between two jobs, where a job calls
+    ``kernel.settle()``, and where it publishes. In between a job blocks all others, whatever
+    their priorities: the longest job bounds every latency.
     """
 
     preemptive = False
@@ -46,7 +46,7 @@ class CooperativeClock(Clock):
         self._spare_ns = NEVER_NS
 
     def attach(self, on_tick: Handler, on_interrupt: Handler, on_break: Handler) -> None:
-        """Do nothing: no handler will be called."""
+        """Do nothing: handlers are never called."""
 
     def detach(self) -> None:
         """Do nothing: nothing was attached."""

@@ -14,10 +14,10 @@
 
 
 """
-Tasks written as coroutines: each segment between two awaits is a job that runs to its end.
+Coroutines as tasks: each segment between two awaits is a job that runs to completion.
 
-Nothing is ever waited for on the stack: ``await`` ends the job, and what was awaited releases the
-next one at the task's priority. Only what the kernel can release a task by can be awaited.
+No job waits on the stack: ``await`` ends the job, and the awaited event releases the next one at
+the task's priority. Only events by which the kernel can release a task can be awaited.
 """
 
 from __future__ import annotations
@@ -39,27 +39,27 @@ AsyncFunction = Callable[[], Coroutine[Any, Any, None]]
 
 
 class Wait(ABC):
-    """Something that a task written as a coroutine can await."""
+    """An awaitable for coroutine tasks."""
 
     __slots__ = ()
 
     @abstractmethod
     def begin(self, body: AsyncBody) -> None:
-        """Arrange that the task is released when :meth:`over` may have become true."""
+        """Have the task released when :meth:`is_ready` may have become true."""
 
     @abstractmethod
-    def over(self) -> bool:
-        """Whether the task can go on."""
+    def is_ready(self) -> bool:
+        """Return whether the task can continue."""
 
     def end(self, body: AsyncBody) -> None:
         """Undo :meth:`begin`."""
 
     def result(self) -> Any:
-        """Return what ``await`` gives."""
+        """Return the result of ``await``."""
         return None
 
     def __await__(self) -> Generator[Wait, Any, Any]:
-        """Hand itself to the kernel, and give the result when it is over."""
+        """Yield to the kernel, and return the result when it is ready."""
         return (yield self)
 
 
@@ -75,11 +75,11 @@ class Until(Wait):
     def begin(self, body: AsyncBody) -> None:
         """Start the task's timer."""
         self._body = body
-        if body.by_schedule is None:
+        if body.replay_gate is None:
             body.timer.start_at(self.time_ns)
 
-    def over(self) -> bool:
-        """Whether the time has come."""
+    def is_ready(self) -> bool:
+        """Return whether the time has come."""
         return self._body is not None and self._body.kernel.now_ns() >= self.time_ns
 
     def end(self, body: AsyncBody) -> None:
@@ -89,34 +89,34 @@ class Until(Wait):
 
 class AnyOf(Wait):
     """
-    Whichever of several is over first; made by :func:`any_of`.
+    The first of several awaitables that is ready; made by :func:`any_of`.
 
-    :param waits: of which the first that is over is the one; the others stay as they are.
+    :param waits: the awaitables; those that are not ready first are left pending.
     """
 
-    __slots__ = ('_waits', '_timed', '_over')
+    __slots__ = ('_waits', '_timed', '_first_ready')
 
     def __init__(self, waits: tuple[Wait, ...]) -> None:
         self._waits = waits
         # A task has one timer.
         timed = [each for each in waits if isinstance(each, Until)]
         self._timed = min(timed, key=_time_of) if timed else None
-        self._over: Wait | None = None
+        self._first_ready: Wait | None = None
 
     def begin(self, body: AsyncBody) -> None:
-        """Begin all; of the points in time the earliest."""
+        """Begin all of them; of several points in time only the earliest."""
         for each in self._waits:
             if each is self._timed or not isinstance(each, Until):
                 each.begin(body)
 
-    def over(self) -> bool:
-        """Whether one of them is over; those after it are not asked."""
-        if self._over is None:
+    def is_ready(self) -> bool:
+        """Return whether one of them is ready; later ones are not checked then."""
+        if self._first_ready is None:
             for each in self._waits:
-                if each.over():
-                    self._over = each
+                if each.is_ready():
+                    self._first_ready = each
                     return True
-        return self._over is not None
+        return self._first_ready is not None
 
     def end(self, body: AsyncBody) -> None:
         """Undo :meth:`begin`."""
@@ -125,22 +125,23 @@ class AnyOf(Wait):
                 each.end(body)
 
     def result(self) -> Any:
-        """Return what awaiting the one alone would have given."""
-        return None if self._over is None else self._over.result()
+        """Return the result of the one that was ready."""
+        return None if self._first_ready is None else self._first_ready.result()
 
 
 def any_of(*waits: Wait) -> AnyOf:
     """
-    Return something to await: over when the first of several is.
+    Return an awaitable that is ready when the first of several is.
 
-    ``await`` gives what that one gives: a subscription, whose sample has been taken, or None for
-    an event or a point in time. When several are over at once the one that is named first is
-    meant, and nothing is taken from the others.
+    ``await`` returns the result of that one: a subscription, whose sample has been taken, or None
+    for an event or a point in time. If several are ready, the one that is named first counts, and
+    nothing is taken from the others.
 
-    :raises TaskError: there is nothing to wait for.
+    :raises TaskError: no awaitable was given.
     """
     if not waits:
-        raise TaskError('any_of() of nothing would wait for ever: give it what to wait for')
+        raise TaskError('any_of() without arguments would wait for ever: give it at least one '
+                        'awaitable')
     return AnyOf(waits)
 
 
@@ -169,22 +170,22 @@ class Event:
 
     def set(self) -> None:  # noqa: A003
         """
-        Set it: whoever awaits it goes on, by priority.
+        Set it and release the tasks that await it, by priority.
 
-        Those above the caller's do so before this returns.
+        Tasks above the caller's priority run before this returns.
         """
         self._set = True
         kernel = self._kernel
         before = kernel.lock()
-        kernel.wake(tuple(self._waiting), kernel.now_ns())  # all of them, before the first runs
+        kernel.wake(tuple(self._waiting), kernel.now_ns())  # all of them before the first runs
         kernel.unlock(before)
 
     def clear(self) -> None:
-        """Let those wait who await it from now on."""
+        """Clear it: tasks that await it from now on wait."""
         self._set = False
 
     def wait(self) -> Wait:
-        """Return something to await: over when the event is set."""
+        """Return an awaitable that is ready when the event is set."""
         return _EventWait(self)
 
 
@@ -196,10 +197,10 @@ class _EventWait(Wait):
         self._event = event
 
     def begin(self, body: AsyncBody) -> None:
-        if body.by_schedule is None:
+        if body.replay_gate is None:
             self._event._waiting.append(body.task)
 
-    def over(self) -> bool:
+    def is_ready(self) -> bool:
         return self._event.is_set
 
     def end(self, body: AsyncBody) -> None:
@@ -209,9 +210,9 @@ class _EventWait(Wait):
 
 class AsyncBody(TaskCoroutine):
     """
-    The function of a task that is written as a coroutine.
+    The function of a coroutine task.
 
-    :param function: gives a new coroutine for each start.
+    :param function: returns a new coroutine for each start.
     """
 
     __slots__ = ('kernel', 'task', 'timer', '_function', '_coroutine', '_wait')
@@ -227,24 +228,24 @@ class AsyncBody(TaskCoroutine):
         self._wait: Wait | None = None
 
     def bind(self, task: Task) -> None:
-        """Tell it which task it is."""
+        """Set the task that it belongs to."""
         self.task = task
         self.timer = OneShot(self.kernel, task)
 
     def start(self) -> None:
-        """Begin anew, as after a failure, and run the first segment."""
+        """Start, or restart after a failure, and run the first segment."""
         self.close()
         self.finished = False
         self._coroutine = self._function()
         self._run(None)
 
     def segment(self) -> None:
-        """Go on if what was awaited is over; the function of the task."""
+        """Continue if the awaited event is ready; this is the function of the task."""
         wait = self._wait
         if self._coroutine is None:
             if not self.finished:
                 self.start()
-        elif wait is not None and self._goes_on(wait):
+        elif wait is not None and self._may_resume(wait):
             wait.end(self)
             self._wait = None
             self._run(wait.result())
@@ -270,7 +271,7 @@ class AsyncBody(TaskCoroutine):
                     if problem is not None:
                         raise problem
                 awaited.begin(self)
-                if not self._goes_on(awaited):
+                if not self._may_resume(awaited):
                     self._wait = awaited
                     return
                 awaited.end(self)
@@ -284,29 +285,29 @@ class AsyncBody(TaskCoroutine):
                 coroutine.close()
             raise
 
-    def _goes_on(self, wait: Wait) -> bool:
-        over = wait.over() if self.by_schedule is None else self.by_schedule(wait.over)
-        if over and self.on_going_on is not None:
-            self.on_going_on()
-        return over
+    def _may_resume(self, wait: Wait) -> bool:
+        ready = wait.is_ready() if self.replay_gate is None else self.replay_gate(wait.is_ready)
+        if ready and self.on_resume is not None:
+            self.on_resume()
+        return ready
 
     def _problem(self, awaited: Any) -> TaskError | None:
         if not isinstance(awaited, Wait):
             return TaskError(
-                f'task {self.task.name!r} awaited {awaited!r}: only what releases tasks can be '
-                'awaited: subscription.next(), kernel.sleep(ns), ticks of kernel.every(hz), '
-                'event.wait(). asyncio needs a process of its own')
+                f'task {self.task.name!r} awaited {awaited!r}: only events that release tasks can '
+                'be awaited: subscription.next(), kernel.sleep(ns), ticks of kernel.every(hz), '
+                'event.wait(). asyncio needs a separate process')
         if self.task.inside:
-            return TaskError(f'task {self.task.name!r} awaits inside a resource: nobody could '
+            return TaskError(f'task {self.task.name!r} awaits inside a resource: no task could '
                              'enter it meanwhile; leave it before')
         return None
 
 
 class Ticks:
     """
-    An absolute grid of times: ``await ticks.next()``; never drifts.
+    An absolute grid of times without drift: ``await ticks.next()``.
 
-    What is already past is skipped and counted.
+    Points that are already past are skipped and counted.
 
     :ivar missed: grid points that had passed when they were awaited.
     """
@@ -320,7 +321,7 @@ class Ticks:
         self._next_ns = kernel.now_ns()
 
     def next(self) -> Wait:  # noqa: A003
-        """Return something to await: over at the next point of the grid."""
+        """Return an awaitable that is ready at the next point of the grid."""
         now_ns = self._kernel.now_ns()
         self._next_ns += self.period_ns
         if self._next_ns < now_ns:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Check what is declared before the kernel runs."""
+"""Check declarations before the kernel runs."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ import inspect
 from typing import Any
 
 from rt_robot_os.base.errors import TaskError
-from rt_robot_os.kernel.spec import broken
+from rt_robot_os.kernel.spec import broken_rules
 from rt_robot_os.kernel.spec import checked_period_ns
 from rt_robot_os.kernel.spec import FailurePolicy
-from rt_robot_os.kernel.spec import raise_any
+from rt_robot_os.kernel.spec import raise_problems
 from rt_robot_os.kernel.spec import TaskSpec
 from rt_robot_os.kernel.task import Task
 
@@ -40,40 +40,40 @@ def make_spec(name: str, function: Callable[[], object], *, priority: Any, rate_
     """
     Build the declaration of a task.
 
-    :param priority: whatever was given; it is checked here, as is the rate.
+    :param priority: unchecked; it is checked here, as is the rate.
     :param can_be_safe: it has an ``on_safe_state``.
-    :param preemptive: the kernel's clock interrupts what runs.
-    :raises TaskError: with everything that is wrong with it.
+    :param preemptive: the kernel's clock interrupts running jobs.
+    :raises TaskError: with all problems found.
     """
     unknown = sorted(set(declared) - _KEYWORDS)
     if unknown:
-        raise TaskError(f'task {name!r}: no such declaration: {", ".join(unknown)}; there are: '
+        raise TaskError(f'task {name!r}: unknown keyword {", ".join(unknown)}; the keywords are: '
                         f'{", ".join(sorted(_KEYWORDS))}')
     if not callable(function):
-        raise TaskError(f'task {name!r}: {function!r} cannot be called')
+        raise TaskError(f'task {name!r}: {function!r} is not callable')
     if inspect.iscoroutinefunction(function):
         raise TaskError(f'task {name!r}: {function!r} is a coroutine function; add it with '
                         'add_async_task')
     period_ns = 0 if rate_hz is None else checked_period_ns(name, rate_hz)
     spec = TaskSpec(name, priority, period_ns, **declared)
-    raise_any(spec, broken(spec, preemptive=preemptive, can_be_safe=can_be_safe))
+    raise_problems(spec, broken_rules(spec, preemptive=preemptive, can_be_safe=can_be_safe))
     return spec
 
 
 def check_async(name: str, function: Any, declared: Mapping[str, Any]) -> Mapping[str, Any]:
     """
-    Check what only matters for coroutines.
+    Check what applies to coroutines only.
 
     :return: the declarations.
-    :raises TaskError: the function is no coroutine function, or a declaration is for others.
+    :raises TaskError: the function is not a coroutine function, or a keyword is not for them.
     """
     if not inspect.iscoroutinefunction(function):
-        raise TaskError(f'task {name!r}: {function!r} is no coroutine function; write it with '
+        raise TaskError(f'task {name!r}: {function!r} is not a coroutine function; write it with '
                         '`async def`, or add it with add_task')
     for key in ('rate_hz', 'logical', 'after'):
         if declared.get(key):
-            raise TaskError(f'task {name!r}: {key} is not for coroutines, which await what '
-                            'releases them; await kernel.every(hz).next() for a rate')
+            raise TaskError(f'task {name!r}: {key} is not for coroutines, which await their '
+                            'releases; await kernel.every(hz).next() for a rate')
     if declared.get('failure') is FailurePolicy.CONTINUE:
         raise TaskError(f'task {name!r}: a coroutine that failed cannot continue; choose failure '
                         'restart, stop or safe_state')
@@ -82,9 +82,9 @@ def check_async(name: str, function: Any, declared: Mapping[str, Any]) -> Mappin
 
 def check_chains(tasks: Sequence[Task]) -> None:
     """
-    Refuse tasks that release each other (``after``) in a circle: it would never end.
+    Reject tasks that release each other (``after``) in a cycle: it would never end.
 
-    :raises TaskError: naming the circle.
+    :raises TaskError: naming the cycle.
     """
     finished: set[Task] = set()
     for first in tasks:
@@ -96,8 +96,8 @@ def _follow_chain(task: Task, path: list[Task], finished: set[Task]) -> None:
     if task in finished:
         return
     if task in path:
-        circle = ' -> '.join(repr(t.name) for t in [*path[path.index(task):], task])
-        raise TaskError(f'tasks release each other in a circle: {circle}; take one out of `after`')
+        cycle = ' -> '.join(repr(t.name) for t in [*path[path.index(task):], task])
+        raise TaskError(f'tasks release each other in a cycle: {cycle}; remove one from `after`')
     path.append(task)
     for successor in task.successors:
         _follow_chain(successor, path, finished)

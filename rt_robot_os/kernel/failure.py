@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""How jobs fail, and how that is described, whatever an exception does when it is looked at."""
+"""Failures of jobs, and their description, whatever code an exception runs meanwhile."""
 
 from __future__ import annotations
 
@@ -24,29 +24,29 @@ from types import TracebackType
 
 from rt_robot_os.base.units import NS_PER_US
 
-_CALLS_KEPT = 8
+_CALLS_MAXIMUM = 8
 _TEXT_MAXIMUM = 1000
-# Past what the class of an exception may have put in its place.
+# The original attribute, which the class of an exception may have overridden.
 _context = BaseException.__dict__['__context__']
 
 
 class TaskAborted(BaseException):
     """
-    The job has used up its budget, or goes on while the kernel stops.
+    The job has used up its budget, or still runs while the kernel stops.
 
-    Raised inside it, at its next preemption point. It is no :class:`Exception`, so that ``except
-    Exception`` lets it through, as it does with KeyboardInterrupt. A job may clean up in
-    ``finally``; one that goes on computing is aborted again, and its task is stopped.
+    It is raised in the job at its next preemption point. It is not an :class:`Exception`, so
+    ``except Exception`` does not catch it, as with KeyboardInterrupt. A job may clean up in
+    ``finally``; one that continues to compute is aborted again, and its task is stopped.
 
-    :param why: when it is not the budget.
-    :ivar used_ns: computing time of the job until then, what preempted it taken off.
+    :param reason: when it is not the budget.
+    :ivar used_ns: computing time of the job until then, without preemption.
     """
 
-    def __init__(self, task: str, used_ns: int, budget_ns: int, why: str = '') -> None:
+    def __init__(self, task: str, used_ns: int, budget_ns: int, reason: str = '') -> None:
         self.used_ns = used_ns
-        what = why or (f'used {used_ns // NS_PER_US} us of its budget of '
-                       f'{budget_ns // NS_PER_US} us')
-        super().__init__(f'task {task!r} {what}')
+        text = reason or (f'used {used_ns // NS_PER_US} us of its budget of '
+                          f'{budget_ns // NS_PER_US} us')
+        super().__init__(f'task {task!r} {text}')
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,9 @@ class FailureReport:
     """
     An exception that was contained, or another reason to apply a failure policy.
 
-    :ivar task: where it came from.
+    :ivar task: its origin.
     :ivar error: type and message.
-    :ivar trace: innermost calls, last one last: file, line, function.
+    :ivar trace: the innermost calls, most recent last: file, line, function.
     """
 
     task: str
@@ -65,34 +65,34 @@ class FailureReport:
     trace: tuple[tuple[str, int, str], ...]
 
     @property
-    def told(self) -> str:
-        """Return the error and where it came from, a line a call."""
+    def details(self) -> str:
+        """Return the error and its calls, one line per call."""
         return self.error + ''.join(
             f'\n  {path}:{line} in {name}' for path, line, name in self.trace)
 
     def __str__(self) -> str:
-        return f'task {self.task!r}: {self.told}'
+        return f'task {self.task!r}: {self.details}'
 
 
 def describe(task: str, at_ns: int, error: BaseException, *,
              outermost: bool = False) -> FailureReport:
     """
-    Make the report of an exception that came out of a job.
+    Make the report of an exception that a job raised.
 
-    Neither reads source files, which would be I/O in the loop, nor trusts the exception: its
-    ``__str__`` is code of the task's author, which may raise as well, or be endless: whoever calls
-    this bounds its time by a :class:`~rt_robot_os.kernel.TaskAborted`.
+    It reads no source files, which would be I/O in the loop. It does not trust the exception,
+    whose ``__str__`` is code of the task's author: that may raise, or never end. The caller bounds
+    its time by a :class:`~rt_robot_os.kernel.TaskAborted`.
 
-    :param outermost: keep the outermost call as well, which as a rule is the dispatcher's own.
+    :param outermost: include the outermost call, which usually is the dispatcher's own.
     """
-    # Past what the author's class may have put in their places.
+    # The original attributes, which the author's class may have overridden.
     name: str = type.__dict__['__name__'].__get__(type(error))
     try:
         text = str.__str__(str(error))
     except TaskAborted:
-        text = '(its text cannot be had: to make it takes too long)'
+        text = '(its text is not available: __str__ took too long)'
     except BaseException as second:
-        text = f"(its text cannot be had: {type.__dict__['__name__'].__get__(type(second))})"
+        text = f"(its text is not available: {type.__dict__['__name__'].__get__(type(second))})"
     length = str.__len__(text)
     text = str.__getitem__(text, slice(0, _TEXT_MAXIMUM))
     if length > _TEXT_MAXIMUM:
@@ -106,10 +106,10 @@ def describe(task: str, at_ns: int, error: BaseException, *,
 
 def drop_context() -> None:
     """
-    Let the exception that is handled now forget which ones were handled when it was raised.
+    Remove the ``__context__`` of the exception that is being handled.
 
-    Raising an exception searches that chain, natively. In a job that recurses in its ``except``
-    clauses it is thousands long: 0.2 ms for each exception, also for those of jobs above it.
+    Raising an exception searches that chain natively. In a job that recurses in its ``except``
+    clauses it has thousands of links: 0.2 ms for each exception, also in jobs above it.
     """
     handled = sys.exc_info()[1]
     if handled is not None:
@@ -117,7 +117,7 @@ def drop_context() -> None:
 
 
 def _innermost_calls(traceback: TracebackType | None) -> tuple[tuple[str, int, str], ...]:
-    calls: deque[tuple[str, int, str]] = deque(maxlen=_CALLS_KEPT)
+    calls: deque[tuple[str, int, str]] = deque(maxlen=_CALLS_MAXIMUM)
     while traceback is not None:
         code = traceback.tb_frame.f_code
         calls.append((code.co_filename, traceback.tb_lineno, code.co_name))

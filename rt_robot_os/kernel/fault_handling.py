@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What is done when a task overran, overspent, was late or failed: nothing of an ordinary job."""
+"""The policies for overruns, exceeded budgets, missed deadlines and failures."""
 
 from __future__ import annotations
 
@@ -40,8 +40,7 @@ from rt_robot_os.kernel.spec import TaskState
 from rt_robot_os.kernel.task import Task
 
 _SUSPECTS_EVERY_NS: Final = 10 * NS_PER_MS
-# A job that waits in system calls instead of computing is aborted after this many times its
-# budget at last.
+# A job that waits in system calls instead of computing is aborted after this many budgets.
 WAITING_LIMITS: Final = 20
 
 
@@ -49,8 +48,8 @@ class FaultHandling:
     """
     The policies for overruns, budgets, deadlines and failures. All methods are called locked.
 
-    :param kernel: whose tasks they are.
-    :param resources: those of the kernel, by name.
+    :param kernel: of the tasks.
+    :param resources: of the kernel, by name.
     """
 
     __slots__ = ('_kernel', '_resources', '_suspects_ns', '_ended')
@@ -59,7 +58,7 @@ class FaultHandling:
         self._kernel = kernel
         self._resources = resources
         self._suspects_ns = 0
-        # The job that was found to have lost time to Linux when it ended: task, start, how much.
+        # The last job with steal time that was found at its end: task, start, steal time.
         self._ended: tuple[Task | None, int, int] = (None, 0, 0)
 
     # ---- overruns ----------------------------------------------------------------------------
@@ -69,7 +68,7 @@ class FaultHandling:
         Account for the points of a task's grid that passed while its job waited or ran.
 
         :param due_ns: the first of them.
-        :return: when it is due next; 0 when the grid begins anew when that job has ended.
+        :return: the next release; 0 when the grid restarts at the end of that job.
         """
         kernel = self._kernel
         period_ns = task.period_ns
@@ -99,12 +98,12 @@ class FaultHandling:
         else:
             task.missed += unserved
             if policy is OverrunPolicy.STOP:
-                self.request_policy(task, FailurePolicy.STOP, f'{unserved} releases found the job '
-                                    'before unfinished (overrun: stop)', now_ns)
+                self.request_policy(task, FailurePolicy.STOP, f'{unserved} releases found the '
+                                    'previous job unfinished (overrun: stop)', now_ns)
         return next_ns
 
     def account(self, task: Task, now_ns: int) -> None:
-        """Bring what a task counts up to date, before it is read or begun anew."""
+        """Update the counters of a task before they are read or reset."""
         kernel = self._kernel
         now_ns = min(now_ns, kernel.end_ns - 1)
         if kernel.release_due(task.priority, now_ns) and task.priority > kernel.level:
@@ -119,8 +118,8 @@ class FaultHandling:
         task.bucket = max(0, task.bucket - leaked) + overruns
         task.bucket_runs = task.runs
         if task.bucket > spec.overrun_limit:
-            reason = (f'{task.bucket} overruns, of which one is forgotten with '
-                      f'{spec.overrun_leak} jobs without (overrun_limit: {spec.overrun_limit})')
+            reason = (f'{task.bucket} overruns; one is subtracted per {spec.overrun_leak} jobs '
+                      f'without an overrun (overrun_limit: {spec.overrun_limit})')
             self.request_policy(task, spec.failure, reason, now_ns)
             task.bucket = 0
 
@@ -128,18 +127,18 @@ class FaultHandling:
 
     def long_execution(self, task: Task, execution_ns: int) -> int:
         """
-        Look at a job that computed for longer than the longest so far, or than its budget.
+        Check a job that computed for longer than any before, or than its budget.
 
-        :return: its computing time, without what Linux took.
+        :return: its computing time without steal time.
         """
         kernel = self._kernel
         now_ns = kernel.now_ns()
         if task.aborts:
             gap_ns = execution_ns - task.waited_ns - (
                 kernel.clock.computed_ns() - task.computed_ns)
-            taken_ns = self.did_not_compute(task, now_ns, gap_ns) if gap_ns > LATE_NS else 0
+            taken_ns = self.attribute_gap(task, now_ns, gap_ns) if gap_ns > LATE_NS else 0
         else:
-            taken_ns = self.stolen_from(task, now_ns, execution_ns)
+            taken_ns = self.steal_time_of(task, now_ns, execution_ns)
         if taken_ns:
             self._ended = (task, task.start_ns, taken_ns)
             task.execution_total_ns -= taken_ns
@@ -150,19 +149,19 @@ class FaultHandling:
         return execution_ns
 
     def long_response(self, task: Task, release_ns: int, end_ns: int) -> None:
-        """Look at a job that ended later after its release than any so far, or too late."""
+        """Check a job with the longest response time so far, or one above the deadline."""
         response_ns = end_ns - release_ns
         longest_ns = task.response_maximum_ns = max(task.response_maximum_ns, response_ns)
         task.response_limit_ns = min(longest_ns, task.deadline_ns)
         if response_ns > task.deadline_ns:
-            self._late(task, release_ns, end_ns)
+            self._record_miss(task, release_ns, end_ns)
 
-    def _late(self, task: Task, release_ns: int, end_ns: int) -> None:
-        """Note that a job ended after its deadline."""
+    def _record_miss(self, task: Task, release_ns: int, end_ns: int) -> None:
+        """Record that a job ended after its deadline."""
         kernel = self._kernel
         late_ns = end_ns - release_ns - task.deadline_ns
         task.deadline_missed += 1
-        if end_ns - self._suspects_ns >= _SUSPECTS_EVERY_NS:  # or an overload would feed itself
+        if end_ns - self._suspects_ns >= _SUSPECTS_EVERY_NS:  # must not add to an overload
             self._suspects_ns = end_ns
             task.suspects = blame(
                 kernel.black_box.latest(RECORDS_MAXIMUM), task, release_ns, end_ns)
@@ -171,21 +170,21 @@ class FaultHandling:
 
     # ---- blocking ----------------------------------------------------------------------------
 
-    def held_up(self, task: Task, level: int, at_ns: int, late_ns: int) -> int:
+    def charge_blocking(self, task: Task, level: int, at_ns: int, late_ns: int) -> int:
         """
-        Charge an interrupt that came late to the job that ran; what it released is ready by now.
+        Charge a late interrupt to the job that ran; the tasks it released are ready by now.
 
         :param at_ns: when the job could be interrupted again, or when it had ended.
-        :return: how much of the job's time Linux took, as far as that was not known.
+        :return: the job's steal time that was not known before.
         """
         kernel = self._kernel
         taken_ns = 0
         if late_ns > LATE_NS:
             own_ns = at_ns - task.start_ns - kernel.stolen_ns
-            taken_ns = self.stolen_from(task, at_ns, own_ns)
+            taken_ns = self.steal_time_of(task, at_ns, own_ns)
             known = self._ended
             late_ns = min(late_ns, own_ns) - taken_ns
-            if known[0] is task and known[1] == task.start_ns:  # found when the job ended
+            if known[0] is task and known[1] == task.start_ns:  # found at the end of the job
                 late_ns -= known[2]
         if late_ns > task.blocked_maximum_ns:
             task.blocked_maximum_ns = late_ns
@@ -193,11 +192,11 @@ class FaultHandling:
             kernel.record((BLOCKED, task, at_ns, late_ns))
         return taken_ns
 
-    def stolen_from(self, task: Task, now_ns: int, window_ns: int) -> int:
+    def steal_time_of(self, task: Task, now_ns: int, window_ns: int) -> int:
         """
-        Return how much of the computing time of a job that looks long Linux took.
+        Return the steal time in the computing time of a job that seems long.
 
-        :param window_ns: the time, up to now, as far as what Linux took is known.
+        :param window_ns: that time, up to now, without the steal time that is known.
         """
         if window_ns <= LATE_NS:
             return 0
@@ -208,19 +207,19 @@ class FaultHandling:
                                           f'{taken_ns / NS_PER_MS:.1f} ms')
         return taken_ns
 
-    def did_not_compute(self, task: Task, now_ns: int, gap_ns: int) -> int:
+    def attribute_gap(self, task: Task, now_ns: int, gap_ns: int) -> int:
         """
-        Find out where the time of a job with a budget to abort went, in which it did not compute.
+        Attribute time in which a job with ``on_budget: abort`` did not compute.
 
-        What Linux took is taken off its time. What is left is its own waiting, which does not
-        count for its budget, up to a limit. From the first TaskAborted on it does.
+        Steal time is subtracted from its time. The rest is waiting of its own, which does not
+        count towards its budget, up to a limit. After the first TaskAborted it counts.
 
-        :param gap_ns: how long it did not compute, as far as that was not known.
-        :return: how much of that Linux took.
+        :param gap_ns: that time, without the part that is known.
+        :return: the steal time in it.
         """
-        taken_ns = self.stolen_from(task, now_ns, gap_ns)
+        taken_ns = self.steal_time_of(task, now_ns, gap_ns)
         gap_ns -= taken_ns
-        if gap_ns > LATE_NS and not (task.resists or task.over):
+        if gap_ns > LATE_NS and not (task.grace_used or task.containing):
             waited_ns = min(gap_ns, WAITING_LIMITS * task.budget_ns - task.waited_ns)
             task.waited_ns += waited_ns
             if waited_ns > NS_PER_MS:
@@ -234,14 +233,14 @@ class FaultHandling:
     def after_job(self, task: Task, failure: FailureReport | None, outcome: int,
                   now_ns: int) -> None:
         """
-        Do what is due when a job has ended.
+        Apply the policies after a job that failed, was aborted, or has a follow-up.
 
-        :param outcome: of the job, as its record has it.
+        :param outcome: of the job, as in its record.
         """
         kernel = self._kernel
         task.failures += outcome == FAILED
-        task.limit_ns, task.over, task.resists = 0, False, False
-        policy, task.wanted = task.wanted, None
+        task.limit_ns, task.containing, task.grace_used = 0, False, False
+        policy, task.requested_policy = task.requested_policy, None
         inside, task.inside = task.inside, 0
         task.follow_up = bool(task.successors)
         if failure is not None:
@@ -255,8 +254,8 @@ class FaultHandling:
         if task.aborts_raised:
             task.aborted += outcome != FAILED
             policy = self._after_aborts(task, policy, now_ns)
-        task.abort_pending = False  # one that came too late
-        if task.held:  # its safe state was run
+        task.abort_pending = False  # an abort would be too late
+        if task.held:  # its safe state has run
             self.withdraw(task)
             task.pending = True
         elif policy is not None and policy is not FailurePolicy.CONTINUE:
@@ -264,7 +263,7 @@ class FaultHandling:
         if task.rephasing:
             self._rephase(task, now_ns)
         elif task.backlog and not task.pending:
-            kernel.release_due(task.priority, now_ns)  # what came before
+            kernel.release_due(task.priority, now_ns)  # earlier releases go first
             kernel.enqueue(task, task.backlog.popleft(), task.period_ns)
             task.follow_up = True
         kernel.wake(task.successors, now_ns)
@@ -272,13 +271,13 @@ class FaultHandling:
 
     def _after_aborts(self, task: Task, policy: FailurePolicy | None,
                       now_ns: int) -> FailurePolicy | None:
-        """Return the policy for a task that was aborted: one abort is ordinary, more are not."""
+        """Return the policy for an aborted task: stop it if one abort did not end the job."""
         delivered, task.aborts_raised = task.aborts_raised, 0
         if delivered == 1:
             return policy or task.spec.failure
         self._kernel.note_failure(FailureReport(
-            task.name, now_ns, f'went on after TaskAborted, {delivered} times; stopped: '
-            'let it end in `finally` and never catch BaseException', ()))
+            task.name, now_ns, f'continued after TaskAborted, {delivered} times; stopped: '
+            'clean up in `finally` and never catch BaseException', ()))
         return FailurePolicy.STOP
 
     def _rephase(self, task: Task, now_ns: int) -> None:
@@ -293,23 +292,23 @@ class FaultHandling:
         kernel.add_timer(task, now_ns + task.period_ns, task.period_ns)
 
     def withdraw(self, task: Task) -> None:
-        """Drop what would release a task, and count it as missed."""
+        """Drop the waiting jobs of a task and count them as missed."""
         task.missed += len(task.backlog)
         task.backlog.clear()
         self._kernel.withdraw(task)
 
     def request_policy(self, task: Task, policy: FailurePolicy, reason: str, now_ns: int) -> None:
-        """Apply a policy for another reason than an exception, when its job has ended."""
+        """Apply a policy for a reason other than an exception, when the job has ended."""
         self._kernel.note_failure(FailureReport(task.name, now_ns, reason, ()))
-        task.wanted = policy
+        task.requested_policy = policy
         if task.busy or (task.pending and not task.held):
             task.follow_up = True
         else:
-            task.wanted = None
+            task.requested_policy = None
             self._apply(task, policy, now_ns)
 
     def _apply(self, task: Task, policy: FailurePolicy, now_ns: int) -> None:
-        """Hold a task that has no job on the stack."""
+        """Hold a task that has no running job."""
         kernel = self._kernel
         self.withdraw(task)
         if policy is FailurePolicy.SAFE_STATE:
@@ -348,7 +347,7 @@ class FaultHandling:
             self._run_next(task, task.on_restart, now_ns)
 
     def _run_next(self, task: Task, function: Callable[[], object], now_ns: int) -> None:
-        """Make a job of a task that calls something else than its function."""
+        """Have the next job of a task call another function."""
         def job() -> None:
             task.function = task.body
             function()

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Logarithmic histograms of durations: eight buckets an octave, so at most 12.5 % wide.
+Logarithmic histograms of durations: eight buckets per octave, each at most 12.5 % wide.
 
 The histograms of a task are in :class:`rt_robot_os.kernel.task_core.TaskCore`.
 """
@@ -24,7 +24,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-# Enough for any difference of two times: nobody has to ask whether a bucket exists.
+# Enough for any difference of two times: an index needs no check.
 BUCKETS: Final = 488
 LAST_LIMIT_NS: Final = 1 << 63
 
@@ -33,7 +33,7 @@ def bucket(duration_ns: int) -> int:
     """
     Return the number of the bucket of a duration.
 
-    :param duration_ns: from 0 to ``LAST_LIMIT_NS`` (292 years), which is not included.
+    :param duration_ns: from 0 up to, but not including, ``LAST_LIMIT_NS`` (292 years).
     """
     shift = duration_ns.bit_length() - 4
     if shift <= 0:
@@ -43,9 +43,9 @@ def bucket(duration_ns: int) -> int:
 
 def bucket_limits(index: int) -> tuple[int, int]:
     """
-    Invert :func:`bucket`.
+    Return the limits of a bucket: the inverse of :func:`bucket`.
 
-    :return: the shortest duration of a bucket and the shortest of the next, in nanoseconds.
+    :return: the shortest duration of the bucket and that of the next one, in nanoseconds.
     """
     if index < 16:
         return index, index + 1
@@ -57,11 +57,11 @@ def bucket_limits(index: int) -> tuple[int, int]:
 @dataclass(frozen=True)
 class Summary:
     """
-    What a histogram says.
+    Percentiles of a histogram.
 
-    :ivar count: how many durations were counted.
-    :ivar p50_ns: half of them are not above this (resolution 12.5 %).
-    :ivar maximum_ns: the longest one, exact.
+    :ivar count: number of durations.
+    :ivar p50_ns: the median (resolution 12.5 %).
+    :ivar maximum_ns: the longest duration, exact.
     """
 
     count: int = 0
@@ -73,12 +73,12 @@ class Summary:
 
 def percentile(counts: Sequence[int], total: int, part: float, maximum_ns: int) -> int:
     """
-    Return the duration that a part of all durations does not exceed.
+    Return the duration that a fraction of all durations does not exceed.
 
-    :param counts: one number a bucket.
+    :param counts: one number per bucket.
     :param total: their sum.
     :param part: from 0 to 1.
-    :param maximum_ns: the longest duration; no answer is above it.
+    :param maximum_ns: the longest duration; the result is not above it.
     """
     wanted = max(1, -int(-part * total // 1))
     seen = 0
@@ -94,7 +94,7 @@ def summarise(counts: Sequence[int], maximum_ns: int) -> Summary:
     """
     Summarise the counts of a histogram; not for the real-time loop.
 
-    :param counts: one number a bucket.
+    :param counts: one number per bucket.
     :param maximum_ns: the longest duration.
     """
     total = sum(counts)
@@ -108,8 +108,8 @@ class Histogram:
     """
     Counts of durations by bucket, with the exact maximum.
 
-    :param counts: one number a bucket; by default none has been counted.
-    :param maximum_ns: the longest duration of these.
+    :param counts: one number per bucket; by default all are 0.
+    :param maximum_ns: the longest duration in them.
     """
 
     __slots__ = ('counts', 'maximum_ns')
@@ -125,10 +125,10 @@ class Histogram:
             self.maximum_ns = duration_ns
 
     def clear(self) -> None:
-        """Forget all; the list stays the same object."""
+        """Reset all counts; the list stays the same object."""
         self.counts[:] = [0] * BUCKETS
         self.maximum_ns = 0
 
     def summary(self) -> Summary:
-        """Summarise; not for the real-time loop."""
+        """Return the summary; not for the real-time loop."""
         return summarise(self.counts, self.maximum_ns)

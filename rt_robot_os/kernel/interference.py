@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Find out who had the CPU while a task waited for it: the suspects of a missed deadline."""
+"""Find the tasks that used the CPU while a task waited for it: suspects of a missed deadline."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ def blame(records: Iterable[tuple[Any, ...]], task: Task, release_ns: int, end_n
     """
     Name the tasks that used the CPU most between the release and the end of a job.
 
-    A job counts without what preempted it. Of a job that has not ended, and so has no record yet,
-    the native calls and the resources that held others up count. At most ``RECORDS_MAXIMUM``
-    records are looked at, so what lies far back may be missing; it costs below 30 us then.
+    A job counts without the jobs that preempted it. Of a job that has not ended, and so has no
+    record yet, the native calls and resources that blocked others count. At most
+    ``RECORDS_MAXIMUM`` records are read, so older ones may be missing; that takes below 30 us.
     Safe in the real-time loop.
 
     :param records: of the black box, the most recent first (``black_box.latest(...)``).
-    :param task: whose job was late; its own code is left out.
-    :return: at most ``SUSPECTS_MAXIMUM`` names, who used most first.
+    :param task: the task that was late; its own time is excluded.
+    :return: at most ``SUSPECTS_MAXIMUM`` names, by CPU time, longest first.
     """
     used: dict[str, int] = {}
-    # What encloses the record at hand, the innermost last: in the order of their ends, the last
-    # first, every job comes before those that preempted it.
+    # The jobs that enclose the current record, the innermost last. In the order of their ends, the
+    # latest first, every job comes before those that preempted it.
     enclosing: list[tuple[int, Task]] = []
     for record in islice(records, RECORDS_MAXIMUM):
         kind = record[0]
@@ -68,9 +68,9 @@ def blame(records: Iterable[tuple[Any, ...]], task: Task, release_ns: int, end_n
         if enclosing:
             outer_ns, outer = enclosing[-1]
             if outer is who:
-                continue  # a part of a job that counts as a whole
+                continue  # a part of a job that is counted as a whole
             if own_ns > 0:
-                # A native call may have been late already when its job began.
+                # The delay by a native call may have begun before its job.
                 used[outer.name] -= own_ns if first_ns >= outer_ns else last_ns - outer_ns
         enclosing.append((first_ns, who))
         name = who.name

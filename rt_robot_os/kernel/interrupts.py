@@ -32,11 +32,11 @@ from rt_robot_os.linux.terminal import is_raw_terminal
 from rt_robot_os.linux.terminal import unread_bytes
 
 
-class Source:
-    """A descriptor, its task, and how often it was readable."""
+class InterruptSource:
+    """A descriptor, its task, and its counters."""
 
     __slots__ = ('fd', 'name', 'task', 'separation_ns', 'open_ns', 'flags', 'arrivals', 'deferred',
-                 'waits', 'counted')
+                 'waits_for_job', 'counts_bytes')
 
     def __init__(self, fd: int, name: str, task: Task, separation_ns: int) -> None:
         self.fd = fd
@@ -44,14 +44,14 @@ class Source:
         self.task = task
         self.separation_ns = separation_ns
         self.open_ns = 0
-        self.waits = False
-        self.counted = is_raw_terminal(fd)
+        self.waits_for_job = False
+        self.counts_bytes = is_raw_terminal(fd)
         self.flags: int | None = None
         self.arrivals = 0
         self.deferred = 0
 
     def statistics(self) -> SourceStatistics:
-        """Take the statistics."""
+        """Return the statistics."""
         return SourceStatistics(self.name, self.task.name, self.arrivals, self.deferred)
 
 
@@ -61,17 +61,17 @@ class InterruptSources:
 
     Once the kernel runs all methods are called locked, except :meth:`statistics`.
 
-    They send signals only between :meth:`arm` and :meth:`disarm`: without a handler the signal
-    would end the process. Under a clock without signals they are polled after each wait.
+    Descriptors send signals only between :meth:`arm` and :meth:`disarm`: without a handler the
+    signal would end the process. With a clock without signals they are polled after each wait.
 
     A source that is readable again before its separation has passed is masked until then: it
-    sends no signals meanwhile, so that a flood costs no more than one handler a separation. So is
-    one that becomes readable while a job of its task waits, until that has ended: the job will
-    read all, so that a flood costs nothing as long as the task does not have its turn.
+    sends no signals meanwhile, so a flood costs at most one handler per separation. A source that
+    becomes readable while a job of its task waits is masked until that job has ended: the job
+    will read everything, so a flood costs nothing while the task does not run.
 
-    Terminals are asked how many bytes they have, one by one: ``poll`` would wait for a worker of
-    Linux while bytes are underway (:mod:`rt_robot_os.linux.terminal`). The signal comes when they
-    can be read.
+    For terminals the number of readable bytes is read one by one: ``poll`` would wait for a worker
+    of Linux while bytes are in transit (:mod:`rt_robot_os.linux.terminal`). The signal comes when
+    they can be read.
     """
 
     __slots__ = ('_signals', '_armed', '_sources', '_masked', '_early', '_poll', '_terminals')
@@ -79,11 +79,11 @@ class InterruptSources:
     def __init__(self, clock: Clock) -> None:
         self._signals = clock.has_signals
         self._armed = False
-        self._sources: dict[int, Source] = {}
-        self._masked: list[Source] = []
-        self._early: list[Source] = []
+        self._sources: dict[int, InterruptSource] = {}
+        self._masked: list[InterruptSource] = []
+        self._early: list[InterruptSource] = []
         self._poll = select.poll()
-        self._terminals: list[Source] = []
+        self._terminals: list[InterruptSource] = []
 
     def add(self, fd: int, task: Task, separation_ns: int = 0, name: str = '') -> None:
         """
@@ -92,28 +92,28 @@ class InterruptSources:
         :raises OSError: it cannot send signals.
         """
         self.remove(fd)
-        source = Source(fd, name or f'fd {fd}', task, separation_ns)
+        source = InterruptSource(fd, name or f'fd {fd}', task, separation_ns)
         if self._armed:
             self._watch(source)
         self._sources[fd] = source
-        self._listen(source)
+        self._register(source)
 
     def remove(self, fd: int) -> None:
-        """Forget a descriptor; unknown ones are fine."""
+        """Remove a descriptor; unknown ones are ignored."""
         source = self._sources.pop(fd, None)
         if source is None:
             return
         if source in self._masked:
             self._masked.remove(source)
         else:
-            self._ignore(source)
+            self._unregister(source)
         self._unwatch(source)
 
     def arm(self) -> None:
         """
-        Let all send their signals from now on.
+        Enable the signals of all descriptors.
 
-        :raises OSError: one of them cannot.
+        :raises OSError: one of them cannot send signals.
         """
         self._armed = True
         for source in self._sources.values():
@@ -121,16 +121,16 @@ class InterruptSources:
             self._watch(source)
 
     def disarm(self) -> None:
-        """Let none send signals any more; may be called twice."""
+        """Disable all signals; may be called twice."""
         self._armed = False
         self._early.clear()
         for source in self._sources.values():
             self._unwatch(source)
         while self._masked:
-            self._listen(self._masked.pop())
+            self._register(self._masked.pop())
 
-    def ready(self, now_ns: int) -> list[Source]:
-        """Return the sources that are readable and not too early; safe in the real-time loop."""
+    def ready(self, now_ns: int) -> list[InterruptSource]:
+        """Return the readable sources whose separation has passed; safe in the real-time loop."""
         readable = [self._sources[fd] for fd, _ in self._poll.poll(0)]
         readable += [source for source in self._terminals if _has_bytes(source)]
         found = []
@@ -141,64 +141,64 @@ class InterruptSources:
                 found.append(source)
             else:
                 self.defer(source)
-                source.waits = False
+                source.waits_for_job = False
                 self._early.append(source)
         return found
 
-    def early(self) -> list[Source]:
-        """Return, once, those that were masked because they came too early."""
+    def early(self) -> list[InterruptSource]:
+        """Return, once, the sources that were masked because of their separation."""
         early, self._early = self._early, []
         return early
 
-    def defer(self, source: Source) -> None:
-        """Do not listen to a source for now: until the job of its task that waits has ended."""
+    def defer(self, source: InterruptSource) -> None:
+        """Mask a source until the waiting job of its task has ended."""
         source.deferred += 1
-        source.waits = True
-        self._ignore(source)
+        source.waits_for_job = True
+        self._unregister(source)
         if source.flags is not None:
-            with suppress(OSError):  # closed by its owner: nothing left to do
+            with suppress(OSError):  # closed by its owner: nothing to do
                 mask_signal(source.fd)
         self._masked.append(source)
 
-    def waiting_for(self, task: Task) -> list[Source]:
+    def waiting_for(self, task: Task) -> list[InterruptSource]:
         """Return, once, the deferred sources for which a job of a task had to end."""
-        found = [source for source in self._masked if source.waits and source.task is task]
+        found = [source for source in self._masked if source.waits_for_job and source.task is task]
         for source in found:
-            source.waits = False
+            source.waits_for_job = False
         return found
 
-    def reopen(self, source: Source) -> bool:
+    def reopen(self, source: InterruptSource) -> bool:
         """
-        Listen again to a source that was deferred; ask :meth:`ready` afterwards.
+        Unmask a source that was deferred; call :meth:`ready` afterwards.
 
-        :return: False when it was forgotten meanwhile.
+        :return: False when it was removed meanwhile.
         """
         if source not in self._masked:
             return False
         self._masked.remove(source)
-        self._listen(source)
+        self._register(source)
         if source.flags is not None:
-            with suppress(OSError):  # closed by its owner: ready() says so to its reader
+            with suppress(OSError):  # closed by its owner: ready() reports it to the reader
                 unmask_signal(source.fd)
         return True
 
     def statistics(self) -> tuple[SourceStatistics, ...]:
-        """Take the statistics of all."""
+        """Return the statistics of all sources."""
         return tuple(source.statistics() for source in tuple(self._sources.values()))
 
-    def _listen(self, source: Source) -> None:
-        if source.counted:
+    def _register(self, source: InterruptSource) -> None:
+        if source.counts_bytes:
             self._terminals.append(source)
         else:
             self._poll.register(source.fd, select.POLLIN)
 
-    def _ignore(self, source: Source) -> None:
-        if source.counted:
+    def _unregister(self, source: InterruptSource) -> None:
+        if source.counts_bytes:
             self._terminals.remove(source)
         else:
             self._poll.unregister(source.fd)
 
-    def _watch(self, source: Source) -> None:
+    def _watch(self, source: InterruptSource) -> None:
         if self._signals:
             try:
                 source.flags = signal_when_readable(source.fd, INTERRUPT_SIGNAL)
@@ -206,15 +206,15 @@ class InterruptSources:
                 raise OSError(error.errno, f'file descriptor {source.fd} cannot release task '
                               f'{source.task.name!r}: {error.strerror}') from error
 
-    def _unwatch(self, source: Source) -> None:
+    def _unwatch(self, source: InterruptSource) -> None:
         flags, source.flags = source.flags, None
         if flags is not None:
-            with suppress(OSError):  # closed by its owner: nothing left to undo
+            with suppress(OSError):  # closed by its owner: nothing to undo
                 no_signal_when_readable(source.fd, flags)
 
 
-def _has_bytes(source: Source) -> bool:
-    """Return whether a terminal can be read, or its reader has to learn that it is gone."""
+def _has_bytes(source: InterruptSource) -> bool:
+    """Return whether a terminal can be read, or is gone, which its reader has to notice."""
     try:
         return unread_bytes(source.fd) > 0
     except OSError:

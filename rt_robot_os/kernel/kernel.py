@@ -14,10 +14,9 @@
 
 
 """
-The kernel: tasks are declared, then run; see :mod:`rt_robot_os.kernel.scheduler` for the how.
+The kernel: tasks are declared, then run. :mod:`rt_robot_os.kernel.core` runs them.
 
-What is here happens before, after and between the ticks: declaring, start, idling, stop,
-statistics.
+This module declares tasks, starts, idles and stops the kernel, and makes its statistics.
 """
 
 from __future__ import annotations
@@ -41,7 +40,6 @@ from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import Handler
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.clock import signal_name
-from rt_robot_os.kernel.core import narrow_recursion
 from rt_robot_os.kernel.coroutine import AsyncBody
 from rt_robot_os.kernel.coroutine import AsyncFunction
 from rt_robot_os.kernel.coroutine import Ticks
@@ -64,9 +62,10 @@ from rt_robot_os.kernel.spec import FailurePolicy
 from rt_robot_os.kernel.spec import PRIORITY_MAXIMUM
 from rt_robot_os.kernel.statistics import KernelStatistics
 from rt_robot_os.kernel.task import Task
+from rt_robot_os.linux.recursion import restore_recursion_limit
 
 _RECURSION_LIMIT = 5000
-# Until the first release: the timers have to be ready by then.
+# Time until the first release; the timers have to be ready by then.
 _START_DELAY_NS = NS_PER_MS
 _START_TASK_NS = 5 * NS_PER_US
 _CLOSE_NS = 100 * NS_PER_MS
@@ -83,22 +82,22 @@ class Kernel(Scheduler):
     :param clock: the time; by default CLOCK_MONOTONIC with signals. On a
         :class:`~rt_robot_os.kernel.CooperativeClock` nothing is preempted.
     :param spin_ns: wake this much before a release and spin until it: less jitter for more CPU.
-    :param black_box_records: how many events are kept, see :mod:`rt_robot_os.kernel.black_box`.
+    :param black_box_records: size of the black box, see :mod:`rt_robot_os.kernel.black_box`.
     :raises TaskError: a value is out of range.
     """
 
-    __slots__ = ('start_ns', '_tasks', '_by_name', '_broken')
+    __slots__ = ('start_ns', '_tasks', '_by_name', '_break_requested')
 
     def __init__(self, clock: Clock | None = None, *, spin_ns: SupportsIndex = 0,
                  black_box_records: SupportsIndex = RECORDS_DEFAULT) -> None:
         if not isinstance(spin_ns, int) or not 0 <= spin_ns <= SPIN_MAXIMUM_NS:
-            raise TaskError(f'spin_ns {spin_ns!r} must be a whole number of nanoseconds from 0 to '
+            raise TaskError(f'spin_ns {spin_ns!r} must be an integer of nanoseconds from 0 to '
                             f'{SPIN_MAXIMUM_NS}')
         super().__init__(clock or MonotonicClock(), spin_ns, int(black_box_records))
         self.start_ns = 0
         self._tasks: list[Task] = []
         self._by_name: dict[str, Task] = {}
-        self._broken = False
+        self._break_requested = False
 
     # ---- declaring ---------------------------------------------------------------------------
 
@@ -110,16 +109,15 @@ class Kernel(Scheduler):
         Declare a task; before :meth:`run`.
 
         :param name: unique in this kernel.
-        :param function: called without arguments for each job; runs to its end. Of a coroutine
-            function each segment between two awaits is a job.
-        :param priority: 1..99, higher runs first; equals run in order of release, then of
+        :param function: called without arguments for each job; runs to completion.
+        :param priority: 1..99, the higher runs first; equal ones run in order of release, then of
             declaration.
         :param rate_hz: above 0; None for a task that only events release.
-        :param resources: what it may enter.
+        :param resources: the resources that it may enter.
         :param after: tasks whose ended jobs release it.
         :param on_restart: run as its next job when it is restarted or re-armed.
         :param on_safe_state: run as its last job when it goes to its safe state.
-        :param declared: the rest of :class:`~rt_robot_os.kernel.TaskSpec`: ``phase_ns``,
+        :param declared: the other fields of :class:`~rt_robot_os.kernel.TaskSpec`: ``phase_ns``,
             ``deadline_ns``, ``budget_ns``, ``overrun``, ``failure``, ...
         :raises TaskError: the name is taken, values are out of range or contradict each other
             (all of them are named), or the kernel runs.
@@ -147,11 +145,11 @@ class Kernel(Scheduler):
     def add_async_task(self, name: str, function: AsyncFunction, *, priority: SupportsIndex,
                        on_restart: Callable[[], object] | None = None, **declared: Any) -> Task:
         """
-        Declare a task that is written as a coroutine; before :meth:`run`.
+        Declare a coroutine as a task; before :meth:`run`.
 
         It starts with the kernel. Each segment between two awaits is a job. When it returns, the
-        task makes no more jobs; when it fails, it begins anew after the back-off
-        (``failure`` is ``restart`` unless given).
+        task makes no more jobs; when it fails, it restarts after the back-off (``failure`` is
+        ``restart`` unless given).
 
         :param function: an ``async def`` without arguments.
         :param declared: as for :meth:`add_task`, but neither ``rate_hz`` nor ``logical``.
@@ -172,19 +170,19 @@ class Kernel(Scheduler):
         return task
 
     def sleep(self, delay_ns: SupportsIndex) -> Until:
-        """Return something to await: over after a delay."""
+        """Return an awaitable that is ready after a delay."""
         return Until(self.now_ns() + int(delay_ns))
 
     def every(self, rate_hz: SupportsFloat) -> Ticks:
         """
-        Return a grid of times to await, which begins now.
+        Return an awaitable grid of times that begins now.
 
         :raises TaskError: the rate is out of range.
         """
         return Ticks(self, checked_period_ns('every', rate_hz))
 
     def resource(self, name: str) -> Resource:
-        """Make a resource, or find the one that has this name; see :class:`Resource`."""
+        """Return the resource of a name, made if necessary; see :class:`Resource`."""
         if name not in self._resources:
             self._resources[name] = Resource(self, name)
         return self._resources[name]
@@ -216,13 +214,13 @@ class Kernel(Scheduler):
         """
         Run the tasks until :meth:`stop` or for a time; may be called again afterwards.
 
-        :param duration_ns: None runs until :meth:`stop`; what is due at its very end does not run.
-        :return: the reason that :meth:`stop` was given, or ``'duration'``.
+        :param duration_ns: None runs until :meth:`stop`; releases at its very end do not run.
+        :return: the reason given to :meth:`stop`, or ``'duration'``.
         :raises TaskError: the kernel runs already, this thread cannot run it, or tasks release
             each other in a circle.
-        :raises KeyboardInterrupt: Ctrl-C was pressed; the job that ran then has ended.
-        :raises SystemExit: a handler of a signal raised it; in the same way.
-        :raises KernelError: the kernel has a defect, or a ``trace`` or a clock of one's own has.
+        :raises KeyboardInterrupt: Ctrl-C was pressed; the running job has ended.
+        :raises SystemExit: a handler of a signal raised it; the running job has ended.
+        :raises KernelError: a defect of the kernel, or of the caller's ``trace`` or clock.
         """
         if self.running:
             raise TaskError('the kernel runs already')
@@ -252,23 +250,23 @@ class Kernel(Scheduler):
             self.level, self.current = IDLE_LEVEL, None
             sys.setrecursionlimit(recursion_limit)
             sys.unraisablehook = unraisable_hook
-            reason, broken = self._stop_reason, self._broken
-            self.stopping, self._stop_reason, self._broken = False, '', False
+            reason, interrupted = self._stop_reason, self._break_requested
+            self.stopping, self._stop_reason, self._break_requested = False, '', False
             self._stop_ns = NEVER_NS
-            leaving, self._leaving = self._leaving, None
-        if leaving is not None:
-            raise leaving
-        if broken:
+            exit_error, self._exit_error = self._exit_error, None
+        if exit_error is not None:
+            raise exit_error
+        if interrupted:
             raise KeyboardInterrupt
         return reason
 
     def _prepare(self, duration_ns: SupportsIndex | None) -> None:
-        self.interrupted = True  # something may be readable already
+        self.interrupted = True  # a descriptor may be readable already
         self.pending = False
         self.ended = []
         self.begin_timers()
         for task in self._tasks:
-            task.rest()
+            task.reset()
             if task.coroutine is not None:
                 task.coroutine.close()
                 task.coroutine.finished = False
@@ -279,25 +277,26 @@ class Kernel(Scheduler):
         self.steal_time.start(start_ns)
         self.end_ns = NEVER_NS if duration_ns is None else start_ns + int(duration_ns)
         self.clear_timers()
-        self.schedule(self.end_ns, self._end, LEVEL_END)
+        self.schedule(self.end_ns, self._end_run, LEVEL_END)
         for task in self._tasks:
             if task.coroutine is not None:
                 at_ns = start_ns + task.spec.phase_ns
-                self.schedule(at_ns, functools.partial(self._begin, task, at_ns), task.priority)
+                start = functools.partial(self._start_coroutine, task, at_ns)
+                self.schedule(at_ns, start, task.priority)
             elif task.period_ns and task.logical is None:
                 self.add_timer(task, start_ns + task.spec.phase_ns, task.period_ns)
         self._sources.arm()
         self.running = True
 
-    def _begin(self, task: Task, at_ns: int, now_ns: int) -> None:
-        if task.coroutine is not None and task.coroutine.by_schedule is None:
+    def _start_coroutine(self, task: Task, at_ns: int, now_ns: int) -> None:
+        if task.coroutine is not None and task.coroutine.replay_gate is None:
             self.arrive(task, at_ns)
 
-    def _end(self, now_ns: int) -> None:
+    def _end_run(self, now_ns: int) -> None:
         self.stop('duration')
 
     def _abandon(self) -> None:
-        """Count what was released and does not run any more as missed."""
+        """Count the released jobs that will not run as missed."""
         now_ns = min(self.now_ns(), self.end_ns - 1)
         self.release_unserved(now_ns)
         for task in self._tasks:
@@ -310,13 +309,13 @@ class Kernel(Scheduler):
         self.clear_timers()
 
     def _close_coroutines(self) -> None:
-        """Let them clean up, for a while; what that raises is contained like what a job raises."""
+        """Close the coroutines, each within a time limit; exceptions are contained as in jobs."""
         for task in self._tasks:
             if task.coroutine is None or not self.running:
                 continue
             now_ns = task.start_ns = self.now_ns()
             self.current, self.level, self.stolen_ns = task, PRIORITY_MAXIMUM, 0
-            task.limit_ns, task.over = _CLOSE_NS, True
+            task.limit_ns, task.containing = _CLOSE_NS, True
             task.computed_ns, task.waited_ns = self.clock.computed_ns(), 0
             self._interrupt_by(now_ns + _CLOSE_NS)
             try:
@@ -328,13 +327,13 @@ class Kernel(Scheduler):
                 self.locked = True
             except BaseException:
                 self.locked = True
-            task.limit_ns, task.over = 0, False
+            task.limit_ns, task.containing = 0, False
 
     def idle(self, slack_ns: int) -> bool:
         """
         Call ``on_idle``, preemptible.
 
-        :return: whether the kernel is to stop; an interrupt meanwhile may have cleared the note.
+        :return: whether the kernel is to stop; an interrupt may have cleared ``pending``.
         """
         self.locked = False
         if self.pending:
@@ -353,7 +352,7 @@ class Kernel(Scheduler):
         """
         Apply a failure policy from outside, as a watchdog or an emergency stop does.
 
-        A job that runs or waits ends first. Safe in the real-time loop.
+        A running or waiting job ends first. Safe in the real-time loop.
 
         :param reason: for the report.
         """
@@ -362,7 +361,7 @@ class Kernel(Scheduler):
         self.unlock(before)
 
     def rearm(self, task: Task) -> None:
-        """Let a held task make jobs again, beginning with its ``on_restart``; as Task.rearm."""
+        """Re-arm a held task, beginning with its ``on_restart``; see Task.rearm."""
         before = self.lock()
         self.faults.resume(task, self.now_ns())
         self.unlock(before)
@@ -377,10 +376,10 @@ class Kernel(Scheduler):
         The task reads until nothing is left: several arrivals may make one release. May be called
         before :meth:`run` and by a task.
 
-        :param separation_ns: shortest time between two releases: what comes sooner waits until
-            then, and is counted. Without it a flood could take the whole CPU.
+        :param separation_ns: minimum time between two releases: an earlier arrival waits until
+            then and is counted. Without it a flood could use the whole CPU.
         :param name: of the source, for the statistics.
-        :raises OSError: the descriptor cannot do that.
+        :raises OSError: the descriptor cannot send signals.
         """
         before = self.lock()
         try:
@@ -391,7 +390,7 @@ class Kernel(Scheduler):
             self.unlock(before)
 
     def remove_interrupt(self, fd: int) -> None:
-        """Undo :meth:`add_interrupt`, before the descriptor is closed; unknown ones are fine."""
+        """Undo :meth:`add_interrupt` before the descriptor is closed; ignores unknown ones."""
         before = self.lock()
         try:
             self._sources.remove(fd)
@@ -403,40 +402,41 @@ class Kernel(Scheduler):
         self.settle(signum)
 
     def _on_break(self, signum: int = 0, frame: object = None) -> None:
-        """Stop on Ctrl-C; pressed again, it ends a job that does not end by itself."""
+        """Stop on Ctrl-C; a second Ctrl-C interrupts a job that does not end by itself."""
         current = self.current
-        if self._broken and current is not None and not (self.locked or current.over):
+        if (self._break_requested and current is not None
+                and not (self.locked or current.containing)):
             raise KeyboardInterrupt
-        self._broken = True
+        self._break_requested = True
         self.stop('KeyboardInterrupt')
 
     def _run_handler(self, handler: Handler, signum: int = 0, frame: object = None) -> None:
-        """Call somebody else's handler of a signal: what it raises would hit anybody."""
+        """Call a foreign handler of a signal; contain what it raises."""
         try:
             handler(signum, frame)
         except TaskAborted:
-            raise  # meant for the job that runs
+            raise  # meant for the running job
         except Exception as error:
             self.note_failure(describe(f'handler of {signal_name(signum)}', self.now_ns(), error))
         except BaseException as error:
-            if self._broken and isinstance(error, KeyboardInterrupt):
+            if self._break_requested and isinstance(error, KeyboardInterrupt):
                 raise  # the second Ctrl-C
-            self._leaving = self._leaving or error
+            self._exit_error = self._exit_error or error
             self.stop(type(error).__name__)
         finally:
-            narrow_recursion(self.recursion_limit)
+            restore_recursion_limit(self.recursion_limit)
 
     def _on_unraisable(self, unraisable: sys.UnraisableHookArgs) -> None:
-        """Report what a finaliser raised; Python would print each, and wait for the console."""
+        """Report an exception of a finaliser; Python would print it and wait for the console."""
         if unraisable.exc_value is not None:
             name = self.current.name if self.current is not None else 'idle'
             self.note_failure(describe(name, self.now_ns(), unraisable.exc_value, outermost=True))
 
     def guard_handlers(self) -> None:
         """
-        Contain what handlers of signals raise that were installed since :meth:`run` began.
+        Contain exceptions of signal handlers that were installed after :meth:`run` began.
 
-        Those that were there before are contained anyway. About 10 us.
+        Earlier handlers are contained in any case. About 10 us.
         """
         if self.running:
             self.clock.wrap_handlers(self._run_handler)
@@ -444,7 +444,7 @@ class Kernel(Scheduler):
     # ---- reports -----------------------------------------------------------------------------
 
     def account(self, task: Task) -> None:
-        """Bring the counters of a task up to date; as :meth:`Task.account`."""
+        """Update the counters of a task; see :meth:`Task.account`."""
         if not self.running:
             return
         before = self.lock()
@@ -452,11 +452,11 @@ class Kernel(Scheduler):
         self.unlock(before)
 
     def black_box_dump(self, reason: str) -> BlackBoxDump:
-        """Copy the black box: milliseconds, but preemptible; not for the real-time loop."""
+        """Copy the black box; takes milliseconds, preemptible; not for the real-time loop."""
         return dump(self.black_box, self._tasks, reason, self.now_ns(), self.start_ns)
 
     def statistics(self) -> KernelStatistics:
-        """Take the statistics of all tasks; about 100 us a task, not for the real-time loop."""
+        """Return the statistics of all tasks; 100 us per task, not for the real-time loop."""
         return KernelStatistics(
             elapsed_ns=self.now_ns() - self.start_ns, wakeups=self.wakeups,
             failures_total=self.failures_total,

@@ -14,11 +14,11 @@
 
 
 """
-Logical execution time: inputs as of the release, outputs at the deadline, whatever comes between.
+Logical execution time (LET): inputs are read at the release, outputs published at the deadline.
 
-Henzinger, Horowitz, Kirsch: Giotto, 2003. What a task reads and when others see what it wrote no
-longer depend on how long it computes or on who preempts it: the robot behaves on a loaded machine
-as it did on an idle one, at the price of one deadline of delay.
+Henzinger, Horowitz, Kirsch: Giotto, 2003. The inputs of a task, and the time at which others see
+its outputs, do not depend on how long it computes or on preemption: the robot behaves on a loaded
+machine as on an idle one, at the price of a delay of one deadline.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from collections.abc import Callable
 
 class Logical:
     """
-    What belongs to a task with logical execution time.
+    The state of a task with logical execution time.
 
     :ivar late: jobs that had not ended at their deadline; their outputs are not published.
-    :ivar inputs: called at each release, before the job.
-    :ivar outputs: called at each deadline with True to publish, with False to discard.
+    :ivar inputs: functions that are called at each release, before the job.
+    :ivar outputs: functions that are called at each deadline: True publishes, False discards.
     """
 
     __slots__ = ('late', 'inputs', 'outputs', '_overdue')
@@ -44,8 +44,8 @@ class Logical:
         self._overdue = False
 
     def begin(self) -> None:
-        """Fix the inputs of a job that is released."""
-        if self._overdue:  # what the job before published after its deadline
+        """Fix the inputs of a released job."""
+        if self._overdue:  # outputs of the previous job after its deadline
             self._overdue = False
             for output in self.outputs:
                 output(False)
@@ -53,7 +53,7 @@ class Logical:
             fix()
 
     def end(self, in_time: bool) -> None:
-        """Publish what a job wrote whose deadline has come, if it has ended."""
+        """At the deadline of a job, publish its outputs if it has ended, or discard them."""
         self.late += not in_time
         self._overdue = not in_time
         for output in self.outputs:

@@ -14,9 +14,9 @@
 
 
 """
-The helpers of a task with logical execution time, see :mod:`rt_robot_os.kernel.logical`.
+The helper tasks of a task with logical execution time, see :mod:`rt_robot_os.kernel.logical`.
 
-Two tasks above all priorities do it: at each instant first all outputs that are due are
+They are two tasks above all priorities: at each instant first all outputs that are due are
 published, then all inputs are fixed, then ordinary jobs run.
 """
 
@@ -32,9 +32,9 @@ from rt_robot_os.kernel.task import Task
 
 class LogicalTasks:
     """
-    The helpers of one task.
+    The helper tasks of one task.
 
-    :ivar tasks: they themselves, to be added behind it.
+    :ivar tasks: the helper tasks, to be added after it.
     """
 
     __slots__ = ('tasks', '_kernel', '_task', '_logical', '_releaser', '_publisher')
@@ -52,9 +52,9 @@ class LogicalTasks:
         self.tasks = (self._releaser, self._publisher)
 
     def _release(self) -> None:
-        """Fix the inputs and release the task, unless its job before is not finished."""
+        """Fix the inputs and release the task, unless its previous job is unfinished."""
         kernel, task, releaser = self._kernel, self._task, self._releaser
-        releaser.period_ns = task.period_ns  # it may have been changed
+        releaser.period_ns = task.period_ns  # the rate may have been changed
         kernel.locked = True
         task.releases += 1
         if task.busy or task.pending:
@@ -63,7 +63,7 @@ class LogicalTasks:
         else:
             self._logical.begin()
             release_ns = releaser.release_ns
-            kernel.release_due(task.priority, release_ns)  # what came before
+            kernel.release_due(task.priority, release_ns)  # earlier releases go first
             kernel.enqueue(task, release_ns, task.period_ns)
             kernel.schedule(release_ns + task.deadline_ns, self._end, LEVEL_OUTPUTS)
         kernel.locked = False

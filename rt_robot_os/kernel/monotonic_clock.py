@@ -36,17 +36,17 @@ from rt_robot_os.kernel.clock import TICK_SIGNAL
 from rt_robot_os.linux.process import WaitingTime
 from rt_robot_os.linux.raising import signal_and_raise
 from rt_robot_os.linux.recursion import with_room
-from rt_robot_os.linux.timer import Noting
+from rt_robot_os.linux.timer import HasPending
 from rt_robot_os.linux.timer import SignalGate
 from rt_robot_os.linux.timer import SignalTimer
 
-# Of a few wake-ups the cheapest counts: on a busy machine the others cost anything. What is dearer
-# still is taken for this: nobody wants a CPU that is busy all the time.
-WAKE_MOST_NS = 30 * NS_PER_US
-# How often the C core has a timer repeat. More often than jobs begin, Linux would set it anew at
-# each of them: 5 to 9 us.
-_AGAIN_IN_C_NS = 10 * NS_PER_MS
-_WAKE_LEAST_NS = 2 * NS_PER_US
+# The cost of a wake-up is the least of a few measurements: load only adds to it. It is limited to
+# this, as a higher value would make the kernel poll most of the time.
+WAKE_MAXIMUM_NS = 30 * NS_PER_US
+# Interval at which the timers of the C core repeat. If it were shorter than the time between jobs,
+# Linux would reprogram the timer hardware at each repetition: 5 to 9 us.
+_REPEAT_IN_C_NS = 10 * NS_PER_MS
+_WAKE_MINIMUM_NS = 2 * NS_PER_US
 _WAKE_TRIES = 5
 
 
@@ -55,15 +55,15 @@ def _refuse(*_: object) -> Any:
 
 
 def _nothing() -> None:
-    """Do nothing, as long as the clock is not attached."""
+    """Do nothing while the clock is not attached."""
 
 
 class MonotonicClock(Clock):
     """
     CLOCK_MONOTONIC with the signals of POSIX timers.
 
-    :param wake_signals: signals that end a wait although they are none of the kernel's, such as
-        SIGTERM; their own Python handlers are called.
+    :param wake_signals: signals of others that end a wait as well, such as SIGTERM; their own
+        Python handlers are called.
     """
 
     has_signals = True
@@ -77,12 +77,12 @@ class MonotonicClock(Clock):
         self._mask: Callable[[], None] = _nothing
         self._unmask: Callable[[], None] = _nothing
         self._wait_masked: Callable[[], int] = _refuse
-        self._wait: Callable[[Noting], int] = _refuse
+        self._wait: Callable[[HasPending], int] = _refuse
         self._wanted_wakes = tuple(int(s) for s in wake_signals)
         self._wakes: frozenset[int] = frozenset()
         self._timers: list[SignalTimer] = []
-        # Its `pop` is the handler: in one of Python code, a timer that came with the signal would
-        # be served first, and know nothing of the stop.
+        # Its `pop` is the handler of SIGCONT. Before the first line of a Python handler, a timer
+        # signal that arrived with SIGCONT would be served, without knowing of the stop.
         self._no_stop: dict[int, object] = {signal.SIGCONT: None}
         self._previous: dict[int, Any] = {}
         self._wrapped: dict[int, tuple[Any, Any]] = {}
@@ -98,11 +98,11 @@ class MonotonicClock(Clock):
             if signal.getsignal(signo) is not signal.SIG_DFL:
                 raise TaskError(f'signal {signo} has a handler already: another kernel runs in '
                                 'this process; run one after the other, or each in its own')
-        # What the system sends when it has no room left for queueing INTERRUPT_SIGNAL (fcntl(2),
-        # F_SETSIG); its default action ends the process.
+        # Linux sends this when it cannot queue INTERRUPT_SIGNAL (fcntl(2), F_SETSIG); its default
+        # action ends the process.
         if signal.getsignal(signal.SIGIO) is signal.SIG_DFL:
             handlers[signal.SIGIO] = on_interrupt
-        # KeyboardInterrupt, raised anywhere, would tear the kernel apart.
+        # KeyboardInterrupt raised at an arbitrary point would leave the kernel inconsistent.
         wakes = [s for s in self._wanted_wakes if callable(signal.getsignal(s))]
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
             handlers[signal.SIGINT] = on_break
@@ -114,7 +114,7 @@ class MonotonicClock(Clock):
             gate = SignalGate({*handlers, *wakes})
             self._timers.append(SignalTimer(TICK_SIGNAL))
             self._timers.append(SignalTimer(TICK_SIGNAL))
-            # Not in the gate: it is noted at once, before a timer that came meanwhile.
+            # Not in the gate: its handler runs immediately, before that of a pending timer.
             if signal.getsignal(signal.SIGCONT) is signal.SIG_DFL:
                 self._previous[signal.SIGCONT] = signal.signal(
                     signal.SIGCONT, self._no_stop.pop)
@@ -123,30 +123,30 @@ class MonotonicClock(Clock):
             self._restore_handlers()
             raise
         self._arm, self._arm_spare = self._timers[0].arm, self._timers[1].arm
-        self._mask, self._unmask = gate.hold, gate.admit
-        self._wait_masked, self._wait = gate.wait, gate.rest
+        self._mask, self._unmask = gate.mask_signals, gate.unmask_signals
+        self._wait_masked, self._wait = gate.wait_masked, gate.wait
         self.posix_timers = PosixTimers(self._timers[0].number, self._timers[1].number,
-                                        _AGAIN_IN_C_NS, gate.mask, TICK_SIGNAL)
+                                        _REPEAT_IN_C_NS, gate.mask, TICK_SIGNAL)
         self.wake_ns = self._measure_wake_ns()
 
     def _measure_wake_ns(self) -> int:
-        """Set the timer and wait for it, a few times; 0.3 ms."""
+        """Measure the cost of setting the timer and waiting for it; takes 0.3 ms."""
         timer, gate = self._timers[0], SignalGate((TICK_SIGNAL,))
-        least_ns = WAKE_MOST_NS
-        gate.hold()
+        least_ns = WAKE_MAXIMUM_NS
+        gate.mask_signals()
         try:
             for _ in range(_WAKE_TRIES):
                 begin_ns = self.computed_ns()
-                timer.arm(self.now_ns() + WAKE_MOST_NS)
-                while gate.wait() != TICK_SIGNAL:  # another one came first
+                timer.arm(self.now_ns() + WAKE_MAXIMUM_NS)
+                while gate.wait_masked() != TICK_SIGNAL:  # another signal came first
                     pass
                 least_ns = min(least_ns, self.computed_ns() - begin_ns)
         finally:
             timer.disarm()
-            while signal.sigtimedwait((TICK_SIGNAL,), 0):  # nobody serves it yet
+            while signal.sigtimedwait((TICK_SIGNAL,), 0):  # the kernel does not serve it yet
                 pass
-            gate.admit()
-        return max(least_ns, _WAKE_LEAST_NS)
+            gate.unmask_signals()
+        return max(least_ns, _WAKE_MINIMUM_NS)
 
     @property
     def was_stopped(self) -> bool:
@@ -179,7 +179,7 @@ class MonotonicClock(Clock):
         self.posix_timers = None
         self._close_timers()
         # The default action of these signals ends the process, but none can come any more: the
-        # timer is gone, and what was held has been let through to the old handler.
+        # timers are deleted, and pending signals were delivered to the old handlers.
         self._restore_handlers()
 
     def _close_timers(self) -> None:
@@ -219,7 +219,7 @@ class MonotonicClock(Clock):
     def suspended_ns(self) -> int:
         return suspended_ns()
 
-    def wait(self, owner: Noting) -> bool:
+    def wait(self, owner: HasPending) -> bool:
         signo = self._wait(owner)
         return signo not in (0, TICK_SIGNAL) and self.serve_signal(signo)
 
@@ -228,7 +228,7 @@ class MonotonicClock(Clock):
         return signo != TICK_SIGNAL and self.serve_signal(signo)
 
     def serve_signal(self, signo: int) -> bool:
-        """Call the handler of another signal that ended a wait; return True."""
+        """Call the handler of a signal other than the timer's that ended a wait; return True."""
         if signo in self._wakes:
             handler = signal.getsignal(signo)
             if callable(handler):

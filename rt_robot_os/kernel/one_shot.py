@@ -28,7 +28,7 @@ class OneShot:
     """
     A timer of one task; made by ``kernel.timer``.
 
-    It belongs to the run of the kernel in which it was started.
+    It is valid in the run of the kernel in which it was started.
     """
 
     __slots__ = ('task', '_kernel', '_order', '_due_ns')
@@ -36,17 +36,17 @@ class OneShot:
     def __init__(self, kernel: Releases, task: Task) -> None:
         self.task = task
         self._kernel = kernel
-        self._order = 0  # what the kernel calls it; 0 when it is not started
+        self._order = 0  # its identifier in the kernel; 0 when it is not started
         self._due_ns = 0
 
     @property
     def started(self) -> bool:
-        """Whether it will release its task."""
+        """Whether it is running and will release its task."""
         return self._order != 0
 
     def start(self, delay_ns: SupportsIndex) -> None:
         """
-        Release the task once, after a delay; a start before is forgotten.
+        Release the task once, after a delay; this replaces an earlier start.
 
         Safe in the real-time loop.
 
@@ -59,7 +59,7 @@ class OneShot:
 
     def start_at(self, time_ns: int) -> None:
         """
-        Release the task once, at a time of the kernel's clock; at once if it has passed.
+        Release the task once, at a time of the kernel's clock; immediately if it has passed.
 
         :raises TaskError: the kernel is not running.
         """
@@ -75,7 +75,7 @@ class OneShot:
         kernel.unlock(before)
 
     def cancel(self) -> None:
-        """Take the start back; nothing happens if it has released its task already."""
+        """Stop the timer; does nothing if it has released its task already."""
         kernel = self._kernel
         before = kernel.lock()
         if self._order:
@@ -85,5 +85,5 @@ class OneShot:
 
     def _fire(self, now_ns: int) -> None:
         self._order = 0
-        # When it was due: the kernel comes to it later if something higher runs.
+        # Released as of its due time: the kernel serves it later if a higher level runs.
         self._kernel.arrive(self.task, self._due_ns)

@@ -13,18 +13,18 @@
 # limitations under the License.
 
 """
-The lower third of the kernel's core: its data, and what releases tasks.
+The lower layer of the kernel's core: its data, and the release of tasks.
 
-Each priority is a level with timers of its own. What has fallen due at a level is released when
-the dispatcher comes to that level (:meth:`Releases.release_due`), in the order of time, and not
-before: as long as something higher runs, due timers cost nothing, however many there are. What
-happens earlier is one bit: the level may have something to run (``_ready``).
+Each priority is a level with its own timers. Timers that have fallen due at a level are served
+when the dispatcher reaches that level (:meth:`Releases.release_due`), in the order of time, and
+not before: while a higher level runs, due timers cost nothing, however many there are. Only one
+bit is set earlier: the level may have something to run (``_ready``).
 
 A periodic task whose job waits or runs has no timer there; ``task.next_ns`` is its next release.
 When the job has ended, the releases that passed meanwhile are accounted for in one step, and the
-timer goes back (:meth:`Releases.return_timer`).
+timer is put back (:meth:`Releases.return_timer`).
 
-So the work of releasing is in proportion to the jobs that run, not to the releases that fall due.
+So the cost of releasing is proportional to the jobs that run, not to the releases that fall due.
 The alternative, an interrupt for each release, ends in a livelock as soon as the interrupts alone
 need more than the CPU has (Mogul, Ramakrishnan: Eliminating receive livelock, 1997).
 """
@@ -51,17 +51,17 @@ from rt_robot_os.kernel.timers import SENTINELS
 from rt_robot_os.kernel.timers import Timer
 
 IDLE_LEVEL: Final = 0
-# Above every task: what happens at a point in time rather than in a job.
+# Levels above every task, for actions at a point in time.
 LEVEL_END: Final = PRIORITY_MAXIMUM + 3
 LEVEL_OUTPUTS: Final = PRIORITY_MAXIMUM + 2
 LEVEL_INPUTS: Final = PRIORITY_MAXIMUM + 1
 LEVELS: Final = LEVEL_END + 1
 
-# One-shot timers come after the periodic tasks that are due at the same time.
+# One-shot timers are served after the periodic tasks that are due at the same time.
 _ONE_SHOT_ORDER: Final = 1 << 32
-# What an interrupt that came in vain puts out of the way of the next: levels, and how far ahead.
-# To defer one that was not due and index it again costs 1 us, an interrupt in vain 20 to 40 us.
-_DEFER_MOST: Final = 8
+# A needless interrupt defers the levels that would cause the next one: at most this many, up to
+# this far ahead. Deferring a level and indexing it again costs 1 us, an interrupt 20 to 40 us.
+_DEFER_MAXIMUM: Final = 8
 _DEFER_NS: Final = NS_PER_MS
 
 Action = Callable[[int], None]
@@ -71,35 +71,36 @@ class Releases(ABC):
     """
     Timers and events that make tasks ready.
 
-    For the parts of the kernel; all methods but :meth:`lock` are called locked. A task is a
+    Internal to the kernel; all methods but :meth:`lock` are called locked. A task is a
     :class:`~rt_robot_os.kernel.task_core.TaskCore`.
 
     :ivar locked: set inside a critical section of the kernel or of a topic.
-    :ivar pending: something came up meanwhile: call ``settle`` after clearing ``locked``.
+    :ivar pending: an interrupt or a release came meanwhile: call ``settle`` after clearing
+        ``locked``.
     :ivar interrupted: a descriptor may be readable: poll the sources.
     :ivar current: the task whose job runs; None between jobs.
-    :ivar level: of what runs, its task's priority or the ceiling of a resource that it is in.
-    :ivar stolen_ns: how much of the time since its job began was not its own: that of jobs above
-        it, of the kernel, of Linux.
+    :ivar level: of the running job: its task's priority or the ceiling of a resource it is in.
+    :ivar stolen_ns: the time since the job began that was not its own: of jobs above it, of the
+        kernel, and steal time.
     :ivar stopping: ``run`` is to end; nothing is released or started any more.
-    :ivar end_ns: what is due then or later does not run.
-    :ivar record: adds to the black box, and informs the observers; ``observed`` if there are any.
+    :ivar end_ns: releases at this time or later do not run.
+    :ivar record: adds to the black box, and calls the observers; ``observed`` if there are any.
 
-    Of what is not for others:
+    Private attributes:
 
-    - ``_timers``, of each level: what falls due, sorted;
+    - ``_timers``, of each level: sorted by due time;
     - ``_queues``, of each level: tasks whose job waits, in the order of their releases;
-    - ``_ready``: bits of the levels at which something waits, or may have fallen due;
-    - ``_firsts``: sorted, (due, level) with the first timer of each level that has no bit there;
+    - ``_ready``: bits of the levels at which a task waits, or may have fallen due;
+    - ``_firsts``: sorted, (due, level) of the first timer of each level without such a bit;
     - ``_indexed_ns``, of each level: its time in ``_firsts``; NEVER_NS when it is not there.
     """
 
-    # Slots are the fastest attributes, and there are more than an inline dictionary holds.
+    # Slots are the fastest attributes; there are too many for an inline dictionary.
     __slots__ = (
         'clock', 'now_ns', 'running', 'stopping', 'end_ns', 'record', 'black_box', 'observed',
-        # The critical section, and what runs
+        # The critical section and the running job
         'locked', 'pending', 'interrupted', 'current', 'level', 'stolen_ns',
-        # What is due
+        # Timers and queues
         '_ready', '_queues', '_timers', '_firsts', '_indexed_ns', '_one_shots')
 
     def __init__(self, clock: Clock, black_box: BlackBox) -> None:
@@ -121,11 +122,11 @@ class Releases(ABC):
         self._one_shots = 0
         self.clear_timers()
 
-    # ---- what the other parts of the kernel provide -------------------------------------------
+    # ---- provided by the other parts of the kernel --------------------------------------------
 
     @abstractmethod
     def settle(self, signum: int = 0, frame: object = None) -> None:
-        """Do what came up while ``locked`` was set."""
+        """Serve what became pending while ``locked`` was set."""
 
     @abstractmethod
     def poll_sources(self, now_ns: int) -> None:
@@ -137,7 +138,7 @@ class Releases(ABC):
         Apply the overrun policy of a task to the points of its grid that passed.
 
         :param due_ns: the first of them.
-        :return: the next release; 0 when the grid begins anew when the job has ended.
+        :return: the next release; 0 when the grid restarts at the end of the job.
         """
 
     # ---- critical sections -------------------------------------------------------------------
@@ -146,25 +147,25 @@ class Releases(ABC):
         """
         Enter a critical section.
 
-        :return: what :meth:`unlock` is given: whether it lies within another.
+        :return: whether it is nested in another one; the argument of :meth:`unlock`.
         """
         before, self.locked = self.locked, True
         return before
 
     def unlock(self, before: bool) -> None:
-        """Leave a critical section and do what came up meanwhile."""
+        """Leave a critical section and settle what became pending meanwhile."""
         self.locked = before
         if not before and (self.pending or self.ready_above(self.level)):
             self.settle()
 
     def ready_above(self, level: int) -> bool:
-        """Return whether something waits, or may have fallen due, above a level."""
+        """Return whether a task waits, or may have fallen due, above a level."""
         return self._ready.bit_length() - 1 > level
 
     # ---- timers ------------------------------------------------------------------------------
 
     def clear_timers(self) -> None:
-        """Forget all."""
+        """Remove all timers."""
         self._ready = 0
         self._timers: list[list[Timer]] = [SENTINELS.copy() for _ in range(LEVELS + 3)]
         self._firsts: list[tuple[int, int]] = [(NEVER_NS, LEVELS + n) for n in range(3)]
@@ -172,19 +173,19 @@ class Releases(ABC):
 
     def add_timer(self, task: Any, due_ns: int, period_ns: int) -> None:
         """
-        Let a periodic task be released at a time.
+        Release a periodic task at a time.
 
-        :param period_ns: the period that leads to it.
+        :param period_ns: the period before that release.
         """
         insert(self._timers[task.priority], (due_ns, task.index, task, period_ns))
         self._index_timer(task.priority)
 
     def schedule(self, at_ns: int, action: Action, level: int) -> int:
         """
-        Call something once at a time, or later, when nothing above a level runs any more.
+        Call a function once at a time, or later, when nothing above a level runs any more.
 
-        :param action: gets the time; called locked.
-        :return: what :meth:`cancel` is given.
+        :param action: called locked with the time.
+        :return: an identifier for :meth:`cancel`.
         """
         self._one_shots += 1
         order = _ONE_SHOT_ORDER + self._one_shots
@@ -193,7 +194,7 @@ class Releases(ABC):
         return order
 
     def cancel(self, order: int, level: int) -> None:
-        """Undo :meth:`schedule`, unless it has happened."""
+        """Undo :meth:`schedule`, unless the function was called already."""
         timers = self._timers[level]
         for index, timer in enumerate(timers):
             if timer[1] == order:
@@ -201,14 +202,14 @@ class Releases(ABC):
                 break
 
     def _index_timer(self, level: int) -> None:
-        """See to it that the first timer of a level is not overlooked."""
+        """Update the index with the first timer of a level."""
         due_ns = self._timers[level][0][0]
-        if level <= self.level:  # an interrupt would be in vain: look when that has ended
+        if level <= self.level:  # it cannot preempt: it is checked when the running job has ended
             self._ready |= 1 << level
         elif due_ns < self._indexed_ns[level]:
             self._put_first(level, due_ns)
             if self._firsts[0][0] == due_ns:
-                self.pending = True  # the interrupt must be set anew
+                self.pending = True  # the timer must be set again
 
     def _put_first(self, level: int, due_ns: int) -> None:
         firsts, before_ns = self._firsts, self._indexed_ns[level]
@@ -217,29 +218,29 @@ class Releases(ABC):
         self._indexed_ns[level] = due_ns
         insert(firsts, (due_ns, level))
 
-    def _take_first(self) -> None:
-        """Move the level that falls due first from the index to those that are ready."""
+    def _mark_first_ready(self) -> None:
+        """Move the level that falls due first from the index to the ready levels."""
         _, level = self._firsts.pop(0)
         self._indexed_ns[level] = NEVER_NS
         self._ready |= 1 << level
 
     def collect_due(self, now_ns: int) -> None:
-        """Note which levels have something due, and poll the sources that interrupted."""
+        """Mark the levels that have fallen due as ready; poll the sources after an interrupt."""
         while self._firsts[0][0] <= now_ns:
-            self._take_first()
+            self._mark_first_ready()
         if self.interrupted:
             self.poll_sources(now_ns)
 
     def _defer(self, level: int, now_ns: int) -> None:
-        """Put what could not preempt a level out of the way of the next interrupt."""
-        for _ in range(_DEFER_MOST):
+        """Take levels that cannot preempt the running one out of the next interrupts."""
+        for _ in range(_DEFER_MAXIMUM):
             due_ns, low = self._firsts[0]
             if low > level or due_ns > now_ns + _DEFER_NS:
                 break
-            self._take_first()
+            self._mark_first_ready()
 
-    def _rest_level(self, level: int) -> None:
-        """Note that nothing is ready at a level: it is looked at again when its first is due."""
+    def _clear_ready(self, level: int) -> None:
+        """Mark a level as not ready; it is checked again when its first timer is due."""
         self._ready ^= 1 << level
         due_ns = self._timers[level][0][0]
         if due_ns < self._indexed_ns[level]:
@@ -251,7 +252,7 @@ class Releases(ABC):
         """
         Release what is due at a level, in the order of time.
 
-        :return: whether there was anything.
+        :return: whether anything was due.
         """
         timers = self._timers[level]
         found = False
@@ -265,14 +266,14 @@ class Releases(ABC):
         return found
 
     def release_unserved(self, now_ns: int) -> None:
-        """Count the releases that are due although nothing runs any more; at the end of a run."""
+        """Count the releases that are due and will not be served; at the end of a run."""
         for timers in self._timers:
             for due_ns, _, task, period_ns in timers.copy():
                 if due_ns <= now_ns and period_ns:
                     self._release(task, due_ns, period_ns)
 
     def _release(self, task: Any, due_ns: int, period_ns: int) -> None:
-        """Release a periodic task, or leave that to the end of the job that waits or runs."""
+        """Release a periodic task; while a job of it waits or runs, only store the release."""
         if task.pending or task.busy:
             task.next_ns, task.next_period_ns = due_ns, period_ns
             return
@@ -285,7 +286,7 @@ class Releases(ABC):
         self._ready |= 1 << task.priority
 
     def _pull_timer(self, task: Any, now_ns: int) -> None:
-        """Take the timer of the task that runs from its level, if it has fallen due."""
+        """Remove the timer of the running task from its level, if it has fallen due."""
         timers = self._timers[task.priority]
         now_ns = min(now_ns, self.end_ns - 1)
         while not task.next_ns and timers[0][0] <= now_ns:
@@ -296,11 +297,11 @@ class Releases(ABC):
                 task_or_action(now_ns)
 
     def return_timer(self, task: Any, now_ns: int) -> None:
-        """Put the timer of a task back whose job has ended, after what passed meanwhile."""
+        """Put back the timer of a task whose job has ended; account for releases that passed."""
         due_ns, period_ns = task.next_ns, task.next_period_ns
         task.next_ns = 0
         if due_ns <= now_ns and due_ns < self.end_ns:
-            if task.skips and not task.held:  # an overload must not cost more than it has to
+            if task.skips and not task.held:  # inlined: the cheapest path under overload
                 unserved = (min(now_ns, self.end_ns - 1) - due_ns) // task.period_ns + 1
                 task.releases += unserved
                 task.overruns += unserved
@@ -312,30 +313,30 @@ class Releases(ABC):
             period_ns = task.period_ns
         if due_ns:
             insert(self._timers[task.priority], (due_ns, task.index, task, period_ns))
-            if not self._ready >> task.priority & 1:  # it is while its job ends
+            if not self._ready >> task.priority & 1:  # it is ready while its job ends
                 self._index_timer(task.priority)
 
     # ---- events ------------------------------------------------------------------------------
 
     def wake(self, tasks: Sequence[Any], now_ns: int) -> None:
         """
-        Note that an event released tasks, also such that run; ignored while not running.
+        Record that an event released tasks, running ones included; ignored while not running.
 
-        For topics, as a part of each publication.
+        Topics call it in each publication.
         """
         if not self.running:
             return
         for task in tasks:
             level = task.priority
             if not task.pending:
-                if self._timers[level][0][0] <= now_ns:  # it came before
+                if self._timers[level][0][0] <= now_ns:  # an earlier release goes first
                     self.release_due(level, min(now_ns, self.end_ns - 1))
                 if level > self.level:
                     self.pending = True
             self.arrive(task, now_ns)
 
     def arrive(self, task: Any, release_ns: int) -> None:
-        """Note an event that came after all that is due at its level and not released."""
+        """Record an event for a task, after all releases that are due at its level."""
         task.releases += 1
         if not task.pending:
             task.pending = True
@@ -348,7 +349,7 @@ class Releases(ABC):
             task.coalesced += 1
 
     def enqueue(self, task: Any, release_ns: int, period_ns: int) -> None:
-        """Let a job of a periodic task wait, behind those that wait at its level."""
+        """Queue a job of a periodic task behind those that wait at its level."""
         task.pending = True
         task.release_ns = release_ns
         task.interval_ns = period_ns
@@ -356,7 +357,7 @@ class Releases(ABC):
         self._ready |= 1 << task.priority
 
     def withdraw(self, task: Any) -> None:
-        """Drop the job of a task that waits, and count it as missed."""
+        """Drop the waiting job of a task and count it as missed."""
         queue = self._queues[task.priority]
         if task in queue:
             queue.remove(task)

@@ -14,12 +14,12 @@
 
 
 """
-Exclusion by priority ceiling: no waiting, no deadlock, at most one blocking a job.
+Mutual exclusion by priority ceiling: no waiting, no deadlock, at most one blocking per job.
 
-The immediate ceiling protocol (Baker's stack resource policy, 1991, with one unit a resource; in
-POSIX PTHREAD_PRIO_PROTECT): who enters a resource runs at the highest priority among all tasks
-that declared it, until it leaves. None of these can start meanwhile, so the resource is free
-whenever it is entered.
+This is the immediate ceiling protocol (Baker's stack resource policy, 1991, with one unit per
+resource; PTHREAD_PRIO_PROTECT in POSIX). A task that enters a resource runs at the highest
+priority of all tasks that declared it, until it leaves. None of them can start meanwhile, so the
+resource is free whenever it is entered.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from rt_robot_os.kernel.task import Task
 
 class Resource:
     """
-    Something that only one task may use at a time; made by ``kernel.resource``.
+    A shared resource that one task at a time may use; made by ``kernel.resource``.
 
     Use it as a context manager, in a task that declared it; safe in the real-time loop. A budget
-    that ends inside takes effect on leaving.
+    that is used up inside takes effect on leaving.
 
     :ivar ceiling: the highest priority among its users.
-    :ivar holder: who is inside.
+    :ivar holder: the task that is inside.
     """
 
     __slots__ = ('name', 'ceiling', 'holder', 'entries', 'held_maximum_ns', '_kernel', '_users',
@@ -60,7 +60,7 @@ class Resource:
 
     def declare(self, task: Task) -> None:
         """
-        Let a task use it; before the kernel runs.
+        Declare a task as a user; before the kernel runs.
 
         :raises TaskError: the kernel is running.
         """
@@ -72,7 +72,7 @@ class Resource:
 
     @property
     def users(self) -> tuple[Task, ...]:
-        """Return the tasks that declared it, in the order in which the kernel knows them."""
+        """Return the tasks that declared it, in the order of their declaration."""
         return tuple(sorted(self._users, key=lambda task: task.index))
 
     def __enter__(self) -> Resource:
@@ -100,7 +100,7 @@ class Resource:
         task = self.holder
         if task is None or task is not kernel.current:  # its job had ended inside
             kernel.locked = False
-            raise TaskError(f'resource {self.name!r} is left by who is not inside')
+            raise TaskError(f'resource {self.name!r} is left by a task that is not inside')
         self.holder = None
         below = self._below
         leave_ns = kernel.now_ns()
@@ -117,8 +117,8 @@ class Resource:
 
     def _misuse(self, task: Task | None) -> TaskError:
         if task is None:
-            return TaskError(f'resource {self.name!r} can be entered by a task that runs, not '
-                             'from outside')
+            return TaskError(f'resource {self.name!r} can be entered by a running task, not from '
+                             'outside')
         if self.holder is not None:
             return TaskError(f'resource {self.name!r}: task {task.name!r} is inside already; '
                              'leave it before entering it again')
@@ -127,11 +127,11 @@ class Resource:
                          f'it with the task (resources=...). Declared users: {users}')
 
     def abandon(self, task: Task) -> None:
-        """Forget a task whose job ended inside."""
+        """Release the resource of a task whose job ended inside."""
         if self.holder is task:
             self.holder = None
 
     def statistics(self) -> ResourceStatistics:
-        """Take the statistics; not for the real-time loop."""
+        """Return the statistics; not for the real-time loop."""
         return ResourceStatistics(self.name, self.ceiling, tuple(t.name for t in self.users),
                                   self.entries, self.held_maximum_ns)

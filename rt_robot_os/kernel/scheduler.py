@@ -14,9 +14,9 @@
 
 
 """
-Ending jobs: by their budgets, by what they raise, and when the kernel stops; and interrupts.
+The end of jobs by budgets, exceptions and the stop of the kernel; and interrupt sources.
 
-What runs with every job is in :class:`rt_robot_os.kernel.core.Core`; what is here is rare.
+The code of every job is in :class:`rt_robot_os.kernel.core.Core`; the code here runs rarely.
 """
 
 from __future__ import annotations
@@ -49,39 +49,40 @@ from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.failure import TaskAborted
 from rt_robot_os.kernel.fault_handling import FaultHandling
 from rt_robot_os.kernel.fault_handling import WAITING_LIMITS
+from rt_robot_os.kernel.interrupts import InterruptSource
 from rt_robot_os.kernel.interrupts import InterruptSources
-from rt_robot_os.kernel.interrupts import Source
 from rt_robot_os.kernel.releases import IDLE_LEVEL
 from rt_robot_os.kernel.resource import Resource
 from rt_robot_os.kernel.steal_time import StealTime
 from rt_robot_os.kernel.task import Task
 
-# Computing time for ``finally`` clauses between the first TaskAborted and the second, at least.
-# After that the job resists: TaskAborted is raised wherever Python runs handlers of signals, until
-# the job has ended. The interrupt comes as well, where the stack had no room for that.
+# Minimum computing time for ``finally`` clauses between the first TaskAborted and the second.
+# After that, TaskAborted is raised wherever Python runs handlers of signals, until the job ends.
+# The timer interrupts as well, for the case that the stack had no room to raise it.
 GRACE_NS: Final = 20 * NS_PER_MS
 ABORT_AGAIN_NS: Final = 50 * NS_PER_US
-# Computing time for describing an exception and for dropping it: both may run its author's code.
+# Computing time for describing and releasing an exception: both may run code of its author.
 CONTAIN_NS: Final = 10 * NS_PER_MS
-# Before Python 3.12 a job that comes so close to its limit is ended: where it is deeper still
-# there is no room for the handler of the interrupt, and it would hold up everybody.
+# Before Python 3.12 a job that comes this close to its recursion limit is ended: any deeper, the
+# handler of the interrupt has no stack left, and the job would block all others.
 _RECURSION_EDGE: Final = 50
-_FAILURES_KEPT: Final = 32
+_FAILURES_MAXIMUM: Final = 32
 
 Observer = Callable[[Record], None]
 
 
 class Scheduler(Core):
     """
-    What the core asks for when something rare happened.
+    The exceptional cases of the core.
 
     :ivar failures: the last reports; ``failures_total`` counts all.
-    :ivar stop_grace_ns: jobs that run so long after :meth:`stop` are ended; by default never.
-    :ivar ended: the tasks whose jobs were, since the kernel was started.
+    :ivar stop_grace_ns: jobs that still run this long after :meth:`stop` are aborted; by default
+        never.
+    :ivar ended: the tasks whose jobs were aborted so, since the kernel was started.
     """
 
     __slots__ = ('failures', 'failures_total', 'stop_grace_ns', 'ended', '_stop_reason',
-                 '_stop_ns', '_leaving', '_resources', '_sources', '_observers')
+                 '_stop_ns', '_exit_error', '_resources', '_sources', '_observers')
 
     faults: FaultHandling
     steal_time: StealTime
@@ -89,13 +90,13 @@ class Scheduler(Core):
     def __init__(self, clock: Clock, spin_ns: int = 0, records: int = RECORDS_DEFAULT) -> None:
         super().__init__(clock, BlackBox(records), spin_ns)
         self.steal_time = StealTime(clock)
-        self.failures: deque[FailureReport] = deque(maxlen=_FAILURES_KEPT)
+        self.failures: deque[FailureReport] = deque(maxlen=_FAILURES_MAXIMUM)
         self.failures_total = 0
         self.stop_grace_ns = NEVER_NS
         self.ended: list[str] = []
         self._stop_reason = ''
         self._stop_ns = NEVER_NS
-        self._leaving: BaseException | None = None  # what run() is to end with
+        self._exit_error: BaseException | None = None  # to be raised by run()
         self._resources: dict[str, Resource] = {}
         self._sources = InterruptSources(clock)
         self._observers: tuple[Observer, ...] = ()
@@ -105,10 +106,10 @@ class Scheduler(Core):
 
     def add_observer(self, observer: Observer) -> None:
         """
-        Let something be given all that the kernel and the topics record, besides the black box.
+        Call a function with every record that the kernel and the topics make.
 
-        :param observer: gets the record, see :mod:`rt_robot_os.kernel.black_box`, within a
-            critical section: it must be quick. One that raises is reported, and dropped.
+        :param observer: called with the record, see :mod:`rt_robot_os.kernel.black_box`, in a
+            critical section: it must be quick. One that raises is reported and removed.
         """
         self._observers = (*self._observers, observer)
         self.record = self._inform
@@ -124,18 +125,18 @@ class Scheduler(Core):
                 self.note_failure(describe('observer', self.now_ns(), error))
 
     def note_failure(self, failure: FailureReport) -> None:
-        """Store a report, and count it."""
+        """Store a failure report and count it."""
         self.failures_total += 1
         self.failures.append(failure)
 
-    # ---- the end -----------------------------------------------------------------------------
+    # ---- stopping ----------------------------------------------------------------------------
 
     def stop(self, reason: str = 'stop') -> None:
         """
-        End :meth:`run` when the jobs that run now have ended; safe in the real-time loop.
+        End :meth:`run` when the running jobs have ended; safe in the real-time loop.
 
-        Those that have not ended after ``stop_grace_ns`` get a TaskAborted, whatever their budget.
-        Before :meth:`run`, for instance by a signal while the robot starts, it ends it at once.
+        Jobs that have not ended after ``stop_grace_ns`` get a TaskAborted, whatever their budget.
+        A stop before :meth:`run`, such as by a signal during start-up, ends it immediately.
         """
         if not self.stopping:
             self._stop_ns = min(NEVER_NS, self.now_ns() + self.stop_grace_ns)
@@ -145,22 +146,22 @@ class Scheduler(Core):
             if self.locked:
                 self.pending = True
             else:
-                self.settle()  # which sets the timer
+                self.settle()  # sets the timer
         elif self.level == IDLE_LEVEL:
-            self.pending = True  # it may be about to wait
+            self.pending = True  # the kernel may be about to wait
 
     def fail(self, error: Exception) -> bool:
         """
-        Let :meth:`Kernel.run` end with a defect of the kernel.
+        End :meth:`Kernel.run` with a :class:`KernelError`.
 
-        :return: False when it is to end in such a way already.
+        :return: False when an earlier exception ends it already.
         """
-        if self._leaving is not None:
+        if self._exit_error is not None:
             return False
-        described = describe('kernel', self.now_ns(), error, outermost=True).told
-        self._leaving = KernelError(
+        described = describe('kernel', self.now_ns(), error, outermost=True).details
+        self._exit_error = KernelError(
             f'the kernel itself has failed; please report it with this: {described}')
-        self._leaving.__cause__ = error
+        self._exit_error.__cause__ = error
         self.stop('KernelError')
         return True
 
@@ -168,7 +169,7 @@ class Scheduler(Core):
 
     def check_budget(self, task: Task, used_ns: int) -> int:
         """
-        Have the interrupted task aborted if it has used what it may, or the kernel stops.
+        Request an abort of the interrupted job if its budget is used up or the kernel stops.
 
         :param used_ns: its computing time at the interrupt.
         :return: when to check again.
@@ -177,38 +178,39 @@ class Scheduler(Core):
         check_ns = NEVER_NS
         if task.limit_ns:
             left_ns = task.limit_ns - used_ns
-            if left_ns > 0 and task.waited_ns:  # while it waits that does not become less
+            if left_ns > 0 and task.waited_ns:  # waiting does not use up the rest
                 left_ns = max(left_ns, LATE_NS)
             check_ns = now_ns + left_ns
-        if self.stopping and not (task.aborts_raised or task.over) and self._stop_ns < check_ns:
+        if (self.stopping and not (task.aborts_raised or task.containing)
+                and self._stop_ns < check_ns):
             check_ns = self._stop_ns
         if now_ns < check_ns:
             return check_ns
         if not task.abort_pending:
             self._request_abort(task)
-            if not (task.over or task.limit_ns == ABORT_ALWAYS_NS):  # two records say it
+            if not (task.containing or task.limit_ns == ABORT_ALWAYS_NS):  # two are enough
                 self.record((ABORT, task, now_ns, used_ns))
-        return NEVER_NS  # when it is raised, the timer is set anew
+        return NEVER_NS  # the timer is set again when the exception is raised
 
     def _request_abort(self, task: Task) -> None:
-        """Let TaskAborted be raised in the task on the top of the stack as soon as it may be."""
+        """Have TaskAborted raised in the running job as soon as that is allowed."""
         task.abort_pending = True
         task.follow_up = True
 
     def make_abort(self, task: Task) -> tuple[TaskAborted, Iterable[object]]:
         """
-        Return what is to be raised in the task on the top of the stack, at once.
+        Return the exception to raise immediately in the running job.
 
-        :return: and an iterable: to iterate it raises the same, with another interrupt on its way,
-            for jobs that swallow every exception; empty for others.
+        :return: and an iterable: iterating over it sends the next interrupt and raises the same
+            exception, for jobs that catch every exception; empty for other jobs.
         """
         now_ns = self.now_ns()
         used_ns = now_ns - task.start_ns - self.stolen_ns - task.waited_ns
         task.abort_pending = False
-        if not task.over:
+        if not task.containing:
             task.aborts_raised += 1
-        if not task.resists:
-            task.resists = True
+        if not task.grace_used:
+            task.grace_used = True
             pause_ns = max(GRACE_NS, task.spec.budget_ns)
             task.limit_ns = used_ns + pause_ns
         else:
@@ -216,29 +218,31 @@ class Scheduler(Core):
             task.limit_ns = ABORT_ALWAYS_NS
             drop_context()
         self._interrupt_by(now_ns + pause_ns)
-        why = ''
+        reason = ''
         if self.stopping and now_ns >= self._stop_ns:
-            why = (f'was ended {(now_ns - self._stop_ns + self.stop_grace_ns) // NS_PER_MS} ms '
-                   f'after the kernel was told to stop ({self._stop_reason})')
+            reason = (f'was ended {(now_ns - self._stop_ns + self.stop_grace_ns) // NS_PER_MS} ms '
+                      f'after the kernel was told to stop ({self._stop_reason})')
             if task.name not in self.ended:
                 self.ended.append(task.name)
         elif task.waited_ns >= WAITING_LIMITS * task.budget_ns:
-            why = f'waited for {task.waited_ns // NS_PER_MS} ms, {WAITING_LIMITS} times its budget'
+            reason = (f'waited for {task.waited_ns // NS_PER_MS} ms, {WAITING_LIMITS} times its '
+                      'budget')
         elif not task.aborts or used_ns < task.budget_ns:
-            why = f'was ended near the recursion limit, after {used_ns // NS_PER_US} us'
-        abort = TaskAborted(task.name, used_ns, task.spec.budget_ns, why)
+            reason = f'was ended near the recursion limit, after {used_ns // NS_PER_US} us'
+        abort = TaskAborted(task.name, used_ns, task.spec.budget_ns, reason)
         return abort, self.clock.raising(abort) if task.limit_ns == ABORT_ALWAYS_NS else ()
 
     def contain(self, task: Task, error: BaseException) -> FailureReport:
         """
-        Describe what came out of the job that runs, within a computing time of its own.
+        Describe the exception of the running job, with a budget of computing time.
 
-        Not locked: whatever the exception does when it is looked at is preemptible, and ended.
+        Not locked: code that the exception runs while it is described is preemptible, and aborted
+        when it exceeds that budget.
         """
         self.locked = True
         now_ns = self.now_ns()
-        task.over = True
-        task.abort_pending = task.resists = False  # too late
+        task.containing = True
+        task.abort_pending = task.grace_used = False  # an abort would be too late
         used_ns = now_ns - task.start_ns - self.stolen_ns - task.waited_ns
         task.limit_ns = used_ns + CONTAIN_NS
         task.computed_ns = self.clock.computed_ns() - used_ns
@@ -246,20 +250,20 @@ class Scheduler(Core):
         self.locked = False
         if self.pending:
             self.settle()
-        # The outermost call is the dispatcher's own, unless that is C.
+        # The outermost call is that of the dispatcher, unless that is C.
         return describe(task.name, now_ns, error, outermost=NATIVE is not None)
 
-    def undescribed(self, task: Task) -> FailureReport:
-        """Return the report of an exception that raised another when it was described."""
+    def minimal_report(self, task: Task) -> FailureReport:
+        """Return the report of an exception whose description failed."""
         return FailureReport(
-            task.name, 0, 'an exception that raised another when it was looked at', ())
+            task.name, 0, 'an exception that raised another when it was described', ())
 
     def check_depth(self, task: Task, limit: int) -> None:
-        """Have a job aborted that is about to reach its recursion limit."""
+        """Request an abort of a job that is about to reach its recursion limit."""
         try:
             sys.setrecursionlimit(limit - _RECURSION_EDGE)
         except RecursionError:
-            if not task.aborts_raised:  # later its time counts
+            if not task.aborts_raised:  # after that only its time counts
                 self._request_abort(task)
         sys.setrecursionlimit(limit + RECURSION_ROOM)
 
@@ -279,21 +283,21 @@ class Scheduler(Core):
             waits = task.pending
             self.release_due(task.priority, min(now_ns, self.end_ns - 1))
             self.arrive(task, now_ns)
-            if waits:  # its job will read all: do not listen before it has
+            if waits:  # its job will read everything: mask the source until then
                 sources.defer(source)
                 task.follow_up = True
         for source in sources.early():
-            self._listen_at(source)
+            self._schedule_reopening(source)
 
     def rearm_sources(self, task: Task) -> None:
-        """Listen again to the sources that were ignored while a job of their task waited."""
+        """Enable the sources again that were masked while a job of their task waited."""
         for source in self._sources.waiting_for(task):
-            self._listen_at(source)
+            self._schedule_reopening(source)
 
-    def _listen_at(self, source: Source) -> None:
-        self.schedule(source.open_ns, functools.partial(self._listen, source),
+    def _schedule_reopening(self, source: InterruptSource) -> None:
+        self.schedule(source.open_ns, functools.partial(self._reopen, source),
                       source.task.priority)
 
-    def _listen(self, source: Source, now_ns: int) -> None:
+    def _reopen(self, source: InterruptSource, now_ns: int) -> None:
         if self._sources.reopen(source):
             self.interrupted = self.pending = True

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What is declared of a task, and what of that is refused: out of range or in contradiction."""
+"""The declaration of a task, and its validation: ranges and contradictions."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ OVERRUN_LIMIT_MAXIMUM = 1_000_000
 
 
 class OverrunPolicy(Enum):
-    """What happens to a release that comes while the job before it is not finished."""
+    """What happens to a release while the previous job is unfinished."""
 
     SKIP = 'skip'          # missed; the task stays on its grid
-    REPHASE = 'rephase'    # served when that job has ended; the grid begins anew there
-    CATCH_UP = 'catch_up'  # served later, at most so many wait; the task stays on its grid
+    REPHASE = 'rephase'    # served when that job has ended; the grid restarts there
+    CATCH_UP = 'catch_up'  # served later, a limited number waits; the task stays on its grid
     STOP = 'stop'          # the task is stopped
 
 
@@ -57,25 +57,25 @@ class BudgetPolicy(Enum):
 
 
 class FailurePolicy(Enum):
-    """What happens to a task whose job failed, was aborted, or that overran too often."""
+    """What happens to a task after a failure, an abort, or too many overruns."""
 
     CONTINUE = 'continue'      # nothing: the next release makes the next job
-    RESTART = 'restart'        # it pauses, a longer time with each failure, then begins anew
-    STOP = 'stop'              # it is released no more
-    SAFE_STATE = 'safe_state'  # its on_safe_state runs once, then it is released no more
+    RESTART = 'restart'        # it restarts after a pause that grows with each failure
+    STOP = 'stop'              # it is not released any more
+    SAFE_STATE = 'safe_state'  # its on_safe_state runs once, then it is not released any more
 
 
 class TaskState(Enum):
-    """Whether releases make jobs. All but ACTIVE are left by ``Task.rearm``."""
+    """Whether releases make jobs. ``Task.rearm`` returns to ACTIVE from any other state."""
 
     ACTIVE = 'active'
-    BACKOFF = 'backoff'  # pauses before it restarts by itself
+    BACKOFF = 'backoff'  # paused before an automatic restart
     SAFE = 'safe'        # in its safe state
     STOPPED = 'stopped'
 
 
 class Rule(Enum):
-    """What must not be declared together; the value says so, with the keywords of the task."""
+    """Declarations that contradict each other; the value is the message."""
 
     BUDGET_ABOVE_PERIOD = (
         'budget_ns {budget_ns} is above the period of {period_ns} ns: the job would overrun '
@@ -85,7 +85,7 @@ class Rule(Enum):
         'before it is aborted; lower the budget')
     DEADLINE_ABOVE_PERIOD = (
         'deadline_ns {deadline_ns} is above the period of {period_ns} ns, but overrun '
-        '{overrun.value} ends what is not finished by then; shorten it or choose overrun catch_up')
+        '{overrun.value} does not serve late releases; shorten it or choose overrun catch_up')
     OVERRUN_WITHOUT_RATE = (
         'overrun {overrun.value} is for periodic tasks; this one is released by events: leave it '
         'out or give it a rate')
@@ -103,7 +103,7 @@ class Rule(Enum):
     LOGICAL_WITHOUT_END = (
         'logical execution time needs an end of the interval; set a rate or deadline_ns')
     NO_SAFE_STATE = (
-        'failure safe_state needs on_safe_state, which brings about the safe state; give it, or '
+        'failure safe_state needs on_safe_state, which establishes the safe state; give it, or '
         'choose failure stop')
     ABORT_WITHOUT_PREEMPTION = (
         'on_budget abort needs a preemptive kernel; this clock has no signals. Choose on_budget '
@@ -113,25 +113,25 @@ class Rule(Enum):
 @dataclass(frozen=True)
 class TaskSpec:
     """
-    The declaration of a task; :func:`contradictions` says what is refused.
+    The declaration of a task; see :func:`contradictions` for invalid combinations.
 
     :ivar name: unique in its kernel.
     :ivar priority: 1..99, higher runs first.
     :ivar period_ns: releases lie on the grid ``start + phase_ns + n * period_ns``; 0 means that
         only events release it (a publication, an interrupt, a timer, another task).
-    :ivar phase_ns: from 0; where on the grid it begins.
+    :ivar phase_ns: offset of the grid, 0 or more.
     :ivar deadline_ns: from a release to the end of its job; 0 means the period.
-    :ivar budget_ns: computing time of a job, what preempts it taken off; 0 means no limit.
+    :ivar budget_ns: computing time of a job without preemption; 0 means no limit.
     :ivar on_budget: what happens to a job that exceeds it.
     :ivar overrun: what happens to a release that finds the last job unfinished.
-    :ivar catch_up: releases that wait at most, with that overrun policy.
-    :ivar overrun_limit: a leaky bucket: each overrun puts one in, ``overrun_leak`` jobs without
-        any take one out; above the limit the failure policy is applied. 0 means never.
+    :ivar catch_up: maximum number of waiting releases, with that overrun policy.
+    :ivar overrun_limit: a leaky bucket: each overrun adds one, ``overrun_leak`` jobs without an
+        overrun remove one; above the limit the failure policy is applied. 0 means never.
     :ivar failure: what happens after an exception, an abort, or too many overruns.
     :ivar restart_ns: pause before the first restart; doubled each time, up to
-        ``restart_maximum_ns``, until as long as that passes without a failure.
-    :ivar critical: the watchdog watches it.
-    :ivar logical: logical execution time: inputs as of the release, outputs at the deadline.
+        ``restart_maximum_ns``; reset after that time without a failure.
+    :ivar critical: the watchdog monitors it.
+    :ivar logical: logical execution time: inputs at the release, outputs at the deadline.
     """
 
     name: str
@@ -152,12 +152,12 @@ class TaskSpec:
     logical: bool = False
 
     def __post_init__(self) -> None:
-        raise_any(self, _out_of_range(self) or broken(self))
+        raise_problems(self, _out_of_range(self) or broken_rules(self))
 
 
 def checked_period_ns(name: str, rate_hz: Any) -> int:
     """
-    Turn a task's rate into its period.
+    Convert a task's rate to its period.
 
     :raises TaskError: the rate is not a number from 1e-6 Hz (11 days) to 100 kHz.
     """
@@ -168,18 +168,19 @@ def checked_period_ns(name: str, rate_hz: Any) -> int:
     return period_from_rate(rate_hz)
 
 
-def broken(spec: TaskSpec, *, preemptive: bool = True, can_be_safe: bool = True) -> list[str]:
-    """Return which rules a declaration breaks; each text begins with its keyword."""
+def broken_rules(spec: TaskSpec, *, preemptive: bool = True,
+                 can_be_safe: bool = True) -> list[str]:
+    """Return the messages of the rules that a declaration violates."""
     declared = vars(spec)
     return [rule.value.format(**declared) for rule in contradictions(
         **declared, preemptive=preemptive, can_be_safe=can_be_safe)]
 
 
-def raise_any(spec: TaskSpec, found: Sequence[str]) -> None:
+def raise_problems(spec: TaskSpec, found: Sequence[str]) -> None:
     """
-    Do nothing when nothing was found.
+    Raise an error if problems were found.
 
-    :raises TaskError: with all that was found.
+    :raises TaskError: with all of them.
     """
     if found:
         raise TaskError('\n'.join(f'task {spec.name!r}: {problem}' for problem in found))
@@ -190,19 +191,19 @@ def _out_of_range(spec: TaskSpec) -> list[str]:
     priority = spec.priority
     if isinstance(priority, bool) or not isinstance(priority, int) or not (
             PRIORITY_MINIMUM <= priority <= PRIORITY_MAXIMUM):
-        found.append(f'priority {priority!r} must be a whole number from {PRIORITY_MINIMUM} to '
+        found.append(f'priority {priority!r} must be an integer from {PRIORITY_MINIMUM} to '
                      f'{PRIORITY_MAXIMUM}; the higher runs first')
     for key in ('period_ns', 'phase_ns', 'deadline_ns', 'budget_ns', 'restart_ns',
                 'restart_maximum_ns'):
         value = getattr(spec, key)
         if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-            found.append(f'{key} {value!r} must be a whole number of nanoseconds, 0 or more')
+            found.append(f'{key} {value!r} must be an integer of nanoseconds, 0 or more')
     for key, low, high in (('catch_up', 1, BACKLOG_MAXIMUM),
                            ('overrun_limit', 0, OVERRUN_LIMIT_MAXIMUM),
                            ('overrun_leak', 1, 1_000_000_000)):
         value = getattr(spec, key)
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            found.append(f'{key} {value!r} must be a whole number from {low} to {high}')
+            found.append(f'{key} {value!r} must be an integer from {low} to {high}')
     for key, kind in (('overrun', OverrunPolicy), ('on_budget', BudgetPolicy),
                       ('failure', FailurePolicy)):
         value = getattr(spec, key)
@@ -219,26 +220,14 @@ def contradictions(
     **_others: object,
 ) -> Iterator[Rule]:
     """
-    Find the rules that a declaration breaks; its keywords are those of :class:`TaskSpec`.
+    Find the rules that a declaration violates; its keywords are those of :class:`TaskSpec`.
 
-    :param preemptive: the kernel's clock interrupts what runs.
+    :param preemptive: the kernel's clock interrupts running jobs.
     :param can_be_safe: the task has an ``on_safe_state``.
     """
     aborts = on_budget is BudgetPolicy.ABORT
-    if aborts and period_ns and budget_ns > period_ns:
-        yield Rule.BUDGET_ABOVE_PERIOD
-    if aborts and deadline_ns and budget_ns > deadline_ns:
-        yield Rule.BUDGET_ABOVE_DEADLINE
-    if period_ns and deadline_ns > period_ns and overrun not in _QUEUEING:
-        yield Rule.DEADLINE_ABOVE_PERIOD
-    if not period_ns and overrun is not OverrunPolicy.SKIP:
-        yield Rule.OVERRUN_WITHOUT_RATE
-    if overrun_limit and not period_ns:
-        yield Rule.LIMIT_WITHOUT_RATE
-    if overrun_limit and overrun is OverrunPolicy.STOP:
-        yield Rule.LIMIT_WITH_STOP
-    if overrun_limit and failure is FailurePolicy.CONTINUE:
-        yield Rule.LIMIT_WITHOUT_POLICY
+    yield from _of_budget(aborts, budget_ns, period_ns, deadline_ns)
+    yield from _of_overrun(overrun, overrun_limit, failure, period_ns, deadline_ns)
     if aborts and not budget_ns:
         yield Rule.ABORT_WITHOUT_BUDGET
     if restart_maximum_ns < restart_ns:
@@ -249,3 +238,26 @@ def contradictions(
         yield Rule.NO_SAFE_STATE
     if aborts and not preemptive:
         yield Rule.ABORT_WITHOUT_PREEMPTION
+
+
+def _of_budget(aborts: bool, budget_ns: int, period_ns: int, deadline_ns: int) -> Iterator[Rule]:
+    if aborts and period_ns and budget_ns > period_ns:
+        yield Rule.BUDGET_ABOVE_PERIOD
+    if aborts and deadline_ns and budget_ns > deadline_ns:
+        yield Rule.BUDGET_ABOVE_DEADLINE
+
+
+def _of_overrun(overrun: OverrunPolicy, overrun_limit: int, failure: FailurePolicy,
+                period_ns: int, deadline_ns: int) -> Iterator[Rule]:
+    if period_ns and deadline_ns > period_ns and overrun not in _QUEUEING:
+        yield Rule.DEADLINE_ABOVE_PERIOD
+    if not period_ns and overrun is not OverrunPolicy.SKIP:
+        yield Rule.OVERRUN_WITHOUT_RATE
+    if not overrun_limit:
+        return
+    if not period_ns:
+        yield Rule.LIMIT_WITHOUT_RATE
+    if overrun is OverrunPolicy.STOP:
+        yield Rule.LIMIT_WITH_STOP
+    if failure is FailurePolicy.CONTINUE:
+        yield Rule.LIMIT_WITHOUT_POLICY

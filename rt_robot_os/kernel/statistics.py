@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What tasks and the kernel tell of themselves."""
+"""Statistics of tasks and of the kernel."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class DeadlineMiss:
 
     :ivar job: its number, from 1.
     :ivar late_ns: how long after the deadline it ended.
-    :ivar ran_instead: tasks that took most of the time between its release and its end.
+    :ivar ran_instead: tasks that used the most CPU time between its release and its end.
     """
 
     job: int
@@ -42,27 +42,27 @@ class DeadlineMiss:
 @dataclass(frozen=True)
 class TaskStatistics:
     """
-    What a task did since it was added or since the statistics were reset.
+    The counters of a task since it was added or since they were reset.
 
-    releases = runs + missed + coalesced, plus the jobs that wait or run at this moment.
+    releases = runs + missed + coalesced, plus the jobs that currently wait or run.
 
-    :ivar releases: times that it became due.
-    :ivar runs: jobs that ran to their end, failed and aborted ones included.
-    :ivar missed: releases that no job served: the job before was unfinished, the task was held
-        (see ``state``), or the kernel was stopped before.
-    :ivar coalesced: events that came while one was waiting already; the job serves them all.
-    :ivar failures: jobs that ended with an exception, aborted ones not counted.
+    :ivar releases: number of releases.
+    :ivar runs: jobs that have ended, failed and aborted ones included.
+    :ivar missed: releases without a job: the previous job was unfinished, the task was held (see
+        ``state``), or the kernel stopped before.
+    :ivar coalesced: events that came while one was waiting already; one job serves them all.
+    :ivar failures: jobs that ended with an exception, without aborted ones.
     :ivar latency: from release to start.
-    :ivar execution: computing time, with what preempted it taken off.
-    :ivar jitter: how far the interval between two starts was from the period.
+    :ivar execution: computing time without preemption.
+    :ivar jitter: difference between the interval of two starts and the period.
     :ivar gap_maximum_ns: longest time from one start to the next.
-    :ivar blocked_maximum_ns: longest time that its code (a native call) held up an interrupt.
+    :ivar blocked_maximum_ns: longest time that its code (a native call) delayed an interrupt.
     :ivar state: whether its releases make jobs.
-    :ivar overruns: releases that found the job before unfinished, whatever became of them.
+    :ivar overruns: releases that found the previous job unfinished, under any policy.
     :ivar aborted: jobs that TaskAborted ended.
     :ivar budget_exceeded: jobs that computed for longer than the budget.
     :ivar deadline_missed: jobs that ended after their deadline.
-    :ivar last_miss: the latest of them.
+    :ivar last_miss: the last of these.
     :ivar response_maximum_ns: longest time from release to end.
     """
 
@@ -92,12 +92,12 @@ class TaskStatistics:
 @dataclass(frozen=True)
 class ResourceStatistics:
     """
-    A resource.
+    The counters of a resource.
 
     :ivar ceiling: the highest priority among its users; 0 without users.
     :ivar users: the tasks that declared it.
-    :ivar entries: times that it was entered.
-    :ivar held_maximum_ns: longest time from entering to leaving, what preempted it included.
+    :ivar entries: number of times that it was entered.
+    :ivar held_maximum_ns: longest time from entering to leaving, preemption included.
     """
 
     name: str
@@ -110,10 +110,10 @@ class ResourceStatistics:
 @dataclass(frozen=True)
 class SourceStatistics:
     """
-    A source of interrupts.
+    The counters of a source of interrupts.
 
-    :ivar arrivals: times that it was seen to be readable.
-    :ivar deferred: those of them that came too soon and waited.
+    :ivar arrivals: number of times that it was found readable.
+    :ivar deferred: those that came too early and had to wait.
     """
 
     name: str
@@ -125,19 +125,19 @@ class SourceStatistics:
 @dataclass(frozen=True)
 class KernelStatistics:
     """
-    The kernel as a whole.
+    The counters of the kernel and of everything in it.
 
-    :ivar elapsed_ns: since the kernel was started last.
-    :ivar wakeups: times that it woke from idling.
-    :ivar stolen: times that Linux took the CPU while there was something to compute, as far as
-        that was noticed: where an interrupt or a job was late by 0.2 ms or more.
-    :ivar failures_dropped: failure reports that gave way to newer ones.
-    :ivar overhead_ns: what the kernel itself computed for since it was made: releasing,
-        dispatching, setting timers. What Linux and Python need to deliver a signal is not in it.
-    :ivar polled_ns: how long it polled the clock, since it was made, where an interrupt would have
-        cost more.
-    :ivar interrupt_ns: what a timer interrupt costs here, as measured at the start; 0 where it
-        costs nothing.
+    :ivar elapsed_ns: time since the last start of the kernel.
+    :ivar wakeups: number of wake-ups from idling.
+    :ivar stolen: steal time: Linux took the CPU while the kernel was ready to run. It is detected
+        where an interrupt or a job was late by 0.2 ms or more.
+    :ivar failures_dropped: failure reports that were dropped for newer ones.
+    :ivar overhead_ns: computing time of the kernel itself since it was made: releasing,
+        dispatching, setting timers. The delivery of signals by Linux and Python is not included.
+    :ivar polled_ns: how long it polled the clock, since it was made, because an interrupt would
+        have cost more.
+    :ivar interrupt_ns: cost of a timer interrupt, as measured at the start; 0 where it costs
+        nothing.
     """
 
     elapsed_ns: int

@@ -14,17 +14,18 @@
 
 
 """
-Steal time: what Linux took from the kernel's thread while that had something to compute.
+Steal time: time in which Linux did not run the kernel's thread although it was ready to run.
 
 A job that was interrupted by another program, or whose process was stopped, took long without
-computing long. Only when something looks long are the clocks read that show it: the thread's
-computing time, and the time that it waited for a CPU. They are compared with their values at the
-last reading, at most a few milliseconds before; so what is attributed is what Linux took since
-then, and never more than the time in question.
+computing long. The clocks that show this are read only when a time seems long: the thread's
+CPU time, and the time that it waited for a CPU. They are compared with their values at the last
+reading, at most a few milliseconds before. So the steal time since then is attributed, and never
+more than the time in question.
 
 The time that a job waits in a system call of its own (a disk) remains its own. It does not count
-for a budget to abort, see :meth:`FaultHandling.did_not_compute`: there the thread's computing time
-decides, also where something above the job lost time as well and was attributed its part first.
+towards a budget with ``on_budget: abort``, see :meth:`FaultHandling.attribute_gap`: there the
+thread's CPU time decides, also where a higher job lost time as well and was attributed its part
+first.
 """
 
 from __future__ import annotations
@@ -35,16 +36,16 @@ from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.histogram import Histogram
 
-_LEAST_NS: Final = 50 * NS_PER_US
+_MINIMUM_NS: Final = 50 * NS_PER_US
 
 
 class StealTime:
     """
-    The account of it.
+    The account of steal time.
 
-    :ivar times: how long, each time.
-    :ivar events: how often.
-    :ivar total_ns: in all.
+    :ivar times: histogram of its durations.
+    :ivar events: their number.
+    :ivar total_ns: their sum.
     """
 
     __slots__ = ('times', 'events', 'total_ns', '_clock', '_at_ns', '_computed_ns', '_waited_ns')
@@ -56,17 +57,17 @@ class StealTime:
         self._at_ns = self._computed_ns = self._waited_ns = 0
 
     def start(self, now_ns: int) -> None:
-        """Begin anew with the kernel."""
+        """Reset the account at the start of the kernel."""
         self.reset()
         self._read(now_ns)
 
     def reset(self) -> None:
-        """Begin to count anew."""
+        """Reset the counters."""
         self.times.clear()
         self.events = self.total_ns = 0
 
-    def keep_fresh(self, now_ns: int) -> None:
-        """Read the clocks: what came before is nobody's; about 1 us."""
+    def refresh(self, now_ns: int) -> None:
+        """Read the clocks, so that earlier steal time is charged to no job; about 1 us."""
         self._clock.was_stopped = False
         self._read(now_ns)
 
@@ -78,23 +79,23 @@ class StealTime:
 
     def attribute(self, now_ns: int, window_ns: int) -> int:
         """
-        Return how much of a time that looks long Linux took, and count it; called locked.
+        Return the steal time in a window that seems long, and count it; called locked.
 
-        :param window_ns: the time, up to now.
+        :param window_ns: its length; it ends now.
         """
         clock = self._clock
         at_ns, computed_ns, waited_ns = self._at_ns, self._computed_ns, self._waited_ns
-        self._read(now_ns)  # calls Python, so that a stop that is not noted yet is now
+        self._read(now_ns)  # runs Python code, so that a pending SIGCONT is handled
         idle_ns = now_ns - at_ns - (self._computed_ns - computed_ns)  # or waiting, or stopped
         taken_ns = self._waited_ns - waited_ns
         if clock.was_stopped:
             stopped_ns = min(window_ns - (self._computed_ns - computed_ns), idle_ns)
-            # Else the stop came since then, and belongs to the next that looks long.
+            # Otherwise the stop came after now_ns and belongs to the next window.
             if stopped_ns > clock.now_ns() - now_ns:
                 clock.was_stopped = False
                 taken_ns = stopped_ns
         taken_ns = min(taken_ns, idle_ns, window_ns)
-        if taken_ns < _LEAST_NS:
+        if taken_ns < _MINIMUM_NS:
             return 0
         self.times.add(taken_ns)
         self.events += 1

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A task: what its author declared, what the kernel remembers of it, what it tells of itself."""
+"""A task: its declaration, its state in the kernel, and its statistics."""
 
 from __future__ import annotations
 
@@ -46,21 +46,21 @@ from rt_robot_os.kernel.task_core import TaskCore
 
 class Coroutine(ABC):
     """
-    What a task is made of that is written as one: :class:`rt_robot_os.kernel.coroutine.AsyncBody`.
+    The coroutine of a task: the base of :class:`rt_robot_os.kernel.coroutine.AsyncBody`.
 
     :ivar finished: it returned; the task makes no more jobs.
-    :ivar on_going_on: called each time that what it awaited is over; None when nobody asks.
-    :ivar by_schedule: None, or what a replay sets, which alone releases the task then: no timer
-        and no sample does. It is asked whether the task goes on, and calls what it is given when
-        the moment is there at which the real one looked.
+    :ivar on_resume: None, or called each time that an awaited event is ready.
+    :ivar replay_gate: None, or set by a replay, which alone releases the task then; timers and
+        samples do not. It is called with the check of the awaited event and returns whether the
+        task continues. It calls the check at the times at which the recorded task did.
     """
 
-    __slots__ = ('finished', 'on_going_on', 'by_schedule')
+    __slots__ = ('finished', 'on_resume', 'replay_gate')
 
     def __init__(self) -> None:
         self.finished = False
-        self.on_going_on: Callable[[], object] | None = None
-        self.by_schedule: Callable[[Callable[[], bool]], bool] | None = None
+        self.on_resume: Callable[[], object] | None = None
+        self.replay_gate: Callable[[Callable[[], bool]], bool] | None = None
 
     @abstractmethod
     def close(self) -> None:
@@ -71,34 +71,34 @@ class Task(TaskCore):
     """
     A task in its kernel; made by :meth:`rt_robot_os.kernel.Kernel.add_task`.
 
-    The public attributes are for reading. What was declared, besides those of the base class:
+    The public attributes are read-only. Declared, in addition to those of the base class:
 
-    :ivar spec: all of it.
+    :ivar spec: the declaration.
     :ivar body: its function; ``function`` may be another one for the next job.
-    :ivar successors: tasks that each ended job releases.
-    :ivar logical: what publishes its outputs at the deadline, if that was declared.
-    :ivar coroutine: what it is made of when it is written as one.
+    :ivar successors: tasks that the end of each job releases.
+    :ivar logical: its logical execution time, if that was declared.
+    :ivar coroutine: its coroutine, if it is one.
 
-    What went wrong, and what is done about it:
+    Failures and policies:
 
     :ivar state: whether its releases make jobs.
     :ivar backlog: times of releases that the overrun policy catch_up stores.
-    :ivar rephasing: its grid begins anew when the job that runs has ended.
-    :ivar wanted: the policy to apply then.
-    :ivar aborts_raised: times that TaskAborted was raised in the job that runs.
+    :ivar rephasing: its grid restarts when the running job has ended.
+    :ivar requested_policy: the policy to apply at the end of the job.
+    :ivar aborts_raised: number of times that TaskAborted was raised in the running job.
     :ivar bucket: of overruns, see ``overrun_limit``; ``bucket_runs`` is ``runs`` at the last one.
     :ivar restart_ns: the next pause before a restart.
-    :ivar resume_ns: when the current or last one ends.
+    :ivar resume_ns: end of the current or last pause.
     :ivar miss: job, release_ns and late_ns of ``last_miss``.
-    :ivar suspects: its ``ran_instead``; searched for every 10 ms at most.
+    :ivar suspects: its ``ran_instead``; determined at most every 10 ms.
     """
 
     __slots__ = (
         'spec', 'body', 'on_restart', 'on_safe_state', 'successors', 'logical', 'coroutine',
         'deadline_ns',
-        # What went wrong, and what is done about it
-        '_state', 'backlog', 'rephasing', 'wanted', 'aborts_raised', 'bucket', 'bucket_runs',
-        'restart_ns', 'resume_ns', 'miss', 'suspects',
+        # Failures and policies
+        '_state', 'backlog', 'rephasing', 'requested_policy', 'aborts_raised', 'bucket',
+        'bucket_runs', 'restart_ns', 'resume_ns', 'miss', 'suspects',
         # Counters
         'failures', 'aborted', 'budget_exceeded', 'deadline_missed', 'response_maximum_ns',
         # Its kernel
@@ -128,7 +128,7 @@ class Task(TaskCore):
         self.backlog: deque[int] = deque()
         self._rearm = rearm
         self._account = account
-        self.rest()
+        self.reset()
         self.reset_statistics()
 
     @property
@@ -141,8 +141,8 @@ class Task(TaskCore):
         self._state = state
         self.held = state is not TaskState.ACTIVE
 
-    def rest(self) -> None:
-        """Forget a job that was waiting, and any trouble; the kernel calls it before it starts."""
+    def reset(self) -> None:
+        """Reset the state of jobs and failures; the kernel calls it before it starts."""
         self.function = self.body
         self.pending = self.busy = False
         self.next_ns = self.next_period_ns = 0
@@ -150,11 +150,11 @@ class Task(TaskCore):
         self.follow_up = bool(self.successors)
         self.limit_ns = self.computed_ns = self.waited_ns = 0
         self.aborts_raised = 0
-        self.abort_pending = self.over = self.resists = False
+        self.abort_pending = self.containing = self.grace_used = False
         self.backlog.clear()
         self.rephasing = False
         self.state = TaskState.ACTIVE
-        self.wanted: FailurePolicy | None = None
+        self.requested_policy: FailurePolicy | None = None
         self.bucket = self.bucket_runs = 0
         self.restart_ns = self.spec.restart_ns
         self.resume_ns = 0
@@ -164,18 +164,18 @@ class Task(TaskCore):
 
     def rearm(self) -> None:
         """
-        Let a task that is held make jobs again, beginning with its ``on_restart``.
+        Re-arm a held task: it makes jobs again, beginning with its ``on_restart``.
 
-        Nothing happens to an active one. Safe in the real-time loop.
+        Does nothing for an active task. Safe in the real-time loop.
         """
         if self._rearm is not None:
             self._rearm(self)
 
     def account(self) -> None:
         """
-        Bring the counters up to date.
+        Update the counters.
 
-        The releases that pass while a job waits or runs are counted when it has ended, or here.
+        Releases that pass while a job waits or runs are counted at its end, or here.
         """
         if self._account is not None:
             self._account(self)
@@ -192,7 +192,7 @@ class Task(TaskCore):
                             'give it a rate_hz when it is added')
         period_ns = checked_period_ns(self.name, rate_hz)
         if period_ns != self.period_ns and (self.spec.budget_ns or self.spec.deadline_ns):
-            replace(self.spec, period_ns=period_ns)  # which checks it
+            replace(self.spec, period_ns=period_ns)  # checks the new value
         if not self.spec.deadline_ns:
             self.deadline_ns = period_ns
             self.response_limit_ns = min(self.response_maximum_ns, period_ns)
@@ -200,7 +200,7 @@ class Task(TaskCore):
 
     @property
     def rate_hz(self) -> float:
-        """Return the rate in force; 0 when only events release the task."""
+        """Return the current rate; 0 when only events release the task."""
         return NS_PER_S / self.period_ns if self.period_ns else 0.0
 
     @property
@@ -210,21 +210,21 @@ class Task(TaskCore):
 
     @property
     def execution(self) -> Histogram:
-        """Return a copy of that of computing times; not for the real-time loop."""
+        """Return a copy of the histogram of computing times; not for the real-time loop."""
         return Histogram(self.counts(EXECUTION), self.execution_maximum_ns)
 
     @property
     def jitter(self) -> Histogram:
-        """Return a copy of that of the jitter; not for the real-time loop."""
+        """Return a copy of the histogram of the jitter; not for the real-time loop."""
         return Histogram(self.counts(JITTER), self.jitter_maximum_ns)
 
     @property
     def last_miss(self) -> DeadlineMiss | None:
-        """Return the latest job that ended after its deadline; not for the real-time loop."""
+        """Return the last job that ended after its deadline; not for the real-time loop."""
         return None if self.miss is None else DeadlineMiss(*self.miss, self.suspects)
 
     def reset_statistics(self) -> None:
-        """Begin to count anew; a job that waits or runs now counts as released."""
+        """Reset the counters; a job that currently waits or runs counts as released."""
         self.account()
         self.clear_counts()
         waits = self.pending and not self.held
@@ -236,7 +236,7 @@ class Task(TaskCore):
         self.response_maximum_ns = 0
 
     def statistics(self) -> TaskStatistics:
-        """Take the statistics; costs about 100 us, so not for the real-time loop."""
+        """Return the statistics; takes about 100 us, so not for the real-time loop."""
         self.account()
         return TaskStatistics(
             name=self.name, priority=self.priority, period_ns=self.period_ns,

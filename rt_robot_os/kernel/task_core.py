@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What of a task each of its jobs touches, and how a job is counted.
+The part of a task that each of its jobs uses, and the counting of a job.
 
-Here is what it means; where the extension in C is there, its type of the same name is used.
+This is the specification; where the C core is built, its type of the same name is used.
 """
 
 from __future__ import annotations
@@ -35,59 +35,61 @@ JITTER: Final = 2
 _KINDS: Final = 3
 
 
-class Judge(Protocol):
-    """Who is asked when a time is longer than any so far: the kernel's FaultHandling."""
+class LimitHandler(Protocol):
+    """Called when a time is longer than any so far; see FaultHandling."""
 
     def long_execution(self, task: Any, execution_ns: int) -> int:
-        """Return the computing time without what Linux took of it."""
+        """Return the computing time without steal time."""
 
     def long_response(self, task: Any, release_ns: int, end_ns: int) -> None:
-        """Note that a job ended later after its release than any so far, or too late."""
+        """Record the longest response time so far, or one above the deadline."""
 
 
 class TaskCore:
     """
     The part of a task that its kernel reads and writes with each job.
 
-    What was declared:
+    Declared:
 
     :ivar name: unique in its kernel.
-    :ivar index: its number in its kernel; of equals that are due together the lower runs first.
-    :ivar priority: higher runs first.
+    :ivar index: its number in its kernel; among equal priorities that are due at the same time the
+        lower one runs first.
+    :ivar priority: the higher runs first.
     :ivar period_ns: 0 when only events release it.
     :ivar budget_ns: computing time that a job may use.
-    :ivar function: what the next job calls.
+    :ivar function: called by the next job.
     :ivar aborts: a job that exceeds the budget is aborted.
-    :ivar skips: an overrun is counted, and nothing else.
+    :ivar skips: an overrun is only counted.
 
     Its releases and its job:
 
-    :ivar pending: it waits for its turn, or is held.
+    :ivar pending: a job of it waits, or it is held.
     :ivar held: its releases make no jobs.
-    :ivar next_ns: its next release, while its timer is not among those of its level because a job
-        of it waits or runs, or it is held; else 0.
-    :ivar next_period_ns: the period that leads to that release.
-    :ivar release_ns: when the last job was released.
-    :ivar interval_ns: the period that led to that.
+    :ivar next_ns: its next release, while it has no timer at its level because a job of it waits
+        or runs, or it is held; else 0.
+    :ivar next_period_ns: the period before that release.
+    :ivar release_ns: release time of the last job.
+    :ivar interval_ns: the period before that release.
     :ivar busy: a job of it is on the stack.
-    :ivar start_ns: when its last job began; -1 before the first.
+    :ivar start_ns: start of its last job; -1 before the first.
     :ivar inside: number of resources that this job is inside of.
-    :ivar follow_up: FaultHandling is asked when this job has ended.
+    :ivar follow_up: FaultHandling is called at the end of this job.
 
-    What became of its budget:
+    Its budget:
 
-    :ivar limit_ns: computing time at which the job that runs is aborted; 0 means never.
-    :ivar computed_ns: computing time of the thread when the job began, and of what preempted it
-        since; counts while there is a limit.
-    :ivar waited_ns: how long a job with a budget to abort did not compute although Linux took
-        nothing, as far as that is known: it waited in a system call.
+    :ivar limit_ns: computing time at which the running job is aborted; 0 means never.
+    :ivar computed_ns: CPU time of the thread at the start of the job, plus that of preempting jobs
+        since; valid while there is a limit.
+    :ivar waited_ns: with ``on_budget: abort``: how long the job did not compute, steal time
+        excluded, as far as that is known: it waited in a system call.
     :ivar abort_pending: TaskAborted is to be raised in it.
-    :ivar resists: it had its time for ``finally`` clauses: TaskAborted is raised until it ends.
-    :ivar over: its function has ended by an exception, which is being described and dropped.
+    :ivar grace_used: TaskAborted was raised and the time for ``finally`` clauses granted; from now
+        on it is raised repeatedly.
+    :ivar containing: its function raised an exception, which is being described and released.
 
-    What is counted, see :class:`~rt_robot_os.kernel.TaskStatistics`; and two limits:
+    Counters, see :class:`~rt_robot_os.kernel.TaskStatistics`; and two limits:
 
-    :ivar execution_limit_ns: longer jobs are looked into: the longest so far, or the budget.
+    :ivar execution_limit_ns: a longer job is checked: the longest so far, or the budget.
     :ivar response_limit_ns: the same for the time from release to end, with the deadline.
     """
 
@@ -97,8 +99,8 @@ class TaskCore:
         'pending', 'held', 'next_ns', 'next_period_ns', 'release_ns', 'interval_ns', 'busy',
         'start_ns', 'inside', 'follow_up',
         # Its budget
-        'limit_ns', 'computed_ns', 'waited_ns', 'abort_pending', 'resists', 'over',
-        # What is counted
+        'limit_ns', 'computed_ns', 'waited_ns', 'abort_pending', 'grace_used', 'containing',
+        # Counters
         'releases', 'runs', 'missed', 'coalesced', 'overruns', 'execution_total_ns',
         'execution_limit_ns', 'execution_maximum_ns', 'latency_maximum_ns', 'response_limit_ns',
         'gap_maximum_ns', 'jitter_maximum_ns', 'blocked_maximum_ns', '_counts')
@@ -112,11 +114,11 @@ class TaskCore:
         self.next_ns = self.next_period_ns = self.release_ns = self.interval_ns = 0
         self.start_ns = -1
         self.inside = self.limit_ns = self.computed_ns = self.waited_ns = 0
-        self.abort_pending = self.resists = self.over = False
+        self.abort_pending = self.grace_used = self.containing = False
         self.clear_counts()
 
     def clear_counts(self) -> None:
-        """Begin to count anew."""
+        """Reset the counters."""
         self.releases = self.runs = self.missed = self.coalesced = self.overruns = 0
         self.execution_total_ns = self.execution_limit_ns = self.execution_maximum_ns = 0
         self.latency_maximum_ns = self.response_limit_ns = 0
@@ -125,20 +127,20 @@ class TaskCore:
 
     def counts(self, kind: int) -> list[int]:
         """
-        Copy a histogram of this task: how many durations fell into each bucket.
+        Copy a histogram of this task: the number of durations in each bucket.
 
         :param kind: LATENCY, EXECUTION or JITTER.
         """
         return self._counts[kind].copy()
 
-    def count(self, release_ns: int, previous_ns: int, end_ns: int, stolen_ns: int, judge: Judge
-              ) -> None:
+    def count(self, release_ns: int, previous_ns: int, end_ns: int, stolen_ns: int,
+              handler: LimitHandler) -> None:
         """
-        Count the job that has ended: how long it took, waited, and how regularly it began.
+        Count a job that has ended: its computing time, latency, response time and jitter.
 
-        :param release_ns: of this job; ``release_ns`` may be that of the next already.
-        :param previous_ns: when the job before it began; -1 without one.
-        :param stolen_ns: how much of its time others computed.
+        :param release_ns: of this job; the attribute may be that of the next job already.
+        :param previous_ns: start of the previous job; -1 without one.
+        :param stolen_ns: the time within the job that was not its own.
         """
         start_ns = self.start_ns
         self.runs += 1
@@ -146,12 +148,12 @@ class TaskCore:
         execution_ns = end_ns - start_ns - stolen_ns
         self.execution_total_ns += execution_ns
         if execution_ns > self.execution_limit_ns:
-            execution_ns = judge.long_execution(self, execution_ns)
+            execution_ns = handler.long_execution(self, execution_ns)
         if latency_ns > self.latency_maximum_ns:
             self.latency_maximum_ns = latency_ns
         if end_ns - release_ns > self.response_limit_ns:
-            judge.long_response(self, release_ns, end_ns)
-        # The arithmetic of histogram.bucket: three calls would cost half as much again.
+            handler.long_response(self, release_ns, end_ns)
+        # histogram.bucket() inlined: three calls would add half of the cost of this method.
         latencies, executions, jitters = self._counts
         shift = latency_ns.bit_length() - 4
         latencies[latency_ns if shift <= 0 else (shift << 3) + (latency_ns >> shift)] += 1
@@ -171,7 +173,7 @@ class TaskCore:
 
 
 def _nothing() -> None:
-    """Do nothing, as a task that was given no function yet."""
+    """Do nothing: the function of a task before it has one."""
 
 
 if not TYPE_CHECKING and NATIVE is not None:

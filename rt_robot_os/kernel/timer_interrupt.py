@@ -14,15 +14,14 @@
 
 
 """
-When the clock is to interrupt, and when it costs less to read it again and again.
+When the clock is to interrupt, and when polling it costs less.
 
-To set a timer costs a system call and, on most machines, an access to the timer hardware:
-microseconds that the next job would wait for. So there are two: the second is set for the release
-after the next when a job has ended, and before one begins there is nothing left to do but to swap
-them.
+Setting a timer costs a system call and, on most machines, an access to the timer hardware:
+microseconds that the next job would wait for. So there are two timers. The spare one is set at the
+end of a job, for the release after the next; before a job begins, swapping the two is enough.
 
-Where releases lie closer than an interrupt costs, the kernel polls the clock instead, and a timer
-that has to be set again and again may interrupt late (docs/timing_model.md, "Timer interrupts").
+Where releases are closer together than an interrupt costs, the kernel polls the clock instead, and
+a timer that is set very often may interrupt late (docs/timing_model.md, "Timer interrupts").
 """
 
 from __future__ import annotations
@@ -37,32 +36,32 @@ from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.releases import IDLE_LEVEL
 from rt_robot_os.kernel.releases import Releases
 
-# A timer that is set again so soon is set often; how late one that is set often may be. Both in
-# times that it costs to be woken by one.
+# A timer that is set again within this time is set often; a timer that is set often may interrupt
+# this much late. Both are multiples of the cost of a timer interrupt.
 _OFTEN_WAKES: Final = 4
 _SLACK_WAKES: Final = 4
 
-# Where the kernel would poll the clock for ever, it rests so long so often: a bit more than the
-# 5 % of a CPU that Linux takes for the others, in one piece of 50 ms, unless they get it anyway.
-_REST_EVERY_NS: Final = 800 * NS_PER_US
-_REST_NS: Final = 60 * NS_PER_US
+# While the kernel polls the clock continuously, it yields the CPU for this time at this interval:
+# slightly more than 5 %. Linux would take 5 % for other programs otherwise, 50 ms at a time.
+_YIELD_EVERY_NS: Final = 800 * NS_PER_US
+_YIELD_NS: Final = 60 * NS_PER_US
 
 
 class TimerInterrupt(Releases):
     """
-    The middle third of the kernel's core: the two timers of the clock. Its methods are for itself.
+    The middle layer of the kernel's core: the two timers of the clock. Its methods are internal.
 
     :ivar spin_ns: wake this much before a release and spin until it.
-    :ivar polled_ns: how long it polled the clock, where an interrupt would have cost more.
+    :ivar polled_ns: how long it polled the clock because an interrupt would have cost more.
 
-    Of what is not for others:
+    Private attributes:
 
     - ``_armed_ns``: when the timer interrupts;
-    - ``_armed_due_ns``: the release that it is for, if nothing else matters; else 0;
-    - ``_spare_ns``: when the other timer interrupts;
-    - ``_near_ns``: sooner than that an interrupt costs more than polling the clock;
-    - ``_slack_ns``: how late the interrupt may come; grows where it has to be set often;
-    - ``_set_ns``: when it was set last for what may preempt a job.
+    - ``_armed_due_ns``: the release that it is set for; 0 when another reason decided;
+    - ``_spare_ns``: when the spare timer interrupts;
+    - ``_near_ns``: for a release nearer than this, polling costs less than an interrupt;
+    - ``_slack_ns``: how late the interrupt may come; grows while it has to be set often;
+    - ``_set_ns``: when it was last set for a release that may preempt a job.
     """
 
     __slots__ = ('spin_ns', 'polled_ns', '_armed_ns', '_armed_due_ns', '_spare_ns', '_near_ns',
@@ -75,18 +74,18 @@ class TimerInterrupt(Releases):
         self.begin_timers()
 
     def begin_timers(self) -> None:
-        """Forget what was set; the clock has measured by now what an interrupt costs."""
+        """Reset the state of the timers; the clock has measured the cost of an interrupt."""
         self._armed_ns = self._armed_due_ns = self._spare_ns = 0
         self._near_ns = 0 if self.spin_ns else self.clock.wake_ns
         self._slack_ns = self._set_ns = 0
 
-    # ---- which time --------------------------------------------------------------------------
+    # ---- when to interrupt -------------------------------------------------------------------
 
     def _arm_or_poll(self, now_ns: int, idled_ns: int) -> int:
         """
-        Set the interrupt for the first release, while nothing is ready, or poll the clock.
+        Set the interrupt for the first release, or poll the clock; while nothing is ready.
 
-        :param idled_ns: when the kernel waited last.
+        :param idled_ns: when the kernel last waited.
         :return: when the interrupt comes; 0 when it polled.
         """
         due_ns = self._firsts[0][0]
@@ -95,11 +94,11 @@ class TimerInterrupt(Releases):
             self._slack_ns = 0
             self._arm_ahead(IDLE_LEVEL, NEVER_NS)
             return due_ns
-        if (now_ns - idled_ns <= _REST_EVERY_NS
-                or self.end_ns - now_ns <= 2 * _REST_NS):  # at the end nothing is to be missed
+        if (now_ns - idled_ns <= _YIELD_EVERY_NS
+                or self.end_ns - now_ns <= 2 * _YIELD_NS):  # else releases at the end are missed
             self._poll(due_ns, now_ns)
             return 0
-        interrupt_ns = now_ns + _REST_NS
+        interrupt_ns = now_ns + _YIELD_NS
         self._arm(interrupt_ns)
         self._armed_due_ns = 0
         self._drop_spare()
@@ -107,9 +106,9 @@ class TimerInterrupt(Releases):
 
     def _arm_for(self, task: Any, level: int, due_ns: int) -> None:
         """
-        Let the interrupt come for a release, or at the end of the budget of a job that begins.
+        Set the interrupt for a release, or for the end of the budget of a job that begins.
 
-        :param due_ns: the first release above the job, or of its own level after it.
+        :param due_ns: the first release above the job, or the next one at its own level.
         """
         interrupt_ns = due_ns
         if self._near_ns:
@@ -122,14 +121,14 @@ class TimerInterrupt(Releases):
             task.waited_ns = 0
             interrupt_ns = min(interrupt_ns, self.now_ns() + task.budget_ns)
         self._arm(interrupt_ns)
-        # Spinning depends on who runs, budgets end: these are computed each time.
+        # A time for spinning or for a budget is specific to this job: computed again each time.
         self._armed_due_ns = interrupt_ns if interrupt_ns >= due_ns else 0
 
     def _arm_ahead(self, level: int, check_ns: int) -> None:
         """
-        Set the interrupt, and the other one for what comes after, if that is cheap to say.
+        Set the interrupt, and the spare timer for the release after it if that is easily known.
 
-        :param level: of what goes on then.
+        :param level: of the code that continues then.
         :param check_ns: when its budget may end.
         """
         due_ns = interrupt_ns = NEVER_NS if self.stopping else self._firsts[0][0]
@@ -154,7 +153,7 @@ class TimerInterrupt(Releases):
             self.clock.arm_spare(spare_ns)
 
     def _second_ns(self, level: int, due_ns: int) -> int:
-        """Return what is due after the first release: at its level, or at others above a level."""
+        """Return the release after the first one: at its level, or at others above a level."""
         _, second, third = self._firsts[:3]
         timers = self._timers[self._firsts[0][1]]
         period_ns = timers[0][3]
@@ -169,11 +168,12 @@ class TimerInterrupt(Releases):
 
     def _lenient_ns(self, due_ns: int) -> int:
         """
-        Return the time of an interrupt that has to be set now for what may preempt a job.
+        Return the time of an interrupt that has to be set now for a release that may preempt.
 
-        Where that is often, because releases lie closer than an interrupt costs, it may come late,
-        so that one does for several of them. One that is set for sooner stays, unless that is very
-        soon: to move it away and back takes longer than to be interrupted in vain now and then.
+        Where it is set often, because releases are closer together than an interrupt costs, it may
+        come late, so that one interrupt serves several releases. A timer that is set for an
+        earlier time is left alone unless that is very near: moving it away and back costs more
+        than a needless interrupt now and then.
         """
         if due_ns <= self._armed_due_ns <= due_ns + self._slack_ns:
             return self._armed_ns
@@ -190,23 +190,23 @@ class TimerInterrupt(Releases):
         self._set_ns = now_ns
         if not self._slack_ns:
             return due_ns
-        self._drop_spare()  # it would come in vain
+        self._drop_spare()  # it would interrupt needlessly
         return due_ns + self._slack_ns
 
     def _early_ns(self, level: int) -> int:
-        """Return when to interrupt for the first release, early if that is worth spinning."""
+        """Return when to interrupt for the first release: early when the kernel spins for it."""
         due_ns, first_level = self._firsts[0]
         if first_level > level and self._timers[first_level][0][3]:
             return due_ns - self.spin_ns
         return due_ns
 
     def _interrupt_by(self, at_ns: int) -> None:
-        """Let the interrupt come no later than that."""
+        """Have the interrupt come no later than at a time."""
         if not self.now_ns() < self._armed_ns <= at_ns:
             self._arm(at_ns)
             self._armed_due_ns = 0
 
-    # ---- setting, and reading the clock instead ----------------------------------------------
+    # ---- setting the timers, and polling the clock -------------------------------------------
 
     def _arm(self, interrupt_ns: int) -> None:
         if interrupt_ns == self._armed_ns:
@@ -225,9 +225,9 @@ class TimerInterrupt(Releases):
 
     def _poll(self, until_ns: int, now_ns: int) -> int:
         """
-        Poll the clock until a release that is near.
+        Poll the clock until a release.
 
-        :return: the time, sooner if something else came up.
+        :return: the time; earlier if something became pending.
         """
         begin_ns = now_ns
         while now_ns < until_ns and not (self.pending or self.stopping):

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What falls due at a level: a sorted list, the first that falls due at its beginning.
+The timers of a level: a list that is sorted by due time.
 
-Not a heap: that compares its way to the bottom each time that its first is removed. Here a timer
-that is inserted anew comes last at its level, as a rule, and there is little to move.
+It is not a heap: a heap compares down to a leaf each time that its first element is removed. Here
+a timer that is inserted again usually comes last at its level, and little has to be moved.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from typing import Final
 
 from rt_robot_os.kernel.clock import NEVER_NS
 
-# (time, order among equals, task or action, period until then; 0: it comes once)
+# (due time, order among equals, task or action, period before it; 0 for a one-shot timer)
 Timer = tuple[int, int, Any, int]
 
-# At the end of each list: they spare the question whether it has so many.
+# At the end of each list, so that the first three need no check of the length.
 SENTINELS: Final[list[Timer]] = [(NEVER_NS, (1 << 60) + order, None, 0) for order in range(3)]
 
 insert = insort

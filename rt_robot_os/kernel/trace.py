@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A log of what the scheduler did, bounded, in order: the golden traces of the tests are these."""
+"""A bounded log of the events of the scheduler; the golden traces of the tests are such logs."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class TraceEvent:
     """
-    One thing that happened.
+    One event.
 
     :ivar kind: ``start``, ``end`` or ``fail``.
-    :ivar depth: how many jobs lay interrupted below it.
+    :ivar depth: number of preempted jobs below it.
     """
 
     at_ns: int
@@ -39,7 +39,7 @@ class TraceLog:
     """
     The last events of a kernel.
 
-    :param capacity: how many are kept; older ones are dropped and counted.
+    :param capacity: maximum number of events; older ones are dropped and counted.
     """
 
     def __init__(self, capacity: int = 10_000) -> None:
@@ -48,7 +48,7 @@ class TraceLog:
         self.total = 0
 
     def __call__(self, at_ns: int, kind: str, task: str) -> None:
-        """Note an event; safe in the real-time loop."""
+        """Add an event; safe in the real-time loop."""
         if kind == 'start':
             self._events.append(TraceEvent(at_ns, kind, task, self._depth))
             self._depth += 1
@@ -59,16 +59,16 @@ class TraceLog:
 
     @property
     def dropped(self) -> int:
-        """How many of the oldest events are gone."""
+        """Return the number of dropped events."""
         return self.total - len(self._events)
 
     def events(self) -> tuple[TraceEvent, ...]:
-        """Return the kept events, oldest first."""
+        """Return the stored events, oldest first."""
         return tuple(self._events)
 
     def text(self, times: bool = False) -> str:
         """
-        Write the trace as lines, indented by how deep it was nested.
+        Return the trace as lines, indented by the nesting depth.
 
         :param times: begin each line with the time in microseconds.
         """

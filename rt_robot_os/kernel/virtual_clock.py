@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The clock of tests and replays: time passes when a task spends it, and when all are idle."""
+"""The clock of tests and replays: time passes when a task spends it or all tasks are idle."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from rt_robot_os.base.errors import TaskError
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import Handler
 from rt_robot_os.kernel.clock import NEVER_NS
-from rt_robot_os.linux.timer import AGAIN_NS
+from rt_robot_os.linux.timer import REPEAT_NS
 
 
 class VirtualClock(Clock):
     """
-    Time that passes only when a task spends it or when all are idle.
+    Time that passes only when a task spends it or when all tasks are idle.
 
-    The same tasks run in the same order each time, with no signal and as fast as possible.
+    The same tasks run in the same order each time, without signals and as fast as possible.
 
-    :param start_ns: the time at which it begins.
+    :param start_ns: the initial time.
     """
 
     def __init__(self, start_ns: int = 0) -> None:
@@ -70,32 +70,32 @@ class VirtualClock(Clock):
             raise TaskError('the virtual clock has nothing to wait for: add a periodic task, or '
                             'give run() a duration')
         self._now_ns = max(self._now_ns, first_ns)
-        self._take_due_timers(NEVER_NS)
+        self._expire_timers(NEVER_NS)
         return True
 
     def poll(self, until_ns: int) -> int:
         first_ns = min(self._timer_ns, self._spare_ns)
         self._now_ns = max(self._now_ns, min(until_ns, first_ns))
-        if self._take_due_timers(self._now_ns + AGAIN_NS) and self._on_tick is not None:
+        if self._expire_timers(self._now_ns + REPEAT_NS) and self._on_tick is not None:
             self._on_tick()
         return self._now_ns
 
-    def _take_due_timers(self, again_ns: int) -> bool:
-        """Take the timers that are due; they come again at a time."""
+    def _expire_timers(self, repeat_ns: int) -> bool:
+        """Let the timers that are due expire; they repeat at a given time."""
         timer, spare = self._timer_ns <= self._now_ns, self._spare_ns <= self._now_ns
         if timer:
-            self._timer_ns = again_ns
+            self._timer_ns = repeat_ns
         if spare:
-            self._spare_ns = again_ns
+            self._spare_ns = repeat_ns
         return timer or spare
 
     def spend(self, duration_ns: int) -> None:
-        """Let time pass; what falls due preempts the caller and spends time of its own."""
+        """Advance the time; tasks that fall due preempt the caller and spend their own time."""
         left_ns = duration_ns
         while left_ns > 0:
             first_ns = min(self._timer_ns, self._spare_ns)
             step_ns = min(left_ns, max(0, first_ns - self._now_ns))
             self._now_ns += step_ns
             left_ns -= step_ns
-            if self._take_due_timers(self._now_ns + AGAIN_NS) and self._on_tick is not None:
+            if self._expire_timers(self._now_ns + REPEAT_NS) and self._on_tick is not None:
                 self._on_tick()

@@ -80,7 +80,7 @@ class ClientRoom:
             if length > self._size:
                 raise SampleTooLong(f'a sample of {length} bytes; there is room for {self._size}: '
                                     'declare the topic with a longer tail')
-            slot = self._loans.take()
+            slot = self._loans.acquire()
             if slot < 0:
                 return False
             self._memory.slots[slot][:length] = cdr

@@ -116,11 +116,11 @@ class LargeMirror(Mirror):
                     return
                 self._pass_over()
                 continue
-            slot = self.loans.take()
+            slot = self.loans.acquire()
             if slot < 0 and self.patient:
                 return  # it waits in the topic until it is overwritten there
             if slot < 0:
-                self.full += subscription.pass_over(latest)
+                self.full += subscription.skip(latest)
                 return
             subscription.buffer = self._memory.slots[slot]
             if not (subscription.latest() if latest else subscription.take()):

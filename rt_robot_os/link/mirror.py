@@ -160,7 +160,7 @@ class Mirror:
             room = batch.room(self._longest)
             if room is None:
                 if not self.patient:
-                    self.full += subscription.pass_over(self._latest)
+                    self.full += subscription.skip(self._latest)
                 return
             subscription.buffer = room
             if not take():
@@ -191,7 +191,7 @@ class Mirror:
             self._next_ns = self._at_ns + self._interval_ns
 
     def _pass_over(self) -> None:
-        if self.subscription.pass_over():
+        if self.subscription.skip():
             self.limited += 1
 
     def close(self, gone: bool = False) -> None:

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Everything that calls libc: the only folder that imports ctypes."""
+"""Calls of libc: the only folder that imports ctypes."""

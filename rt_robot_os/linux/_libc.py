@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The libc functions in use, declared once, with their types and their error check."""
+"""The libc functions in use, with their types and their error check."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FALLOC_FL_KEEP_SIZE = 1
 SIG_BLOCK = 0
 SIG_UNBLOCK = 1
 
-# PyDLL keeps the interpreter lock: right for calls that never block, and 100 ns cheaper.
+# PyDLL keeps the interpreter lock: for calls that never block; 100 ns cheaper.
 _quick = ctypes.PyDLL(None, use_errno=True)
 _blocking = ctypes.CDLL(None, use_errno=True)
 
@@ -97,9 +97,9 @@ prctl = _declare(_quick, 'prctl', ctypes.c_int, ctypes.c_ulong, ctypes.c_ulong, 
 fallocate = _declare(_blocking, 'fallocate', ctypes.c_int, ctypes.c_int, ctypes.c_long,
                      ctypes.c_long)
 
-# On the hot path: called with prepared ctypes objects, so no conversion and no Python-level
-# error check. The arguments are valid by construction; sigwaitinfo may be interrupted, which is
-# an answer and not an error.
+# On the hot path: called with prepared ctypes objects, without conversion and without an error
+# check in Python. The arguments are valid by construction. An interrupted sigwaitinfo is not an
+# error.
 timer_settime = _quick.timer_settime
 pthread_sigmask = _quick.pthread_sigmask
 sigwaitinfo = _blocking.sigwaitinfo

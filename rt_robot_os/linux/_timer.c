@@ -15,8 +15,8 @@
  */
 
 /*
- * The calls that a timer and a gate make for each job, without ctypes; see timer.py, which holds
- * the same in Python, and makes and deletes the timers.
+ * The system calls of a timer and a signal gate for each job, without ctypes. timer.py has the
+ * same in Python; it also creates and deletes the timers.
  */
 
 #define PY_SSIZE_T_CLEAN
@@ -33,7 +33,7 @@
 typedef struct {
     PyObject_HEAD
     timer_t timer;
-    long long again_ns;
+    long long repeat_ns;
 } PosixTimer;
 
 typedef struct {
@@ -41,7 +41,7 @@ typedef struct {
     sigset_t signals;
 } SignalGate;
 
-/* The attribute of whoever rests that is set when something came up. */
+/* The attribute of the owner that says that something came up. */
 static PyObject *pending_name;
 
 static PyObject *
@@ -61,17 +61,17 @@ deallocate(PyObject *self)
 static PyObject *
 posix_timer_new(PyTypeObject *type, PyObject *args, PyObject *kwds)
 {
-    long long timer, again_ns;
+    long long timer, repeat_ns;
     if (kwds != NULL && PyDict_Size(kwds) != 0) {
-        PyErr_SetString(PyExc_TypeError, "PosixTimer(timer, again_ns) takes no keywords");
+        PyErr_SetString(PyExc_TypeError, "PosixTimer(timer, repeat_ns) takes no keywords");
         return NULL;
     }
-    if (!PyArg_ParseTuple(args, "LL", &timer, &again_ns))
+    if (!PyArg_ParseTuple(args, "LL", &timer, &repeat_ns))
         return NULL;
     PosixTimer *self = (PosixTimer *)allocate(type);
     if (self != NULL) {
         self->timer = (timer_t)(intptr_t)timer;
-        self->again_ns = again_ns;
+        self->repeat_ns = repeat_ns;
     }
     return (PyObject *)self;
 }
@@ -87,7 +87,7 @@ posix_timer_arm(PyObject *object, PyObject *deadline)
     else if (deadline_ns == -1 && PyErr_Occurred())
         return NULL;
     struct itimerspec spec = {
-        {self->again_ns / NS_PER_S, self->again_ns % NS_PER_S},
+        {self->repeat_ns / NS_PER_S, self->repeat_ns % NS_PER_S},
         {deadline_ns / NS_PER_S, deadline_ns % NS_PER_S},
     };
     if (timer_settime(self->timer, TIMER_ABSTIME, &spec, NULL) < 0)
@@ -116,21 +116,21 @@ signal_gate_new(PyTypeObject *type, PyObject *args, PyObject *kwds)
 }
 
 static PyObject *
-signal_gate_hold(PyObject *self, PyObject *Py_UNUSED(nothing))
+signal_gate_mask(PyObject *self, PyObject *Py_UNUSED(nothing))
 {
     pthread_sigmask(SIG_BLOCK, &((SignalGate *)self)->signals, NULL);
     Py_RETURN_NONE;
 }
 
 static PyObject *
-signal_gate_admit(PyObject *self, PyObject *Py_UNUSED(nothing))
+signal_gate_unmask(PyObject *self, PyObject *Py_UNUSED(nothing))
 {
     pthread_sigmask(SIG_UNBLOCK, &((SignalGate *)self)->signals, NULL);
     Py_RETURN_NONE;
 }
 
 static PyObject *
-signal_gate_wait(PyObject *self, PyObject *Py_UNUSED(nothing))
+signal_gate_wait_masked(PyObject *self, PyObject *Py_UNUSED(nothing))
 {
     int signo;
     Py_BEGIN_ALLOW_THREADS
@@ -144,11 +144,11 @@ signal_gate_wait(PyObject *self, PyObject *Py_UNUSED(nothing))
  * number of the signal; 0 when something was pending, -1 when another signal was handled instead.
  */
 int
-rest(const sigset_t *signals, PyObject *owner, int *signo)
+wait_for_any(const sigset_t *signals, PyObject *owner, int *signo)
 {
     *signo = 0;
     pthread_sigmask(SIG_BLOCK, signals, NULL);
-    /* The handlers of what came before leave their notes; what comes from here on is held. */
+    /* Handlers of earlier signals run here; later signals stay pending. */
     int failed = PyErr_CheckSignals();
     if (!failed) {
         PyObject *pending = PyObject_GetAttr(owner, pending_name);
@@ -165,10 +165,11 @@ rest(const sigset_t *signals, PyObject *owner, int *signo)
 }
 
 static PyObject *
-signal_gate_rest(PyObject *self, PyObject *owner)
+signal_gate_wait(PyObject *self, PyObject *owner)
 {
     int signo;
-    return rest(&((SignalGate *)self)->signals, owner, &signo) < 0 ? NULL : PyLong_FromLong(signo);
+    int failed = wait_for_any(&((SignalGate *)self)->signals, owner, &signo);
+    return failed < 0 ? NULL : PyLong_FromLong(signo);
 }
 
 static PyMethodDef posix_timer_methods[] = {
@@ -188,12 +189,12 @@ static PyType_Spec posix_timer_spec = {
 };
 
 static PyMethodDef signal_gate_methods[] = {
-    {"hold", signal_gate_hold, METH_NOARGS, "Keep the signals pending."},
-    {"admit", signal_gate_admit, METH_NOARGS, "Let the signals through again."},
-    {"wait", signal_gate_wait, METH_NOARGS,
-     "Sleep until one of the held signals is there; take it."},
-    {"rest", signal_gate_rest, METH_O,
-     "Hold them, wait unless something is pending, and admit them."},
+    {"mask_signals", signal_gate_mask, METH_NOARGS, "Mask the signals: they stay pending."},
+    {"unmask_signals", signal_gate_unmask, METH_NOARGS, "Unmask the signals."},
+    {"wait_masked", signal_gate_wait_masked, METH_NOARGS,
+     "Sleep until one of the masked signals is pending, and remove it."},
+    {"wait", signal_gate_wait, METH_O,
+     "Mask the signals, wait unless something is pending, and unmask them."},
     {NULL, NULL, 0, NULL},
 };
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whether the system clock is synchronised, as Linux says (adjtimex(2))."""
+"""The synchronisation of the system clock, as reported by Linux (adjtimex(2))."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ STA_UNSYNC = 0x40
 @dataclass(frozen=True)
 class ClockState:
     """
-    How the time of day is kept.
+    The state of the system clock.
 
     :ivar status: the STA_ bits.
-    :ivar max_error_us: how far it may be off, as the daemon that synchronises it says.
-    :ivar frequency_ppm: by how much it is corrected; positive when it is made faster.
+    :ivar max_error_us: maximum error, as the synchronising daemon estimates it.
+    :ivar frequency_ppm: frequency correction; positive when the clock is sped up.
     """
 
     status: int
@@ -40,13 +40,13 @@ class ClockState:
 
     @property
     def synchronised(self) -> bool:
-        """Whether a daemon synchronises it."""
+        """Return whether a daemon synchronises it."""
         return not self.status & STA_UNSYNC
 
 
 def clock_state() -> ClockState:
     """
-    Ask how the time of day is kept; changes nothing, and needs no rights.
+    Read the state of the system clock; changes nothing and needs no privileges.
 
     :raises OSError: a seccomp filter forbids it.
     """

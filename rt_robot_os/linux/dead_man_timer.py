@@ -14,12 +14,12 @@
 
 
 """
-A dead-man timer: a process that does not push it ahead in time ends, whatever it is doing.
+A dead-man timer: it ends the process, whatever that is doing, unless it is restarted in time.
 
-Two POSIX timers (timer_create(2) with SIGEV_SIGNAL) hold it. The first sends SIGABRT, whose
-default action ends the process even while a native call never returns to Python; with
-:mod:`faulthandler` enabled it writes down where that was. The second sends SIGKILL a little later,
-for code that blocks or handles SIGABRT.
+It consists of two POSIX timers (timer_create(2) with SIGEV_SIGNAL). The first sends SIGABRT, whose
+default action ends the process even if a native call never returns to Python; with
+:mod:`faulthandler` enabled it prints the traceback. The second sends SIGKILL a little later, for
+code that blocks or handles SIGABRT.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ KILL_AFTER_NS = NS_PER_S
 
 class DeadManTimer:
     """
-    The timer; it ends nothing before the first :meth:`push`.
+    A dead-man timer; inactive before the first :meth:`push`.
 
-    :raises OSError: the system has no timer left (RLIMIT_SIGPENDING).
+    :raises OSError: no timer is available (RLIMIT_SIGPENDING).
     """
 
     def __init__(self) -> None:
@@ -57,9 +57,9 @@ class DeadManTimer:
 
     def push(self, deadline_ns: int) -> None:
         """
-        Let the process live until then; about 3 us, safe in the real-time loop.
+        Move the deadline; about 3 us, safe in the real-time loop.
 
-        :param deadline_ns: CLOCK_MONOTONIC, above zero; replaces the deadline set before.
+        :param deadline_ns: CLOCK_MONOTONIC, above zero; replaces the previous deadline.
         """
         for timer in self._timers:
             self._arm(timer, deadline_ns)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Files that a setting names: by a path, or by a URL as ROS writes them."""
+"""Files that a setting names by a path or by a ROS URL."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from rt_robot_os.linux.folders import read_file
 
 def path_of(url: str, key: str) -> Path:
     """
-    Find a file: by a path, ``file://``, or ``package://package/path``.
+    Resolve a path, ``file://``, or ``package://package/path``.
 
     :param key: of the setting, for the errors.
-    :raises ConfigError: it is another kind of URL, or the package is not installed.
+    :raises ConfigError: the URL is of another kind, or the package is not installed.
     """
     if url.startswith('file://'):
         return Path(unquote(url.removeprefix('file://')))
@@ -45,14 +45,14 @@ def path_of(url: str, key: str) -> Path:
     return Path(url).expanduser()
 
 
-def text_of(url: str, key: str, wanted: str) -> tuple[Path, str]:
+def read_text_file(url: str, key: str, wanted: str) -> tuple[Path, str]:
     """
-    Read a file of text; not for the real-time loop.
+    Read a text file; not for the real-time loop.
 
     :param key: of the setting that names it, for the errors.
-    :param wanted: what the file should be, for the errors, such as ``a YAML file with nodes``.
-    :return: where it is, and what it says.
-    :raises ConfigError: it cannot be read; says what to do.
+    :param wanted: description of a valid file, for the errors, such as ``a YAML file with nodes``.
+    :return: its path and its text.
+    :raises ConfigError: it cannot be read; the message has the remedy.
     """
     path = path_of(url, key)
     try:
@@ -61,4 +61,4 @@ def text_of(url: str, key: str, wanted: str) -> tuple[Path, str]:
         raise ConfigError([f'{key} = {url!r}: {error.strerror}: give the path of {wanted}'
                            ]) from error
     except UnicodeDecodeError as error:
-        raise ConfigError([f'{key} = {url!r} is no text: give {wanted}']) from error
+        raise ConfigError([f'{key} = {url!r} is not UTF-8 text: give {wanted}']) from error

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the files of a running robot belong, and how a file that a user names is read."""
+"""The folders of a running robot, and safe opening of files that users name."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 def runtime_path(environ: Mapping[str, str], uid: int) -> Path:
     """
-    Return which folder is the private runtime folder of a user, without making it.
+    Return the path of the private runtime folder of a user, without creating it.
 
-    ``$RT_ROBOT_OS_RUNTIME_DIR``, else ``$XDG_RUNTIME_DIR/rt_robot_os``, else a folder of the
-    user's own in the folder for temporary files.
+    ``$RT_ROBOT_OS_RUNTIME_DIR``, else ``$XDG_RUNTIME_DIR/rt_robot_os``, else a private
+    folder among the temporary files.
     """
     explicit = environ.get(RUNTIME_VARIABLE)
     session = environ.get('XDG_RUNTIME_DIR')
@@ -53,9 +53,10 @@ def ros_home() -> Path:
     """
     Return the folder of ROS 2's files: ``$ROS_HOME`` or ``~/.ros``.
 
-    A user without a home, as in some containers, has a private one among the temporary files.
+    A user without a home folder, as in some containers, gets a private one among the temporary
+    files.
 
-    :raises StartError: that one is somebody else's.
+    :raises StartError: that folder belongs to another user.
     """
     home = os.path.expanduser(os.environ.get('ROS_HOME') or '~/.ros')
     if not home.startswith('~'):
@@ -68,7 +69,7 @@ def ros_home() -> Path:
         raise StartError(f'{folder} cannot be used: {error.strerror}; set ROS_HOME') from error
     if (not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid()
             or status.st_mode & _WRITABLE_BY_OTHERS):
-        raise StartError(f'{folder} is not a folder of this user alone; remove it, or set '
+        raise StartError(f'{folder} is not a private folder of this user; remove it, or set '
                          'ROS_HOME')
     return folder
 
@@ -77,10 +78,10 @@ def open_to_append(path: Path) -> int:
     """
     Open a file under a fixed name for appending.
 
-    In a folder that others can write, they cannot make us write somewhere else.
+    If others can write to the folder, they cannot redirect the writing to another file.
 
     :return: its file descriptor.
-    :raises OSError: it cannot be opened, or is not ours in such a folder.
+    :raises OSError: it cannot be opened, or belongs to another user in such a folder.
     """
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC
     shared = path.parent.stat().st_mode & _WRITABLE_BY_OTHERS
@@ -91,28 +92,28 @@ def open_to_append(path: Path) -> int:
     if (not stat.S_ISREG(status.st_mode) or status.st_uid != os.getuid()
             or status.st_nlink != 1):
         os.close(fd)
-        raise OSError(errno.EPERM, 'it is no file of this user')
+        raise OSError(errno.EPERM, 'it is not a file of this user')
     return fd
 
 
-LARGEST_BYTES = 1 << 20
+MAX_BYTES = 1 << 20
 
 
-def read_file(path: Path, most_bytes: int = LARGEST_BYTES) -> bytes:
+def read_file(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
     """
-    Read a whole file; never waits for the writer of a pipe, never reads more than is sensible.
+    Read a whole file of limited size; never waits for the writer of a pipe.
 
-    :raises OSError: it cannot be read, is no file, or is longer.
+    :raises OSError: it cannot be read, is not a regular file, or is longer.
     """
     fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY)
     try:
         if not stat.S_ISREG(os.fstat(fd).st_mode):
-            raise OSError(errno.EINVAL, 'it is no file')
+            raise OSError(errno.EINVAL, 'it is not a regular file')
     except OSError:
         os.close(fd)
         raise
     with open(fd, 'rb') as file:
-        data = file.read(most_bytes + 1)
-    if len(data) > most_bytes:
-        raise OSError(errno.EFBIG, f'it is longer than {most_bytes} bytes')
+        data = file.read(max_bytes + 1)
+    if len(data) > max_bytes:
+        raise OSError(errno.EFBIG, f'it is longer than {max_bytes} bytes')
     return data

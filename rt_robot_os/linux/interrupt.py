@@ -33,7 +33,7 @@ def signal_when_readable(fd: int, signo: int) -> int:
     Works for sockets, pipes and terminals (ttys and ptys). Reading no longer blocks.
 
     :return: the flags that the descriptor had, for :func:`no_signal_when_readable`.
-    :raises OSError: the descriptor is closed or cannot do that.
+    :raises OSError: the descriptor is closed or does not support it.
     """
     owner = struct.pack('ii', F_OWNER_TID, threading.get_native_id())
     fcntl.fcntl(fd, F_SETOWN_EX, owner)
@@ -45,7 +45,7 @@ def signal_when_readable(fd: int, signo: int) -> int:
 
 def mask_signal(fd: int) -> None:
     """
-    Stop the signals of a descriptor for a while; reading it still never blocks.
+    Suspend the signals of a descriptor; reading it still never blocks.
 
     :raises OSError: the descriptor is closed.
     """
@@ -65,10 +65,10 @@ def no_signal_when_readable(fd: int, flags: int) -> None:
     """
     Undo :func:`signal_when_readable`.
 
-    A terminal shares its flags with the shell that comes after this program, so that reading
-    blocks again matters.
+    A terminal shares its flags with the shell that runs after this program, so blocking reads must
+    be restored.
 
-    :param flags: what it returned.
+    :param flags: the return value of that function.
     :raises OSError: the descriptor is closed.
     """
     undone = (fcntl.FASYNC | os.O_NONBLOCK) & ~flags

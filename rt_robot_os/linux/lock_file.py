@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A lock that a process holds for its life: `kill -9` frees it too, and others see who has it."""
+"""A lock file: held for the life of a process, released even by `kill -9`, readable by others."""
 
 from __future__ import annotations
 
@@ -25,34 +25,34 @@ import time
 from types import MappingProxyType
 from typing import Any
 
-# A process that only checks whether the lock is held holds it for microseconds itself.
+# A process that only checks the lock holds it itself for microseconds.
 _TRIES = 20
 _PAUSE_S = 0.01
 _FACTS_BYTES_MAXIMUM = 4096
-_NOBODY: Mapping[str, Any] = MappingProxyType({})
+_UNKNOWN: Mapping[str, Any] = MappingProxyType({})
 
 
 class LockFile:
     """
-    A file under flock(2), with facts about its holder as JSON.
+    A file under flock(2), with information about its holder as JSON.
 
     Not for the real-time loop.
 
-    :param path: in a folder that only this user can write.
+    :param path: in a folder that only this user can write to.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._fd = -1
         self._facts: dict[str, Any] = {}
-        # The lock belongs to the open file: a child that was forked would hold it as well.
+        # The lock belongs to the open file: a forked child would hold it as well.
         os.register_at_fork(after_in_child=self._forget)
 
     def acquire(self) -> bool:
         """
-        Take the lock; False when another process has it.
+        Acquire the lock; False when another process holds it.
 
-        :raises OSError: the file cannot be made.
+        :raises OSError: the file cannot be created.
         """
         for _ in range(_TRIES):
             fd = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
@@ -65,11 +65,11 @@ class LockFile:
             if _same(fd, self.path):
                 self._fd = fd
                 return True
-            os.close(fd)  # its holder has just ended and removed it
+            os.close(fd)  # its holder has just ended and removed the file
         return False
 
     def note(self, **facts: Any) -> None:
-        """Say something about its holder, beside what was said before."""
+        """Add information about the holder."""
         self._facts |= facts
         data = json.dumps(self._facts).encode()
         os.ftruncate(self._fd, 0)
@@ -91,9 +91,9 @@ class LockFile:
 
 def holder(path: Path) -> Mapping[str, Any] | None:
     """
-    Return who holds a lock.
+    Return information about the holder of a lock.
 
-    :return: what it noted, empty when that cannot be read; None when nobody holds it.
+    :return: empty when it cannot be read; None when the lock is free.
     """
     try:
         fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
@@ -111,8 +111,8 @@ def holder(path: Path) -> Mapping[str, Any] | None:
     try:
         facts = json.loads(data)
     except (ValueError, RecursionError):
-        return _NOBODY
-    return facts if isinstance(facts, dict) else _NOBODY
+        return _UNKNOWN
+    return facts if isinstance(facts, dict) else _UNKNOWN
 
 
 def _same(fd: int, path: Path) -> bool:
@@ -120,5 +120,5 @@ def _same(fd: int, path: Path) -> bool:
         there = path.lstat()
     except OSError:
         return False
-    mine = os.fstat(fd)
-    return (mine.st_dev, mine.st_ino) == (there.st_dev, there.st_ino)
+    opened = os.fstat(fd)
+    return (opened.st_dev, opened.st_ino) == (there.st_dev, there.st_ino)

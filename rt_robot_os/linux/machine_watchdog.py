@@ -14,11 +14,11 @@
 
 
 """
-The watchdog of the machine: hardware that starts it anew when nobody feeds it.
+The hardware watchdog: it resets the machine unless it is fed in time.
 
-Linux's interface (Documentation/watchdog/watchdog-api.rst): opening ``/dev/watchdog`` starts it,
-each write feeds it, and writing ``V`` right before closing stops it, unless it was set up never
-to stop (nowayout).
+The interface of Linux (Documentation/watchdog/watchdog-api.rst): opening ``/dev/watchdog`` starts
+it, each write feeds it, and writing ``V`` right before closing stops it, unless the driver was
+loaded with the option ``nowayout``.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ import struct
 from rt_robot_os.linux.realtime import RtResult
 
 WDIOC_SETTIMEOUT = 0xC0045706
-_FOOD, _STOP = b'\0', b'V'
+_KEEPALIVE, _STOP = b'\0', b'V'
 
 
 class MachineWatchdog:
     """
-    An open watchdog; it runs from now on.
+    An open watchdog; it is running.
 
-    :ivar timeout_s: after which it starts the machine anew; 0 when it does not tell.
+    :ivar timeout_s: after which it resets the machine; 0 when the driver does not report it.
     """
 
     def __init__(self, fd: int, timeout_s: int) -> None:
@@ -47,16 +47,16 @@ class MachineWatchdog:
         self._fd = fd
 
     def feed(self) -> None:
-        """Restart its time-out; a write to a driver that does not wait."""
+        """Restart its timeout; a write to a driver that does not block."""
         if self._fd >= 0:
             with suppress(OSError):
-                os.write(self._fd, _FOOD)
+                os.write(self._fd, _KEEPALIVE)
 
     def close(self, stop: bool = True) -> None:
         """
         Close it; may be called twice.
 
-        :param stop: stop it; otherwise the machine starts anew unless somebody opens it in time.
+        :param stop: stop it; otherwise it resets the machine unless it is opened again in time.
         """
         if self._fd < 0:
             return
@@ -73,8 +73,8 @@ def open_machine_watchdog(
     """
     Start a watchdog.
 
-    :param timeout_s: asked of it; drivers may round it.
-    :return: what became of it, and the watchdog; None when it cannot be had.
+    :param timeout_s: requested timeout; drivers may round it.
+    :return: the result, and the watchdog; None when it cannot be opened.
     """
     step = f'watchdog {path}'
     try:
@@ -83,12 +83,12 @@ def open_machine_watchdog(
         remedies = {
             FileNotFoundError: 'load the driver of the hardware, or softdog: modprobe softdog',
             PermissionError: f'give the group of the robot the right to write {path}, by udev'}
-        remedy = remedies.get(type(error), f'another program may have it: fuser -v {path}')
+        remedy = remedies.get(type(error), f'another program may have it open: fuser -v {path}')
         return RtResult(False, step, f'{error.strerror}. Remedy: {remedy}'), None
-    told_s = 0
+    granted_s = 0
     try:
         answer = fcntl.ioctl(fd, WDIOC_SETTIMEOUT, struct.pack('=i', timeout_s))
-        told_s, = struct.unpack('=i', answer)
+        granted_s, = struct.unpack('=i', answer)
     except OSError:
-        pass  # it has a time of its own
-    return RtResult(True, step), MachineWatchdog(fd, told_s)
+        pass  # it has a fixed timeout
+    return RtResult(True, step), MachineWatchdog(fd, granted_s)

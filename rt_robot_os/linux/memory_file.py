@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-Memory that two processes share in slots: for samples that are too long for a packet.
+Shared memory in slots, for samples that are too long for a packet.
 
-It is a file without a name (memfd_create(2)) whose descriptor goes through a Unix socket. Its size
-is sealed, so that neither side can take pages away under the other. It ends with the last process
-that holds it: nothing is left behind, and nobody has to tidy up.
+It is an anonymous file (memfd_create(2)) whose descriptor is sent through a Unix socket. Its size
+is sealed, so that neither side can remove pages that the other uses. It ends with the last process
+that holds it: no clean-up is needed.
 
-Taking pages and giving them back is slow in the kernel, where no signal is served: some 50 us for
-64 KiB. So both are done piece by piece, and a task may be preempted in between.
+Allocating and releasing pages is slow in Linux, where no signal is served: some 50 us for 64 KiB.
+So both are done in chunks, and a task may be preempted in between.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ import os
 import socket
 import struct
 
-_PIECE_BYTES = 16 * 1024
+_CHUNK_BYTES = 16 * 1024
 _FD = struct.Struct('i')
 FD_BYTES = socket.CMSG_SPACE(_FD.size)
 _SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
@@ -41,7 +41,7 @@ FREE, FILLING, LOANED = 0, 1, 2
 
 
 def slot_stride(size: int) -> int:
-    """Return the distance between slots of a size: whole pages, so that no two share one."""
+    """Return the distance between slots: whole pages, so that no two slots share one."""
     return max(1, -(-size // mmap.PAGESIZE)) * mmap.PAGESIZE
 
 
@@ -49,7 +49,7 @@ class MemoryFile:
     """
     Shared slots; made by :meth:`create` or :meth:`received`.
 
-    :ivar fd: to be sent; -1 once it is closed.
+    :ivar fd: its descriptor; -1 once it is closed.
     :ivar slots: a writable view of each.
     """
 
@@ -63,12 +63,12 @@ class MemoryFile:
     @classmethod
     def create(cls, name: str, count: int, size: int) -> MemoryFile:
         """
-        Make the file and take all of its pages; some milliseconds, but preemptible.
+        Create the file and allocate all pages; takes some milliseconds, preemptible.
 
-        :param name: as ``/proc/PID/maps`` shows it.
+        :param name: as shown in ``/proc/PID/maps``.
         :param count: number of slots.
         :param size: bytes of each.
-        :raises OSError: there is not so much memory, or not so many descriptors.
+        :raises OSError: not enough memory or descriptors.
         """
         fd = os.memfd_create(name, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:
@@ -78,18 +78,18 @@ class MemoryFile:
         except OSError:
             os.close(fd)
             raise
-        zeros = bytes(_PIECE_BYTES)
-        for start in range(0, len(made._all), _PIECE_BYTES):
-            piece = made._all[start:start + _PIECE_BYTES]
+        zeros = bytes(_CHUNK_BYTES)
+        for start in range(0, len(made._all), _CHUNK_BYTES):
+            piece = made._all[start:start + _CHUNK_BYTES]
             piece[:] = zeros[:len(piece)]
         return made
 
     @classmethod
     def received(cls, fd: int, count: int, size: int) -> MemoryFile:
         """
-        Take over a file that came through a socket, and with it its descriptor.
+        Map a file that was received through a socket; takes ownership of the descriptor.
 
-        :raises OSError: it is not what it is said to be.
+        :raises OSError: its size or its seals are wrong.
         """
         try:
             if count < 1 or size < 1:
@@ -105,14 +105,14 @@ class MemoryFile:
             raise
 
     def discard(self) -> None:
-        """Give the pages back to Linux; their content is lost for both sides. Preemptible."""
+        """Release the pages; their content is lost for both sides. Preemptible."""
         self._advise(mmap.MADV_REMOVE)
 
     def close(self) -> None:
         """
-        Unmap it; may be called twice, and is preemptible.
+        Unmap it; may be called twice; preemptible.
 
-        Where somebody holds a view of a slot it is unmapped with the last one.
+        If views of slots still exist it is unmapped with the last one.
         """
         if self.fd < 0:
             return
@@ -131,25 +131,25 @@ class MemoryFile:
     def _advise(self, advice: int) -> None:
         if self.fd < 0:
             return
-        for start in range(0, len(self._map), _PIECE_BYTES):
+        for start in range(0, len(self._map), _CHUNK_BYTES):
             try:
-                self._map.madvise(advice, start, min(_PIECE_BYTES, len(self._map) - start))
+                self._map.madvise(advice, start, min(_CHUNK_BYTES, len(self._map) - start))
             except OSError:
                 return
 
 
 class Loans:
     """
-    Which slots are out on loan; any two calls may preempt each other.
+    The states of the slots; any two calls may preempt each other.
 
-    Bounded by construction: a slot is one byte, and nothing is kept in lists.
+    Bounded by construction: one byte per slot.
     """
 
     def __init__(self, count: int) -> None:
         self._states = bytearray(count)
 
-    def take(self) -> int:
-        """Take a free slot to fill it; -1 when there is none."""
+    def acquire(self) -> int:
+        """Allocate a free slot to fill it; -1 when there is none."""
         states = self._states
         slot = states.find(FREE)
         if slot >= 0:
@@ -157,18 +157,18 @@ class Loans:
         return slot
 
     def lend(self, slot: int) -> None:
-        """Say that a slot is about to be handed over."""
+        """Mark a slot as lent to the other side."""
         self._states[slot] = LOANED
 
     def put_back(self, slot: int) -> None:
-        """Take a slot back that was not handed over after all."""
+        """Free a slot that was not handed over."""
         self._states[slot] = FREE
 
     def returned(self, slot: int) -> bool:
         """
-        Take a slot back from the other side.
+        Free a slot that the other side returned.
 
-        :return: False when that slot was not on loan: the other side does not keep the rules.
+        :return: False when the slot was not lent: the other side violates the protocol.
         """
         if not 0 <= slot < len(self._states) or self._states[slot] != LOANED:
             return False
@@ -177,7 +177,7 @@ class Loans:
 
     @property
     def out(self) -> int:
-        """How many slots are on loan."""
+        """Return the number of lent slots."""
         return self._states.count(LOANED)
 
 
@@ -185,14 +185,14 @@ def send_with_fd(connection: socket.socket, packet: bytes, fd: int) -> None:
     """
     Send a packet together with a descriptor.
 
-    :raises BlockingIOError: there is no room now.
+    :raises BlockingIOError: the socket buffer is full.
     :raises OSError: the other side is gone.
     """
     connection.sendmsg([packet], [(socket.SOL_SOCKET, socket.SCM_RIGHTS, _FD.pack(fd))])
 
 
 def received_fds(ancillary: Sequence[tuple[int, int, bytes]]) -> list[int]:
-    """Return the descriptors that came with a packet; whoever asks has to close them."""
+    """Return the descriptors that came with a packet; the caller has to close them."""
     found: list[int] = []
     for level, kind, data in ancillary:
         if level == socket.SOL_SOCKET and kind == socket.SCM_RIGHTS:

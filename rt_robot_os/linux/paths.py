@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where a core's socket and its simulated devices lie: a folder that only its user can enter."""
+"""The paths of a core's socket and its simulated devices: in a private folder of its user."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 def runtime_folder() -> Path:
     """
-    Return the private runtime folder, made if need be; see :mod:`rt_robot_os.linux.folders`.
+    Return the private runtime folder, created if needed; see :mod:`rt_robot_os.linux.folders`.
 
-    :raises StartError: it or a folder above it belongs to another user or can be written by one,
-        or it cannot be made.
+    :raises StartError: it or a folder above it belongs to another user or is writable for one, or
+        it cannot be created.
     """
     folder = runtime_path(os.environ, os.getuid())
     remedy = f'set {RUNTIME_VARIABLE} to a folder of your own'
@@ -46,7 +46,7 @@ def runtime_folder() -> Path:
             raise StartError(f'{folder} is not a folder of this user; remove it, or {remedy}')
         if status.st_mode & _WRITABLE_BY_OTHERS:
             raise StartError(f'{folder} can be written by other users; {remedy}, or chmod 700 it '
-                             'when nobody else has put anything there')
+                             'if it has no files of other users')
         for above, problem in _exposed(folder):
             raise StartError(f'{folder} is not private: {above} {problem}; {remedy}')
         if status.st_mode & 0o077 and not _is_used_by_others(folder):
@@ -59,17 +59,17 @@ def runtime_folder() -> Path:
 
 
 def _is_used_by_others(folder: Path) -> bool:
-    """Return whether others must keep their access, though it is ours: /run, a home."""
+    """Return whether others need access to a folder of this user, such as /run or a home."""
     real = folder.resolve()
     return len(real.parts) < 3 or real == Path(os.path.expanduser('~')).resolve()
 
 
 def _exposed(folder: Path) -> Iterator[tuple[Path, str]]:
     """Find the folders and links on the path that other users could replace."""
-    absolute, mine = Path(os.path.abspath(folder)), (0, os.getuid())
+    absolute, trusted = Path(os.path.abspath(folder)), (0, os.getuid())
     for above in dict.fromkeys((*absolute.parents, *absolute.resolve().parents)):
         status = above.lstat()
-        if status.st_uid not in mine:
+        if status.st_uid not in trusted:
             yield above, 'belongs to another user'
         elif (status.st_mode & _WRITABLE_BY_OTHERS and stat.S_ISDIR(status.st_mode)
               and not status.st_mode & stat.S_ISVTX):
@@ -82,7 +82,7 @@ def robot_name(node: str = 'robot', namespace: str = '/') -> str:
 
 
 def robot_of(text: str) -> str:
-    """Return the name of a robot's files from what a user writes: its node, ``/arm/robot``."""
+    """Return the name of a robot's files from the name of its node, such as ``/arm/robot``."""
     return '.'.join(part for part in text.replace('.', '/').split('/') if part) or 'robot'
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Processes: how children start, end with their parent, and are ended; what Linux lets run."""
+"""Child processes: start, end with the parent, and termination; scheduling information."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ import weakref
 from rt_robot_os.base.programs import own_process
 from rt_robot_os.linux import _libc
 
-# How long a child may take to be ready, which is a second at most unless the machine has far too
-# much to do. One that ends is noticed at once; only one that hangs is waited for that long.
+# Timeout for a child to become ready, which takes at most a second unless the machine is
+# overloaded. A child that ends is noticed immediately; the timeout is for one that hangs.
 START_PATIENCE_S = 60.0
 
 
@@ -42,18 +42,18 @@ def start_child(
     env: Mapping[str, str] | None = None, own_session: bool = True,
 ) -> subprocess.Popen[bytes]:
     """
-    Start a module in a Python of its own, as ``python -m`` does.
+    Start a module in a separate Python process, as ``python -m`` does.
 
-    One that is to end with this process gets the number of that (:func:`os.getpid`) and has
-    :func:`run_child` or :func:`die_with_parent`. Linux takes the *thread* that starts it for the
+    A child that is to end with this process gets its process id (:func:`os.getpid`) and uses
+    :func:`run_child` or :func:`die_with_parent`. Linux treats the *thread* that starts it as the
     parent.
 
-    :param given: is written to its standard input, which is then closed; that it has ended before
-        it has read that is seen by whoever waits for it.
-    :param stdin: where nothing is given. This and the next two are as in `subprocess.Popen`.
-    :param pass_fds: descriptors that it inherits, under their numbers.
+    :param given: written to its standard input, which is then closed. A child that ended before
+        it read that is noticed by waiting for it.
+    :param stdin: used without ``given``. This and the next two are as in `subprocess.Popen`.
+    :param pass_fds: descriptors that it inherits, with the same numbers.
     :param env: its whole environment; None for that of this process.
-    :param own_session: a Ctrl-C in the terminal is for this process alone, which then ends the
+    :param own_session: a Ctrl-C in the terminal reaches only this process, which then ends the
         child in order; False leaves the child in the process group of this one.
     :raises OSError: it cannot be started.
     """
@@ -62,12 +62,12 @@ def start_child(
         stdin=stdin if given is None else subprocess.PIPE, stdout=stdout, stderr=stderr, env=env,
         pass_fds=pass_fds, start_new_session=own_session)
     if given is not None:
-        hand_over(process, given)
+        write_stdin(process, given)
     return process
 
 
-def hand_over(process: subprocess.Popen[bytes], given: bytes) -> None:
-    """Write all that a child reads from its standard input; does nothing when it has ended."""
+def write_stdin(process: subprocess.Popen[bytes], given: bytes) -> None:
+    """Write the whole standard input of a child; does nothing when it has ended."""
     if process.stdin is not None:
         with suppress(BrokenPipeError), process.stdin as pipe:
             pipe.write(given)
@@ -77,8 +77,8 @@ def run_child(main: Callable[[Sequence[str]], int], signo: int = signal.SIGTERM)
     """
     Run the main function of a child that ends with its parent.
 
-    :param main: takes the arguments behind the first, which is the process id of the parent.
-    :param signo: is sent to this process when the parent dies.
+    :param main: called with the arguments after the first, which is the parent's process id.
+    :param signo: sent to this process when the parent dies.
     :return: the exit code; 0 when the parent has ended before.
     """
     parent, *arguments = sys.argv[1:]
@@ -89,10 +89,10 @@ def run_child(main: Callable[[Sequence[str]], int], signo: int = signal.SIGTERM)
 def end_child(process: subprocess.Popen[bytes], patience_s: float, signo: int = signal.SIGTERM
               ) -> None:
     """
-    End a child in order, by force when it does not listen; one that has ended is left alone.
+    Terminate a child; kill it when it does not end in time. One that has ended is ignored.
 
-    :param patience_s: how long to wait for it, after either signal.
-    :param signo: is sent first.
+    :param patience_s: timeout after either signal.
+    :param signo: the first signal.
     """
     for each in (signo, signal.SIGKILL):
         process.send_signal(each)
@@ -101,30 +101,30 @@ def end_child(process: subprocess.Popen[bytes], patience_s: float, signo: int = 
             return
 
 
-def leave_alone(cpus: Iterable[int]) -> None:
-    """Take ordinary priority, and run on other CPUs than those of a pinned core, if there are."""
+def use_ordinary_scheduling(cpus: Iterable[int]) -> None:
+    """Use ordinary scheduling, on other CPUs than those of a pinned core, if there are any."""
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     everywhere = set(range(os.cpu_count() or 1))
     others = everywhere - set(cpus)
     if others != everywhere and others:
-        with suppress(OSError):  # a container that may use that one CPU only
+        with suppress(OSError):  # a container that may use only that CPU
             os.sched_setaffinity(0, others)
 
 
 def die_with_parent(parent_pid: int | None = None, signo: int = signal.SIGTERM) -> bool:
     """
-    Ask for a signal when the parent dies (PR_SET_PDEATHSIG, prctl(2)).
+    Request a signal when the parent dies (PR_SET_PDEATHSIG, prctl(2)).
 
     :param parent_pid: the parent that started this process; a parent that died before this call
         is noticed by comparing it with the present one.
-    :return: False when the parent is gone already: the caller should end.
+    :return: False when the parent has ended already: the caller should end.
     """
     _libc.prctl(_libc.PR_SET_PDEATHSIG, int(signo), 0, 0, 0)
     return parent_pid is None or os.getppid() == parent_pid
 
 
 def parent_of(pid: int) -> int:
-    """Return the parent of a process; 0 when it has ended or is not ours to see."""
+    """Return the parent of a process; 0 when it has ended or is not visible to this user."""
     try:
         return int(Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[1])
     except (OSError, ValueError, IndexError):
@@ -137,7 +137,7 @@ _PATH = Path('/proc/self/schedstat')
 
 class WaitingTime:
     """
-    The waiting time of the main thread.
+    The time that the main thread has waited for a CPU.
 
     Always 0 on a Linux without these numbers (CONFIG_SCHED_INFO).
     """
@@ -160,15 +160,15 @@ class WaitingTime:
             return 0
 
 
-def computing(pid: int) -> tuple[bool, int]:
+def scheduling_state(pid: int) -> tuple[bool, int]:
     """
-    Look at the first thread of a process.
+    Read the scheduling state of the first thread of a process.
 
-    :return: whether it runs or is ready to, and the nanoseconds that it has computed so far; not
-        ready when there is no such process.
+    :return: whether it runs or is ready, and its CPU time in nanoseconds; (False, 0) when the
+        process does not exist.
     """
     try:
-        # The name, which stands before the state, may hold anything.
+        # The name, which precedes the state, may contain any characters.
         state = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0]
         return state == 'R', int(Path(f'/proc/{pid}/schedstat').read_text().split()[0])
     except (OSError, ValueError, IndexError):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Raising an exception from the handler of a signal so that the signal comes again."""
+"""Raise an exception from a signal handler so that the signal is sent again."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ _set_exception.restype = None
 
 def signal_and_raise(signo: int, error: BaseException) -> Iterator[object]:
     """
-    Prepare to raise an exception from a signal's handler with a signal on its way.
+    Prepare to raise an exception from a signal handler with another signal pending.
 
-    Python runs the handler of that one as soon as any Python code goes on: at the first call of a
-    function and at the first step back in a loop, in the ``except`` clause that catches the
-    exception just as after it. If the handler raises in the same way, code that catches everything
-    can call nothing and repeat nothing, so that each exception ends at least one ``try``.
+    Python runs the handler of that signal as soon as Python code continues: at the first function
+    call and at the first backward jump of a loop, also in the ``except`` clause that catches the
+    exception. If the handler raises in the same way, code that catches everything can neither call
+    nor loop, so each exception ends at least one ``try``.
 
-    The signal is sent and the exception is raised within one native call. Between two, the handler
-    would run too soon, in the code that is about to raise.
+    The signal is sent and the exception is raised within one native call. Between two calls, the
+    handler would run too early, in the code that is about to raise.
 
-    :param signo: a signal with a Python handler that is not held back.
+    :param signo: a signal with a Python handler that is not masked.
     :return: an iterator whose first step sends the signal to this thread and raises the exception;
         safe in the real-time loop. RecursionError when the stack has no room for a native call.
     """

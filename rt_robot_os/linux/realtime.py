@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Real-time set-up of a process: each step may be refused, says so, and the process runs on.
+Real-time set-up of a process: a step that is refused is reported, and the process continues.
 
-The idea of a result with a reason instead of an exception follows ros2_control's realtime_tools:
-a robot on a laptop without privileges must run, and must tell what it lacks. One step limits how
-deeply an idle CPU may sleep: Linux keeps to it as long as ``/dev/cpu_dma_latency`` is open
-(Documentation/power/pm_qos_interface.rst of Linux).
+Returning a result with a reason instead of raising follows ros2_control's realtime_tools: a robot
+on a laptop without privileges must run and report what is missing. One step limits the sleep
+states of an idle CPU, as long as ``/dev/cpu_dma_latency`` is open (Documentation/power/
+pm_qos_interface.rst of Linux).
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from rt_robot_os.linux import _libc
 @dataclass(frozen=True)
 class RtResult:
     """
-    What became of one step of the set-up.
+    The result of one step of the set-up.
 
-    :ivar ok: the step is in force.
-    :ivar step: what was asked for.
-    :ivar reason: why not, and the remedy; empty when it worked.
+    :ivar ok: the step is active.
+    :ivar step: the requested setting.
+    :ivar reason: why it failed, and the remedy; empty on success.
     """
 
     ok: bool
@@ -47,7 +47,7 @@ class RtResult:
     reason: str = ''
 
     def __str__(self) -> str:
-        return f'{self.step}: {"in force" if self.ok else self.reason}'
+        return f'{self.step}: {"active" if self.ok else self.reason}'
 
 
 def set_fifo(priority: int, *, alone: bool = False) -> RtResult:
@@ -55,8 +55,8 @@ def set_fifo(priority: int, *, alone: bool = False) -> RtResult:
     Run under SCHED_FIFO (sched(7)).
 
     :param priority: 1..99, higher runs first.
-    :param alone: threads and processes that this one starts are ordinary. On the same CPU and of
-        the same priority a thread that computes would never let this one run again.
+    :param alone: threads and processes that this one starts get ordinary scheduling. On the same
+        CPU, a computing thread of the same priority would never let this one run again.
     """
     step = f'SCHED_FIFO priority {priority}'
     try:
@@ -75,7 +75,7 @@ def set_affinity(cpu: int) -> RtResult:
     """
     Pin the process to one CPU.
 
-    :param cpu: a CPU number; -1 takes the last one allowed.
+    :param cpu: a CPU number; -1 selects the last allowed one.
     """
     allowed = sorted(os.sched_getaffinity(0))
     wanted = allowed[-1] if cpu == -1 else cpu
@@ -90,10 +90,10 @@ def set_affinity(cpu: int) -> RtResult:
 
 def lock_memory() -> RtResult:
     """
-    Keep every page that the process touches in memory (mlockall(2)), now and later.
+    Lock all current and future pages of the process in memory (mlockall(2)).
 
-    MCL_ONFAULT: without it the untouched parts of every shared library are read in as well,
-    which multiplies the resident size and gains nothing once the code has run.
+    MCL_ONFAULT: without it unused parts of every shared library are loaded as well, which
+    multiplies the resident size without benefit.
     """
     step = 'locked memory'
     try:
@@ -106,7 +106,7 @@ def lock_memory() -> RtResult:
 
 
 def set_timer_slack() -> RtResult:
-    """Ask for the least timer slack, 1 ns; it matters only where SCHED_FIFO was refused."""
+    """Set the minimum timer slack, 1 ns; it matters only where SCHED_FIFO was refused."""
     step = 'timer slack 1 ns'
     try:
         _libc.prctl(_libc.PR_SET_TIMERSLACK, 1, 0, 0, 0)
@@ -117,10 +117,10 @@ def set_timer_slack() -> RtResult:
 
 def freeze_garbage() -> RtResult:
     """
-    Take all objects of the set-up out of the cyclic garbage collector and turn it off.
+    Move all objects of the set-up out of the cyclic garbage collector and disable it.
 
-    A collection is a native call that no release can preempt; from now on somebody has to
-    collect where there is time for it.
+    A collection is a native call that no release can preempt. From now on the caller has to
+    collect when there is time.
     """
     gc.collect()
     gc.freeze()
@@ -131,29 +131,29 @@ def freeze_garbage() -> RtResult:
 DEVICE = Path('/dev/cpu_dma_latency')
 
 
-class HeldCpuLatency:
-    """A request that holds until it is closed, or the process ends."""
+class CpuLatencyRequest:
+    """A request that is active until it is closed or the process ends."""
 
     def __init__(self, fd: int) -> None:
         self._fd = fd
 
     def close(self) -> None:
-        """Take the request back; may be called twice."""
+        """Withdraw the request; may be called twice."""
         if self._fd >= 0:
             fd, self._fd = self._fd, -1
             os.close(fd)
 
 
-def hold_cpu_latency(
+def request_cpu_latency(
     microseconds: int, path: Path = DEVICE,
-) -> tuple[RtResult, HeldCpuLatency | None]:
+) -> tuple[RtResult, CpuLatencyRequest | None]:
     """
-    Ask that a sleeping CPU wakes within a time: what takes longer than that is not entered.
+    Limit the wake-up latency of the CPUs: deeper sleep states are not entered.
 
-    0 keeps the CPUs out of every sleep state, and costs the power that they would save.
+    0 disables all sleep states, at the cost of the power that they would save.
 
     :param microseconds: from 0.
-    :return: what became of it, and the request to keep; None when it was refused.
+    :return: the result, and the request to store; None when it was refused.
     """
     step = f'CPU latency {microseconds} us'
     try:
@@ -172,4 +172,4 @@ def hold_cpu_latency(
     except OSError as error:
         os.close(fd)
         return RtResult(False, step, f'{path}: {error.strerror}'), None
-    return RtResult(True, step), HeldCpuLatency(fd)
+    return RtResult(True, step), CpuLatencyRequest(fd)

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Python's recursion limit, seen from the handler of a signal.
+Python's recursion limit in signal handlers.
 
-The handler is called on top of whatever runs, which may be at Python's recursion limit already.
+A handler is called on top of the running code, which may be at Python's recursion limit already.
 No call is possible there, so the limit is raised before the handler begins.
 """
 
@@ -29,8 +29,8 @@ import sys
 from types import BuiltinMethodType
 from typing import Any
 
-# Since Python 3.12 native calls have a limit of their own, so that they work where a Python
-# function has no room left.
+# Since Python 3.12 native calls have a separate limit, so they work where a Python function has no
+# stack left.
 SEPARATE_LIMITS = sys.version_info >= (3, 12)
 _ROOMY = 1_000_000
 
@@ -41,19 +41,30 @@ _set_limit.restype = None
 
 def force_recursion_limit(limit: int) -> None:
     """
-    Set the limit also where the stack is as deep already, which :mod:`sys` refuses to do.
+    Set the limit even if the stack is as deep already, which :mod:`sys` does not allow.
 
     Safe in the real-time loop.
     """
     _set_limit(limit)
 
 
+def restore_recursion_limit(limit: int) -> None:
+    """Set the limit at the end of a handler of signals, however deep the stack is."""
+    try:
+        sys.setrecursionlimit(limit)
+    except RecursionError:
+        try:
+            force_recursion_limit(limit)
+        except RecursionError:  # the handler has no stack left; the limit is set all the same
+            pass
+
+
 class _WithRoom(map):  # type: ignore[type-arg]
     """
-    A handler of signals that begins by raising the recursion limit, in native code alone.
+    A signal handler that first raises the recursion limit, using only native code.
 
-    To call it takes its attribute ``__call__``, which takes its next element: one that sets the
-    limit on the way and is the handler in Python, which is called then.
+    Calling it reads its attribute ``__call__``, which fetches the next element: that sets the
+    limit as a side effect and is the Python handler, which is called then.
     """
 
     __call__ = property(next)
@@ -61,10 +72,11 @@ class _WithRoom(map):  # type: ignore[type-arg]
 
 def with_room(handler: Callable[..., Any]) -> Callable[..., Any]:
     """
-    Let a handler of signals work at the recursion limit of what it interrupts.
+    Make a signal handler work at the recursion limit of the code that it interrupts.
 
-    It finds the limit raised and must set it to what it was before it returns. A handler that is
-    written in C needs no room. Before Python 3.12 nothing can be done. Both are given back.
+    It runs with a raised limit, which it must restore before it returns. A handler in C is
+    returned unmodified, as it needs no stack. So is any handler before Python 3.12, where this is
+    not possible.
     """
     if not SEPARATE_LIMITS or isinstance(handler, BuiltinMethodType):
         return handler

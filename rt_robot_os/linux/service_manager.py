@@ -14,11 +14,11 @@
 
 
 """
-Tell the service manager how the process is: the protocol of sd_notify(3).
+Notification of the service manager: the protocol of sd_notify(3).
 
-The manager names a datagram socket in ``NOTIFY_SOCKET``, and in ``WATCHDOG_USEC`` how long it
-waits for ``WATCHDOG=1`` before it ends and restarts the service. The core is often a child of the
-process that the manager started: the unit needs ``NotifyAccess=all`` then.
+The manager sets ``NOTIFY_SOCKET`` to a datagram socket, and ``WATCHDOG_USEC`` to the timeout for
+``WATCHDOG=1`` after which it restarts the service. The core is often a child of the process that
+the manager started: the unit needs ``NotifyAccess=all`` then.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class ServiceManager:
     """
     The manager that started this process, if there is one.
 
-    :param environment: where its variables are.
-    :ivar watchdog_ns: how long it waits between two signs of life; 0 when it does not wait.
-    :ivar failed: messages that it did not take.
+    :param environment: with its variables.
+    :ivar watchdog_ns: its watchdog timeout; 0 when it has none.
+    :ivar failed: number of messages that could not be sent.
     """
 
     def __init__(self, environment: Mapping[str, str]) -> None:
@@ -53,14 +53,14 @@ class ServiceManager:
 
     @property
     def present(self) -> bool:
-        """Whether anybody listens."""
+        """Return whether there is a service manager."""
         return self._socket is not None
 
-    def tell(self, *lines: str) -> None:
+    def notify(self, *lines: str) -> None:
         """
         Send assignments such as ``READY=1``; never waits, safe in the real-time loop.
 
-        Without a manager nothing happens; one that does not read is counted.
+        Does nothing without a manager; messages that it does not read are counted.
         """
         if self._socket is None:
             return

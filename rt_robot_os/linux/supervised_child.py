@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A child process that is started again when it has ended, after a pause that grows."""
+"""A child process that is restarted when it has ended, with an increasing back-off."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from rt_robot_os.linux.process import end_child
 
 PAUSE_FIRST_S: Final = 0.2
 PAUSE_MAXIMUM_S: Final = 5.0
-# A child that lived for that long is started again after the first pause.
+# The back-off of a child that lived this long is reset.
 LONG_LIFE_S: Final = 10.0
 
 
-def ended_how(code: int) -> str:
-    """Say how a process ended, by its return code as of :class:`subprocess.Popen`."""
+def describe_exit(code: int) -> str:
+    """Describe how a process ended from the return code of :class:`subprocess.Popen`."""
     if code >= 0:
         return f'ended with code {code}'
     with suppress(ValueError):
@@ -42,13 +42,13 @@ def ended_how(code: int) -> str:
 
 class SupervisedChild:
     """
-    A child process and its restarts. Nothing here waits, except :meth:`stop`.
+    A child process and its restarts. Only :meth:`stop` waits.
 
-    :param name: what it is, for the reports, such as ``the host of journals``.
+    :param name: for the reports, such as ``the host of journals``.
     :param start: starts it; OSError when it cannot be started.
-    :param now_s: a clock that never runs backwards.
-    :ivar process: the one that runs or has ended; None while it could not be started.
-    :ivar restarts: how often it was started again.
+    :param now_s: a monotonic clock.
+    :ivar process: the current or last process; None while it could not be started.
+    :ivar restarts: number of restarts.
     """
 
     def __init__(self, name: str, start: Callable[[], subprocess.Popen[bytes]],
@@ -75,11 +75,11 @@ class SupervisedChild:
 
     def check(self) -> str:
         """
-        Start it again if it has ended and its pause has passed.
+        Restart it if it has ended and its back-off has passed.
 
-        One system call as long as it runs. To start it takes 0.4 ms of computing time, natively.
+        One system call while it runs. Starting it takes 0.4 ms in a native call.
 
-        :return: what to report; empty when nothing has changed.
+        :return: a report; empty when nothing has changed.
         """
         process = self.process
         now_s = self._now_s()
@@ -87,7 +87,7 @@ class SupervisedChild:
             code = None if process is None else process.poll()
             if code is None:
                 return ''
-            self._why = ended_how(code)
+            self._why = describe_exit(code)
             if now_s - self._started_s > LONG_LIFE_S:
                 self._pause_s = PAUSE_FIRST_S
             return self._pause(now_s)
@@ -95,7 +95,7 @@ class SupervisedChild:
             return ''
         try:
             self.start()
-        except OSError as error:  # no memory, no descriptors: they may come back
+        except OSError as error:  # no memory or descriptors: retried later
             self._why = f'cannot be started: {error.strerror or error}'
             return self._pause(now_s)
         self._restart_s = 0.0
@@ -108,7 +108,7 @@ class SupervisedChild:
         return f'{self._name} {self._why}; it is started again in {pause_s:g} s'
 
     def stop(self, patience_s: float) -> None:
-        """End it, by force when it does not end in order; may be called twice."""
+        """Terminate it; kill it when it does not end in time; may be called twice."""
         process, self.process = self.process, None
         self._restart_s = 0.0
         if process is not None:

@@ -14,12 +14,12 @@
 
 
 """
-Asking a terminal (a serial port, or a pty) how much there is to read, without waiting.
+The number of readable bytes of a terminal (a serial port, or a pty), without waiting.
 
-Bytes that arrive are queued; a worker of Linux, with the priority of an ordinary program, pushes
-them to where they can be read. While bytes are queued, ``read`` and ``poll`` of a terminal that
-has nothing to read wait for that worker, also with ``O_NONBLOCK`` and whatever the priority of the
-thread that calls: tens of milliseconds beside programs that compute. Counting does not wait.
+Bytes that arrive are queued; a worker of Linux, with the priority of an ordinary program, moves
+them to the read buffer. While bytes are queued, ``read`` and ``poll`` of a terminal with an empty
+read buffer wait for that worker, even with ``O_NONBLOCK`` and whatever the priority of the calling
+thread: tens of milliseconds on a busy machine. Reading the number of bytes does not wait.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ import termios
 from typing import Final
 
 _COUNT: Final = bytes(4)  # room for the C int of FIONREAD
-_LOCAL_FLAGS: Final = 3  # index in what tcgetattr returns
+_LOCAL_FLAGS: Final = 3  # index in the result of tcgetattr
 
 
 def is_raw_terminal(fd: int) -> bool:
     """
-    Return whether a descriptor is a terminal whose bytes can be read as soon as they are there.
+    Return whether a descriptor is a terminal in non-canonical mode.
 
-    False for a terminal that hands over whole lines: its end of file is no byte to count.
+    False for a terminal in canonical mode: its end of file does not count as a byte.
     """
     try:
         return not termios.tcgetattr(fd)[_LOCAL_FLAGS] & termios.ICANON
@@ -51,10 +51,10 @@ def unread_bytes(fd: int) -> int:
     """
     Return how many bytes can be read from a terminal; safe in the real-time loop.
 
-    Bytes that are not yet pushed do not count; ``O_ASYNC`` sends its signal when they are.
+    Queued bytes do not count; ``O_ASYNC`` sends its signal when they become readable.
 
-    :raises OSError: the other side has hung up, or the descriptor is closed or no terminal.
+    :raises OSError: the other side has hung up, or the descriptor is closed or not a terminal.
     """
-    if fd < 0:  # of a closed port: fcntl.ioctl would raise ValueError
+    if fd < 0:  # a closed port: fcntl.ioctl would raise ValueError
         raise OSError(errno.EBADF, os.strerror(errno.EBADF))
     return int.from_bytes(fcntl.ioctl(fd, termios.FIONREAD, _COUNT), sys.byteorder)

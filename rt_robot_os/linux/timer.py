@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A POSIX timer that signals one thread, and the waiting for its signal.
+A POSIX timer that sends a signal to one thread, and waiting for that signal.
 
 ``timer_create(CLOCK_MONOTONIC, SIGEV_THREAD_ID)`` (timer_create(2)): armed with an absolute time,
-so that no drift can build up, and aimed at the thread that created it.
+so that there is no drift, and directed to the thread that created it.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.linux import _libc
 from rt_robot_os.linux.recursion import SEPARATE_LIMITS
 
-# Before Python 3.12 a handler may find no room left on the stack: the signal comes again sooner.
-AGAIN_NS = 10 * NS_PER_MS if SEPARATE_LIMITS else NS_PER_MS
+# Before Python 3.12 a handler may find no stack left: the signal repeats at a shorter interval.
+REPEAT_NS = 10 * NS_PER_MS if SEPARATE_LIMITS else NS_PER_MS
 
 
 def make_timer(event: _libc.SigEvent, timer: ctypes.c_void_p) -> None:
     """
-    Make a timer on CLOCK_MONOTONIC.
+    Create a timer on CLOCK_MONOTONIC.
 
-    :raises StartError: this user may have no more of them (RLIMIT_SIGPENDING).
+    :raises StartError: this user may not create more of them (RLIMIT_SIGPENDING).
     """
     try:
         _libc.timer_create(_libc.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer))
@@ -58,11 +58,11 @@ class SignalTimer:
     """
     An absolute timer on CLOCK_MONOTONIC that sends a signal to the creating thread.
 
-    Until it is armed anew it repeats the signal every ``AGAIN_NS``: a handler that had no room
-    left on the stack of a task that recursed too deeply must not stop the clock for ever.
+    Until it is armed again it repeats the signal every ``REPEAT_NS``: the handler may have found
+    no stack left in a task that recursed too deeply.
 
     :param signo: the signal to send; its handler must be installed before :meth:`arm`.
-    :raises StartError: this user may have no more timers (RLIMIT_SIGPENDING).
+    :raises StartError: this user may not create more timers (RLIMIT_SIGPENDING).
     """
 
     def __init__(self, signo: int) -> None:
@@ -72,19 +72,19 @@ class SignalTimer:
         make_timer(event, self._timer)
         self._spec_storage = (ctypes.c_int64 * 4)()
         self._spec = memoryview(self._spec_storage).cast('B').cast('q')
-        self._spec[1] = AGAIN_NS
+        self._spec[1] = REPEAT_NS
         self._arguments = (self._timer, ctypes.c_int(_libc.TIMER_ABSTIME),
                            ctypes.byref(self._spec_storage), None)
         self._alive = True
         if NATIVE is not None:
             self.arm = NATIVE.PosixTimer(  # type: ignore[method-assign]
-                self._timer.value or 0, AGAIN_NS).arm
+                self._timer.value or 0, REPEAT_NS).arm
 
     def arm(self, deadline_ns: int) -> None:
         """
-        Fire at the deadline, at once when it has passed; safe in the real-time loop.
+        Expire at the deadline, immediately if it has passed; safe in the real-time loop.
 
-        :param deadline_ns: CLOCK_MONOTONIC, above zero; replaces the deadline set before.
+        :param deadline_ns: CLOCK_MONOTONIC, above zero; replaces the previous deadline.
         """
         spec = self._spec
         spec[2] = deadline_ns // NS_PER_S
@@ -93,11 +93,11 @@ class SignalTimer:
 
     @property
     def number(self) -> int:
-        """Return what ``timer_settime`` calls it."""
+        """Return its id for ``timer_settime``."""
         return self._timer.value or 0
 
     def disarm(self) -> None:
-        """Forget the deadline."""
+        """Remove the deadline."""
         spec = self._spec
         spec[2] = spec[3] = 0
         _libc.timer_settime(*self._arguments)
@@ -109,15 +109,15 @@ class SignalTimer:
             _libc.timer_delete(self._timer)
 
 
-class Noting(Protocol):
-    """Somebody who rests until something comes up."""
+class HasPending(Protocol):
+    """The owner of a wait; ``pending`` means that there is work and it must not wait."""
 
     pending: bool
 
 
 class SignalGate:
     """
-    A set of signals that can be held back and awaited.
+    A set of signals that can be masked and awaited.
 
     :param signals: signal numbers from 1 to 64.
     """
@@ -128,51 +128,53 @@ class SignalGate:
         for signo in signals:
             self._set[0] |= 1 << (signo - 1)
         reference = ctypes.byref(self._set)
-        self._hold = (ctypes.c_int(_libc.SIG_BLOCK), reference, None)
-        self._admit = (ctypes.c_int(_libc.SIG_UNBLOCK), reference, None)
-        self._wait = (reference, None)
+        self._mask_arguments = (ctypes.c_int(_libc.SIG_BLOCK), reference, None)
+        self._unmask_arguments = (ctypes.c_int(_libc.SIG_UNBLOCK), reference, None)
+        self._wait_arguments = (reference, None)
         if NATIVE is not None:
             gate = NATIVE.SignalGate(self._set[0])
-            self.hold, self.admit = gate.hold, gate.admit  # type: ignore[method-assign]
-            self.wait, self.rest = gate.wait, gate.rest  # type: ignore[method-assign]
+            self.mask_signals = gate.mask_signals  # type: ignore[method-assign]
+            self.unmask_signals = gate.unmask_signals  # type: ignore[method-assign]
+            self.wait_masked = gate.wait_masked  # type: ignore[method-assign]
+            self.wait = gate.wait  # type: ignore[method-assign]
 
     @property
     def mask(self) -> int:
         """Return the set: bit n-1 stands for signal n."""
         return int(self._set[0])
 
-    def hold(self) -> None:
-        """Keep the signals pending; safe in the real-time loop."""
-        _libc.pthread_sigmask(*self._hold)
+    def mask_signals(self) -> None:
+        """Mask the signals: they stay pending; safe in the real-time loop."""
+        _libc.pthread_sigmask(*self._mask_arguments)
 
-    def admit(self) -> None:
-        """Let the signals through again; safe in the real-time loop."""
-        _libc.pthread_sigmask(*self._admit)
+    def unmask_signals(self) -> None:
+        """Unmask the signals; safe in the real-time loop."""
+        _libc.pthread_sigmask(*self._unmask_arguments)
 
-    def wait(self) -> int:
+    def wait_masked(self) -> int:
         """
-        Sleep until one of the held signals is there, and take it.
+        Sleep until one of the masked signals is pending, and remove it.
 
         :return: its number; -1 when a signal outside the set was handled instead.
         """
-        result: int = _libc.sigwaitinfo(*self._wait)
+        result: int = _libc.sigwaitinfo(*self._wait_arguments)
         return result
 
-    def rest(self, owner: Noting) -> int:
+    def wait(self, owner: HasPending) -> int:
         """
-        Wait for one of the signals unless something is pending, and lose none in between.
+        Mask the signals, wait for one of them unless ``owner.pending``, and unmask them.
 
-        :return: what :meth:`wait` gives; 0 when something was pending.
+        :return: the result of :meth:`wait_masked`; 0 when something was pending.
         """
-        self.hold()
-        # A signal that came before hold() has left its note; one after it is held.
-        signo = 0 if owner.pending else self.wait()
-        self.admit()
+        self.mask_signals()
+        # A signal before mask_signals() has set `pending`; a later one stays pending in Linux.
+        signo = 0 if owner.pending else self.wait_masked()
+        self.unmask_signals()
         return signo
 
 
 class Sleeper:
-    """The least lateness that the machine allows: ``clock_nanosleep`` alone, for benchmarks."""
+    """Sleep by ``clock_nanosleep`` only: the minimum lateness of the machine, for benchmarks."""
 
     def __init__(self) -> None:
         self._storage = (ctypes.c_int64 * 2)()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Function modules: what a robot's author writes, and a few that come with the package."""
+"""The contract of function modules: settings, inputs, outputs and the step."""
 
 from rt_robot_os.base.schema import Field
 from rt_robot_os.modules.base import Module

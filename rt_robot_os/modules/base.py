@@ -15,8 +15,8 @@
 """
 The base class of function modules.
 
-A module says at class level what it reads, what it writes and what can be set, and does its work
-in :meth:`Module.step`::
+A module declares its inputs, outputs and settings at class level, and does its work in
+:meth:`Module.step`::
 
     class Tilt(Module):
         imu = Input('imu/data')
@@ -63,13 +63,13 @@ class Module(PortOwner):
     A function module.
 
     :param name: unique among tasks.
-    :param settings: a value for each of :meth:`fields`, checked already.
-    :cvar SETTINGS: what can be set, besides rate, priority and topics.
-    :cvar RATE_HZ: the rate when a section does not say; 0 when inputs release it, None: as all.
-    :ivar mountings: where the frames of all devices are, by name, from :meth:`configure` on; see
+    :param settings: a validated value for each of :meth:`fields`.
+    :cvar SETTINGS: the settings, in addition to rate, priority and topics.
+    :cvar RATE_HZ: the default rate; 0 when inputs release it, None for the common default.
+    :ivar mountings: the mountings of all devices, by name, from :meth:`configure` on; see
         :func:`rt_robot_os.motion.mounting.in_base`.
-    :ivar run_on: how far the robot goes on when this computer falls silent, as its motor boards
-        declare it; from :meth:`configure` on.
+    :ivar run_on: stopping distance of the robot after a failure of this computer, as its motor
+        boards declare it; from :meth:`configure` on.
     :ivar log: the module's logger: ``self.log.info('%.1f m', range_m, throttle_s=1.0)``.
     """
 
@@ -86,13 +86,13 @@ class Module(PortOwner):
         self.kernel: Kernel | None = None
         self._rate_hz = 0.0
 
-    # ---- what an author overrides ------------------------------------------------------------
+    # ---- to be overridden by the author ------------------------------------------------------
 
     def configure(self) -> None:
-        """Prepare: topics are there, nothing runs yet; may take long."""
+        """Prepare: the topics exist, no task runs yet; may take long."""
 
     def activate(self) -> None:
-        """Do what must happen right before the kernel starts."""
+        """Do the last preparations, right before the kernel starts."""
 
     def step(self) -> None:
         """Do one job, in the real-time loop."""
@@ -100,7 +100,7 @@ class Module(PortOwner):
 
     async def run(self) -> None:
         """
-        Do the work instead of :meth:`step`; each segment between two awaits is a job then.
+        Do the work as a coroutine, instead of :meth:`step`; each segment between awaits is a job.
 
         It can await ``self.<input>.next()``, ``self.kernel.sleep(ns)``, events, and
         ``self.ticks().next()`` for its rate. Only a module that overrides it is a coroutine.
@@ -109,14 +109,14 @@ class Module(PortOwner):
 
     def awaits(self) -> tuple[str, ...]:
         """
-        Name the inputs that ``run()`` awaits, by attribute; for ``plan``: nobody else can know.
+        Return the inputs that ``run()`` awaits, by attribute; for ``plan``.
 
-        Without them, and without rounds of its own, it is not known what releases a coroutine.
+        Without them, and without :meth:`own_rounds_hz`, the releases of a coroutine are unknown.
         """
         return ()
 
     def own_rounds_hz(self) -> float:
-        """Return how often ``run()`` awaits a time at most; for ``plan``, as :meth:`awaits`."""
+        """Return the maximum rate at which ``run()`` awaits a time; for ``plan``."""
         return 0.0
 
     def ticks(self) -> Ticks:
@@ -131,41 +131,41 @@ class Module(PortOwner):
 
     def deactivate(self) -> None:
         """
-        Leave a safe state behind: called after the kernel stopped, also after a failure.
+        Leave a safe state: called after the kernel stopped, also after a failure.
 
-        With ``failure: restart`` it is called before each restart, too; activate() follows, and
+        With ``failure: restart`` it is also called before each restart; activate() follows,
         configure() does not.
         """
 
     def safe_state(self) -> None:
         """
-        Bring the outputs to rest, once, when the failure policy or the watchdog says so.
+        Bring the outputs to a safe state, once, on a request of the failure policy or watchdog.
 
-        No step follows until somebody re-arms the task. Only a module that overrides it has a
-        safe state; the others are left as they are.
+        No step follows until the task is re-armed. Only a module that overrides it has a safe
+        state.
         """
         raise NotImplementedError(f'{type(self).__name__} has no safe_state()')
 
     def resource(self, name: str) -> Resource:
         """
-        Return what the section names under ``resources``, to be entered with ``with`` in a step.
+        Return a resource of the section's ``resources``, to be entered with ``with`` in a step.
 
-        :raises ConfigError: the section does not name it.
+        :raises ConfigError: the section does not list it.
         """
         if self.kernel is None or self.task is None:
-            raise ConfigError([f'module {self.name!r}: resource {name!r} can be had from '
+            raise ConfigError([f'module {self.name!r}: resource {name!r} is available from '
                                'configure() on, not in __init__'])
         found = self.kernel.resource(name)
         if self.task not in found.users:
-            raise ConfigError([f'{self.name}.resources does not name {name!r}, which the module '
-                               f'asks for: add it'])
+            raise ConfigError([f'{self.name}.resources does not list {name!r}, which the module '
+                               f'uses: add it'])
         return found
 
     def statistics(self) -> Mapping[str, Any]:
         """
         Return counters and state for ``/diagnostics``; called by the lowest-priority task.
 
-        :return: numbers and texts by name; a text ``warning`` that is not empty tells of trouble.
+        :return: numbers and strings by name; a non-empty ``warning`` reports a problem.
         """
         return {}
 
@@ -174,31 +174,31 @@ class Module(PortOwner):
     @property
     def period_ns(self) -> int:
         """
-        Return the time from one step to the next as it is set; 0 without a rate.
+        Return the configured time from one step to the next; 0 without a rate.
 
-        Of the same value in a replay, where the recording and no rate releases the module.
+        It has the same value in a replay, where the recording releases the module.
         """
         return period_from_rate(self._rate_hz) if self._rate_hz else 0
 
     @property
     def job_ns(self) -> int:
         """
-        Return when the present job began, rounded down to 10 ms; 0 outside of one.
+        Return the start of the current job, rounded down to 10 ms; 0 outside of a job.
 
-        For what has to begin "now": in a replay jobs begin some us earlier or later, and
-        ``now_ns()`` is another one; this is the same but for once in a thousand times.
+        For times that have to be the same in a replay: there jobs begin some us earlier or later,
+        and ``now_ns()`` differs. This differs in one of a thousand jobs.
         """
         start_ns = self.task.start_ns if self.task is not None else 0
         return max(0, start_ns - start_ns % _JOB_GRID_NS)
 
     @classmethod
     def is_coroutine(cls) -> bool:
-        """Return whether it has a ``run()`` of its own, which takes the place of ``step()``."""
+        """Return whether it overrides ``run()``, which replaces ``step()``."""
         return cls.run is not Module.run
 
     @classmethod
     def has_safe_state(cls) -> bool:
-        """Return whether it has a ``safe_state()`` of its own."""
+        """Return whether it overrides ``safe_state()``."""
         return cls.safe_state is not Module.safe_state
 
     def output_rate_hz(self) -> float:
@@ -208,14 +208,14 @@ class Module(PortOwner):
     # ---- used by the core --------------------------------------------------------------------
 
     def job(self) -> None:
-        """Take over what was changed, then do one step; the function of the module's task."""
+        """Apply changed settings, then do one step; the function of the module's task."""
         if self.changes:
-            self.take_changes()
+            self.apply_changes()
         self.step()
 
     def change(self, name: str, value: Any) -> Any:
         """
-        Change a live setting, or ``rate_hz``, that of the module's task, with its next release.
+        Change a live setting, or ``rate_hz`` of the module's task, as of its next release.
 
         :raises ConfigError: as for :meth:`LiveSettings.change`.
         :raises TaskError: the rate is out of range, or the module has none.
@@ -228,9 +228,9 @@ class Module(PortOwner):
 
     def declare(self, bus: Bus, rate_hz: float, max_subscribers: int = MAX_SUBSCRIBERS) -> None:
         """
-        Declare the outputs, so that all topics exist before anybody subscribes.
+        Declare the outputs, so that all topics exist before the first subscription.
 
-        :param max_subscribers: how many may read each of them.
+        :param max_subscribers: the maximum for each of them.
         """
         self._rate_hz = rate_hz
         sources = {self.topic_of(attribute): self.topic_of(port.follows)
@@ -246,7 +246,7 @@ class Module(PortOwner):
         """
         Connect inputs and outputs.
 
-        :raises TopicError: an input's topic is declared by nobody.
+        :raises TopicError: an input's topic is not declared.
         """
         self.task = task
         self.kernel = bus.kernel

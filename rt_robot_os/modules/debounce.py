@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is so only when it has been so for a while, and over only when it has been over for one."""
+"""A condition that changes only after it has lasted for a time (debouncing)."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ import math
 
 class Debounce:
     """
-    A condition with two durations; safe in the real-time loop.
+    A condition with an on-delay and an off-delay; safe in the real-time loop.
 
-    Times are those of the samples and of the deadlines that pass between them, so that it is the
-    same whenever somebody comes to look.
+    Times are those of the samples and of the deadlines between them, so the result does not depend
+    on when it is evaluated.
 
-    :ivar on: whether it counts as so.
-    :ivar on_ns: it has to be so for that long.
-    :ivar off_ns: it has to be over for that long.
+    :ivar on: the debounced state.
+    :ivar on_ns: duration for which the condition has to be true.
+    :ivar off_ns: duration for which it has to be false.
     """
 
     __slots__ = ('on', 'on_ns', 'off_ns', '_since_ns')
@@ -40,28 +40,28 @@ class Debounce:
         self._since_ns = -1
 
     def put(self, is_so: bool, stamp_ns: int) -> None:
-        """Say how it is from that moment on; :meth:`advance` to it before."""
+        """Set the condition from a time on; call :meth:`advance` to that time before."""
         if is_so == self.on:
             self._since_ns = -1
         elif self._since_ns < 0:
             self._since_ns = stamp_ns
 
     def reset(self) -> None:
-        """Forget how long the contrary has been so: nothing is known of this moment."""
+        """Restart the delays: the condition is unknown at this moment."""
         self._since_ns = -1
 
     @property
     def due_ns(self) -> float:
-        """When it changes if nothing else comes; infinite when it does not."""
+        """Return when the state changes without further input; infinite if it does not."""
         if self._since_ns < 0:
             return math.inf
         return self._since_ns + (self.off_ns if self.on else self.on_ns)
 
     def advance(self, now_ns: int) -> int:
         """
-        Let time pass.
+        Advance the time.
 
-        :return: when it changed; -1 when it did not.
+        :return: when the state changed; -1 when it did not.
         """
         due_ns = self.due_ns
         if due_ns > now_ns:

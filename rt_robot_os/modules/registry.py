@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The modules by the name that ``type`` has in the configuration, or ``package.module:Class``."""
+"""The modules by their ``type`` in the configuration, or by ``package.module:Class``."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def module_class(name: str) -> type[Module]:
     Find a module class; not for the real-time loop.
 
     :param name: a registered name, or ``package.module:Class`` for one that is not registered.
-    :raises ConfigError: there is none of that name, or it cannot be imported.
+    :raises ConfigError: the name does not exist, or the class cannot be imported.
     """
     if ':' in name:
         return PluginRegistry(MODULES.group, Module, 'module', {name: name}).load(name)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The speed at which a robot goes on no farther than it may when its computer falls silent."""
+"""Speed limit for the stopping distance of a robot after a failure of its computer."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from typing import Final
 from rt_robot_os.base.schema import Field
 from rt_robot_os.modules.base import Module
 
-#: Setting of the modules that limit velocities without knowing what is in the way.
+#: Setting of modules that limit velocities without sensing obstacles.
 RUN_ON_MAX: Final = Field(
-    'run_on_max_m', float, 0.5, 'Commands are slowed so that the robot goes on no farther than '
-    'this when its computer falls silent, as far as its motor boards declare it; 0: not slowed',
+    'run_on_max_m', float, 0.5, 'Speeds are limited so that the robot stops within this distance '
+    'after a failure of its computer, if its motor boards declare when they stop; 0: no limit',
     'm', 0.0, 100.0, live=True, before=0.0)
 
 
 def run_on_speed_m_s(module: Module) -> float:
-    """Return the largest speed that ``run_on_max_m`` of a module allows; safe in the loop."""
-    way_m: float = module.settings[RUN_ON_MAX.name]
-    return module.run_on.speed_m_s(way_m) if way_m else math.inf
+    """Return the maximum speed that ``run_on_max_m`` of a module allows; safe in the loop."""
+    distance_m: float = module.settings[RUN_ON_MAX.name]
+    return module.run_on.speed_m_s(distance_m) if distance_m else math.inf

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Wake-ups of a task at a time of its own choice: the earliest that was asked for counts."""
+"""Timers by which a task wakes itself up at the earliest requested time."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from rt_robot_os.kernel import Task
 
 class WakeUp:
     """
-    Release a task at the earliest time that it asked for; safe in the real-time loop.
+    Release a task at the earliest time that it requested; safe in the real-time loop.
 
-    Who is told "there is more time now" with each message would start a timer each time. This one
-    stays as it is, and the task, woken too early, asks again.
+    A task whose deadline moves later with each message would restart a timer each time. Here the
+    timer is left unchanged; the task is woken too early and requests a later time.
     """
 
     def __init__(self, kernel: Kernel | None, task: Task | None) -> None:
-        """Take the task; None for either, as in a test of the module alone, wakes nobody."""
+        """Set the task; with None for either, as in a unit test of a module, it does nothing."""
         self._kernel = kernel
         self._timer: OneShot | None = kernel.timer(task) if kernel and task else None
         self._at_ns = 0
 
     def no_later_than(self, time_ns: float) -> None:
-        """Release the task at that time, or before; infinite asks for nothing."""
+        """Release the task at a time or before; does nothing for infinity."""
         timer, kernel = self._timer, self._kernel
         if timer is None or kernel is None or time_ns == math.inf:
             return
-        # One whose time has come is of an earlier run of the kernel, and never fires.
+        # A timer whose time has passed is of an earlier run of the kernel and never expires.
         if not timer.started or time_ns < self._at_ns or self._at_ns < kernel.now_ns():
             self._at_ns = int(time_ns)
             timer.start_at(self._at_ns)

@@ -26,7 +26,7 @@ from rt_robot_os.base.needs import require
 from rt_robot_os.base.programs import BAD_USE
 from rt_robot_os.base.programs import OK
 from rt_robot_os.base.programs import run_command
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.base.requirements import EXTRAS
 from rt_robot_os.linux.folders import ros_home
 from rt_robot_os.monitor.security.commands import WORDS
@@ -81,7 +81,7 @@ def run(argv: Sequence[str]) -> int:
         settings = load(ros.params_files, ros.overrides, options, ros_home(), ros.node_name,
                         ros.namespace, is_needed=not arguments.with_gateway)
     except ConfigError as error:
-        tell(_NAME, error.problems[0], error.problems[1:])
+        warn(_NAME, error.problems[0], error.problems[1:])
         return BAD_USE
     check_reach(settings)
     require('the monitor', *EXTRAS['monitor'])

@@ -38,7 +38,7 @@ from typing import NamedTuple
 from typing import TYPE_CHECKING
 
 from rt_robot_os.base.errors import StartError
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.linux.process import start_child
@@ -85,7 +85,7 @@ def story_of(companions: Companions, hub: Hub) -> Story | None:
     """Return what happens in the simulated flat; None beside a robot that is there already."""
     if companions.node:
         return None
-    return Story(hub, companions.name, _order, lambda line: tell('monitor', line))
+    return Story(hub, companions.name, _order, lambda line: warn('monitor', line))
 
 
 def _order(what: str) -> None:
@@ -182,7 +182,7 @@ def _start(part: str, *arguments: object) -> subprocess.Popen[bytes]:
 def _tell_end(name: str, child: subprocess.Popen[bytes], ended: list[str]) -> None:
     code = child.wait()
     if name not in ended:
-        tell('monitor', f'the {name} beside it has ended with code {code}; what it had shown '
+        warn('monitor', f'the {name} beside it has ended with code {code}; what it had shown '
              'stays, as with any robot that is away')
 
 

@@ -172,9 +172,9 @@ class Replay:
                 found[device.name] = managed
                 device.make_port = self._port_of(device.name)
                 # Each of its rounds was recorded, also those that its inputs made.
-                managed.by_schedule = True
+                managed.replay_gate = True
                 if managed.arrival is not None:
-                    self.core.bus.release_no_more(managed.arrival)
+                    self.core.bus.stop_releasing(managed.arrival)
             else:
                 left.append(device.name)
         if left:
@@ -202,12 +202,12 @@ class Replay:
                                   'time')
                 continue
             if task.coroutine is not None:
-                task.coroutine.by_schedule = self._schedule.of_coroutine(task.name)
+                task.coroutine.replay_gate = self._schedule.of_coroutine(task.name)
             if task.name in modules and (task.period_ns or task.coroutine is not None):
                 found[task.name] = task
                 if task.coroutine is None:
                     # Also the jobs that a publication released were recorded.
-                    self.core.bus.release_no_more(task)
+                    self.core.bus.stop_releasing(task)
             if task.name.partition('/')[0] not in modules or task.name in modules:
                 task.period_ns = 0
         return found

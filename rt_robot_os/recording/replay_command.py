@@ -28,7 +28,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.errors import RecordingError
 from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.programs import BAD_USE
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.recording.library import need_mcap
 
@@ -175,7 +175,7 @@ def run(argv: Sequence[str]) -> int:
     except BrokenPipeError:
         raise
     except OSError as error:
-        tell('replay', error)
+        warn('replay', error)
     except Exception as error:  # noqa: B902 - a made-up recording may upset anything below
         what = ' '.join(f'{type(error).__name__}: {error}'.split())
         _say(f'{arguments.recording} cannot be replayed: it is damaged, or its configuration is '

@@ -30,7 +30,7 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.linux.timer import AGAIN_NS
+from rt_robot_os.linux.timer import REPEAT_NS
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
@@ -47,7 +47,7 @@ class ReplayClock(VirtualClock):
         while self._now_ns < at_ns:
             first_ns = min(self._timer_ns, self._spare_ns)
             self._now_ns = max(self._now_ns, min(at_ns, first_ns))
-            if self._take_due_timers(self._now_ns + AGAIN_NS) and self._on_tick is not None:
+            if self._expire_timers(self._now_ns + REPEAT_NS) and self._on_tick is not None:
                 self._on_tick()
 
 
@@ -215,6 +215,6 @@ class ReplayBus(Bus):
             return super().subscribe(name, subscriber, initial=initial, task=task, buffer=buffer,
                                      newest=newest, counted=counted)
         subscription = ReplaySubscription(
-            self._with_room(name, subscriber), subscriber, initial=initial, task=task)
+            self._topic_with_capacity(name, subscriber), subscriber, initial=initial, task=task)
         subscription.schedule = self._schedule
         return self._add(subscription, task)

@@ -33,8 +33,8 @@ from rt_robot_os.link.robots import remove_leftovers
 from rt_robot_os.link.sign_of_life import Life
 from rt_robot_os.link.sign_of_life import LifePage
 from rt_robot_os.linux.process import end_child
-from rt_robot_os.linux.process import hand_over
 from rt_robot_os.linux.process import start_child
+from rt_robot_os.linux.process import write_stdin
 
 CONFIGURATION_EXIT_CODE = 2
 FORCED_EXIT_CODE = 3
@@ -135,7 +135,7 @@ class CoreProcess:
             self.load()
         self.exit_code, self._waits = None, False
         if self._process is not None:
-            hand_over(self._process, (b'' if self._prepares else b'\n') + self._settings)
+            write_stdin(self._process, (b'' if self._prepares else b'\n') + self._settings)
 
     def wait_until_ready(self, timeout_s: float) -> bool:
         """

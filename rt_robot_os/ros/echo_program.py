@@ -27,7 +27,7 @@ from rt_robot_os.base.programs import OK
 from rt_robot_os.base.programs import Program
 
 main: Final = Program('echo', 'rt_robot_os.ros.echo_command:run',
-                      listens=True, reader_gone=OK)
+                      handles_signals=True, broken_pipe_code=OK)
 
 
 if __name__ == '__main__':

@@ -25,7 +25,7 @@ from typing import Final
 
 from rt_robot_os.base.programs import Program
 
-main: Final = Program('robot', 'rt_robot_os.ros.command:run', listens=True,
+main: Final = Program('robot', 'rt_robot_os.ros.command:run', handles_signals=True,
                       one_thread=True)
 
 

@@ -21,7 +21,7 @@ import time
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.link.sign_of_life import Signs
-from rt_robot_os.linux.process import computing
+from rt_robot_os.linux.process import scheduling_state
 
 DEAD_AFTER_BEATS = 3
 # What a step takes beyond this is time in which this process itself was stopped or held up.
@@ -77,7 +77,7 @@ class Starvation:
     :param look: returns whether a process is ready to run, and its computing time in ns.
     """
 
-    def __init__(self, look: Callable[[int], tuple[bool, int]] = computing) -> None:
+    def __init__(self, look: Callable[[int], tuple[bool, int]] = scheduling_state) -> None:
         self._look = look
         self._since: tuple[float, int] | None = None
 

@@ -25,7 +25,7 @@ from typing import Final
 
 from rt_robot_os.base.programs import Program
 
-main: Final = Program('player', 'rt_robot_os.core.simulator_command:player', listens=True)
+main: Final = Program('player', 'rt_robot_os.core.simulator_command:player', handles_signals=True)
 
 
 if __name__ == '__main__':

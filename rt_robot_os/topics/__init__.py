@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Topics: publish and subscribe inside the core, without waiting and without conversion."""
+"""Topics: publish/subscribe inside the core, wait-free and without conversion."""
 
 from rt_robot_os.topics.bus import Bus
 from rt_robot_os.topics.layout import Layout

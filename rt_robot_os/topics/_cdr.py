@@ -34,9 +34,9 @@ HEADER_BYTES: Final = 4
 ENCAPSULATION: Final = b'\x00\x01\x00\x00'
 ALIGNMENT_MAXIMUM: Final = 8
 
-# A slot of more is a mistake in the configuration, not a message (an 8K image is 100 MB).
+# A larger slot is an error in the configuration (an 8K image is 100 MB).
 BYTES_MAXIMUM: Final = 1 << 28
-# Each message or string of a sequence costs objects in every view.
+# Each message or string of a sequence needs objects in every view.
 ELEMENTS_MAXIMUM: Final = 1 << 16
 
 
@@ -49,7 +49,7 @@ class Primitive:
     :ivar code: of :mod:`struct` and :class:`memoryview`, for one value.
     :ivar size: bytes, which is also its alignment.
     :ivar dtype: of NumPy, for arrays and sequences.
-    :ivar wanted: what a value has to be, for error messages.
+    :ivar wanted: description of valid values, for error messages.
     """
 
     name: str
@@ -60,9 +60,9 @@ class Primitive:
 
     def pack(self, value: Any) -> bytes:
         """
-        Encode one value that was given in a shape.
+        Encode a value of a shape.
 
-        :raises ValueError: it is of the wrong kind or out of range.
+        :raises ValueError: it is of the wrong type or out of range.
         """
         if self.code == 'c' and isinstance(value, int) and not isinstance(value, bool):
             value = bytes((value,))
@@ -80,13 +80,13 @@ def _integer(name: str, code: str, size: int) -> Primitive:
         kind, low, high = 'u', 0, (1 << bits) - 1
     else:
         kind, low, high = 'i', -(1 << bits - 1), (1 << bits - 1) - 1
-    return Primitive(name, code, size, f'<{kind}{size}', f'a whole number from {low} to {high}')
+    return Primitive(name, code, size, f'<{kind}{size}', f'an integer from {low} to {high}')
 
 
 # ``char`` is an 8 bit character of IDL; a ``char`` of a .msg file arrives here as uint8.
 PRIMITIVES: Final = MappingProxyType({primitive.name: primitive for primitive in (
     Primitive('boolean', '?', 1, '?', 'true or false'),
-    Primitive('octet', 'c', 1, '<u1', 'one byte such as b"\\x01", or a whole number to 255'),
+    Primitive('octet', 'c', 1, '<u1', 'one byte such as b"\\x01", or an integer up to 255'),
     Primitive('float', 'f', 4, '<f4', 'a number that fits 32 bit floating point'),
     Primitive('double', 'd', 8, '<f8', 'a number'),
     _integer('uint8', 'B', 1), _integer('int8', 'b', 1),
@@ -100,32 +100,32 @@ COUNT: Final = PRIMITIVES['uint32']
 
 def align(position: int, size: int) -> int:
     """
-    Find where a primitive goes.
+    Return the aligned position of a primitive.
 
     :param position: first free byte, counted from the end of the encapsulation.
     :param size: of the primitive: 1, 2, 4 or 8.
-    :return: the first aligned position from there on.
+    :return: the first aligned position that is not below it.
     """
     return position + -position % size
 
 
 def encode_string(text: str) -> bytes:
     """
-    Encode the characters of a string with the NUL that ends it, without the length before it.
+    Encode a string with its terminating NUL, without the length before it.
 
-    :raises ValueError: CDR and the C side of ROS 2 cannot carry it.
+    :raises ValueError: CDR and the C code of ROS 2 do not support it.
     """
     if '\0' in text:
-        raise ValueError('a text without NUL characters')
+        raise ValueError('a string without NUL characters')
     try:
         return text.encode() + b'\0'
     except UnicodeEncodeError as error:
-        raise ValueError('a text that can be written as UTF-8') from error
+        raise ValueError('a string that can be encoded as UTF-8') from error
 
 
 def require_little_endian() -> None:
     """
-    Refuse hosts whose native order is not that of the slots.
+    Reject hosts whose byte order is not that of the slots.
 
     :raises LayoutError: the host is big-endian.
     """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Check CDR bytes from outside against a layout; never raises for what they contain."""
+"""Validate untrusted CDR bytes against a layout; never raises for their content."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ _OTHER_ENCODINGS: Final = {
 }
 # Some middlewares pad a message to a multiple of 4 bytes.
 _PADDING_MAXIMUM: Final = 3
-# rmw_fastrtps estimates the length of a message before it serialises it, and rclpy hands out what
-# it estimated. For an empty sequence of 8 byte numbers it counts alignment that is not written: 4
-# bytes, which a later alignment may double. (For types without strings and sequences it rounds up
-# to a multiple of 4.)
+# rmw_fastrtps estimates the length of a message before it serialises it, and rclpy returns that
+# many bytes. For an empty sequence of 8-byte numbers the estimate includes alignment that is not
+# written: 4 bytes, which a later alignment may double. (For types without strings and sequences it
+# is rounded up to a multiple of 4.)
 _ESTIMATE_BYTES: Final = 8
 
 
 class Checker:
-    """What bytes have to contain to fit a layout."""
+    """The constraints of a layout on the bytes of a message."""
 
     __slots__ = ('_type_name', '_size', '_fixed', '_booleans', '_tail', '_surplus')
 
@@ -63,10 +63,10 @@ class Checker:
 
     def problem(self, data: memoryview) -> str | None:
         """
-        Return why bytes do not fit.
+        Return why bytes do not match the layout.
 
         :param data: of format ``B``, encapsulation included.
-        :return: None when they fit.
+        :return: None when they match.
         """
         problem = self._wrong_encoding(data)
         if problem is None:
@@ -85,7 +85,7 @@ class Checker:
 
     def _wrong_encoding(self, data: memoryview) -> str | None:
         if len(data) < HEADER_BYTES:
-            return f'{len(data)} bytes are no CDR: not even the 4 of the encapsulation'
+            return f'{len(data)} bytes are not CDR: too short for the 4 of the encapsulation'
         if data[:2] == ENCAPSULATION[:2]:
             return None
         found = _OTHER_ENCODINGS.get(data[0] << 8 | data[1], 'of no known encoding')
@@ -108,7 +108,7 @@ class Checker:
             if end > len(data):
                 return f'{len(data)} bytes end within field {tail.name!r}, which goes to {end}'
             if tail.type_name == 'string' and data[end - 1]:
-                return f'field {tail.name!r} is not ended by a NUL'
+                return f'field {tail.name!r} is not terminated by a NUL'
             if tail.type_name == 'boolean' and max(data[tail.offset:end], default=0) > 1:
                 return f'field {tail.name!r} has a boolean other than 0 and 1'
         if len(data) > end + self._surplus:
@@ -118,13 +118,13 @@ class Checker:
 
 
 def _tail_count(data: memoryview, tail: LayoutField) -> int:
-    """Read how many elements, or bytes of text, a tail has."""
+    """Return the number of elements, or bytes of text, of a tail."""
     return _count(data, tail) - (tail.type_name == 'string')
 
 
 def _tail_end(data: memoryview, tail: LayoutField, size: int) -> int:
     """
-    Find where a message with a tail ends.
+    Return the end of a message with a tail.
 
     :param size: of the message with an empty tail.
     """
@@ -155,6 +155,7 @@ def _describe(data: memoryview, start: int, end: int, field: LayoutField) -> str
     text = bytes(data[start + 4:start + 4 + min(count, 200)]).partition(b'\0')[0]
     found = text.decode('utf-8', 'replace')
     if found == field.fixed:
-        return f'field {field.name!r} is cut off, or not ended by one NUL: {len(data)} bytes'
+        return (f'field {field.name!r} is truncated, or not terminated by one NUL: {len(data)} '
+                'bytes')
     return (f'field {field.name!r} is {brief(found)} where this layout has '
-            f'{brief(field.fixed)}; declare it with the other text, or send this one')
+            f'{brief(field.fixed)}; declare it with the other string, or send this one')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compile an interface and a shape to nodes, or say exactly what cannot be laid out."""
+"""Compile an interface and a shape to nodes, or report precisely what is not supported."""
 
 from __future__ import annotations
 
@@ -46,17 +46,17 @@ _TEXTS = (str, bytes, bytearray)
 def compile_message(spec: MessageSpec, shape: Mapping[str, Any] | None,
                     tail: int | None) -> nodes.MessageNode:
     """
-    Lay out a whole message.
+    Lay out a message.
 
-    :param shape: what is fixed, see :class:`rt_robot_os.topics.layout.Layout`.
-    :param tail: the largest length of the last field, or None for none.
+    :param shape: the fixed values, see :class:`rt_robot_os.topics.layout.Layout`.
+    :param tail: maximum length of a variable last field, or None.
     :raises LayoutError: the type, the field, the value and the remedy.
     """
     return _Compiler(spec.type_name).message(spec, nest(spec.type_name, shape), 0, '', tail)
 
 
 class _Compiler:
-    """One compilation; remembers the default elements that it has placed already."""
+    """One compilation; caches the default elements that it has placed already."""
 
     def __init__(self, type_name: str) -> None:
         self.type_name = type_name
@@ -76,7 +76,7 @@ class _Compiler:
             if name not in names:
                 self.fail(dotted(path, name), f'does not exist in {spec.type_name}: '
                                               f'{suggest(name, names)}')
-        # ROS 2 gives a message without fields one byte, as IDL knows no empty structures.
+        # In ROS 2 a message without fields has one byte, as IDL has no empty structures.
         position, placed = phase + (not names), []
         node: nodes.Node
         for name, field in zip(names, spec.fields, strict=True):
@@ -122,14 +122,14 @@ class _Compiler:
     def _string(self, field: FieldSpec, value: Any, position: int,
                 path: str) -> tuple[nodes.StringNode, int]:
         if not isinstance(value, str):
-            self.fail(path, f'(string) cannot be {brief(value)}: give the text that it holds')
+            self.fail(path, f'(string) cannot be {brief(value)}: give its string')
         try:
             raw = encode_string(value)
         except ValueError as error:
             self.fail(path, f'(string) cannot be {brief(value)}: give {error}')
         if field.text_limit is not None and len(raw) - 1 > field.text_limit:
             self.fail(path, f'holds at most {field.text_limit} bytes and {brief(value)} has '
-                            f'{len(raw) - 1}: give a shorter text')
+                            f'{len(raw) - 1}: give a shorter string')
         offset = align(position, COUNT.size)
         raw = COUNT.pack(len(raw)) + raw
         return nodes.StringNode(field.name, offset, value, raw), offset + len(raw)
@@ -174,7 +174,7 @@ class _Compiler:
         return nodes.StringsNode(field.name, count_offset, tuple(texts)), position
 
     def _count(self, field: FieldSpec, value: Any, path: str) -> tuple[int, Any]:
-        """Read the length of an array or sequence, and its elements if they are given."""
+        """Return the length of an array or sequence, and its elements if they are given."""
         if value is None:
             value = field.default if not isinstance(field.item, MessageSpec) else (
                 field.limit if field.container == 'array' else len(field.default))
@@ -197,7 +197,7 @@ class _Compiler:
     def _numbers(self, field: FieldSpec, primitive: Primitive, count: int, items: Any,
                  count_offset: int | None, position: int,
                  path: str) -> tuple[nodes.NumbersNode, int]:
-        if count == 0:  # as Fast CDR does: nothing follows the count, no padding either
+        if count == 0:  # as in Fast CDR: nothing follows the count, not even padding
             return nodes.NumbersNode(field.name, primitive, count_offset, position, 0,
                                      b''), position
         offset = align(position, primitive.size)
@@ -217,8 +217,8 @@ class _Compiler:
             self.fail(path, f'is the last one and cannot be a tail (tail={maximum!r}): only a '
                             'string or a sequence of numbers can; fix its length in the shape')
         if shaped:
-            self.fail(path, f'is the tail (tail={maximum!r}) and is fixed in the shape too: keep '
-                            'one of them')
+            self.fail(path, f'is the tail (tail={maximum!r}) and is fixed in the shape as well: '
+                            'remove one of them')
         if not isinstance(maximum, int) or isinstance(maximum, bool) or maximum < 0:
             self.fail(path, f'cannot be a tail of {brief(maximum)}: give the largest length, '
                             '0 or more')

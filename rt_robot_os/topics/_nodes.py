@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-Where everything of a message with a fixed shape lies: a tree of nodes.
+The positions of all parts of a message with a fixed shape: a tree of nodes.
 
 Offsets in a message are relative to its *base*: its first byte rounded down to a multiple of 8.
-Alignment depends on nothing else, so equal elements of a sequence share one node.
+Alignment depends only on the position relative to the base, so equal elements of a sequence share
+one node.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class ScalarNode:
 
 @dataclass(frozen=True, eq=False)
 class StringNode:
-    """A fixed text; ``raw`` has its length and the NUL."""
+    """A fixed string; ``raw`` has its length and the NUL."""
 
     name: str
     offset: int
@@ -51,7 +52,7 @@ class StringNode:
 
 @dataclass(frozen=True, eq=False)
 class StringsNode:
-    """An array or sequence of fixed texts; ``count_offset`` is None for an array."""
+    """An array or sequence of fixed strings; ``count_offset`` is None for an array."""
 
     name: str
     count_offset: int | None
@@ -72,7 +73,7 @@ class NumbersNode:
 
 @dataclass(frozen=True, eq=False)
 class MemberNode:
-    """A message in a message, whose base lies ``base`` after that of the one around it."""
+    """A nested message, whose base is ``base`` bytes after that of the enclosing one."""
 
     name: str
     base: int
@@ -134,9 +135,9 @@ class LayoutField:
     :ivar offset: of the first byte of the value (of the first character, for a string).
     :ivar count: number of elements; of characters in bytes for a string; at most, for a tail.
     :ivar nbytes: from ``offset`` on, with the NUL of a string; 0 when the elements are listed
-        themselves, as those of sequences of strings and messages are.
+        individually, as for sequences of strings and messages.
     :ivar count_offset: of the 32 bit count that precedes a string or a sequence, else None.
-    :ivar fixed: the text of a fixed string, else None.
+    :ivar fixed: the value of a fixed string, else None.
     :ivar tail: whether it is the variable tail.
     """
 
@@ -199,7 +200,7 @@ def _walk_items(node: StringsNode | MembersNode, base: int, name: str,
 
 
 def write(message: MessageNode, target: bytearray, base: int = HEADER_BYTES) -> None:
-    """Write counts, fixed texts and first values into zeroed bytes."""
+    """Write counts, fixed strings and initial values into zeroed bytes."""
     for node in message.fields:
         _write_node(node, target, base)
 
@@ -213,7 +214,7 @@ def _write_node(node: Node, target: bytearray, base: int) -> None:
         _put_count(target, base, node.count_offset, node.count)
         _put(target, base + node.offset, node.raw)
     elif isinstance(node, TailNode):
-        if node.primitive is None:  # an empty text has its NUL
+        if node.primitive is None:  # an empty string has its NUL
             _put_count(target, base, node.count_offset, 1)
     else:
         _put_count(target, base, node.count_offset, len(node.items))

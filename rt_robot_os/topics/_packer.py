@@ -31,7 +31,7 @@ from rt_robot_os.topics._nodes import LayoutField
 from rt_robot_os.topics._shape import brief
 from rt_robot_os.topics._shape import suggest
 
-# More parameters than this make a call slower than one tuple.
+# With more parameters than this, a call is slower than with one tuple.
 _NAMED_MAXIMUM: Final = 64
 _Run = list[LayoutField]
 
@@ -82,8 +82,8 @@ def _choose(type_name: str, fields: Sequence[LayoutField],
                               'through a view')
         numbers = [field for field in matching if field.type_name in PRIMITIVES and field.count]
         if not numbers:
-            raise LayoutError(f'{type_name}.{name} has no numbers to pack: texts and lengths are '
-                              'fixed at declaration')
+            raise LayoutError(f'{type_name}.{name} has no numbers to pack: strings and lengths '
+                              'are fixed at declaration')
         for field in numbers:
             if field in chosen:
                 raise LayoutError(f'{type_name}: field {field.name!r} is packed twice; name it '
@@ -103,9 +103,9 @@ def _split(chosen: Iterable[LayoutField], used: Sequence[tuple[int, int]], *,
     """
     Split fields into runs that one call handles.
 
-    :param used: first byte, that of the count before it included, and end of every field of the
-        layout, in order: what lies between them is padding.
-    :param skip: whether bytes of other fields may lie between two of a run.
+    :param used: first byte, including the count before it, and end of every field of the layout,
+        in order; the rest is padding.
+    :param skip: whether bytes of other fields may be between two fields of a run.
     """
     following = {end: start for (_, end), (start, _) in zip(used, used[1:])}
     runs: list[_Run] = []

@@ -16,14 +16,14 @@
 
 
 /*
- * The ring of a topic and its two ends: topics/ring.py in C, where it is said what each part means.
+ * The ring of a topic, its publisher and its subscription: topics/ring.py in C, which explains it.
  *
- * Order of memory. Writers and readers are tasks of one kernel, so of one thread, and one is
- * preempted by another only where Python runs: never between two statements here. So head is a
- * plain number, and a copy by C cannot be lapped. Were the ring read by another CPU, a writer would
- * have to store head with release order after the message, its stamp and its length; a reader would
- * load head with acquire order, copy, and load head again behind an acquire fence: what was
- * overwritten meanwhile is dropped. x86-64 does that with plain moves, arm64 does not.
+ * Memory order. Writers and readers are tasks of one kernel, so of one thread. One preempts
+ * another only where Python runs, never between two statements here. So head is a plain number,
+ * and a copy in C cannot be lapped. If another CPU read the ring, a writer would have to store head with
+ * release order after the message, its stamp and its length. A reader would have to load head with
+ * acquire order, copy, load head again after an acquire fence, and discard what was overwritten
+ * meanwhile. x86-64 does that with plain moves, arm64 does not.
  */
 
 #include "../kernel/_core.h"
@@ -69,7 +69,7 @@ static int
 topic_clear(PyObject *self)
 {
     Topic *topic = (Topic *)self;
-    Py_CLEAR(topic->kernel); /* first: nobody uses the rest from then on */
+    Py_CLEAR(topic->kernel); /* first: the rest is not used without a kernel */
     Py_CLEAR(topic->name);
     Py_CLEAR(topic->layout);
     Py_CLEAR(topic->slots);
@@ -209,7 +209,7 @@ topic_length_of(PyObject *self, PyObject *number)
         : PyLong_FromSsize_t(topic->lengths[sample & topic->mask]);
 }
 
-/* ---- what both ends have ------------------------------------------------------------------- */
+/* ---- common to publisher and subscription -------------------------------------------------- */
 
 static int
 end_clear(PyObject *self)
@@ -279,7 +279,7 @@ end_connect(PyObject *self, PyObject *topic, PyObject *buffer)
     return 0;
 }
 
-/* The topic of an end; NULL with an exception when it has none, or had one. */
+/* Returns the topic of an end; NULL with an exception when it has none, or no longer one. */
 static Topic *
 topic_of(PyObject *self)
 {
@@ -287,7 +287,7 @@ topic_of(PyObject *self)
     return is_made(topic) ? topic : NULL;
 }
 
-/* ---- the writing end ----------------------------------------------------------------------- */
+/* ---- the publisher ------------------------------------------------------------------------- */
 
 static int
 publisher_init(PyObject *self, PyObject *args, PyObject *Py_UNUSED(keywords))
@@ -323,12 +323,12 @@ write_slot(Topic *topic, const Py_buffer *data, Py_ssize_t length)
     return 0;
 }
 
-/* Makes what was written to that slot the newest sample, and tells who waits for it; locked. */
+/* Makes the message in that slot the newest sample and releases its tasks; locked. */
 static int
 commit(Publisher *self, Topic *topic, Py_ssize_t length, ns_t stamp_ns, ns_t at_ns)
 {
     Core *core = topic->kernel;
-    Record record = {.kind = PUBLISH, .who = (PyObject *)core->current, .what = topic->name,
+    Record record = {.kind = PUBLISH, .task = (PyObject *)core->current, .subject = topic->name,
                      .a = at_ns, .b = topic->head};
     Py_ssize_t index = (Py_ssize_t)(topic->head & topic->mask);
     topic->stamps[index] = stamp_ns ? stamp_ns : at_ns;
@@ -340,7 +340,7 @@ commit(Publisher *self, Topic *topic, Py_ssize_t length, ns_t stamp_ns, ns_t at_
         return -1;
     if (PyList_Size(topic->triggers) == 0)
         return 0;
-    PyObject *done = PyObject_CallMethod((PyObject *)topic, "pull", "L", at_ns);
+    PyObject *done = PyObject_CallMethod((PyObject *)topic, "release_triggered", "L", at_ns);
     Py_XDECREF(done);
     return done == NULL ? -1 : 0;
 }
@@ -378,13 +378,13 @@ find_length(Topic *topic, const Py_buffer *data, Py_ssize_t *length)
             return 0;
         }
     }
-    PyObject *told = PyObject_CallMethod(topic->layout, "length", "O", data->obj); /* raises */
-    *length = told == NULL ? -1 : PyLong_AsSsize_t(told);
-    Py_XDECREF(told);
+    PyObject *found = PyObject_CallMethod(topic->layout, "length", "O", data->obj); /* raises */
+    *length = found == NULL ? -1 : PyLong_AsSsize_t(found);
+    Py_XDECREF(found);
     return PyErr_Occurred() ? -1 : 0;
 }
 
-/* publish(stamp_ns=0), without the tuple that other ways to call it make */
+/* publish(stamp_ns=0); the fast calling convention needs no tuple of arguments */
 static PyObject *
 publisher_publish(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *names)
 {
@@ -439,7 +439,7 @@ publisher_commit(PyObject *self, PyObject *args)
     Py_RETURN_NONE;
 }
 
-/* ---- the reading end ----------------------------------------------------------------------- */
+/* ---- the subscription ---------------------------------------------------------------------- */
 
 static int
 subscription_init(PyObject *self, PyObject *args, PyObject *Py_UNUSED(keywords))
@@ -459,7 +459,7 @@ subscription_init(PyObject *self, PyObject *args, PyObject *Py_UNUSED(keywords))
 static int
 read_slot(Subscription *self, Topic *topic, Py_ssize_t index)
 {
-    if (topic->large) { /* in pieces: others may run, and publish, in between */
+    if (topic->large) { /* in chunks: other tasks may run, and publish, in between */
         PyObject *done = PyObject_CallMethod((PyObject *)self, "copy_large", "n", index);
         Py_XDECREF(done);
         return done == NULL ? -1 : 0;
@@ -531,13 +531,13 @@ subscription_latest(PyObject *self, PyObject *Py_UNUSED(nothing))
 }
 
 static PyObject *
-subscription_pass_over(PyObject *self, PyObject *args, PyObject *keywords)
+subscription_skip(PyObject *self, PyObject *args, PyObject *keywords)
 {
     static char *names[] = {"newest", NULL};
     Topic *topic = topic_of(self);
     int newest = 0;
     if (topic == NULL
-            || !PyArg_ParseTupleAndKeywords(args, keywords, "|p:pass_over", names, &newest))
+            || !PyArg_ParseTupleAndKeywords(args, keywords, "|p:skip", names, &newest))
         return NULL;
     Subscription *reader = (Subscription *)self;
     ns_t behind = topic->head - reader->next_seq, depth = topic->mask + 1;
@@ -568,8 +568,8 @@ subscription_unread(PyObject *self, void *Py_UNUSED(closure))
 #define CALL(function) ((PyCFunction)(void (*)(void))(function))
 
 static PyMethodDef topic_methods[] = {
-    {"stamp_of", topic_stamp_of, METH_O, "Return the moment of the data of a kept sample."},
-    {"length_of", topic_length_of, METH_O, "Return the length of a kept sample, in bytes."},
+    {"stamp_of", topic_stamp_of, METH_O, "Return the stamp of a stored sample."},
+    {"length_of", topic_length_of, METH_O, "Return the length of a stored sample, in bytes."},
     {NULL, NULL, 0, NULL},
 };
 
@@ -584,9 +584,9 @@ static PyMemberDef topic_members[] = {
 
 static PyMethodDef publisher_methods[] = {
     {"publish", CALL(publisher_publish), METH_FASTCALL | METH_KEYWORDS,
-     "Publish the message as it stands."},
+     "Publish the message."},
     {"send", publisher_send, METH_VARARGS, "Publish CDR that fits the layout."},
-    {"commit", publisher_commit, METH_VARARGS, "Make what was written to a slot a sample."},
+    {"commit", publisher_commit, METH_VARARGS, "Make the message in the next slot a sample."},
     {NULL, NULL, 0, NULL},
 };
 
@@ -598,8 +598,8 @@ static PyMemberDef publisher_members[] = {
 static PyMethodDef subscription_methods[] = {
     {"take", subscription_take, METH_NOARGS, "Copy the oldest unread sample."},
     {"latest", subscription_latest, METH_NOARGS, "Copy the newest sample."},
-    {"pass_over", CALL(subscription_pass_over), METH_VARARGS | METH_KEYWORDS,
-     "Pass over a sample without copying it."},
+    {"skip", CALL(subscription_skip), METH_VARARGS | METH_KEYWORDS,
+     "Skip a sample without copying it."},
     {NULL, NULL, 0, NULL},
 };
 
@@ -617,7 +617,7 @@ static PyGetSetDef publisher_attributes[] = {
 
 static PyGetSetDef subscription_attributes[] = {
     {"buffer", end_buffer, end_set_buffer, "Where samples are copied to.", NULL},
-    {"unread", subscription_unread, NULL, "How many samples wait that are not lost.", NULL},
+    {"unread", subscription_unread, NULL, "The number of unread samples that are not lost.", NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };
 

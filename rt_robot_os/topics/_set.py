@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Slow paths of assigning numbers and texts: conversions and errors.
+Slow paths of assigning numbers and strings: conversions and errors.
 
 The fast paths are generated, field by field, in :mod:`rt_robot_os.topics._view_class`.
 """
@@ -35,13 +35,13 @@ ERRORS: Final = (TypeError, ValueError, OverflowError)
 
 
 def refuse_text(label: str, fixed: Any, value: Any) -> NoReturn:
-    """Say that a text cannot change."""
+    """Raise the error for a change of a fixed string."""
     raise LayoutError(f'{label} is fixed at declaration as {brief(fixed)} and cannot be set to '
-                      f'{brief(value)}; give the other text in the shape of the layout')
+                      f'{brief(value)}; give the other string in the shape of the layout')
 
 
 def refuse(view: Any, name: str, value: Any, cause: BaseException | None = None) -> NoReturn:
-    """Say that a field cannot hold a value."""
+    """Raise the error for an invalid value of a field."""
     raise LayoutError(f'{view._type_name}.{name} ({view._types[name]}) cannot be set to '
                       f'{brief(value)}' + (f': {cause}' if cause else '')) from cause
 
@@ -51,7 +51,7 @@ def set_scalar(view: Any, name: str, target: memoryview, index: int, value: Any,
     """Finish the assignment of a number after the fast path failed."""
     if target.readonly:
         _refuse_read_only(view, name)
-    if target.format == 'c':  # ROS messages have bytes of length 1 here, people write numbers
+    if target.format == 'c':  # ROS messages have bytes of length 1 here; numbers are accepted, too
         try:
             target[index] = bytes((value,))  # type: ignore[call-overload]
             return
@@ -68,10 +68,10 @@ def set_numbers(view: Any, name: str, target: np.ndarray[Any, Any], value: Any) 
         return
     if kind is list and 0 < len(value) == len(target) and type(value[0]) in (float, int):
         try:
-            target[:] = np.array(value, target.dtype)  # made first: all of them or none
+            target[:] = np.array(value, target.dtype)  # converted first: all of them or none
             return
         except ERRORS:
-            pass  # again below, for the reason
+            pass  # repeated below for the error message
     numbers = _as_numbers(view, name, target, value)
     if len(numbers) != len(target):
         raise LayoutError(f'{view._type_name}.{name} has {len(target)} elements, fixed at '
@@ -83,8 +83,8 @@ def set_tail(view: Any, name: str, target: np.ndarray[Any, Any], value: Any) -> 
     """
     Copy numbers into a variable tail.
 
-    :param target: the whole room.
-    :return: how many there are now.
+    :param target: the whole space.
+    :return: the number of elements.
     """
     numbers = _as_numbers(view, name, target, value)
     count = len(numbers)
@@ -99,7 +99,7 @@ def set_text_tail(view: Any, name: str, target: memoryview, value: Any) -> int:
     """
     Copy text into a variable tail.
 
-    :param target: the whole room, with that for the NUL.
+    :param target: the whole space, including that for the NUL.
     :return: its length with the NUL.
     """
     try:
@@ -116,13 +116,13 @@ def set_text_tail(view: Any, name: str, target: memoryview, value: Any) -> int:
 
 
 def get_text_tail(target: memoryview, length: int) -> str:
-    """Read text up to its NUL; bytes that are no UTF-8 become replacement characters."""
+    """Read text up to its NUL; invalid UTF-8 becomes replacement characters."""
     return bytes(target[:length]).partition(b'\0')[0].decode('utf-8', 'replace')
 
 
 def _as_numbers(view: Any, name: str, target: np.ndarray[Any, Any],
                 value: Any) -> np.ndarray[Any, Any]:
-    """Return the values as a flat array; bytes stand for elements of one byte."""
+    """Return the values as a flat array; bytes are elements of one byte."""
     try:
         if isinstance(value, bytes | bytearray) and target.itemsize == 1:
             return np.frombuffer(value, target.dtype)
@@ -130,11 +130,11 @@ def _as_numbers(view: Any, name: str, target: np.ndarray[Any, Any],
             refuse(view, name, value)
         if hasattr(value, '__array__') or isinstance(value, array | memoryview):
             numbers = np.asarray(value)
-        else:  # with the type at once: NumPy then checks the range of Python's integers
+        else:  # with the type, so that NumPy checks the range of Python's integers
             values = value if isinstance(value, list | tuple) else list(value)
-            if values and isinstance(values[0], bytes):  # octets, as ROS messages have them
+            if values and isinstance(values[0], bytes):  # octets, as in ROS messages
                 values = list(b''.join(values))
-            if values and isinstance(values[0], str):  # which NumPy would parse
+            if values and isinstance(values[0], str):  # NumPy would parse them
                 refuse(view, name, value)
             numbers = np.array(values, target.dtype)
         if numbers.ndim == 0:

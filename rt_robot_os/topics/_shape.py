@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the user fixes at declaration: strings, lengths and first values, as one nested mapping."""
+"""The shape given at declaration: strings, lengths and initial values, as a nested mapping."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from rt_robot_os.base.errors import LayoutError
 
 def nest(type_name: str, shape: Mapping[str, Any] | None) -> dict[str, Any]:
     """
-    Turn dotted keys into nested mappings.
+    Convert dotted keys to nested mappings.
 
     :param type_name: for error messages.
     :param shape: ``{'header.frame_id': 'imu'}`` or ``{'header': {'frame_id': 'imu'}}``, or both.
-    :raises LayoutError: a field is given twice, or a key is no text.
+    :raises LayoutError: a field is given twice, or a key is not a string.
     """
     result: dict[str, Any] = {}
     if shape is not None:
@@ -45,7 +45,7 @@ def _merge(type_name: str, path: str, target: dict[str, Any], shape: Any) -> Non
     for key, value in shape.items():
         if not isinstance(key, str):
             raise LayoutError(f'{type_name}: key {key!r} in {path or "the shape"}; field names '
-                              'are texts')
+                              'are strings')
         *parents, last = key.split('.')
         place, where = target, path
         for part in parents:
@@ -65,18 +65,18 @@ def _merge(type_name: str, path: str, target: dict[str, Any], shape: Any) -> Non
 
 
 def dotted(path: str, name: str) -> str:
-    """Join the name of a field to that of the message around it."""
+    """Join the name of a field to that of the enclosing message."""
     return f'{path}.{name}' if path else name
 
 
 def brief(value: Any) -> str:
-    """Show a value in an error message without flooding it."""
+    """Format a value for an error message, shortened."""
     text = repr(value)
     return text if len(text) <= 80 else f'{text[:77]}...'
 
 
 def suggest(name: str, known: Iterable[str]) -> str:
-    """Return which names there are, those that look like the wrong one first."""
+    """Suggest the name that is similar to a wrong one, or list all names."""
     names = list(known)
     if not names:
         return 'it has no fields'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What every message view can do, and the assignment of whole messages."""
+"""The base of message views, and the assignment of whole messages."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class View:
     """
     A message in a buffer, with the field names of the ROS message.
 
-    Reading and assigning is safe in the real-time loop. There is no ``__getattr__`` for a nicer
-    error: with it, CPython no longer specialises the access to properties, which then costs twice
-    as much. The classes are named after the message, so Python's own error says what is needed.
+    Reading and assigning is safe in the real-time loop. There is no ``__getattr__`` for a better
+    error message: with it, CPython does not specialise the access to properties, which then takes
+    twice as long. The classes are named after the message, so Python's own error is clear.
     """
 
     __slots__ = ()
@@ -63,7 +63,7 @@ class View:
 
 
 class Items(tuple[Any, ...]):
-    """Elements that stay; an assignment to one, or to a slice, changes what they hold."""
+    """A fixed tuple of elements; assigning to an index or a slice changes their content."""
 
     label = ''
 
@@ -92,7 +92,7 @@ class ViewList(Items):
 
 
 class FixedTexts(Items):
-    """The texts of an array or sequence of strings, fixed at declaration."""
+    """The strings of an array or sequence, fixed at declaration."""
 
     def _put(self, place: int, value: Any) -> None:
         if value != self[place]:
@@ -104,8 +104,8 @@ def assign(view: View, value: Any) -> None:
     Assign a whole message.
 
     :param value: a ROS message or view of the same type, a mapping of field names to values, or
-        any iterable with a value for each leaf, or for each field.
-    :raises LayoutError: it is something else, or a value does not fit.
+        an iterable with a value for each leaf or for each field.
+    :raises LayoutError: it is of another type, or a value is invalid.
     """
     if isinstance(value, Mapping):
         for name, item in value.items():
@@ -177,7 +177,7 @@ def _show(value: Any) -> str:
 
 
 def to_plain(view: View) -> dict[str, Any]:
-    """Turn a message into dictionaries, lists, numbers and texts."""
+    """Convert a message to dictionaries, lists, numbers and strings."""
     return {name: _plain(getattr(view, name)) for name in view._fields}
 
 

@@ -16,7 +16,7 @@
 Generate the class of a message view, as :mod:`dataclasses` does, and bind it to a buffer.
 
 A number is read and written through a :class:`memoryview` cast to its type, by an index that is a
-constant in the code: the fastest that CPython offers, with the range check included. A nested
+constant in the code: the fastest access in CPython, including the range check. A nested
 message whose leaves are all numbers is assigned by one statement in its owner.
 """
 
@@ -36,7 +36,7 @@ from rt_robot_os.topics._cdr import Primitive
 
 Leaves = tuple[tuple[str, int], ...]
 
-# Above this the generated statement would be longer than it is worth.
+# Above this the generated statement would be too long.
 _UNROLL_MAXIMUM: Final = 32
 
 _NAMESPACE: Final = {
@@ -104,7 +104,7 @@ def _labelled(items: _view.Items, owner: nodes.MessageNode, node: nodes.Node) ->
 
 def _numbers(payload: memoryview, start: int, count: int,
              primitive: Primitive) -> np.ndarray[Any, Any]:
-    if count == 0:  # may lie behind the end
+    if count == 0:  # may be beyond the end
         return np.empty(0, primitive.dtype)
     return np.frombuffer(payload, primitive.dtype, count, start)
 
@@ -115,7 +115,7 @@ def code_name(code: str) -> str:
 
 
 def _leaves(message: nodes.MessageNode, base: int = 0) -> Iterator[tuple[str, int] | None]:
-    """List type and index of each number of a message; None for what is no number."""
+    """Yield type and index of each number of a message; None for any other field."""
     for node in message.fields:
         if isinstance(node, nodes.ScalarNode):
             yield node.primitive.code, (base + node.offset) // node.primitive.size
@@ -126,7 +126,7 @@ def _leaves(message: nodes.MessageNode, base: int = 0) -> Iterator[tuple[str, in
 
 
 def _all_numbers(message: nodes.MessageNode, base: int = 0) -> Leaves:
-    """List the numbers of a message that has nothing else and not too many, or nothing."""
+    """Return the numbers of a message that has only numbers and not too many, or nothing."""
     found: list[tuple[str, int]] = []
     for leaf in _leaves(message, base):
         if leaf is None or len(found) == _UNROLL_MAXIMUM:
@@ -136,7 +136,7 @@ def _all_numbers(message: nodes.MessageNode, base: int = 0) -> Leaves:
 
 
 def _field_key(node: nodes.Node) -> Any:
-    """Return what the generated code depends on, apart from the interface."""
+    """Return a key of everything but the interface that determines the generated code."""
     if isinstance(node, nodes.ScalarNode):
         return node.offset
     if isinstance(node, nodes.MemberNode):
@@ -145,7 +145,7 @@ def _field_key(node: nodes.Node) -> Any:
 
 
 def _codes(message: nodes.MessageNode) -> dict[str, int]:
-    """Find which casts a view needs, and the size of their items."""
+    """Return the casts that a view needs, and the sizes of their items."""
     result: dict[str, int] = {}
 
     def collect(part: nodes.MessageNode) -> None:
@@ -176,7 +176,7 @@ def _generate(message: nodes.MessageNode) -> type[_view.View]:
     namespace: dict[str, Any] = dict(_NAMESPACE)
     exec('\n'.join(lines), namespace)
     result = cast('type[_view.View]', namespace['_Class'])
-    # Python's own message for an unknown attribute that is assigned shows this name.
+    # Python's own error for assigning an unknown attribute shows this name.
     result.__name__ = result.__qualname__ = spec.type_name
     result.__module__ = _view.__name__
     result._type_name = spec.type_name

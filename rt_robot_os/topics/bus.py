@@ -61,24 +61,24 @@ class Bus:
         """
         Declare a topic; not for the real-time loop.
 
-        Declaring it again with the same shape gives the same topic. A depth or ``max_subscribers``
-        that is given then has to be that of the first declaration, if one was given there.
+        Declaring it again with the same shape returns the same topic. A depth or
+        ``max_subscribers`` must then equal that of the first declaration, if one was given there.
 
         :param name: relative ROS name such as ``imu/data``.
         :param message: ``'sensor_msgs/msg/Imu'`` or the class.
         :param fixed: strings and lengths of sequences, see :class:`Layout`.
-        :param tail: largest length of a variable last field.
-        :param depth: number of samples kept, a power of two.
+        :param tail: maximum length of a variable last field.
+        :param depth: number of stored samples, a power of two.
         :param rate_hz: expected rate; 0 when there is none.
-        :param max_subscribers: a further one is refused. What clients mirror or record is not
-            counted: that is bounded by their number, and needs no room here.
-        :raises TopicError: the name is no ROS name, or taken by a topic of another shape, or a
-            number is out of range or contradicts that of an earlier declaration.
-        :raises LayoutError: the message cannot be laid out like this.
+        :param max_subscribers: limit of subscribers. Mirrors and recordings of clients do not
+            count: they are limited by the number of clients.
+        :raises TopicError: the name is not a ROS name or belongs to a topic of another shape, or a
+            number is out of range or contradicts an earlier declaration.
+        :raises LayoutError: the message does not fit this shape.
         """
         if not TOPIC_NAME.fullmatch(name):
-            raise TopicError(f'topic {name!r}: a name is made of letters, digits and _ in parts '
-                             "that begin with a letter or _, joined by '/', such as imu/data")
+            raise TopicError(f'topic {name!r}: a name consists of letters, digits and _ in parts '
+                             "that begin with a letter or _, separated by '/', such as imu/data")
         check_numbers(name, depth, rate_hz, max_subscribers)
         layout = Layout.compile(message, fixed, tail=tail)
         known = self._topics.get(name)
@@ -87,7 +87,7 @@ class Bus:
                     layout.type_name, layout.prototype, layout.max_size):
                 raise TopicError(f'topic {name!r}: declared as {known.layout!r} before and as '
                                  f'{layout!r} now; choose another name for one of them')
-            self._agree(known, depth, max_subscribers)
+            self._check_redeclaration(known, depth, max_subscribers)
             return known
         topic = Topic(self.kernel, name, layout, depth=depth, rate_hz=rate_hz,
                       max_subscribers=max_subscribers)
@@ -96,11 +96,11 @@ class Bus:
 
     def add(self, spec: TopicSpec, max_subscribers: int) -> Topic:
         """
-        Declare a topic as a part of the robot specified it; not for the real-time loop.
+        Declare a topic by its specification; not for the real-time loop.
 
-        :param max_subscribers: how many may read it; of several that say so the largest counts.
+        :param max_subscribers: limit of subscribers; the largest of several counts.
         :raises TopicError: as for :meth:`declare`.
-        :raises LayoutError: the message cannot be laid out like this.
+        :raises LayoutError: the message does not fit this shape.
         """
         topic = self.declare(spec.topic, spec.message, spec.fixed, tail=spec.tail,
                              depth=spec.depth, rate_hz=spec.rate_hz)
@@ -110,8 +110,8 @@ class Bus:
             topic.limit_given = not isinstance(max_subscribers, Default)
         return topic
 
-    def _agree(self, topic: Topic, depth: int, max_subscribers: int) -> None:
-        """Check a further declaration of a topic against those before."""
+    def _check_redeclaration(self, topic: Topic, depth: int, max_subscribers: int) -> None:
+        """Check a repeated declaration of a topic against the earlier ones."""
         if topic.depth_given and not isinstance(depth, Default) and depth != topic.depth:
             raise TopicError(f'topic {topic.name!r}: declared with depth {topic.depth} before and '
                              f'{depth} now; give both the same')
@@ -130,7 +130,7 @@ class Bus:
         """
         Find a topic.
 
-        :raises TopicError: there is none of that name.
+        :raises TopicError: the topic does not exist.
         """
         try:
             return self._topics[name]
@@ -147,9 +147,9 @@ class Bus:
         """
         Make a publisher; not for the real-time loop.
 
-        :param task: whose it is, if it has logical execution time: then what it publishes comes
-            out at its deadline.
-        :raises TopicError: there is no such topic.
+        :param task: of the publisher; with logical execution time its messages are published at
+            its deadline.
+        :raises TopicError: the topic does not exist.
         """
         if task is not None and task.logical is not None:
             return LogicalPublisher(self.topic(name), task.logical)
@@ -163,17 +163,17 @@ class Bus:
         Make a subscription; not for the real-time loop.
 
         :param name: of the topic.
-        :param subscriber: who reads, for the statistics.
-        :param initial: begin with the last sample that is there already.
+        :param subscriber: name of the reader, for the statistics.
+        :param initial: begin with the last existing sample.
         :param task: released by each publication.
-        :param buffer: where samples are copied to, of the layout's ``max_size`` bytes; by default
-            one of its own.
-        :param newest: ``take`` gives only the newest sample; those before it count as skipped.
-        :param counted: False for what serves the system, such as a client's mirror: it is let in
-            whatever ``max_subscribers`` says.
-        :raises TopicError: no such topic, or it has ``max_subscribers`` already.
+        :param buffer: destination of samples, of the layout's ``max_size`` bytes; by default a new
+            one.
+        :param newest: ``take`` returns only the newest sample; earlier ones count as skipped.
+        :param counted: False for system subscribers, such as a client's mirror: they are not
+            limited by ``max_subscribers``.
+        :raises TopicError: the topic does not exist, or has ``max_subscribers`` already.
         """
-        topic = self._with_room(name, subscriber) if counted else self.topic(name)
+        topic = self._topic_with_capacity(name, subscriber) if counted else self.topic(name)
         kind: type[Subscription] = NewestSubscription if newest else Subscription
         subscription = kind(topic, subscriber, initial=initial, buffer=buffer, task=task)
         if not counted:
@@ -185,14 +185,15 @@ class Bus:
         """
         Make a subscription for a task with logical execution time; not for the real-time loop.
 
-        It ends with what was published before the release of the job that reads.
+        A job sees only samples that were published before its release.
 
-        :raises TopicError: no such topic, too many subscribers, or another kind of task.
+        :raises TopicError: the topic does not exist, it has too many subscribers, or the task has
+            no logical execution time.
         """
         if task.logical is None:
             raise TopicError(f'topic {name!r}: task {task.name!r} has no logical execution time; '
                              'declare it with logical=True')
-        topic = self._with_room(name, task.name)
+        topic = self._topic_with_capacity(name, task.name)
         return self._add(LogicalSubscription(topic, task.name, task.logical, initial), None)
 
     def _add(self, subscription: Subscription, task: Task | None) -> Subscription:
@@ -202,7 +203,7 @@ class Bus:
             topic.wake_on_publish(task)
         return subscription
 
-    def _with_room(self, name: str, subscriber: str) -> Topic:
+    def _topic_with_capacity(self, name: str, subscriber: str) -> Topic:
         topic = self.topic(name)
         if topic.counted >= topic.max_subscribers:
             raise TopicError(f'topic {name!r}: {subscriber!r} would be subscriber number '
@@ -212,43 +213,43 @@ class Bus:
 
     def unsubscribe(self, subscription: Subscription) -> None:
         """
-        Remove a subscription, for instance of a client that left; unknown ones are fine.
+        Remove a subscription, for instance of a client that left; unknown ones are ignored.
 
-        Its task is no longer released by it.
+        It no longer releases its task.
         """
         topic = subscription.topic
         if subscription in topic.subscribers:
             topic.subscribers.remove(subscription)
             topic.uncounted.discard(subscription)
             if subscription.task is not None:
-                topic.wake_no_more(subscription.task)
+                topic.stop_waking(subscription.task)
 
     def release_every(self, name: str, task: Task, number: int) -> None:
         """
         Release a task with each n-th publication on a topic, beginning with the n-th from now.
 
-        :raises TopicError: no such topic, or a number below 1.
+        :raises TopicError: the topic does not exist, or the number is below 1.
         """
         self.topic(name).triggers.append(Every(task, number))
 
     def release_on_all(self, names: Sequence[str], task: Task) -> None:
         """
-        Release a task when each of some topics has had a publication since its last release.
+        Release a task when each of several topics had a publication since its last release.
 
-        :raises TopicError: no such topic, one is given twice, or none.
+        :raises TopicError: a topic does not exist or is given twice, or none is given.
         """
         topics = [self.topic(name) for name in names]
         trigger = AllOf(task, topics)
         for topic in topics:
             topic.triggers.append(trigger)
 
-    def release_no_more(self, task: Task) -> None:
-        """Take a task from all topics that release it; what it reads is left as it is."""
+    def stop_releasing(self, task: Task) -> None:
+        """Stop all topics from releasing a task; its subscriptions are not changed."""
         for topic in self._topics.values():
             while task in topic.wakes:
-                topic.wake_no_more(task)
+                topic.stop_waking(task)
             topic.triggers[:] = [each for each in topic.triggers if each.task is not task]
 
     def statistics(self) -> tuple[TopicStatistics, ...]:
-        """Take the statistics of all topics; not for the real-time loop."""
+        """Return the statistics of all topics; not for the real-time loop."""
         return tuple(topic.statistics() for topic in self._topics.values())

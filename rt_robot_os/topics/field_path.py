@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""One number or text of the messages of a topic, found by its path: ``linear_acceleration.z``."""
+"""Access to one number or string of a message by its path, such as ``linear_acceleration.z``."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ _COUNT: Final = struct.Struct('<I')
 
 class FieldReader(NamedTuple):
     """
-    How to read a field.
+    The reader of a field.
 
-    :ivar is_text: it is a text, else a number; True and False are 1 and 0.
-    :ivar read: reads it from the buffer of a subscription; None when this message has no such
-        element. Safe in the real-time loop.
+    :ivar is_text: it is a string, otherwise a number; True and False are 1 and 0.
+    :ivar read: reads it from the buffer of a subscription; returns None when this message has no
+        such element. Safe in the real-time loop.
     """
 
     is_text: bool
@@ -52,8 +52,8 @@ def field_reader(layout: Layout, path: str) -> FieldReader:
     Find a field; not for the real-time loop.
 
     :param path: such as ``data``, ``linear_acceleration.z``, ``ranges[3]``, ``points[2].x``.
-    :raises LayoutError: there is none, or it is no number and no text that changes; the text says
-        what there is.
+    :raises LayoutError: the field does not exist, or is neither a number nor a variable string;
+        the message lists the fields.
     """
     fields = {field.name: field for field in layout.fields()}
     found, index = fields.get(path), 0
@@ -81,10 +81,10 @@ def _many(field: LayoutField) -> str:
 
 def _beyond(layout: Layout, field: LayoutField) -> str:
     if field.type_name not in PRIMITIVES:
-        return f'{layout.type_name}: {field.name} is no list of numbers'
+        return f'{layout.type_name}: {field.name} is not a list of numbers'
     if not field.count:
-        return (f'{layout.type_name}: {field.name} is empty here: it has as many elements as it '
-                'is declared with')
+        return (f'{layout.type_name}: {field.name} is empty here: its length is fixed by the '
+                'declaration')
     return f'{layout.type_name}: {field.name} has {_many(field)}, the last is [{field.count - 1}]'
 
 

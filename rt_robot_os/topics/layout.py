@@ -15,8 +15,8 @@
 """
 Layouts: ROS 2 messages of a fixed shape as bytes that need no conversion.
 
-A slot of a topic holds a message as ROS 2 puts it on the wire, so the ROS side publishes it, and
-the recorder writes it, as it is. The real-time side reads and writes its numbers in place.
+A slot of a topic holds a message in the wire format of ROS 2, so the ROS node publishes it, and
+the recorder writes it, unmodified. Real-time tasks read and write its numbers in place.
 """
 
 from __future__ import annotations
@@ -57,12 +57,13 @@ class Layout:
     """
     A message type with a fixed shape; made by :meth:`compile`.
 
-    The bytes are XCDR1, little-endian: those of ``rclpy.serialization.serialize_message``, equal
-    in every significant byte; padding, which CDR leaves undefined, is zero. The length is the
-    exact one, which rmw_fastrtps puts on the wire. What ``serialize_message`` returns may be
-    longer: it hands out rmw_fastrtps's estimate, which is rounded up to a multiple of 4 for types
-    without strings and sequences, and counts alignment that is never written for empty sequences
-    of 8 byte numbers. ``deserialize_message`` and ``publish`` of raw bytes take either.
+    The bytes are XCDR1, little-endian. They equal those of
+    ``rclpy.serialization.serialize_message`` in every significant byte; padding, which CDR leaves
+    undefined, is zero. The length is the exact one, which rmw_fastrtps sends. The result of
+    ``serialize_message`` may be longer: it has the length that rmw_fastrtps estimates, which is
+    rounded up to a multiple of 4 for types without strings and sequences, and includes alignment
+    that is never written for empty sequences of 8-byte numbers. ``deserialize_message`` and
+    ``publish`` of raw bytes accept both.
 
     All offsets are in bytes from the first byte of the data, encapsulation included.
 
@@ -72,7 +73,7 @@ class Layout:
     :ivar tail: name of the variable last field, or None.
     :ivar tail_offset: of its first element, or None.
     :ivar tail_item_size: bytes of an element; 1 for text; 0 without a tail.
-    :ivar tail_maximum: most elements, or bytes of text, that it may have.
+    :ivar tail_maximum: its maximum number of elements, or bytes of text.
     :ivar stamp_offset: of a leading ``header.stamp`` (or a first field of type Time), two 32 bit
         numbers ``sec`` and ``nanosec``; None when the message does not begin with one.
     :ivar prototype: the ``size`` bytes of a message as declared.
@@ -110,7 +111,7 @@ class Layout:
         self.tail_item_size = 1 if text else PRIMITIVES[tail.type_name].size
         self._tail_start = tail.offset
         self._tail_count_offset = tail.offset if tail.count_offset is None else tail.count_offset
-        self._tail_count_maximum = tail.count + text  # that of a text includes its NUL
+        self._tail_count_maximum = tail.count + text  # for a string including its NUL
         if tail.count:
             self.max_size = tail.offset + tail.nbytes
 
@@ -121,13 +122,13 @@ class Layout:
         Lay out a message type; not for the real-time loop.
 
         :param message: ``'sensor_msgs/Imu'``, ``'sensor_msgs/msg/Imu'`` or the message class.
-        :param shape: what is fixed, by field: the text of a string, the length of a sequence, or
-            the list of its elements (for a sequence of messages: their shapes). Fields of nested
-            messages are written ``'header.frame_id'`` or as nested mappings. A number, or a list
-            of them, is a first value. What is not mentioned is as in a new ROS message: strings
+        :param shape: the fixed values, by field: the value of a string, the length of a sequence,
+            or the list of its elements (for a sequence of messages: their shapes). Fields of
+            nested messages are written ``'header.frame_id'`` or as nested mappings. A number, or a
+            list of them, is an initial value. Other fields are as in a new ROS message: strings
             and sequences empty, numbers 0 or their default.
-        :param tail: make the last field, a string or a sequence of numbers, as long as each
-            message needs, up to this many bytes or elements.
+        :param tail: the last field, a string or a sequence of numbers, has a variable length up to
+            this many bytes or elements.
         :raises LayoutError: the type, the field, the value and the remedy.
         """
         require_little_endian()
@@ -137,8 +138,8 @@ class Layout:
         """
         Make a buffer for the longest message that holds :attr:`prototype`; writable.
 
-        What follows the encapsulation lies on an address that is a multiple of 8, so that NumPy
-        arrays in it are aligned.
+        The address of the first byte after the encapsulation is a multiple of 8, so that NumPy
+        arrays in the buffer are aligned.
         """
         room = np.zeros(self.max_size + 16, np.uint8)
         start = -(room.ctypes.data + HEADER_BYTES) % 8
@@ -152,11 +153,11 @@ class Layout:
 
         Numbers and nested messages are read and assigned with the names of the ROS message. Arrays
         and sequences of numbers are NumPy arrays in the buffer (booleans ``bool``, octets
-        ``uint8``), sequences of messages are indexed. Texts are those of the declaration. One view
-        serves for all the messages that pass through its buffer; using it is safe in the loop.
+        ``uint8``), sequences of messages are indexed. Strings are those of the declaration. One
+        view serves all messages in its buffer; using it is safe in the loop.
 
-        :param buffer: bytes, at least :attr:`size`; the tail has the room that is left. Bytes from
-            outside have to pass :meth:`check` first. Read-only bytes give a read-only view.
+        :param buffer: at least :attr:`size` bytes; the tail uses the rest. Untrusted bytes must
+            pass :meth:`check` first. A read-only buffer results in a read-only view.
         :raises LayoutError: the buffer is too short.
         """
         data = memoryview(buffer).cast('B')
@@ -169,42 +170,42 @@ class Layout:
         """
         Make an object that writes and reads several fields at once; not for the real-time loop.
 
-        :param field_names: numbers, arrays, or whole nested messages, whose texts are left out.
-        :raises LayoutError: there is no such field, or it has no numbers.
+        :param field_names: numbers, arrays, or whole nested messages without their strings.
+        :raises LayoutError: a field does not exist or has no numbers.
         """
         return Packer(self.type_name, self._fields, field_names)
 
     def check(self, data: Any) -> str | None:
         """
-        Judge CDR from outside, for instance from a raw ROS 2 subscription.
+        Validate untrusted CDR, for instance from a raw ROS 2 subscription.
 
-        Padding may hold anything, and may follow the message.
+        Padding may have any value, and may follow the message.
 
         :param data: bytes, encapsulation included.
-        :return: why they do not fit this layout, or None when they do.
+        :return: why they do not match this layout, or None when they do.
         """
         return self._checker.problem(memoryview(data).cast('B'))
 
     def length(self, data: Any) -> int:
         """
-        Find how long a message is, by the count of its tail; safe in the real-time loop.
+        Return the length of a message, by the count of its tail; safe in the real-time loop.
 
-        :param data: a message of this layout; bytes from outside have to pass :meth:`check`.
-        :raises LayoutError: the count is more than the layout allows.
+        :param data: a message of this layout; untrusted bytes must pass :meth:`check`.
+        :raises LayoutError: the count exceeds the maximum of the layout.
         """
         if self._tail_count_maximum < 0:
             return self.size
         count: int = _COUNT.unpack_from(data, self._tail_count_offset)[0]
         if count > self._tail_count_maximum:
-            raise LayoutError(f'{self.type_name}.{self.tail} claims a count of {count}, beyond '
-                              f'its declared tail of {self.tail_maximum}; check() such bytes')
+            raise LayoutError(f'{self.type_name}.{self.tail} has a count of {count}, above its '
+                              f'declared tail of {self.tail_maximum}; check() such bytes')
         return self._tail_start + count * self.tail_item_size if count else self.size
 
     def set_tail_bytes(self, buffer: Any, length: int) -> None:
         """
-        Set how many bytes of a buffer's tail are used; does nothing for a layout without one.
+        Set the number of used bytes of a buffer's tail; does nothing for a layout without one.
 
-        :param length: bytes of whole elements, at most as many as there is room for.
+        :param length: bytes of whole elements, at most the size of the tail.
         """
         if self.tail is not None and self.tail_item_size:
             _COUNT.pack_into(buffer, self._tail_count_offset, length // self.tail_item_size)
@@ -212,10 +213,10 @@ class Layout:
     @property
     def length_rule(self) -> tuple[int, int, int, int, int, int]:
         """
-        Return the numbers by which :meth:`length` goes.
+        Return the numbers that :meth:`length` uses.
 
-        :return: ``size``, ``max_size``; offset of the count of the tail, the highest count that
-            is allowed, or -1 without a tail; offset of the first element, bytes of each.
+        :return: ``size``, ``max_size``; offset of the count of the tail, the maximum count, or -1
+            without a tail; offset of the first element, bytes of each.
         """
         return (self.size, self.max_size, self._tail_count_offset, self._tail_count_maximum,
                 self._tail_start, self.tail_item_size)
@@ -223,9 +224,9 @@ class Layout:
     @property
     def bulk(self) -> tuple[int, int, int]:
         """
-        Where the tail, or the longest sequence or array of numbers, lies.
+        Return the position of the tail, or of the longest sequence or array of numbers.
 
-        :return: offset, most bytes, bytes of an element; no bytes when there is none.
+        :return: offset, maximum bytes, bytes of an element; 0 bytes when there is none.
         """
         if self.tail is not None and self.tail_offset is not None and self.tail_maximum:
             if self._fields[-1].type_name == 'string':
@@ -246,9 +247,9 @@ class Layout:
         """
         Make a message from plain values; for tools, not for the real-time loop.
 
-        :param values: nested mappings as :meth:`to_dict` gives them; what is missing is as
+        :param values: nested mappings as returned by :meth:`to_dict`; missing fields are as
             declared.
-        :raises LayoutError: a field is unknown or cannot hold its value.
+        :raises LayoutError: a field is unknown, or its value is invalid.
         """
         if not isinstance(values, Mapping):
             raise LayoutError(f'{self.type_name} cannot be made from {brief(values)}; give a '
@@ -259,10 +260,10 @@ class Layout:
 
     def to_dict(self, data: Any) -> dict[str, Any]:
         """
-        Turn a message into plain Python values; for tools, not for the real-time loop.
+        Convert a message to plain Python values; for tools, not for the real-time loop.
 
         :param data: a message of this layout, or a view of one.
-        :return: nested dictionaries and lists of numbers (octets are integers) and texts.
+        :return: nested dictionaries and lists of numbers (octets are integers) and strings.
         """
         view = data if isinstance(data, View) else self.view(data)
         return to_plain(view)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The two ends of a topic for tasks with logical execution time, see the kernel's module."""
+"""Publisher and subscription of tasks with logical execution time (LET)."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from rt_robot_os.topics.topic import Topic
 
 
-class _Kept:
-    """One message that waits for the deadline."""
+class _HeldMessage:
+    """A message that waits for the deadline."""
 
     __slots__ = ('data', 'length', 'stamp_ns')
 
@@ -40,36 +40,36 @@ class _Kept:
 
 class LogicalPublisher(Publisher):
     """
-    Hold what a job publishes until its deadline.
+    Hold the messages of a job until its deadline.
 
     :ivar discarded: messages that were not published, because the job was late or published more
         than the topic holds.
     """
 
-    __slots__ = ('discarded', '_kept', '_count')
+    __slots__ = ('discarded', '_held', '_count')
 
     def __init__(self, topic: Topic, logical: Logical) -> None:
         super().__init__(topic)
         self.discarded = 0
-        # Laid out beforehand: nothing is allocated in the loop.
-        self._kept = [_Kept(topic.layout.max_size) for _ in range(topic.depth)]
+        # Allocated in advance: nothing is allocated in the loop.
+        self._held = [_HeldMessage(topic.layout.max_size) for _ in range(topic.depth)]
         self._count = 0
         logical.outputs.append(self._end)
 
     def publish(self, stamp_ns: int = 0) -> None:
         """
-        Let the message as it stands be published at the deadline; safe in the real-time loop.
+        Queue the message for publication at the deadline; safe in the real-time loop.
 
-        :param stamp_ns: moment of the data; 0 means the deadline.
+        :param stamp_ns: time of the data; 0 means the deadline.
         """
         self.send(self.buffer[:self.topic.layout.length(self.buffer)], stamp_ns)
 
     def send(self, data: memoryview, stamp_ns: int = 0) -> None:
-        """Let CDR be published at the deadline; safe in the real-time loop."""
-        if self._count == len(self._kept):
+        """Queue CDR for publication at the deadline; safe in the real-time loop."""
+        if self._count == len(self._held):
             self.discarded += 1
             return
-        kept = self._kept[self._count]
+        kept = self._held[self._count]
         kept.data[:len(data)] = data
         kept.length, kept.stamp_ns = len(data), stamp_ns
         self._count += 1
@@ -79,16 +79,16 @@ class LogicalPublisher(Publisher):
         if not in_time:
             self.discarded += count
             return
-        for kept in self._kept[:count]:
+        for kept in self._held[:count]:
             super().send(kept.data[:kept.length], kept.stamp_ns)
 
 
 class LogicalSubscription(Subscription):
     """
-    Read what had been published when the job was released, and nothing that came later.
+    Read only samples that were published before the release of the job.
 
-    The topic has to be deep enough for what is published within a deadline: what is overwritten
-    meanwhile is lost, and counted, as for every other reader.
+    The topic must be deep enough for the publications within a deadline: overwritten samples are
+    lost and counted, as for every other reader.
     """
 
     __slots__ = ('_limit',)
@@ -99,7 +99,7 @@ class LogicalSubscription(Subscription):
         logical.inputs.append(self._fix)
 
     def take(self) -> bool:
-        """Copy the oldest unread sample that is older than the job; as Subscription.take."""
+        """Copy the oldest unread sample from before the release; see Subscription.take."""
         limit = self._limit
         if self.topic.head - limit >= self.topic.depth and self.next_seq < limit:
             self.lost += limit - self.next_seq
@@ -110,7 +110,7 @@ class LogicalSubscription(Subscription):
         return super().take()
 
     def latest(self) -> bool:
-        """Copy the newest sample that is older than the job; as Subscription.latest."""
+        """Copy the newest sample from before the release; see Subscription.latest."""
         behind = self._limit - self.next_seq - 1
         if behind > 0:
             self.skipped += behind
@@ -119,7 +119,7 @@ class LogicalSubscription(Subscription):
 
     @property
     def unread(self) -> int:
-        """How many samples older than the job wait."""
+        """Return the number of unread samples from before the release."""
         return max(0, self._limit - max(self.next_seq, self.topic.head - self.topic.depth))
 
     def _fix(self) -> None:

@@ -12,16 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Copy large samples piece by piece; not compiled, for compiled code cannot be preempted."""
+"""Copy large samples in chunks; in Python, because compiled code cannot be preempted."""
 
 from __future__ import annotations
 
-# Bytes copied in one native call: some 3 us where memory is slow. Preemption comes in between.
+# Bytes copied in one native call: some 3 us where memory is slow; tasks can preempt in between.
 PIECE_BYTES = 1 << 16
 
 
 def touch(buffer: memoryview) -> None:
-    """Make Linux allocate the pages of a buffer now, and not in the loop."""
+    """Have Linux allocate the pages of a buffer now instead of in the loop."""
     for start in range(0, len(buffer), PIECE_BYTES):
         piece = buffer[start:start + PIECE_BYTES]
         piece[:] = bytes(piece)
@@ -29,9 +29,9 @@ def touch(buffer: memoryview) -> None:
 
 def copy_in_pieces(target: memoryview, source: memoryview) -> None:
     """
-    Copy bytes; a task may be preempted between two pieces.
+    Copy bytes; a task may be preempted between two chunks.
 
-    :param target: as long as ``source``.
+    :param target: of the same length as ``source``.
     """
     length = len(source)
     for start in range(0, length, PIECE_BYTES):

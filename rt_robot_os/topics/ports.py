@@ -16,8 +16,8 @@
 """
 Ports: the topics that a device or a module reads and writes, declared at class level.
 
-They stand with the topics, below devices and modules, for there is nothing in them but topics, the
-settings that name those, and the task that they release.
+They are part of the topics, below devices and modules, because they involve only topics, the
+settings with their names, and the task that they release.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ PortT = TypeVar('PortT', 'Input', 'Output')
 @dataclass(frozen=True)
 class Input(TopicRead):
     """
-    A topic that is read; in an instance the attribute is a :class:`Subscription`.
+    A subscribed topic; in an instance the attribute is a :class:`Subscription`.
 
     Its name is the default of the setting ``<attribute>_topic``.
     """
@@ -74,13 +74,13 @@ class Input(TopicRead):
 @dataclass(frozen=True)
 class Output(TopicSpec):
     """
-    A topic that is written; in an instance the attribute is a :class:`Publisher`.
+    A published topic; in an instance the attribute is a :class:`Publisher`.
 
     Its name is the default of the setting ``<attribute>_topic``. With ``rate_hz`` 0 it is expected
     at the rate of the module, or at the ``output_rate_hz`` of the device if it has that setting.
 
-    :ivar follows: attribute of an input of the module: a sample is written for each of it, so that
-        no more are expected than come there, however often the module looks.
+    :ivar follows: attribute of an input of the module: one sample is published for each of the
+        input, so its rate limits the expected rate, whatever the rate of the module.
     """
 
     follows: str = ''
@@ -99,11 +99,11 @@ class Output(TopicSpec):
 
 class PortOwner(LiveSettings):
     """
-    What has ports: a device or a module.
+    The owner of ports: a device or a module.
 
     :cvar NOUN: which of the two, for messages.
     :cvar CONNECTED_FROM: the first of its methods in which its ports can be used.
-    :ivar listed: what is read besides the inputs declared at class level: :meth:`listed_inputs`.
+    :ivar listed: the subscriptions of :meth:`listed_inputs`.
     """
 
     NOUN: ClassVar[str]
@@ -119,15 +119,15 @@ class PortOwner(LiveSettings):
                 if isinstance(value, Input | Output):
                     found[attribute] = value
                 else:
-                    found.pop(attribute, None)  # a subclass has no use for it
+                    found.pop(attribute, None)  # removed by a subclass
         return found
 
     @classmethod
     def fields(cls) -> tuple[Field, ...]:
         """
-        Return everything that can be set: SETTINGS and a topic name for each port.
+        Return all settings: SETTINGS and a topic name for each port.
 
-        A class that has the key in its SETTINGS describes it, and gives its default, there.
+        A class with that key in its SETTINGS defines its description and default there.
         """
         given = {field.name for field in cls.SETTINGS}
         names = tuple(
@@ -138,47 +138,47 @@ class PortOwner(LiveSettings):
         return (*cls.SETTINGS, *names)
 
     def topic_of(self, attribute: str) -> str:
-        """Name the topic of a port as it is set."""
-        told = self.settings.get(f'{attribute}_topic')
-        # Steps ask as well: to look through all ports takes 0.1 ms.
-        return str(self.ports()[attribute].topic if told is None else told)
+        """Return the configured topic of a port."""
+        configured = self.settings.get(f'{attribute}_topic')
+        # Also called by steps: searching all ports would take 0.1 ms.
+        return str(self.ports()[attribute].topic if configured is None else configured)
 
     def connected(self, attribute: str) -> bool:
-        """Return whether a port is used; one that the settings make needless is left alone."""
+        """Return whether the settings use a port; an unused one is not connected."""
         return True
 
     def listed_inputs(self) -> Mapping[str, Input]:
         """
-        Return the inputs that the settings list, however many, by a key each.
+        Return the inputs that the settings list, by key.
 
-        They are subscribed to like those of the class, and found in :attr:`listed` by that key;
+        They are subscribed like those of the class and available in :attr:`listed` by that key;
         with ``wake`` a publication releases the task.
         """
         return {}
 
     def output_rate_hz(self) -> float:
-        """Return how often an output that does not say so is written; 0 when unknown."""
+        """Return the rate of outputs without a ``rate_hz``; 0 when unknown."""
         return 0.0
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return the topics that are written: one for each output that is used."""
+        """Return the published topics: one for each used output."""
         return tuple(
             TopicSpec(self.topic_of(attribute), port.message, port.fixed, port.depth,
                       port.rate_hz or self.output_rate_hz(), port.tail, port.most_hz)
             for attribute, port in self.used(Output).items())
 
     def reads(self) -> tuple[TopicRead, ...]:
-        """Return what is read: each input that is used, with its topic as it is set."""
+        """Return the subscribed topics: each used input with its configured topic."""
         return (*(replace(port, topic=self.topic_of(attribute))
                   for attribute, port in self.used(Input).items()),
                 *self.listed_inputs().values())
 
     def subscriptions(self) -> tuple[str, ...]:
-        """Return the names of the topics that are read."""
+        """Return the names of the subscribed topics."""
         return tuple(each.topic for each in self.reads())
 
     def used(self, kind: type[PortT]) -> dict[str, PortT]:
-        """Return the ports of a kind that are used, by attribute."""
+        """Return the used ports of a kind, by attribute."""
         return {attribute: port for attribute, port in self.ports().items()
                 if isinstance(port, kind) and self.connected(attribute)}
 
@@ -186,9 +186,9 @@ class PortOwner(LiveSettings):
         """
         Connect the ports that are not connected yet; every topic must have been declared.
 
-        :param task: whose they are.
+        :param task: of the owner.
         :param released: the task that inputs release; by default the same.
-        :raises TopicError: an input's topic is declared by nobody, or of another type.
+        :raises TopicError: an input's topic is not declared, or of another type.
         """
         self.__dict__.update(connect(self, bus, task, released or task, {
             attribute: port for attribute, port in self.ports().items()
@@ -209,7 +209,7 @@ def connect(owner: PortOwner, bus: Bus, task: Task, released: Task,
     Connect ports of a device or a module.
 
     :param released: the task that inputs release.
-    :raises TopicError: an input's topic is declared by nobody, or of another type.
+    :raises TopicError: an input's topic is not declared, or of another type.
     """
     found: dict[str, Publisher | Subscription] = {}
     together: list[str] = []
@@ -241,5 +241,5 @@ def _subscribe(owner: PortOwner, bus: Bus, task: Task, released: Task, port: Inp
                              task=wake)
     if wake is not None:
         raise TopicError(f'{who}: with logical execution time its rate releases '
-                         f'it, not its input {topic!r}; take one of the two out')
+                         f'it, not its input {topic!r}; remove one of the two')
     return bus.subscribe_logically(topic, task, initial=port.initial)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The writing end of a topic."""
+"""The publishers of a topic."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class Publisher(PublisherCore):
     """
     Write messages to a topic; made by :meth:`rt_robot_os.topics.Bus.publisher`.
 
-    Fill in the fields of :attr:`msg`, then :meth:`publish`. The message keeps its values, so what
-    does not change is set once. Several publishers may share a topic; each has its own message.
+    Set the fields of :attr:`msg`, then :meth:`publish`. The message retains its values, so
+    constant fields are set once. Several publishers may share a topic; each has its own message.
 
     :ivar msg: a view with the field names of the ROS message.
     :ivar published: number of publications through this publisher.
@@ -49,10 +49,10 @@ class Publisher(PublisherCore):
         """
         Set the tail, or the longest sequence, from bytes; safe in the real-time loop.
 
-        However many there are, a task above the caller may run after each 64 KiB.
+        A task above the caller can preempt it after every 64 KiB.
 
-        :param data: whole elements; of a sequence of fixed length, all of them.
-        :raises TopicError: there are too many of them, or too few.
+        :param data: whole elements; all of them for a sequence of fixed length.
+        :raises TopicError: too many or too few elements.
         """
         layout = self.topic.layout
         start, room, item = layout.bulk
@@ -71,11 +71,11 @@ class Publisher(PublisherCore):
 
     def publish_cdr(self, data: bytes | memoryview, stamp_ns: int = 0) -> None:
         """
-        Publish a message that is CDR already, for instance from a raw ROS 2 subscription.
+        Publish a message in CDR, for instance from a raw ROS 2 subscription.
 
         :param data: with its four bytes of encapsulation.
         :param stamp_ns: as for :meth:`publish`.
-        :raises TopicError: the bytes do not fit the layout of the topic; nothing is published.
+        :raises TopicError: the bytes do not match the layout of the topic; nothing is published.
         """
         layout = self.topic.layout
         octets = memoryview(data).cast('B')
@@ -87,11 +87,11 @@ class Publisher(PublisherCore):
 
 class LargePublisher(Publisher):
     """
-    Write large messages: publishing gives the buffer away instead of copying it.
+    Write large messages: publishing hands over the buffer instead of copying it.
 
-    The next message is another object, so that :attr:`msg` has to be looked up after each
-    publication. It begins as the last one was, but for the tail or the longest sequence: that
-    holds some older sample and has to be filled anew each time.
+    The next message is another object, so read :attr:`msg` again after each publication. Its
+    fields equal those of the last one, except for the tail or the longest sequence: that contains
+    an older sample and has to be filled each time.
     """
 
     __slots__ = ('_before', '_after')
@@ -104,9 +104,9 @@ class LargePublisher(Publisher):
 
     def publish(self, stamp_ns: int = 0) -> None:
         """
-        Publish the message as it stands; safe in the real-time loop, whatever its length.
+        Publish the message; safe in the real-time loop, whatever its length.
 
-        :param stamp_ns: moment of the data on the kernel's clock; 0 means now.
+        :param stamp_ns: time of the data on the kernel's clock; 0 means now.
         """
         topic = self.topic
         kernel = topic.kernel
@@ -128,11 +128,11 @@ class LargePublisher(Publisher):
 
     def publish_shared(self, data: memoryview, stamp_ns: int = 0) -> None:
         """
-        Publish CDR out of memory that another process may still write to: the copy is judged.
+        Publish CDR from memory that another process may still modify: the copy is validated.
 
         :param data: with its four bytes of encapsulation.
         :param stamp_ns: as for :meth:`publish`.
-        :raises TopicError: the bytes do not fit the layout of the topic; nothing is published.
+        :raises TopicError: the bytes do not match the layout of the topic; nothing is published.
         """
         layout = self.topic.layout
         length = min(len(data), layout.max_size)  # padding may follow
@@ -144,6 +144,6 @@ class LargePublisher(Publisher):
         self.publish(stamp_ns)
 
     def send(self, data: memoryview, stamp_ns: int = 0) -> None:
-        """Copy CDR in pieces and publish it; safe in the real-time loop."""
+        """Copy CDR in chunks and publish it; safe in the real-time loop."""
         copy_in_pieces(self.buffer, data)
         self.publish(stamp_ns)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a ROS 2 interface consists of, from its own Python introspection, without rclpy.
+The fields of a ROS 2 interface, from the introspection of its Python class, without rclpy.
 
-The message classes say which fields they have (``get_fields_and_field_types``, ``SLOT_TYPES``) and
-which values a new message holds; nothing else is read and no type support is loaded.
+The message classes provide their fields (``get_fields_and_field_types``, ``SLOT_TYPES``) and the
+values of a new message; nothing else is read, and no type support is loaded.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class FieldSpec:
 
     :ivar container: ``''``, ``'array'`` or ``'sequence'``.
     :ivar limit: length of an array, bound of a sequence, None for no bound.
-    :ivar item: what it holds: a primitive, a message, or None for strings.
+    :ivar item: its element: a primitive, a message, or None for strings.
     :ivar text_limit: bound of the strings in bytes, None for no bound.
     :ivar default: the value in a new message.
     """
@@ -70,10 +70,10 @@ class MessageSpec:
 
 def resolve(message: Any) -> MessageSpec:
     """
-    Find an interface and read what it consists of.
+    Find an interface and read its fields.
 
     :param message: ``'sensor_msgs/Imu'``, ``'sensor_msgs/msg/Imu'`` or the message class.
-    :raises LayoutError: there is none, or it has a field that no slot can hold.
+    :raises LayoutError: it does not exist, or has an unsupported field.
     """
     cls = message_class(message) if isinstance(message, str) else message
     if not hasattr(cls, 'get_fields_and_field_types') or not hasattr(cls, 'SLOT_TYPES'):
@@ -87,7 +87,7 @@ def message_class(name: str) -> Any:
     Find the Python class of a message type; not for the real-time loop.
 
     :param name: ``'sensor_msgs/Imu'`` or ``'sensor_msgs/msg/Imu'``.
-    :raises LayoutError: there is none.
+    :raises LayoutError: it does not exist.
     """
     match = _TYPE_NAME.fullmatch(name)
     if match is None:
@@ -127,7 +127,7 @@ def _read_field(owner: str, name: str, slot_type: Any, default: Any,
     if not name.isidentifier() or iskeyword(name) or name.startswith('_'):
         raise LayoutError(f'{owner}: field {name!r} cannot be an attribute in Python; rename it '
                           'in the interface')
-    # By name of class: the parser's package need not be importable for this.
+    # By class name, so that the parser's package need not be importable.
     kind, container, limit = type(slot_type).__name__, '', None
     if kind == 'Array':
         container, limit = 'array', slot_type.size

@@ -14,24 +14,24 @@
 
 
 """
-The ring of a topic and its two ends: what runs with each message.
+The ring of a topic, its publisher and its subscription: the code that runs with each message.
 
-The algorithm, in steps (``head`` counts publications, so sample ``n`` lies in slot ``n mod depth``
-and the kept ones are ``head - depth`` to ``head - 1``):
+The algorithm (``head`` counts publications, so sample ``n`` is in slot ``n mod depth``, and the
+stored ones are ``head - depth`` to ``head - 1``):
 
-1. publish: inside a critical section copy the message into slot ``head mod depth``, note its
-   stamp and length, increment ``head``, make the subscribed tasks ready; leave the section.
-2. take: a reader remembers the number of the sample that it wants next. If that is ``head``,
-   nothing is new. If it is below ``head - depth`` it was lapped: count what is lost and go to the
-   oldest kept one. Copy the slot, then look at ``head`` again: if a publisher that preempted the
-   copy lapped it, go to the beginning.
-3. latest: the same for sample ``head - 1``; what lies in between is counted as skipped.
+1. publish: in a critical section copy the message into slot ``head mod depth``, store its stamp
+   and length, increment ``head``, make the subscribed tasks ready; leave the section.
+2. take: a reader stores the number of the next sample. If that is ``head``, there is no new
+   sample. If it is below ``head - depth`` the reader was lapped: count the lost samples and go to
+   the oldest stored one. Copy the slot, then read ``head`` again: if a publisher that preempted
+   the copy lapped the reader, start over.
+3. latest: the same for sample ``head - 1``; the samples in between count as skipped.
 
-A reader never writes to the ring: publishing costs the same with one or a hundred of them.
+A reader never writes to the ring: publishing costs the same with one reader or a hundred.
 
-Here is what it means; where the extension in C is there, its types of the same names are used
-(``_ring.c``). Samples longer than ``PIECE_BYTES`` stay in Python on both: they are copied in
-pieces, between which a task may be preempted.
+This is the specification; where the C core is built, its types of the same names are used
+(``_ring.c``). Samples longer than ``PIECE_BYTES`` are handled in Python in both builds: they are
+copied in chunks, between which a task may be preempted.
 """
 
 from __future__ import annotations
@@ -53,16 +53,16 @@ class TopicCore:
     """
     The part of a topic that is read and written with each message.
 
-    :param slots: as many as the topic is deep, a power of two; each for the longest message.
-    :param storage: where the slots lie one after another, each from a multiple of 8 bytes on;
-        empty when the topic is large.
+    :param slots: one per sample, their number a power of two; each fits the longest message.
+    :param storage: the memory of the slots, each at a multiple of 8 bytes; empty when the topic is
+        large.
     :ivar head: number of publications.
-    :ivar mask: the depth less 1.
-    :ivar slot_bytes: length of the longest message, or of each if all are as long.
+    :ivar mask: the depth minus 1.
+    :ivar slot_bytes: length of the longest message.
     :ivar has_tail: samples differ in length, or are large.
-    :ivar large: samples are longer than ``PIECE_BYTES``; each slot has a buffer of its own.
+    :ivar large: samples are longer than ``PIECE_BYTES``; each slot has a separate buffer.
     :ivar wakes: tasks that each publication releases.
-    :ivar triggers: what is asked with each publication whether to release its task.
+    :ivar triggers: conditions for releasing tasks, evaluated with each publication.
     """
 
     __slots__ = ('kernel', 'name', 'layout', 'head', 'mask', 'slots', 'slot_bytes', 'has_tail',
@@ -85,15 +85,15 @@ class TopicCore:
         self.triggers: list[Any] = []
 
     def stamp_of(self, number: int) -> int:
-        """Return the moment of the data of a sample that is kept."""
+        """Return the stamp of a stored sample."""
         return self._stamps[number & self.mask]
 
     def length_of(self, number: int) -> int:
-        """Return the length of a sample that is kept, in bytes."""
+        """Return the length of a stored sample, in bytes."""
         return self._lengths[number & self.mask]
 
-    def pull(self, now_ns: int) -> None:
-        """Release the tasks whose triggers say so; within a publication."""
+    def release_triggered(self, now_ns: int) -> None:
+        """Release the tasks whose triggers are fulfilled; within a publication."""
         raise NotImplementedError
 
 
@@ -115,11 +115,11 @@ class PublisherCore:
 
     def publish(self, stamp_ns: int = 0) -> None:
         """
-        Publish the message as it stands; safe in the real-time loop.
+        Publish the message; safe in the real-time loop.
 
         Subscribed tasks above the caller's priority run before this returns.
 
-        :param stamp_ns: moment of the data on the kernel's clock; 0 means now.
+        :param stamp_ns: time of the data on the kernel's clock; 0 means now.
         """
         topic = self.topic
         if topic.has_tail:
@@ -138,9 +138,9 @@ class PublisherCore:
 
     def send(self, data: memoryview, stamp_ns: int = 0) -> None:
         """
-        Publish CDR that fits the layout of the topic; safe in the real-time loop.
+        Publish CDR that matches the layout of the topic; safe in the real-time loop.
 
-        :param data: bytes of format ``B``; without a tail, as many as each message has.
+        :param data: bytes of format ``B``; without a tail, of the length of the message.
         :param stamp_ns: as for :meth:`publish`.
         """
         topic = self.topic
@@ -158,7 +158,7 @@ class PublisherCore:
 
     def commit(self, length: int, stamp_ns: int, now_ns: int) -> None:
         """
-        Make the sample that was written to the slot after the newest one that; locked.
+        Make the message in the next slot the newest sample; locked.
 
         :param now_ns: the time of the publication.
         """
@@ -174,22 +174,22 @@ class PublisherCore:
         if topic.wakes:
             kernel.wake(topic.wakes, now_ns)
         if topic.triggers:
-            topic.pull(now_ns)
+            topic.release_triggered(now_ns)
 
 
 class SubscriptionCore:
     """
     The part of a subscription that runs with each message.
 
-    :ivar buffer: where samples are copied to.
-    :ivar stamp_ns: moment of the data of the sample in it; 0 before the first.
+    :ivar buffer: destination of samples.
+    :ivar stamp_ns: time of the data of the sample in it; 0 before the first.
     :ivar seq: its number in the topic, from 0; -1 before the first.
     :ivar length: its length in bytes.
-    :ivar next_seq: number of the sample that is read next, unless it is overwritten before.
+    :ivar next_seq: number of the next sample, unless it is overwritten before.
     :ivar lost: samples overwritten before :meth:`take` reached them.
-    :ivar skipped: samples that :meth:`latest` passed over.
-    :ivar reads: samples copied out.
-    :ivar fresh: the last call copied one.
+    :ivar skipped: samples that :meth:`latest` skipped.
+    :ivar reads: samples copied.
+    :ivar fresh: the last call copied a sample.
     """
 
     __slots__ = ('topic', 'buffer', 'stamp_ns', 'seq', 'length', 'next_seq', 'lost', 'skipped',
@@ -209,7 +209,7 @@ class SubscriptionCore:
         """
         Copy the oldest unread sample into :attr:`msg`; safe in the real-time loop.
 
-        A reader that was lapped goes to the oldest kept sample; what it lost is counted.
+        A reader that was lapped continues with the oldest stored sample; lost ones are counted.
 
         :return: whether there was one.
         """
@@ -246,7 +246,7 @@ class SubscriptionCore:
         """
         Copy the newest sample into :attr:`msg`; safe in the real-time loop.
 
-        Who overrides :meth:`take` overrides this as well: it does not call the method.
+        A class that overrides :meth:`take` must override this as well: it does not call take().
 
         :return: whether it is newer than the one read before.
         """
@@ -257,14 +257,14 @@ class SubscriptionCore:
         return SubscriptionCore.take(self)
 
     def copy_large(self, slot: int) -> None:
-        """Copy the sample in a slot of a large topic, in pieces."""
+        """Copy the sample in a slot of a large topic, in chunks."""
         raise NotImplementedError
 
-    def pass_over(self, newest: bool = False) -> bool:
+    def skip(self, newest: bool = False) -> bool:
         """
-        Pass over a sample without copying it; safe in the real-time loop.
+        Skip a sample without copying it; safe in the real-time loop.
 
-        :param newest: the newest one, those before it count as skipped; else the oldest unread.
+        :param newest: the newest one, earlier ones count as skipped; otherwise the oldest unread.
         :return: whether there was one.
         """
         behind = self.topic.head - self.next_seq
@@ -281,7 +281,7 @@ class SubscriptionCore:
 
     @property
     def unread(self) -> int:
-        """How many samples wait, those that are lost already not counted."""
+        """Return the number of unread samples, without those that are lost already."""
         return min(self.topic.head - self.next_seq, self.topic.mask + 1)
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The reading end of a topic."""
+"""The subscriptions of a topic."""
 
 from __future__ import annotations
 
@@ -44,15 +44,15 @@ class Subscription(SubscriptionCore):
     """
     Read messages from a topic; made by :meth:`rt_robot_os.topics.Bus.subscribe`.
 
-    :meth:`take` and :meth:`latest` copy a sample into :attr:`msg`, which no publisher changes: it
-    stays as it is until the next call.
+    :meth:`take` and :meth:`latest` copy a sample into :attr:`msg`. No publisher changes it; it is
+    valid until the next call.
 
-    :ivar task: released by each publication; None when the reader looks by itself.
+    :ivar task: released by each publication; None when the reader polls.
     :ivar msg: a view with the field names of the ROS message; zeros before the first sample.
-    :ivar stamp_ns: moment of the data in :attr:`msg` on the kernel's clock; 0 before the first.
+    :ivar stamp_ns: time of the data in :attr:`msg` on the kernel's clock; 0 before the first.
     :ivar seq: its number in the topic, from 0; -1 before the first.
     :ivar lost: samples overwritten before :meth:`take` reached them.
-    :ivar skipped: samples that :meth:`latest` passed over.
+    :ivar skipped: samples that :meth:`latest` skipped.
     """
 
     __slots__ = ('name', 'task', 'msg')
@@ -73,14 +73,14 @@ class Subscription(SubscriptionCore):
         self.reads -= 1
 
     def rewind(self) -> None:
-        """Go back to the oldest sample that is kept."""
+        """Go back to the oldest stored sample."""
         self.next_seq = max(0, self.topic.head - self.topic.depth)
 
     def next(self) -> Wait:  # noqa: A003
         """
-        Return something to await in a task that is a coroutine: over when :meth:`take` succeeded.
+        Return an awaitable for coroutine tasks that is ready when :meth:`take` succeeds.
 
-        ``await`` gives the subscription itself, with the oldest unread sample in :attr:`msg`.
+        ``await`` returns the subscription itself, with the oldest unread sample in :attr:`msg`.
         """
         return _NextSample(self)
 
@@ -91,16 +91,16 @@ class Subscription(SubscriptionCore):
 
     @property
     def age_ns(self) -> int:
-        """How old :attr:`msg` is; 0 before the first sample."""
+        """Return the age of :attr:`msg`; 0 before the first sample."""
         return self.topic.kernel.now_ns() - self.stamp_ns if self.seq >= 0 else 0
 
     @property
     def status(self) -> ReadStatus:
         """
-        How fresh :attr:`msg` is.
+        Return how fresh :attr:`msg` is.
 
-        New: the last call copied it. Old: it was read before. Stale: old, and older than ten
-        periods of the topic's expected rate. None: there has been no sample.
+        NEW: the last call copied it. OLD: it was read before. STALE: old, and older than ten
+        periods of the topic's expected rate. NONE: there was no sample.
         """
         if self.seq < 0:
             return ReadStatus.NONE
@@ -110,13 +110,13 @@ class Subscription(SubscriptionCore):
         return ReadStatus.STALE if limit_ns and self.age_ns > limit_ns else ReadStatus.OLD
 
     def statistics(self) -> SubscriberStatistics:
-        """Take the statistics; what was overwritten since the last read counts as lost."""
+        """Return the statistics; samples overwritten since the last read count as lost."""
         overwritten = max(0, self.topic.head - self.next_seq - self.topic.depth)
         return SubscriberStatistics(self.name, self.reads, self.lost + overwritten, self.skipped)
 
 
 class NewestSubscription(Subscription):
-    """A subscription whose reader wants nothing but the newest sample, however it reads."""
+    """A subscription whose methods all return the newest sample."""
 
     __slots__ = ()
 
@@ -129,7 +129,7 @@ class NewestSubscription(Subscription):
         return super().take()
 
     def statistics(self) -> SubscriberStatistics:
-        """Take the statistics; what was overwritten was not wanted: it counts as skipped."""
+        """Return the statistics; overwritten samples count as skipped."""
         overwritten = max(0, self.topic.head - self.next_seq - self.topic.depth)
         return SubscriberStatistics(self.name, self.reads, self.lost, self.skipped + overwritten)
 
@@ -144,16 +144,16 @@ class _NextSample(Wait):
         self._taken = False
 
     def begin(self, body: AsyncBody) -> None:
-        if body.by_schedule is None:
+        if body.replay_gate is None:
             self._subscription.topic.wake_on_publish(body.task)
 
-    def over(self) -> bool:
+    def is_ready(self) -> bool:
         if not self._taken:
             self._taken = self._subscription.take()
         return self._taken
 
     def end(self, body: AsyncBody) -> None:
-        self._subscription.topic.wake_no_more(body.task)
+        self._subscription.topic.stop_waking(body.task)
 
     def result(self) -> Subscription:
         return self._subscription

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A topic: the ring of its samples, and who writes, reads and is released by it."""
+"""A topic: the ring of its samples, its subscribers, and the tasks that it releases."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ STALE_PERIODS = 10
 @dataclass(frozen=True)
 class SubscriberStatistics:
     """
-    What one subscriber read.
+    The counters of a subscriber.
 
-    :ivar reads: samples copied out.
+    :ivar reads: samples copied.
     :ivar lost: samples that were overwritten before ``take`` reached them.
-    :ivar skipped: samples that ``latest`` passed over, as it is meant to.
+    :ivar skipped: samples that ``latest`` skipped.
     """
 
     name: str
@@ -64,9 +64,9 @@ class SubscriberStatistics:
 @dataclass(frozen=True)
 class TopicStatistics:
     """
-    What went through a topic.
+    The counters of a topic.
 
-    :ivar stamp_ns: arrival of the last sample on CLOCK_MONOTONIC, 0 when there is none.
+    :ivar stamp_ns: stamp of the last sample on CLOCK_MONOTONIC; 0 without one.
     """
 
     name: str
@@ -88,17 +88,17 @@ class Topic(TopicCore):
     :param layout: of the messages.
     :param depth: number of slots, a power of two.
     :param rate_hz: expected rate; 0 when there is none. A sample older than ten periods is stale.
-    :param max_subscribers: a further one is refused; mirrors of clients are not counted.
+    :param max_subscribers: limit of subscribers; mirrors of clients do not count.
     :ivar large: its samples are longer than ``PIECE_BYTES``; ``messages`` are then the views of
         its slots.
-    :ivar depth_given: somebody asked for that depth.
-    :ivar limit_given: somebody asked for that ``max_subscribers``.
-    :ivar uncounted: those of ``subscribers`` that ``max_subscribers`` leaves out.
+    :ivar depth_given: the depth was declared explicitly.
+    :ivar limit_given: ``max_subscribers`` was declared explicitly.
+    :ivar uncounted: those of ``subscribers`` that ``max_subscribers`` does not limit.
     :raises TopicError: a value is out of range.
     """
 
     __slots__ = ('depth', 'rate_hz', 'stale_after_ns', 'max_subscribers', 'subscribers',
-                 'uncounted', 'messages', 'depth_given', 'limit_given', '_wanted')
+                 'uncounted', 'messages', 'depth_given', 'limit_given', '_wake_counts')
 
     triggers: list[Trigger]
 
@@ -114,7 +114,7 @@ class Topic(TopicCore):
         self.max_subscribers = int(max_subscribers)
         self.limit_given = not isinstance(max_subscribers, Default)
         self.messages = [layout.view(slot) for slot in slots] if self.large else []
-        self._wanted: dict[Task, int] = {}
+        self._wake_counts: dict[Task, int] = {}
         self.subscribers: list[SubscriberStatisticsSource] = []
         self.uncounted: set[SubscriberStatisticsSource] = set()
 
@@ -127,30 +127,30 @@ class Topic(TopicCore):
         """
         Release a task with each publication.
 
-        A task above the publisher runs before ``publish`` returns. A task that is given several
+        A task above the publisher runs before ``publish`` returns. A task that is added several
         times is released once.
         """
-        count = self._wanted.get(task, 0)
-        self._wanted[task] = count + 1
+        count = self._wake_counts.get(task, 0)
+        self._wake_counts[task] = count + 1
         if not count:
             self.wakes.append(task)
 
-    def wake_no_more(self, task: Task) -> None:
-        """Undo one :meth:`wake_on_publish`; tasks that were never given are fine."""
-        count = self._wanted.pop(task, 0)
+    def stop_waking(self, task: Task) -> None:
+        """Undo one :meth:`wake_on_publish`; unknown tasks are ignored."""
+        count = self._wake_counts.pop(task, 0)
         if count > 1:
-            self._wanted[task] = count - 1
+            self._wake_counts[task] = count - 1
         elif count:
             self.wakes.remove(task)
 
-    def pull(self, now_ns: int) -> None:
-        """Release the tasks whose triggers say so; within a publication."""
+    def release_triggered(self, now_ns: int) -> None:
+        """Release the tasks whose triggers are fulfilled; within a publication."""
         for trigger in self.triggers:
             if trigger.published(self):
                 self.kernel.wake((trigger.task,), now_ns)
 
     def statistics(self) -> TopicStatistics:
-        """Take the statistics; not for the real-time loop."""
+        """Return the statistics; not for the real-time loop."""
         head = self.head
         return TopicStatistics(
             name=self.name, type_name=self.layout.type_name, depth=self.depth,
@@ -160,7 +160,7 @@ class Topic(TopicCore):
 
 
 def _storage(layout: Layout, depth: int) -> tuple[bytearray, list[memoryview]]:
-    """Return the slots of a ring, and where they lie together; large ones are exchanged."""
+    """Return the storage and the slots of a ring; large slots have separate buffers."""
     size = layout.max_size
     if size > PIECE_BYTES:
         buffers = [layout.new_buffer() for _ in range(depth)]
@@ -174,15 +174,15 @@ def _storage(layout: Layout, depth: int) -> tuple[bytearray, list[memoryview]]:
 
 
 def is_depth(number: int) -> bool:
-    """Return whether a ring may have so many slots: a power of two."""
+    """Return whether a number of slots is valid: a power of two in range."""
     return 1 <= number <= DEPTH_MAXIMUM and not number & (number - 1)
 
 
 def check_numbers(name: str, depth: Any, rate_hz: Any, max_subscribers: Any) -> None:
     """
-    Look at the numbers that a topic is declared with.
+    Validate the numbers in the declaration of a topic.
 
-    :raises TopicError: one is of the wrong kind or out of range; the text names it.
+    :raises TopicError: one is of the wrong type or out of range; the message names it.
     """
     if not _is_int(depth) or not is_depth(depth):
         raise TopicError(f'topic {name!r}: depth {depth!r} must be a power of two from 1 to '
@@ -192,8 +192,8 @@ def check_numbers(name: str, depth: Any, rate_hz: Any, max_subscribers: Any) -> 
         raise TopicError(f'topic {name!r}: rate_hz {rate_hz!r} must be a number of at least 0; '
                          '0 when no rate is expected')
     if not _is_int(max_subscribers) or not 1 <= max_subscribers <= SUBSCRIBERS_MAXIMUM:
-        raise TopicError(f'topic {name!r}: max_subscribers {max_subscribers!r} must be a whole '
-                         f'number from 1 to {SUBSCRIBERS_MAXIMUM}')
+        raise TopicError(f'topic {name!r}: max_subscribers {max_subscribers!r} must be an '
+                         f'integer from 1 to {SUBSCRIBERS_MAXIMUM}')
 
 
 def _is_int(value: Any) -> bool:
@@ -201,17 +201,17 @@ def _is_int(value: Any) -> bool:
 
 
 class SubscriberStatisticsSource(Protocol):
-    """What a topic knows of a subscriber."""
+    """A subscriber from the view of its topic."""
 
     def statistics(self) -> SubscriberStatistics:
-        """Take the statistics."""
+        """Return the statistics."""
 
 
 class Trigger(ABC):
     """
-    Decide with each publication whether a task is released; made by ``bus.trigger``.
+    A condition that decides with each publication whether to release a task.
 
-    :ivar task: which.
+    :ivar task: to be released.
     """
 
     __slots__ = ('task',)
@@ -224,5 +224,5 @@ class Trigger(ABC):
         """
         Return whether the task is to be released now; called within the publication.
 
-        :param topic: where a message has just been published.
+        :param topic: on which a message has just been published.
         """

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Conditions under which publications release a task: every n-th one, or one of each topic."""
+"""Triggers that release a task: every n-th publication, or one of each of several topics."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Every(Trigger):
     def __init__(self, task: Task, number: int) -> None:
         super().__init__(task)
         if isinstance(number, bool) or not isinstance(number, int) or number < 1:
-            raise TopicError(f'task {task.name!r}: every {number!r} must be a whole number of '
+            raise TopicError(f'task {task.name!r}: every {number!r} must be an integer number of '
                              'publications, 1 or more')
         self.number = number
         self._left = number
@@ -52,9 +52,9 @@ class Every(Trigger):
 
 class AllOf(Trigger):
     """
-    Release when each of some topics has had a publication since the last release.
+    Release when each of several topics had a publication since the last release.
 
-    Further publications of one topic meanwhile change nothing: its newest is there to be read.
+    Further publications of one topic meanwhile have no effect: its newest sample can be read.
 
     :raises TopicError: a topic is given twice, or none is given.
     """
@@ -65,7 +65,7 @@ class AllOf(Trigger):
         super().__init__(task)
         if not topics or len(set(topics)) != len(topics):
             names = ', '.join(repr(topic.name) for topic in topics) or 'none'
-            raise TopicError(f'task {task.name!r}: to wait for all of some topics takes each of '
+            raise TopicError(f'task {task.name!r}: waiting for several topics requires each of '
                              f'them once; given: {names}')
         self.topics = tuple(topics)
         self._missing = set(topics)

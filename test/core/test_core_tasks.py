@@ -199,7 +199,7 @@ high: {type: 'core_modules:Noted', rate_hz: 100.0, priority: 50, work_us: 10, as
 def test_a_resource_that_is_not_declared_is_told_before_anything_runs(
         make_core: MakeCore) -> None:
     core = make_core(it('asks: arm'))
-    with pytest.raises(ConfigError, match=r"it\.resources does not name 'arm', which the module "
+    with pytest.raises(ConfigError, match=r"it\.resources does not list 'arm', which the module "
                                           'asks for: add it'):
         module(core).configure()
     with pytest.raises(ConfigError, match='can be had from'):

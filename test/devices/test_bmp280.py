@@ -137,7 +137,7 @@ def test_the_altitude_follows_a_change_of_the_pressure_at_sea_level() -> None:
         rig.run(100)
         assert rig.publishers[2].samples[before].pose.pose.position.z == pytest.approx(
             100, abs=0.4)  # nobody has taken it over: the SensorManager does
-        rig.device.take_changes()
+        rig.device.apply_changes()
         rig.run(100)
         assert rig.publishers[2].samples[-1].pose.pose.position.z == pytest.approx(183, abs=1)
         with pytest.raises(ConfigError, match='dut.sea_level_pa = 10: must be a number from 8'):

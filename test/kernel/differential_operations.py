@@ -350,17 +350,17 @@ class Operations:
     def do_rewind(self, who: int, reader: int) -> Any:
         return self.read(reader, 'rewind')
 
-    def do_pass_over(self, who: int, reader: int, newest: bool) -> Any:
+    def do_skip(self, who: int, reader: int, newest: bool) -> Any:
         if not self.readers:
             return NotImplemented
-        return self.nth(self.readers, reader).pass_over(newest)
+        return self.nth(self.readers, reader).skip(newest)
 
     def do_unsubscribe(self, who: int, reader: int) -> None:
         if self.readers:
             self.bus.unsubscribe(self.nth(self.readers, reader))
 
-    def do_release_no_more(self, who: int, task: int) -> None:
-        self.bus.release_no_more(self.nth(self.tasks, task))
+    def do_stop_releasing(self, who: int, task: int) -> None:
+        self.bus.stop_releasing(self.nth(self.tasks, task))
 
     # ---- interrupts --------------------------------------------------------------------------
 

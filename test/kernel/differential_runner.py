@@ -63,7 +63,8 @@ OF_A_TASK = (
     'coalesced', 'failures', 'overruns', 'aborted', 'budget_exceeded', 'deadline_missed',
     'last_miss', 'state', 'execution_total_ns', 'gap_maximum_ns', 'blocked_maximum_ns',
     'response_maximum_ns', 'limit_ns', 'restart_ns', 'resume_ns', 'rephasing', 'backlog',
-    'next_ns', 'next_period_ns', 'held', 'abort_pending', 'resists', 'over', 'aborts_raised')
+    'next_ns', 'next_period_ns', 'held', 'abort_pending', 'grace_used', 'containing',
+    'aborts_raised')
 OF_A_READER = ('seq', 'stamp_ns', 'length', 'lost', 'skipped', 'reads', 'next_seq', 'unread',
                'age_ns', 'status')
 

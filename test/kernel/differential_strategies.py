@@ -75,9 +75,9 @@ SIMPLE: dict[str, tuple[st.SearchStrategy[Any], ...]] = {
     'publish_cdr': (numbers, stamps),
     'put_back': (numbers,),
     'rewind': (numbers,),
-    'pass_over': (numbers, st.booleans()),
+    'skip': (numbers, st.booleans()),
     'unsubscribe': (numbers,),
-    'release_no_more': (numbers,),
+    'stop_releasing': (numbers,),
     'remove_interrupt': (numbers,),
     'add_interrupt': (numbers, numbers, durations),
     'mark': (),
@@ -266,7 +266,7 @@ MILD = [kind for kind in (*SIMPLE, *COMPOUND, *ASYNC) if kind not in ENDING]
 KINDS = st.lists(st.sampled_from(MILD), max_size=8, unique=True)
 # What does little without each other, and without something that it is done with.
 FOCUS = st.sampled_from([
-    (), ('publish', 'take'), ('publish', 'publish_cdr', 'latest', 'take', 'pass_over'),
+    (), ('publish', 'take'), ('publish', 'publish_cdr', 'latest', 'take', 'skip'),
     ('within', 'release'), ('start_timer', 'cancel_timer'), ('set_event', 'clear_event', 'wait'),
     ('hold', 'rearm', 'raise'), ('write', 'drain'), ('steal', 'stall', 'stop_process'), ()])
 ENDING_KINDS = st.lists(st.sampled_from(sorted(ENDING)), max_size=2, unique=True)

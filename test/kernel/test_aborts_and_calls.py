@@ -130,7 +130,7 @@ def test_an_abort_leaves_no_publication_and_no_resource_half_done() -> None:
     assert busy.task.aborted >= ENOUGH
     assert busy.torn == []
     for failure in busy.kernel.failures:
-        if failure.error.startswith('went on after TaskAborted'):  # see rearm() above
+        if failure.error.startswith('continued after TaskAborted'):  # see rearm() above
             continue
         assert failure.error.startswith("TaskAborted: task 'busy'")
         assert failure.trace[0][0] == __file__ and failure.trace[0][2] == 'job'

@@ -327,7 +327,7 @@ def test_the_text_of_an_exception_that_never_came_is_said_to_be_missing(
     kernel.add_task('task', job, priority=50, rate_hz=10.0)
     kernel.run(50 * MS)
     assert [f.error for f in kernel.failures] == [
-        'Endless: (its text cannot be had: to make it takes too long)']
+        'Endless: (its text is not available: __str__ took too long)']
 
 
 def test_a_class_that_lies_about_itself_is_still_described(kernel: Kernel) -> None:

@@ -56,7 +56,7 @@ UNMADE: dict[str, Callable[[], Any]] = {
     'commit': lambda: unmade('PublisherCore').commit(1, 0, 0),
     'take': lambda: unmade('SubscriptionCore').take(),
     'latest': lambda: unmade('SubscriptionCore').latest(),
-    'pass_over': lambda: unmade('SubscriptionCore').pass_over(),
+    'skip': lambda: unmade('SubscriptionCore').skip(),
     'unread': lambda: unmade('SubscriptionCore').unread,
 }
 

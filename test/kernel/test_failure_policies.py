@@ -235,7 +235,7 @@ def test_a_safe_state_needs_to_be_given() -> None:
 
 def test_an_unknown_declaration_names_those_there_are() -> None:
     kernel = Kernel(VirtualClock())
-    with pytest.raises(TaskError, match='no such declaration: budget; there are: budget_ns, '):
+    with pytest.raises(TaskError, match='unknown keyword budget; the keywords are: budget_ns, '):
         kernel.add_task('arm', print, priority=5, budget=3)
 
 

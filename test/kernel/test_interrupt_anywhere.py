@@ -43,7 +43,7 @@ from rt_robot_os.kernel import releases
 from rt_robot_os.kernel import scheduler as scheduler_module
 from rt_robot_os.kernel import timer_interrupt
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.linux.timer import AGAIN_NS
+from rt_robot_os.linux.timer import REPEAT_NS
 
 PERIODS = 2
 END_NS = (PERIODS + 1) * MS
@@ -71,7 +71,7 @@ class RacingClock(VirtualClock):
         if self.held or first_ns >= min(self._now_ns + 900 * US, END_NS) or self._on_tick is None:
             return
         self._now_ns = max(self._now_ns, first_ns)
-        self._take_due_timers(self._now_ns + AGAIN_NS)
+        self._expire_timers(self._now_ns + REPEAT_NS)
         self._on_tick()
 
 

@@ -211,7 +211,7 @@ def test_running_a_kernel_that_runs_is_refused(kernel: Kernel) -> None:
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
-    ({'priority': 0}, "'bad': priority 0 must be a whole number from 1 to 99"),
+    ({'priority': 0}, "'bad': priority 0 must be an integer from 1 to 99"),
     ({'priority': 100}, 'priority 100'),
     ({'priority': 5.0}, 'priority 5.0'),
     ({'priority': True}, 'priority True'),
@@ -246,7 +246,7 @@ def test_a_name_is_taken_once_and_a_function_is_called(kernel: Kernel) -> None:
     kernel.add_task('task', lambda: None, priority=5)
     with pytest.raises(TaskError, match="'task' exists already"):
         kernel.add_task('task', lambda: None, priority=6)
-    with pytest.raises(TaskError, match='cannot be called'):
+    with pytest.raises(TaskError, match='is not callable'):
         kernel.add_task('other', 'step', priority=6)  # type: ignore[arg-type]
     with pytest.raises(TaskError, match="no task 'other'; there are: task"):
         kernel.task('other')

@@ -150,7 +150,7 @@ def test_a_circle_is_refused_and_named(kernel: Kernel) -> None:
     b = kernel.add_task('b', print, priority=50, after=[a])
     c = kernel.add_task('c', print, priority=50, after=[b])
     c.successors = (a,)
-    with pytest.raises(TaskError, match=r"in a circle: 'a' -> 'b' -> 'c' -> 'a'"):
+    with pytest.raises(TaskError, match=r"in a cycle: 'a' -> 'b' -> 'c' -> 'a'"):
         kernel.run(MS)
 
 

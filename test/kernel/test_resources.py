@@ -116,7 +116,7 @@ def test_entering_twice_is_an_error_and_the_first_time_still_counts(kernel: Kern
 
 
 def test_outside_of_tasks_it_cannot_be_entered(kernel: Kernel) -> None:
-    with pytest.raises(TaskError, match="'arm' can be entered by a task that runs"):
+    with pytest.raises(TaskError, match="'arm' can be entered by a running task"):
         enter(kernel.resource('arm'))
 
 
@@ -183,7 +183,7 @@ def test_to_leave_what_an_earlier_job_was_inside_of_is_an_error_and_nothing_else
     assert inside == ['used', 'left', 'used']
     assert [f.error for f in kernel.failures] == [
         'a job ended inside a resource; use it with `with`',
-        "TaskError: resource 'arm' is left by who is not inside"]
+        "TaskError: resource 'arm' is left by a task that is not inside"]
     assert user.failures == 0 and shared.entries == 2 and shared.holder is None
 
 

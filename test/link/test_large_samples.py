@@ -355,7 +355,7 @@ def test_a_slot_is_never_lent_twice(steps: list[tuple[str, int]]) -> None:
     loans, filling, out = Loans(4), set[int](), set[int]()
     for step, slot in steps:
         if step == 'take':
-            taken = loans.take()
+            taken = loans.acquire()
             assert (taken < 0) == (len(filling | out) == 4)
             if taken >= 0:
                 assert taken not in filling | out

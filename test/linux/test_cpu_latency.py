@@ -24,7 +24,7 @@ import struct
 import pytest
 
 from rt_robot_os.linux.realtime import DEVICE
-from rt_robot_os.linux.realtime import hold_cpu_latency
+from rt_robot_os.linux.realtime import request_cpu_latency
 
 
 def _open_files(path: Path) -> int:
@@ -35,8 +35,8 @@ def _open_files(path: Path) -> int:
 def test_it_holds_as_long_as_it_is_kept(tmp_path: Path) -> None:
     path = tmp_path / 'cpu_dma_latency'
     path.touch()
-    result, held = hold_cpu_latency(20, path)
-    assert str(result) == 'CPU latency 20 us: in force'
+    result, held = request_cpu_latency(20, path)
+    assert str(result) == 'CPU latency 20 us: active'
     assert path.read_bytes() == struct.pack('=i', 20)
     assert held is not None and _open_files(path) == 1
     held.close()
@@ -45,20 +45,20 @@ def test_it_holds_as_long_as_it_is_kept(tmp_path: Path) -> None:
 
 
 def test_a_machine_without_it_says_so(tmp_path: Path) -> None:
-    result, held = hold_cpu_latency(0, tmp_path / 'none')
+    result, held = request_cpu_latency(0, tmp_path / 'none')
     assert held is None and not result.ok
     assert 'there is no ' in result.reason
 
 
 def test_other_refusals_have_a_reason(tmp_path: Path) -> None:
-    result, held = hold_cpu_latency(0, tmp_path)
+    result, held = request_cpu_latency(0, tmp_path)
     assert held is None and not result.ok
     assert result.reason.endswith('Is a directory')
 
 
 @pytest.mark.skipif(not os.access(DEVICE, os.R_OK | os.W_OK), reason=f'{DEVICE} is not ours')
 def test_linux_takes_it() -> None:
-    result, held = hold_cpu_latency(5)
+    result, held = request_cpu_latency(5)
     assert result.ok and held is not None
     with DEVICE.open('rb') as file:
         assert struct.unpack('=i', file.read(4))[0] <= 5

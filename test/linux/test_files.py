@@ -30,11 +30,12 @@ from rt_robot_os.linux.folders import read_file
 def test_a_pipe_is_no_file_and_is_not_waited_for(tmp_path: Path) -> None:
     pipe = tmp_path / 'pipe.yaml'
     os.mkfifo(pipe)
-    with pytest.raises(OSError, match='it is no file'):
+    with pytest.raises(OSError, match='it is not a regular file'):
         read_file(pipe)
-    with pytest.raises(ConfigError, match='pipe.yaml: it is no file: use a file of camera_calib'):
+    with pytest.raises(ConfigError, match='pipe.yaml: it is not a regular file: use a file of '
+                                          'camera_calib'):
         load_camera_info(str(pipe), 640, 480)
-    with pytest.raises(OSError, match='it is no file'):
+    with pytest.raises(OSError, match='it is not a regular file'):
         load_calibration(pipe, 'imu', ['acceleration'])
 
 
@@ -44,7 +45,7 @@ def test_a_file_has_its_bytes_up_to_a_limit(tmp_path: Path) -> None:
     assert read_file(path, 5) == b'12345'
     with pytest.raises(OSError, match='longer than 4 bytes'):
         read_file(path, 4)
-    with pytest.raises(OSError, match='it is no file'):
+    with pytest.raises(OSError, match='it is not a regular file'):
         read_file(tmp_path)
 
 

@@ -28,7 +28,7 @@ def test_it_is_fed_and_stopped(tmp_path: Path) -> None:
     path = tmp_path / 'watchdog'
     path.touch()
     result, watchdog = open_machine_watchdog(path, 4)
-    assert str(result) == f'watchdog {path}: in force'
+    assert str(result) == f'watchdog {path}: active'
     assert watchdog is not None and watchdog.timeout_s == 0  # a file cannot tell
     watchdog.feed()
     watchdog.feed()

@@ -83,7 +83,7 @@ def test_what_an_ordinary_user_may_have_is_in_force(ask: Callable[..., Results])
     results = ask('realtime.set_affinity(-1)', 'realtime.set_timer_slack()',
                   'realtime.freeze_garbage()', before=AS_NOBODY)
     assert [ok for ok, _, _, _ in results] == [True] * 3
-    assert all(text.endswith(': in force') for _, _, _, text in results)
+    assert all(text.endswith(': active') for _, _, _, text in results)
 
 
 def test_a_step_that_is_in_force_can_be_seen(run_code: Runner) -> None:

@@ -39,13 +39,13 @@ def listener() -> Iterator[socket.socket]:
 def test_it_is_told_in_its_own_words(listener: socket.socket) -> None:
     manager = ServiceManager({'NOTIFY_SOCKET': listener.getsockname(), 'WATCHDOG_USEC': '500000'})
     assert manager.present and manager.watchdog_ns == 500_000_000
-    manager.tell('READY=1', 'STATUS=running')
-    manager.tell('WATCHDOG=1')
+    manager.notify('READY=1', 'STATUS=running')
+    manager.notify('WATCHDOG=1')
     assert listener.recv(100) == b'READY=1\nSTATUS=running'
     assert listener.recv(100) == b'WATCHDOG=1'
     manager.close()
     manager.close()
-    manager.tell('WATCHDOG=1')
+    manager.notify('WATCHDOG=1')
     assert manager.failed == 0
 
 
@@ -55,7 +55,7 @@ def test_an_abstract_name_is_one() -> None:
         listener.settimeout(60)
         name = listener.getsockname().decode().replace('\0', '@')
         manager = ServiceManager({'NOTIFY_SOCKET': name})
-        manager.tell('READY=1')
+        manager.notify('READY=1')
         assert listener.recv(100) == b'READY=1'
         manager.close()
 
@@ -65,7 +65,7 @@ def test_an_abstract_name_is_one() -> None:
 def test_without_a_manager_nothing_happens(environment: dict[str, str]) -> None:
     manager = ServiceManager(environment)
     assert not manager.present and manager.watchdog_ns == 0
-    manager.tell('READY=1')
+    manager.notify('READY=1')
     manager.close()
     assert manager.failed == 0
 
@@ -80,8 +80,8 @@ def test_nonsense_in_its_variables_is_ignored(text: str, listener: socket.socket
 def test_one_that_does_not_read_holds_up_nobody(listener: socket.socket) -> None:
     manager = ServiceManager({'NOTIFY_SOCKET': listener.getsockname()})
     for _ in range(2000):
-        manager.tell('WATCHDOG=1')
+        manager.notify('WATCHDOG=1')
     assert manager.failed > 0
     listener.close()
-    manager.tell('WATCHDOG=1')
+    manager.notify('WATCHDOG=1')
     manager.close()

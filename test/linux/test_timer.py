@@ -108,95 +108,96 @@ def test_a_deadline_in_146_years_is_no_problem(timer: SignalTimer, seen: list[in
     assert not seen
 
 
-def test_signals_that_are_held_wait_and_can_be_awaited(
+def test_masked_signals_stay_pending_and_can_be_awaited(
         timer: SignalTimer, seen: list[int]) -> None:
     gate = SignalGate([SIGNAL])
-    gate.hold()
+    gate.mask_signals()
     try:
         timer.arm(time.monotonic_ns() + MS)
-        assert gate.wait() == SIGNAL
-        assert not seen, 'taken, so the handler is not called'
+        assert gate.wait_masked() == SIGNAL
+        assert not seen, 'removed, so the handler is not called'
         timer.arm(1)
         while SIGNAL not in signal.sigpending():
             pass
         assert not seen
     finally:
-        gate.admit()
+        gate.unmask_signals()
     wait_for(1, seen)
 
 
 def test_another_signal_ends_the_waiting(timer: SignalTimer, seen: list[int]) -> None:
     gate = SignalGate([signal.SIGRTMIN + 8])
-    gate.hold()
+    gate.mask_signals()
     try:
         timer.arm(time.monotonic_ns() + MS)
-        assert gate.wait() == -1
+        assert gate.wait_masked() == -1
     finally:
-        gate.admit()
+        gate.unmask_signals()
     wait_for(1, seen)
 
 
 class Owner:
-    """Somebody who rests."""
+    """The owner of a wait."""
 
     def __init__(self, pending: bool = False) -> None:
         self.pending = pending
 
 
 class Woken:
-    """Somebody who is sent a signal between the holding back of signals and the rest."""
+    """An owner that receives a signal between the masking and the wait."""
 
     def __init__(self) -> None:
-        self.held: list[set[int]] = []
-        self.rested = threading.Event()
+        self.masks: list[set[int]] = []
+        self.returned = threading.Event()
         self.sender = threading.Thread(target=self.send, args=(threading.get_ident(),))
 
     @property
     def pending(self) -> bool:
-        self.held.append(set(signal.pthread_sigmask(signal.SIG_BLOCK, ())))
+        self.masks.append(set(signal.pthread_sigmask(signal.SIG_BLOCK, ())))
         self.sender.start()
         return False
 
     def send(self, thread: int) -> None:
         signal.pthread_kill(thread, SIGNAL)
-        if not self.rested.wait(PATIENCE_NS / 1e9):
-            signal.pthread_kill(thread, SIGNAL)  # or who lost the first would rest for ever
+        if not self.returned.wait(PATIENCE_NS / 1e9):
+            signal.pthread_kill(thread, SIGNAL)  # ends a wait that lost the first one
 
 
-def test_who_rests_is_woken_and_has_its_signals_back(seen: list[int]) -> None:
+def test_a_signal_after_the_masking_ends_the_wait_and_signals_are_unmasked(
+        seen: list[int]) -> None:
     owner = Woken()
-    assert SignalGate([SIGNAL]).rest(owner) == SIGNAL
-    owner.rested.set()
+    assert SignalGate([SIGNAL]).wait(owner) == SIGNAL
+    owner.returned.set()
     owner.sender.join()
-    assert owner.held == [{SIGNAL}] and not seen
+    assert owner.masks == [{SIGNAL}] and not seen
     assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
     signal.raise_signal(SIGNAL)
     wait_for(1, seen)
 
 
-def test_nobody_rests_with_something_pending(seen: list[int]) -> None:
-    assert SignalGate([SIGNAL]).rest(Owner(pending=True)) == 0
+def test_a_wait_with_something_pending_returns_immediately(seen: list[int]) -> None:
+    assert SignalGate([SIGNAL]).wait(Owner(pending=True)) == 0
     assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
-def test_a_handler_that_has_not_run_yet_runs_before_the_rest(seen: list[int]) -> None:
+def test_a_handler_that_has_not_run_yet_runs_before_the_wait(seen: list[int]) -> None:
     owner = Owner()
 
     def note(signo: int, frame: object) -> None:
         owner.pending = True
 
     signal.signal(SIGNAL, note)
-    rest = SignalGate([SIGNAL]).rest
-    for _ in range(100):  # a sort of signals that come as late as they can
+    wait = SignalGate([SIGNAL]).wait
+    for _ in range(100):  # signals that arrive as late as possible
         owner.pending = False
-        assert [signal.raise_signal(SIGNAL), rest(owner)] == [None, 0]
+        assert [signal.raise_signal(SIGNAL), wait(owner)] == [None, 0]
 
 
-def test_an_owner_that_fails_leaves_no_signals_held() -> None:
+def test_an_owner_that_fails_leaves_no_signals_masked() -> None:
     gate = SignalGate([SIGNAL])
     with pytest.raises(AttributeError):
-        gate.rest(object())  # type: ignore[arg-type]
-    gate.admit()  # what the clock does when it is detached
+        gate.wait(object())  # type: ignore[arg-type]
+    gate.unmask_signals()  # what the clock does when it is detached
     assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 

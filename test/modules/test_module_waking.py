@@ -40,7 +40,7 @@ MS = 1_000_000
 INT = 'std_msgs/msg/Int64'
 
 
-class Noting(Module):
+class HasPending(Module):
     """Note when it is released and what it takes."""
 
     def configure(self) -> None:
@@ -87,21 +87,21 @@ def seen(kind: type[Module]) -> list[tuple[int, list[int]]]:
 
 
 def test_each_publication() -> None:
-    class Each(Noting):
+    class Each(HasPending):
         imu = Input('imu', wake=True)
 
     assert seen(Each) == [(n * 10, [n + 1]) for n in range(9)]
 
 
 def test_every_third_publication() -> None:
-    class Third(Noting):
+    class Third(HasPending):
         imu = Input('imu', wake=3)
 
     assert seen(Third) == [(20, [1, 2, 3]), (50, [4, 5, 6]), (80, [7, 8, 9])]
 
 
 def test_all_of_its_inputs() -> None:
-    class Fusion(Noting):
+    class Fusion(HasPending):
         imu = Input('imu', wake='all')
         gps = Input('gps', wake='all')
 
@@ -109,7 +109,7 @@ def test_all_of_its_inputs() -> None:
 
 
 def test_the_newest_only() -> None:
-    class Newest(Noting):
+    class Newest(HasPending):
         imu = Input('imu', newest=True)
         gps = Input('gps', wake=True)
 
@@ -123,7 +123,7 @@ def test_another_wake_is_refused(wake: Any) -> None:
 
 
 def test_an_input_of_another_type_is_refused() -> None:
-    class Wrong(Noting):
+    class Wrong(HasPending):
         imu = Input('imu', message='sensor_msgs/msg/Imu')
 
     with pytest.raises(TopicError) as caught:

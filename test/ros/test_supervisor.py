@@ -41,7 +41,7 @@ from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.sign_of_life import Life
 from rt_robot_os.link.sign_of_life import LifePage
 from rt_robot_os.link.stamp_mapper import StampMapper
-from rt_robot_os.linux.process import computing
+from rt_robot_os.linux.process import scheduling_state
 from rt_robot_os.ros import supervisor as under_test
 from rt_robot_os.ros.silence import Silence
 from rt_robot_os.ros.silence import Starvation
@@ -265,14 +265,14 @@ def test_a_process_is_looked_at(computes: bool) -> None:
                           stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         process.stdout.readline()
-        _, before_ns = computing(process.pid)
+        _, before_ns = scheduling_state(process.pid)
         if computes:
-            wait_for(lambda: computing(process.pid)[0] and computing(process.pid)[1] > before_ns,
-                     'computing')
+            wait_for(lambda: scheduling_state(process.pid)[0]
+                     and scheduling_state(process.pid)[1] > before_ns, 'computing')
         else:
-            wait_for(lambda: not computing(process.pid)[0], 'waiting')
+            wait_for(lambda: not scheduling_state(process.pid)[0], 'waiting')
         process.kill()
-    assert computing(process.pid) == (False, 0)
+    assert scheduling_state(process.pid) == (False, 0)
 
 
 class Refusing(FakeProcess):

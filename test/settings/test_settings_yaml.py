@@ -131,7 +131,7 @@ def test_files_that_cannot_be_read(
         load([Path(name) for name in names], catalogue=catalogue)
     assert caught.value.problems == (
         'none.yaml: cannot be read: No such file or directory',
-        '.: cannot be read: it is no file',
+        '.: cannot be read: it is not a regular file',
         'latin.yaml:2: column 9: not UTF-8: byte 0xe9',
         'long.yaml: cannot be read: it is longer than 1048576 bytes',
         'a\\x00b: cannot be read: no path has a null character',

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Tasks written as coroutines: segments are jobs, and only what releases tasks can be awaited."""
+"""Coroutines as tasks: segments are jobs; only events that release tasks can be awaited."""
 
 from __future__ import annotations
 
@@ -213,13 +213,14 @@ def test_to_await_anything_else_is_an_error_at_that_line(kernel: Kernel) -> None
         await Bare()
 
     error, caught = foreign(kernel, sleep)
-    assert "task 'async' awaited 'something': only what releases tasks can be awaited" in error
+    assert ("task 'async' awaited 'something': only events that release tasks can be awaited"
+            in error)
     assert len(caught) == 1
 
 
 def test_asyncio_does_not_work_here_and_says_so(kernel: Kernel) -> None:
     error, _ = foreign(kernel, lambda: asyncio.sleep(0))
-    assert 'awaited None: only what releases tasks can be awaited' in error
+    assert 'awaited None: only events that release tasks can be awaited' in error
     assert 'asyncio needs a process of its own' in error
 
 

@@ -161,7 +161,7 @@ def test_publish_takes_nothing_but_a_stamp(bus: Bus, topic: Topic) -> None:
 
 @pytest.mark.parametrize('kind, method', [
     (Publisher, 'publish'), (Subscription, 'take'), (Subscription, 'latest'),
-    (Subscription, 'pass_over'), (Subscription, 'unread'), (Subscription, 'statistics')])
+    (Subscription, 'skip'), (Subscription, 'unread'), (Subscription, 'statistics')])
 def test_what_was_not_made_says_so(kind: Any, method: str) -> None:
     with pytest.raises(AttributeError):
         getattr(kind.__new__(kind), method)()

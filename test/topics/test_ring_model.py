@@ -201,11 +201,11 @@ class Rings(RuleBasedStateMachine):
             reader.subscription.put_back()
 
     @rule(reader=readers, newest=st.booleans(), named=st.booleans())
-    def pass_over(self, reader: Reader | None, newest: bool, named: bool) -> None:
+    def skip(self, reader: Reader | None, newest: bool, named: bool) -> None:
         if reader is None:
             return
         behind = len(self.stamps) - reader.place
-        over = reader.subscription.pass_over
+        over = reader.subscription.skip
         assert (over(newest=newest) if named else over(newest)) == (behind > 0)
         if behind <= 0:
             return

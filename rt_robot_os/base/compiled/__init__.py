@@ -14,16 +14,15 @@
 
 
 """
-The compiled build: whether this process runs the C core, and why not.
+The compiled build: whether this process uses the C core, and why not.
 
-Every class is written in Python. Of those that each job and each message touch there is a second
-form in C, in the extension module ``rt_robot_os._core``, which
-:mod:`rt_robot_os.base.compiled.build` makes; at the end of its Python module the C type takes the
-name of the class. Without the extension, or with one that was made of other C sources than those
-beside this package, Python's classes run.
+Every class is written in Python. Those that each job and each message use also exist in C, in the
+extension module ``rt_robot_os._core``, which :mod:`rt_robot_os.base.compiled.build` builds. At the
+end of its Python module the C type replaces the class of the same name. Without the extension, or
+with one that was built from C sources other than those of this package, the Python classes run.
 
-Set to 0, ``RT_ROBOT_OS_COMPILE`` forbids the C core, and 1 demands it, when the package is built
-and when it runs.
+``RT_ROBOT_OS_COMPILE=0`` disables the C core, and 1 requires it, when the package is built and
+when it runs.
 """
 
 from __future__ import annotations
@@ -46,23 +45,23 @@ PACKAGE: Final = 'rt_robot_os'
 EXTENSION: Final = f'{PACKAGE}._core'
 SWITCH: Final = 'RT_ROBOT_OS_COMPILE'
 
-# What the extension is made of; the header is read by the others.
+# The sources of the extension; they include the header.
 C_SOURCES: Final = ('base/compiled/_module.c', 'kernel/_core.c', 'kernel/_task.c',
                     'linux/_timer.c', 'topics/_ring.c')
 C_HEADERS: Final = ('kernel/_core.h',)
 
-#: The extension module, or None; decided when it is first asked for (``__getattr__``).
+#: The extension module, or None; decided on first access (``__getattr__``).
 NATIVE: Any
 
 
 @dataclass(frozen=True)
 class State:
     """
-    Which build runs.
+    The build that runs.
 
-    :ivar compiled: the C core.
+    :ivar compiled: the C core is used.
     :ivar text: the same in one line, with the reason and the remedy.
-    :ivar stale: there is a C core, but of other sources than these.
+    :ivar stale: there is a C core, but it was built from other sources.
     """
 
     compiled: bool
@@ -77,7 +76,7 @@ class _Decision(NamedTuple):
 
 def wanted() -> bool | None:
     """
-    Return what the user said: True demands the C core, False forbids it.
+    Return the choice of the user: True requires the C core, False disables it, None allows both.
 
     :raises ImportError: the environment variable has another value than 0 or 1.
     """
@@ -89,7 +88,7 @@ def wanted() -> bool | None:
 
 
 def sources_digest(package: Path) -> str:
-    """Return the hash of the C sources beside a package; empty when it has none."""
+    """Return the hash of the C sources of a package; empty when it has none."""
     paths = [package / name for name in (*C_SOURCES, *C_HEADERS)]
     texts = [path.read_bytes() if path.is_file() else b'' for path in paths]
     if not any(texts):
@@ -98,7 +97,7 @@ def sources_digest(package: Path) -> str:
 
 
 def is_made_of(binary: Path, digest: str) -> bool:
-    """Tell whether a binary was made of the sources with this hash, without loading it."""
+    """Return whether a binary was built from the sources with this hash, without loading it."""
     try:
         return digest.encode() in binary.read_bytes()
     except OSError:
@@ -109,10 +108,10 @@ def _binaries(package: Path) -> Iterator[Path]:
     """
     Yield the binaries for this Python: of the package, then of its other installations.
 
-    Tests run the sources of a workspace, and colcon may have built elsewhere: what it has made of
-    these very sources is used, wherever it is.
+    Tests run the sources of a workspace, and colcon may have built in another folder: a binary of
+    the same sources is used from anywhere on the path.
     """
-    # A binary for the stable ABI is made for Python 3.11 and later.
+    # A binary for the stable ABI needs Python 3.11 or later.
     suffixes = [suffix for suffix in EXTENSION_SUFFIXES
                 if sys.version_info >= (3, 11) or 'abi3' not in suffix]
     places = [package, *(Path(place, PACKAGE) for place in sys.path if place)]
@@ -126,14 +125,15 @@ def _binaries(package: Path) -> Iterator[Path]:
 def _load(path: Path) -> Any:
     loader = ExtensionFileLoader(EXTENSION, str(path))
     spec = spec_from_file_location(EXTENSION, path, loader=loader)
-    assert spec is not None
+    if spec is None:
+        raise ImportError(f'{path} is not an extension module', name=EXTENSION)
     module = module_from_spec(spec)
     loader.exec_module(module)
     return module
 
 
 def _decide(package: Path) -> _Decision:
-    """Load the C core if that is allowed and there is one that fits."""
+    """Load the C core if it is allowed and one matches the sources."""
     if wanted() is False:
         return _Decision(None, State(False, f'pure Python: {SWITCH}=0'))
     digest = sources_digest(package)
@@ -142,7 +142,7 @@ def _decide(package: Path) -> _Decision:
         if is_made_of(path, digest):
             try:
                 native = _load(path)
-            except ImportError as error:  # of another processor or C library
+            except ImportError as error:  # built for another processor or C library
                 why = f'{path} cannot be loaded: {error}; `colcon build` compiles it again'
                 continue
             return _Decision(native, State(True, f'compiled with {native.BUILD}'))
@@ -166,15 +166,15 @@ def _decided() -> _Decision:
 
 def state() -> State:
     """
-    Say which build runs.
+    Return which build runs.
 
-    :raises ImportError: the C core is demanded, and there is none that fits the sources.
+    :raises ImportError: the C core is required, and none matches the sources.
     """
     return _decided().state
 
 
 def __getattr__(name: str) -> Any:
-    """Decide late: a program can say in one line what is wrong, and setup.py needs none."""
+    """Decide on first access: programs can report an error in one line; setup.py needs none."""
     if name == 'NATIVE':
         return _decided().native
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

@@ -15,8 +15,8 @@
  */
 
 /*
- * The extension module rt_robot_os._core: its sources add their types to it. What it was made of
- * and how is told by compiled/__init__.py, which decides whether it is used.
+ * The extension module rt_robot_os._core: the other sources add their types to it. SOURCES and BUILD
+ * say from which sources and how it was built; compiled/__init__.py decides whether it is used.
  */
 
 #include "../../kernel/_core.h"
@@ -44,7 +44,7 @@
 #endif
 
 static struct PyModuleDef module_definition = {
-    PyModuleDef_HEAD_INIT, "_core", "The classes of each job and each message, in C.", -1, NULL,
+    PyModuleDef_HEAD_INIT, "_core", "The classes that each job and each message use, in C.", -1, NULL,
     NULL, NULL, NULL, NULL,
 };
 

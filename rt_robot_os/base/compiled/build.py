@@ -14,10 +14,10 @@
 
 
 """
-Compile the C core, as a command of setuptools: what `colcon build` and `pip install` run.
+Compile the C core, as a command of setuptools that `colcon build` and `pip install` run.
 
-Nothing here is needed at run time. A machine without a C compiler gets the same package, and its
-Python classes run. Flags of one's own, as for sanitizers, come from the environment (``CFLAGS``).
+Nothing here is needed at run time. On a machine without a C compiler the Python classes of the
+same package run. Additional flags, as for sanitizers, come from the environment (``CFLAGS``).
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ from setuptools.errors import BaseError
 from setuptools.errors import CCompilerError
 from setuptools.errors import ExecError
 
-# One binary runs on all versions from this one on; 3.10 and debug builds have one of their own.
+# One binary runs on all versions from this one on; 3.10 and debug builds need their own.
 OLDEST_STABLE: Final = (3, 11)
 STABLE: Final = sys.version_info >= OLDEST_STABLE and not sysconfig.get_config_var('Py_DEBUG')
 WARNINGS: Final = ('-Wall', '-Wextra')
 
-# The commands that end with a package which runs.
+# The commands that produce a usable package.
 _BUILDS: Final = {'bdist_wheel', 'build', 'develop', 'editable_wheel', 'install'}
 
 
@@ -66,7 +66,7 @@ def obstacle() -> str | None:
 
 
 def macros(package: Path) -> dict[str, str]:
-    """Return what the compiler is to define."""
+    """Return the macros for the compiler."""
     found = {'RT_ROBOT_OS_SOURCES': f'"{sources_digest(package)}"'}
     if STABLE:
         found['Py_LIMITED_API'] = '0x{:02X}{:02X}0000'.format(*OLDEST_STABLE)
@@ -75,9 +75,9 @@ def macros(package: Path) -> dict[str, str]:
 
 def extensions() -> list[Extension]:
     """
-    Return what setup() is to be told: the extension where it can be compiled.
+    Return the extension modules for setup(): one where it can be compiled.
 
-    :raises ExecError: it is demanded, and cannot be.
+    :raises ExecError: it is required and cannot be compiled.
     """
     why = obstacle()
     if why is None:
@@ -95,23 +95,23 @@ def extensions() -> list[Extension]:
 
 
 def wheel_options() -> dict[str, dict[str, str]]:
-    """Return the options of setup() that let a wheel with the C core fit all later versions."""
+    """Return the options of setup() for a wheel with the C core that fits all later versions."""
     if not STABLE or obstacle() is not None:
         return {}
     return {'bdist_wheel': {'py_limited_api': 'cp{}{}'.format(*OLDEST_STABLE)}}
 
 
 class BuildCore(build_ext):
-    """Compile the extension unless there is one of these very sources."""
+    """Compile the extension unless there is one of the same sources."""
 
     force: bool
 
     def build_extension(self, extension: Extension) -> None:
-        """Compile it; one that fails is no reason to have no package, unless it is demanded."""
+        """Compile it; a failure ends the build of the package only if the C core is required."""
         digest = sources_digest(Path(PACKAGE))
         if not self.force and is_made_of(Path(self.get_ext_fullpath(extension.name)), digest):
             return
-        self.force = True  # setuptools compares times, which say less
+        self.force = True  # setuptools would compare times only
         try:
             super().build_extension(extension)
         except (BaseError, CCompilerError) as error:

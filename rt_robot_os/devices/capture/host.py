@@ -34,7 +34,7 @@ from typing import Final
 
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.programs import ended_by_signals
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.devices.capture.spawn import CAPTURE
 from rt_robot_os.devices.capture.spawn import end_worker
@@ -107,7 +107,7 @@ class CaptureHost:
             except BlockingIOError:
                 return
             except OSError as error:  # no descriptors, no memory: the device tries again
-                tell(self._worker, f'cannot be started: {error.strerror or error}')
+                warn(self._worker, f'cannot be started: {error.strerror or error}')
                 time.sleep(_FAILED_PAUSE_S)  # the connection may still wait: not at once again
                 return
 

@@ -41,8 +41,8 @@ from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import Loans
 from rt_robot_os.linux.memory_file import MemoryFile
 from rt_robot_os.linux.memory_file import received_fds
-from rt_robot_os.linux.process import leave_alone
 from rt_robot_os.linux.process import run_child
+from rt_robot_os.linux.process import use_ordinary_scheduling
 
 
 class Captured(Protocol):
@@ -155,7 +155,7 @@ class CaptureWorker:
 
     def place(self) -> None:
         """Take ordinary priority, and leave the CPU of a pinned core alone."""
-        leave_alone(self.wanted['avoid_cpus'])
+        use_ordinary_scheduling(self.wanted['avoid_cpus'])
 
     def run(self) -> None:
         """
@@ -186,7 +186,7 @@ class CaptureWorker:
             pass  # the main thread finds that out
 
     def _hand_over(self, captured: Captured, overruns: int) -> None:
-        slot = self._loans.take()
+        slot = self._loans.acquire()
         if slot < 0:
             self.dropped += 1
             return

@@ -36,7 +36,7 @@ from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.programs import BAD_USE
 from rt_robot_os.base.programs import ended_by_signals
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.devices.i2c.real_bus import RealBus
 from rt_robot_os.devices.i2c.simulated_port import I2cPort
 from rt_robot_os.linux.paths import runtime_folder
@@ -118,7 +118,7 @@ def _prepare(arguments: argparse.Namespace) -> None:
     if arguments.priority:
         result = set_fifo(arguments.priority)
         if not arguments.with_parent:
-            tell('i2c_bridge', result)
+            warn('i2c_bridge', result)
 
 
 def _leave_cpu(parent: int) -> None:

@@ -25,7 +25,7 @@ from typing import Final
 
 from rt_robot_os.base.programs import Program
 
-main: Final = Program('i2c_bridge', 'rt_robot_os.devices.i2c.command:run', listens=True)
+main: Final = Program('i2c_bridge', 'rt_robot_os.devices.i2c.command:run', handles_signals=True)
 
 
 if __name__ == '__main__':

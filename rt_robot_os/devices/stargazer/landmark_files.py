@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from rt_robot_os.linux.file_urls import text_of
+from rt_robot_os.linux.file_urls import read_text_file
 from rt_robot_os.motion.landmarks import Landmark
 from rt_robot_os.motion.landmarks import read_landmarks
 
@@ -30,5 +30,5 @@ def load_landmarks(url: str, key: str) -> dict[int, Landmark]:
     :return: by number.
     :raises ConfigError: it cannot be read; names the file, the place in it and what to do.
     """
-    path, text = text_of(url, key, 'a CSV or YAML file of landmarks')
+    path, text = read_text_file(url, key, 'a CSV or YAML file of landmarks')
     return read_landmarks(text, str(path))

@@ -54,7 +54,7 @@ from rt_robot_os.messages.agent import Observation
 from rt_robot_os.messages.agent import ObservationKind
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.cause_reports import CAUSES_OUTPUT
-from rt_robot_os.modules.order_age import why_too_old
+from rt_robot_os.modules.command_age import stale_reason
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
@@ -260,7 +260,7 @@ class AgentModule(Module):
         """Do what an operator says; what sets the robot in motion must not be old."""
         why = ''
         if not text.startswith(_STOPS):
-            why = why_too_old(stamp_ns, self.events.topic.kernel.now_ns(), self.settings)
+            why = stale_reason(stamp_ns, self.events.topic.kernel.now_ns(), self.settings)
         if why:
             agent.refused += 1
             self.log.warn('command %r refused: %s', text[:_TEXT_BYTES], why, throttle_s=1.0)

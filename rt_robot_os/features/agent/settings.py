@@ -29,7 +29,7 @@ from rt_robot_os.features.agent.inputs import Location
 from rt_robot_os.features.agent.standoff import StandoffPlanner
 from rt_robot_os.features.agent.tuning import AgentTuning
 from rt_robot_os.messages.survey import SurveyedNode
-from rt_robot_os.modules.order_age import ORDER_AGE
+from rt_robot_os.modules.command_age import COMMAND_AGE
 from rt_robot_os.motion.clearing import Clearing
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.grid_map import GridMap
@@ -51,7 +51,7 @@ SETTINGS: Final = (
     Field('robot_radius_m', float, 0.22, 'What must stay free round base_link where it stands',
           'm', 0.0, 10.0),
     Field('clearance_m', float, 0.2, 'What must stay free besides', 'm', 0.0, 5.0),
-    ORDER_AGE,
+    COMMAND_AGE,
     Field('home', list, [], 'Where it returns to: x, y in m and the heading in degrees, on the '
           'map; empty: to where it came from', item=float),
     Field('operator_sources', list, ['teleop'], 'Sources of the multiplexer of velocities that '

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from rt_robot_os.linux.file_urls import text_of
+from rt_robot_os.linux.file_urls import read_text_file
 from rt_robot_os.messages.survey import read_survey
 from rt_robot_os.messages.survey import SurveyedNode
 
@@ -29,5 +29,5 @@ def load_survey(url: str, key: str) -> tuple[SurveyedNode, ...]:
     :param key: of the setting that names it, for the errors.
     :raises ConfigError: it cannot be read; names the file, the place in it and what to do.
     """
-    path, text = text_of(url, key, 'a YAML file with nodes')
+    path, text = read_text_file(url, key, 'a YAML file with nodes')
     return read_survey(text, str(path))

@@ -25,7 +25,7 @@ from typing import Any
 from rt_robot_os.base.programs import FAILED
 from rt_robot_os.base.programs import INTERRUPTED
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.tools.bench import expectations
 from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.case import Case
@@ -73,7 +73,7 @@ def _run(request: Request, measured: Measure, argv: Sequence[str]) -> int:
     session = Session(request, measured, argv)
     interrupted = False
     if request.out is not None and not plot_drawing.available():
-        tell('bench', plot_drawing.remedy())  # before hours are spent, not only afterwards
+        warn('bench', plot_drawing.remedy())  # before hours are spent, not only afterwards
     try:
         session.introduce()
         for case in request.cases:
@@ -82,7 +82,7 @@ def _run(request: Request, measured: Measure, argv: Sequence[str]) -> int:
         interrupted = True
         further = ('the same call goes on where this ended' if goes_on(request)
                    else 'cases that were not complete are left out')
-        tell('bench', f'interrupted; {further}')
+        warn('bench', f'interrupted; {further}')
     if session.results:
         _close(session.results, session.machine)
     session.write(interrupted)
@@ -109,7 +109,7 @@ def _again(request: Request, cases: Mapping[str, Case]) -> int:
     earlier.write()
     print(f'written: {request.page / PAGE_FILE}')
     if not earlier.results:
-        tell('bench', f'--page {request.page}: no raw samples yet: nothing was evaluated')
+        warn('bench', f'--page {request.page}: no raw samples yet: nothing was evaluated')
         return FAILED
     if not plot_drawing.available():
         print(plot_drawing.remedy())

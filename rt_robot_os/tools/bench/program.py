@@ -26,7 +26,7 @@ from typing import Final
 from rt_robot_os.base.programs import FAILED
 from rt_robot_os.base.programs import Program
 
-main: Final = Program('bench', 'rt_robot_os.tools.bench.command:run', reader_gone=FAILED)
+main: Final = Program('bench', 'rt_robot_os.tools.bench.command:run', broken_pipe_code=FAILED)
 
 
 if __name__ == '__main__':

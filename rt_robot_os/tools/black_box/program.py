@@ -26,7 +26,7 @@ from typing import Final
 from rt_robot_os.base.programs import OK
 from rt_robot_os.base.programs import Program
 
-main: Final = Program('black_box', 'rt_robot_os.tools.black_box.command:run', reader_gone=OK)
+main: Final = Program('black_box', 'rt_robot_os.tools.black_box.command:run', broken_pipe_code=OK)
 
 
 if __name__ == '__main__':

@@ -22,7 +22,7 @@ import sys
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.programs import INTERRUPTED
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.tools.doctor.examination import Doctor
 from rt_robot_os.tools.doctor.options import parse
 from rt_robot_os.tools.doctor.report import FAILED
@@ -43,7 +43,7 @@ def run(argv: Sequence[str]) -> int:
         options, wanted = parse(argv)
         return Doctor(System(wanted), options).run().verdict.value
     except ConfigError as error:
-        tell('doctor', 'the configuration is wrong, nothing was checked:', error.problems)
+        warn('doctor', 'the configuration is wrong, nothing was checked:', error.problems)
         return FAILED
     except KeyboardInterrupt:
         print('\ndoctor: interrupted', file=sys.stderr)
@@ -51,5 +51,5 @@ def run(argv: Sequence[str]) -> int:
     except BrokenPipeError:
         raise
     except Exception as error:
-        tell('doctor', f'failed, please report it: {type(error).__name__}: {error}')
+        warn('doctor', f'failed, please report it: {type(error).__name__}: {error}')
         return FAILED

@@ -167,14 +167,14 @@ def rclpy() -> dict[str, Any]:
 
 def room(folder: str, size_bytes: str) -> dict[str, Any]:
     """Try whether disk space can be reserved in a folder, with an unnamed temporary file."""
-    from rt_robot_os.linux.disk_room import is_full
-    from rt_robot_os.linux.disk_room import keep_room
+    from rt_robot_os.linux.disk_space import is_full
+    from rt_robot_os.linux.disk_space import reserve_space
     try:
         fd = os.open(folder, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o600)
     except OSError as error:
         return {'tried': False, 'reason': error.strerror or str(error), 'full': False}
     try:
-        keep_room(fd, int(size_bytes))
+        reserve_space(fd, int(size_bytes))
     except OSError as error:
         return {'tried': True, 'reason': error.strerror or str(error), 'full': is_full(error)}
     return {'tried': True, 'reason': '', 'full': False}

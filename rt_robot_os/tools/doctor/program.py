@@ -25,7 +25,7 @@ from typing import Final
 
 from rt_robot_os.base.programs import Program
 
-main: Final = Program('doctor', 'rt_robot_os.tools.doctor.command:run', reader_gone=3)
+main: Final = Program('doctor', 'rt_robot_os.tools.doctor.command:run', broken_pipe_code=3)
 
 
 if __name__ == '__main__':

@@ -35,8 +35,8 @@ from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux import realtime
 from rt_robot_os.linux.process import run_child
-from rt_robot_os.linux.realtime import HeldCpuLatency
-from rt_robot_os.linux.realtime import hold_cpu_latency
+from rt_robot_os.linux.realtime import CpuLatencyRequest
+from rt_robot_os.linux.realtime import request_cpu_latency
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.doctor.lateness import Lateness
 
@@ -44,7 +44,7 @@ PERIOD_NS = NS_PER_MS
 SKIPPED = 100
 
 
-def prepare(job: Mapping[str, Any]) -> tuple[list[realtime.RtResult], HeldCpuLatency | None]:
+def prepare(job: Mapping[str, Any]) -> tuple[list[realtime.RtResult], CpuLatencyRequest | None]:
     """
     Set the process up in the order in which the core does it.
 
@@ -57,7 +57,7 @@ def prepare(job: Mapping[str, Any]) -> tuple[list[realtime.RtResult], HeldCpuLat
     if job['lock_memory']:
         results.append(realtime.lock_memory())
     if job['cpu_latency_us'] >= 0:
-        result, held = hold_cpu_latency(job['cpu_latency_us'])
+        result, held = request_cpu_latency(job['cpu_latency_us'])
         results.append(result)
     realtime.freeze_garbage()
     if job['priority']:

@@ -27,7 +27,7 @@ import sys
 from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.programs import BAD_USE
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.tools.new.package import Package
 from rt_robot_os.tools.new.package import problems_of
 
@@ -72,7 +72,7 @@ def run(argv: Sequence[str]) -> int:
         problems = [str(error)]
     if problems:
         for problem in problems:
-            tell('new', problem)
+            warn('new', problem)
         return BAD_USE
     print(f'{folder} is written. {next_steps(folder, arguments.package)}')
     return OK

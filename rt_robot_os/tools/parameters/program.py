@@ -26,7 +26,8 @@ from typing import Final
 from rt_robot_os.base.programs import OK
 from rt_robot_os.base.programs import Program
 
-main: Final = Program('parameters', 'rt_robot_os.tools.parameters.command:run', reader_gone=OK)
+main: Final = Program('parameters', 'rt_robot_os.tools.parameters.command:run',
+                      broken_pipe_code=OK)
 
 
 if __name__ == '__main__':

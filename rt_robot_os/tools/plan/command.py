@@ -27,7 +27,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.output_files import check_output
 from rt_robot_os.base.programs import BAD_USE
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.linux.paths import runtime_folder
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
@@ -78,7 +78,7 @@ def run(argv: Sequence[str], make_core: MakeCore) -> int:
     except ConfigError as error:
         return _refuse(error.problems)
     except (RtRobotError, OSError) as error:
-        tell('plan', error)
+        warn('plan', error)
         return BAD_USE
     if arguments.json:
         print(json.dumps(document(report), indent=1))
@@ -89,7 +89,7 @@ def run(argv: Sequence[str], make_core: MakeCore) -> int:
 
 def _refuse(problems: Sequence[str]) -> int:
     count = len(problems)
-    tell('plan', f'{count} problem{"s" if count > 1 else ""}, nothing was analysed:', problems)
+    warn('plan', f'{count} problem{"s" if count > 1 else ""}, nothing was analysed:', problems)
     return BAD_USE
 
 
@@ -98,7 +98,7 @@ def _measure(settings: RobotSettings, make_core: MakeCore, arguments: argparse.N
     # A socket of its own: the robot itself may be running.
     path = runtime_folder() / f'plan-{os.getpid()}.sock'
     measured = measure(settings, make_core(to_json(settings), path), path, arguments.measure,
-                       lambda text: tell('plan', text))
+                       lambda text: warn('plan', text))
     if arguments.save_measured is not None:
         measured.save(arguments.save_measured)
     return measured

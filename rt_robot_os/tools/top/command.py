@@ -32,7 +32,7 @@ from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.needs import lacking
 from rt_robot_os.base.programs import BAD_USE
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.link.robots import others_than
 from rt_robot_os.linux.paths import socket_path
@@ -99,7 +99,7 @@ def run(argv: Sequence[str]) -> int:
         robot = arguments.robot
         source = Source(socket_path(robot))
     except RtRobotError as error:
-        tell('top', error)
+        warn('top', error)
         return BAD_USE
     try:
         if arguments.once:
@@ -129,7 +129,7 @@ def _first(source: Source, robot: str, wait_s: float) -> Sample | None:
             return source.poll()
         except LinkError as error:
             if time.monotonic() >= deadline_s:
-                tell('top', f'{error}{others_than(robot)}')
+                warn('top', f'{error}{others_than(robot)}')
                 return None
         time.sleep(_TRY_S)
 
@@ -144,7 +144,7 @@ def _once(robot: str, source: Source, choices: Choices, arguments: argparse.Name
         return NO_CORE
     snapshot = compare(robot, now, before)
     if choices.pattern and not _matches(snapshot, choices):
-        tell('top', no_match('--filter', choices.pattern, _names(snapshot, choices)))
+        warn('top', no_match('--filter', choices.pattern, _names(snapshot, choices)))
         return BAD_USE
     if arguments.json:
         print(json.dumps(document(snapshot, choices), indent=1))
@@ -183,17 +183,17 @@ def _stream(robot: str, source: Source, choices: Choices, interval_s: float) -> 
         except LinkError as error:
             if str(error) != reported:
                 reported = str(error)
-                tell('top', f'{reported}; waiting')
+                warn('top', f'{reported}; waiting')
         time.sleep(interval_s)
 
 
 def _live(robot: str, source: Source, controls: Controls) -> int:
     if not sys.stdout.isatty():
-        tell('top', 'the output is not a terminal: use --once or --json')
+        warn('top', 'the output is not a terminal: use --once or --json')
         return BAD_USE
     problem = lacking('the live screen', 'rich')
     if problem:
-        tell('top', f'{problem}; --once and --json work without it')
+        warn('top', f'{problem}; --once and --json work without it')
         return BAD_USE
     from rt_robot_os.tools.top.live import Program
     Program(robot, source, controls).run()

@@ -80,7 +80,7 @@ def test_a_user_without_a_home_has_a_private_folder(
     assert default_folder() == private / 'log'
     assert private.stat().st_mode & 0o777 == 0o700
     private.chmod(0o777)  # somebody was there first
-    with pytest.raises(StartError, match='not a folder of this user alone.*ROS_HOME'):
+    with pytest.raises(StartError, match='not a private folder of this user.*ROS_HOME'):
         default_folder()
 
 

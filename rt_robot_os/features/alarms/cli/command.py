@@ -25,7 +25,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.programs import BAD_USE
 from rt_robot_os.base.programs import FAILED
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.features.alarms.cli.client import open_alarms
 from rt_robot_os.features.alarms.cli.client import send_command
@@ -118,7 +118,7 @@ def run(argv: Sequence[str]) -> int:
     try:
         return int(arguments.run(arguments))
     except ConfigError as error:
-        tell(_NAME, error.problems[0], error.problems[1:])
+        warn(_NAME, error.problems[0], error.problems[1:])
         return BAD_USE
 
 
@@ -188,7 +188,7 @@ def _ask(arguments: argparse.Namespace, verb: str, about: str, why: str = '') ->
     elif answer.ok:
         print(safe_line(answer.text))
     else:
-        tell(_NAME, safe_line(answer.text, 400))
+        warn(_NAME, safe_line(answer.text, 400))
     return OK if answer.ok else FAILED
 
 

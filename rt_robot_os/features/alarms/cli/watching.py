@@ -22,7 +22,7 @@ from pathlib import Path
 import sys
 import time
 
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.features.alarms.cli.client import check_topics
 from rt_robot_os.features.alarms.cli.client import EVENTS
@@ -57,7 +57,7 @@ def watch(path: Path, as_json: bool, stopping: Callable[[], bool] = lambda: Fals
         client.mirror(EVENTS, patient=True, oldest=connection.connections > 0)
 
     def say(text: str) -> None:
-        tell('alarms', text)
+        warn('alarms', text)
 
     connection = LastingClient(path, 'alarms', connect, say)
     try:

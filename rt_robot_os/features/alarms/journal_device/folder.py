@@ -19,8 +19,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from rt_robot_os.linux.disk_room import keep_room
-from rt_robot_os.linux.disk_room import room_of
+from rt_robot_os.linux.disk_space import allocated_bytes
+from rt_robot_os.linux.disk_space import reserve_space
 
 _FLAGS = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
 
@@ -68,11 +68,11 @@ class JournalFolder:
 
     def keep(self, name: str, size: int) -> None:
         """Keep room for a file of such a size; one that is not there is made, empty."""
-        keep_room(self._opened(name), size)
+        reserve_space(self._opened(name), size)
 
     def kept(self, name: str) -> int:
         """Return the bytes that a file has on the disk, written or kept."""
-        return room_of(self.path / name)
+        return allocated_bytes(self.path / name)
 
     def write(self, name: str, data: bytes) -> None:
         """Write a file anew and wait until it is on the disk."""

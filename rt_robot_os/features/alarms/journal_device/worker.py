@@ -43,12 +43,12 @@ from rt_robot_os.features.alarms.journal_device.protocol import PACKET_BYTES
 from rt_robot_os.features.alarms.journal_file import JournalFile
 from rt_robot_os.features.alarms.journal_file import JournalHistory
 from rt_robot_os.features.alarms.journal_file import read_journal
-from rt_robot_os.linux.disk_room import is_full
+from rt_robot_os.linux.disk_space import is_full
 from rt_robot_os.linux.folders import ros_home
 from rt_robot_os.linux.lock_file import holder
 from rt_robot_os.linux.lock_file import LockFile
-from rt_robot_os.linux.process import leave_alone
 from rt_robot_os.linux.process import run_child
+from rt_robot_os.linux.process import use_ordinary_scheduling
 
 LOCK: Final = 'lock'
 
@@ -82,7 +82,7 @@ class JournalWorker:
         :raises DeviceError: somebody else writes this journal.
         :raises OSError: the disk does not do what it should.
         """
-        leave_alone(self._wanted['avoid_cpus'])
+        use_ordinary_scheduling(self._wanted['avoid_cpus'])
         folder = JournalFolder(folder_of(self._wanted['folder']))
         lock = LockFile(folder.path / LOCK)
         try:

@@ -24,7 +24,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.programs import BAD_USE
 from rt_robot_os.base.programs import ended_by_signals
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.features.alarms.notifier.notifier import Notifier
 from rt_robot_os.features.alarms.notifier.settings import load
 from rt_robot_os.features.alarms.notifier.settings import NotifierSettings
@@ -67,14 +67,14 @@ def run(argv: Sequence[str]) -> int:
         settings = load((*arguments.files, *ros.params_files), ros.overrides, os.environ,
                         ros.node_name, ros.namespace)
     except ConfigError as error:
-        tell(_NAME, error.problems[0], error.problems[1:])
+        warn(_NAME, error.problems[0], error.problems[1:])
         return BAD_USE
     if arguments.check:
         for each in settings.channels:
             print(f'{each.name}: {each.type}')
         return OK
     if not settings.channels:
-        tell(_NAME, 'no channel: write channels: [...] under /**/notifier in a parameter file, '
+        warn(_NAME, 'no channel: write channels: [...] under /**/notifier in a parameter file, '
              'and give that')
         return BAD_USE
     return _carry(settings, arguments.robot or robot_name(namespace=ros.namespace))
@@ -87,7 +87,7 @@ def _carry(settings: NotifierSettings, robot: str) -> int:
                   f'a notifier of the robot {robot} runs already: two would tell '
                   'everything twice'):
         notifier = Notifier(settings, socket_path(robot), folder / 'deliveries.jsonl',
-                            lambda text: tell(_NAME, text))
+                            lambda text: warn(_NAME, text))
         with ended_by_signals(stopping.append):
             notifier.run(lambda: bool(stopping))
     return OK

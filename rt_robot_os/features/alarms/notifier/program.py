@@ -25,7 +25,8 @@ from typing import Final
 
 from rt_robot_os.base.programs import Program
 
-main: Final = Program('notifier', 'rt_robot_os.features.alarms.notifier.command:run', listens=True)
+main: Final = Program('notifier', 'rt_robot_os.features.alarms.notifier.command:run',
+                      handles_signals=True)
 
 
 if __name__ == '__main__':

@@ -23,7 +23,7 @@ from pathlib import Path
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.programs import BAD_USE
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.settings.ros_args import parse_ros_args
@@ -103,6 +103,6 @@ def run(argv: Sequence[str]) -> int:
         else:
             map_log(arguments)
     except ConfigError as error:
-        tell(_NAME, error.problems[0], error.problems[1:])
+        warn(_NAME, error.problems[0], error.problems[1:])
         return BAD_USE
     return OK

@@ -24,7 +24,7 @@ from rt_robot_os.base.needs import require
 from rt_robot_os.base.programs import BAD_USE
 from rt_robot_os.base.programs import ended_by_signals
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.base.requirements import EXTRAS
 from rt_robot_os.features.mapping.process.settings import load
 from rt_robot_os.features.mapping.process.settings import MappingSettings
@@ -32,7 +32,7 @@ from rt_robot_os.link.only_one import folder_of
 from rt_robot_os.link.only_one import only_one
 from rt_robot_os.linux.paths import robot_name
 from rt_robot_os.linux.paths import socket_path
-from rt_robot_os.linux.process import leave_alone
+from rt_robot_os.linux.process import use_ordinary_scheduling
 from rt_robot_os.settings.ros_args import RosArguments
 
 _NAME = 'mapping'
@@ -49,7 +49,7 @@ def run_live(arguments: argparse.Namespace, ros: RosArguments) -> int:
         settings = load((*arguments.files, *ros.params_files), ros.overrides, ros.node_name,
                         ros.namespace)
     except ConfigError as error:
-        tell(_NAME, error.problems[0], error.problems[1:])
+        warn(_NAME, error.problems[0], error.problems[1:])
         return BAD_USE
     require('mapping', *EXTRAS['slam'])
     return _map(settings, arguments.robot or robot_name(namespace=ros.namespace))
@@ -62,9 +62,9 @@ def _map(settings: MappingSettings, robot: str) -> int:
     with only_one(_NAME, robot,
                   f'mapping runs beside the robot {robot} already: two would move it '
                   'between two maps'):
-        leave_alone(settings.avoid_cpus)
+        use_ordinary_scheduling(settings.avoid_cpus)
         os.nice(settings.nice)
-        live = LiveMapping(settings, socket_path(robot), folder, lambda text: tell(_NAME, text))
+        live = LiveMapping(settings, socket_path(robot), folder, lambda text: warn(_NAME, text))
         with ended_by_signals(stopping.append):
             live.run(lambda: bool(stopping))
     return OK

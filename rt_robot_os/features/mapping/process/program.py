@@ -21,8 +21,8 @@ from typing import Final
 
 from rt_robot_os.base.programs import Program
 
-main: Final = Program('mapping', 'rt_robot_os.features.mapping.process.command:run', listens=True,
-                      one_thread=True)
+main: Final = Program('mapping', 'rt_robot_os.features.mapping.process.command:run',
+                      handles_signals=True, one_thread=True)
 
 
 if __name__ == '__main__':

@@ -43,7 +43,7 @@ from rt_robot_os.features.navigation.planner.way import moved_with
 from rt_robot_os.features.navigation.planner.way import Progress
 from rt_robot_os.features.navigation.trajectory.whereabouts import planar
 from rt_robot_os.modules.base import Module
-from rt_robot_os.modules.order_age import why_too_old
+from rt_robot_os.modules.command_age import stale_reason
 from rt_robot_os.modules.wake_up import WakeUp
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.route import Route
@@ -215,7 +215,7 @@ class Planner(Module):
         self._is_of_before = self._is_given
         self._is_wanted = goal is not None
         why = ('the goal is no pose' if goal is None else
-               why_too_old(self.goal.stamp_ns, now_ns, self.settings))
+               stale_reason(self.goal.stamp_ns, now_ns, self.settings))
         if why:
             self._refuse(why, now_ns)
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import Final
 
 from rt_robot_os.base.schema import Field
-from rt_robot_os.modules.order_age import ORDER_AGE
+from rt_robot_os.modules.command_age import COMMAND_AGE
 
 SETTINGS: Final = (
     Field('map', str, '', 'The map: a YAML file as map_saver writes it, beside the file that '
@@ -63,5 +63,5 @@ SETTINGS: Final = (
           3600.0, live=True),
     Field('cancel_topic', str, '', 'True takes the goal back, also one that waits for a way, a '
           'std_msgs/msg/Bool: the cancel_topic of the trajectory; empty: there is none'),
-    ORDER_AGE,
+    COMMAND_AGE,
 )

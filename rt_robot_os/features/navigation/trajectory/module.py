@@ -38,8 +38,8 @@ from rt_robot_os.devices.motor_faults import hold_reason
 from rt_robot_os.features.navigation.trajectory.whereabouts import planar
 from rt_robot_os.features.navigation.trajectory.whereabouts import Whereabouts
 from rt_robot_os.modules.base import Module
-from rt_robot_os.modules.order_age import ORDER_AGE
-from rt_robot_os.modules.order_age import why_too_old
+from rt_robot_os.modules.command_age import COMMAND_AGE
+from rt_robot_os.modules.command_age import stale_reason
 from rt_robot_os.motion.controllers import CONTROLLERS
 from rt_robot_os.motion.controllers import make_controller
 from rt_robot_os.motion.controllers.base import Velocity
@@ -114,7 +114,7 @@ class Trajectory(Module):
               'it is no step of the wheels', 'm/s', 0.001, 100.0, live=True),
         Field('correction_rad_s', float, 0.3, 'The same of the heading', 'rad/s', 0.001, 100.0,
               live=True),
-        ORDER_AGE, *gain_fields(),
+        COMMAND_AGE, *gain_fields(),
     )
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
@@ -268,7 +268,7 @@ class Trajectory(Module):
             if newest[1] == 'plan' and not poses:
                 raise PathError('the planner took the plan back')
             # A plan is the planner's, which has looked at the age of the goal.
-            if newest[1] != 'plan' and (why := why_too_old(newest[0], now_ns, self.settings)):
+            if newest[1] != 'plan' and (why := stale_reason(newest[0], now_ns, self.settings)):
                 raise PathError(why)
             if self._is_stopped:
                 problem = 'e-stop, not released yet'

@@ -26,7 +26,7 @@ from collections.abc import Sequence
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.programs import BAD_USE
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.features.wsn.cli import compare
 from rt_robot_os.features.wsn.cli import forward
 from rt_robot_os.features.wsn.cli import send
@@ -60,5 +60,5 @@ def run(argv: Sequence[str]) -> int:
     try:
         return int(arguments.run(arguments))
     except ConfigError as error:
-        tell('wsn', error.problems[0], error.problems[1:])
+        warn('wsn', error.problems[0], error.problems[1:])
         return BAD_USE

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.programs import FAILED
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.features.wsn.cli.compare_report import Difference
 from rt_robot_os.features.wsn.cli.compare_report import lines
 from rt_robot_os.features.wsn.cli.compare_report import width
@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
                            *(f'{one.name}: {one.why}' for one in skipped)])
     if arguments.json:
         for one in skipped:
-            tell('wsn', f'skipped: {one.name}: {one.why}')
+            warn('wsn', f'skipped: {one.name}: {one.why}')
         print(json.dumps({name: [vars(each) for each in found]
                           for name, found in compared.items()}, indent=1))
     else:

@@ -30,7 +30,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.errors import StartError
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.wsn.cli.line import BAUD
 from rt_robot_os.features.wsn.cli.options import add_baud
@@ -154,7 +154,7 @@ class Server:
                 self._forwarder.feed_mote(self._port.read())
             self._port.write(self._forwarder.poll_mote(time.monotonic_ns()))
         except DeviceError as error:
-            tell('wsn', error)
+            warn('wsn', error)
             self._port.close()
             self._port = None
             self._forwarder.link.reset()
@@ -163,7 +163,7 @@ class Server:
     def _open_again(self) -> None:
         try:
             self.open()
-            tell('wsn', f'port {self._where} is back')
+            warn('wsn', f'port {self._where} is back')
         except DeviceError:
             self._retry_s = time.monotonic() + _RETRY_S
 
@@ -174,14 +174,14 @@ class Server:
             return
         number = self._forwarder.connect()
         if number is None:
-            tell('wsn', f'{address[0]} was refused: {self._forwarder.clients} programs are '
+            warn('wsn', f'{address[0]} was refused: {self._forwarder.clients} programs are '
                  'connected, and there is no room for more')
             client.close()
             return
         client.setblocking(False)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._clients[number], self._unsent[number] = client, b''
-        tell('wsn', f'{address[0]} connected as {number}')
+        warn('wsn', f'{address[0]} connected as {number}')
 
     def _send(self, number: int, client: socket.socket) -> None:
         try:
@@ -210,7 +210,7 @@ class Server:
         self._unsent.pop(number)
         self._forwarder.disconnect(number)
         if why:
-            tell('wsn', f'client {number} is disconnected: {why}')
+            warn('wsn', f'client {number} is disconnected: {why}')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -232,7 +232,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         server.open()
         host, number = listener.getsockname()[:2]
-        tell('wsn', f'{arguments.port} is shared at sf://{f"[{host}]" if ":" in host else host}:'
+        warn('wsn', f'{arguments.port} is shared at sf://{f"[{host}]" if ":" in host else host}:'
              f'{number}')
         with suppress(KeyboardInterrupt):
             while True:
@@ -241,7 +241,7 @@ def run(arguments: argparse.Namespace) -> int:
         signal.signal(signal.SIGTERM, before)
         server.close()
     link = forwarder.link
-    tell('wsn', f'{forwarder.from_mote} packets from the mote, {link.acknowledged} to it '
+    warn('wsn', f'{forwarder.from_mote} packets from the mote, {link.acknowledged} to it '
          f'acknowledged, {link.given_up} given up, {link.refused} refused; '
          f'{forwarder.clients_dropped} dropped for slow clients; {link.reader.rejected_frames} '
          f'frames with a wrong CRC')

@@ -26,7 +26,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.programs import FAILED
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.features.wsn.cli.line import open_line
 from rt_robot_os.features.wsn.cli.line import SinkLine
 from rt_robot_os.features.wsn.cli.options import add_baud
@@ -112,7 +112,7 @@ def run(arguments: argparse.Namespace) -> int:
     if outcome == 'sent':
         print(f'{where} has taken it; it does not say whether the mote did: {packet.hex()}')
         return OK
-    tell('wsn', f'{where} did not acknowledge {packet.hex()} in {arguments.tries} tries: its '
+    warn('wsn', f'{where} did not acknowledge {packet.hex()} in {arguments.tries} tries: its '
          'queue is full, or it runs no base station; check --stack and --baud')
     return FAILED
 
@@ -152,7 +152,7 @@ def _stack_of(line: SinkLine, where: str) -> str:
     while time.monotonic() < begun_s + _LISTEN_S:
         if not told_of_it and time.monotonic() > begun_s + _OVER_S:
             told_of_it = True
-            tell('wsn', f'listening to {where} for a packet that says which TinyOS it is; --stack '
+            warn('wsn', f'listening to {where} for a packet that says which TinyOS it is; --stack '
                  'says it at once')
         line.wait()
         for heard in line.read():

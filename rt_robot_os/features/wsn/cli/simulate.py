@@ -34,7 +34,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.programs import INTERRUPTED
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.base.units import NS_PER_S
 
 _EPILOG: Final = """
@@ -142,7 +142,7 @@ def _run_once(arguments: argparse.Namespace, scenario: Any, topology: Any) -> in
     _check_places(arguments)
     if topology.changes and topology.changes[0].at_ns > scenario.seconds * NS_PER_S:
         first_s = topology.changes[0].at_ns / NS_PER_S
-        tell('wsn', f'{scenario.topology.links}: its first @ line is at {first_s:g} s, after the '
+        warn('wsn', f'{scenario.topology.links}: its first @ line is at {first_s:g} s, after the '
              f'end; if it does not count in {scenario.topology.time_unit}, set topology.time_unit')
     code = OK
     with _simulation(arguments, scenario, topology) as simulation:

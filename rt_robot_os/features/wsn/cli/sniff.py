@@ -31,7 +31,7 @@ from typing import Final
 from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.programs import FAILED
 from rt_robot_os.base.programs import OK
-from rt_robot_os.base.programs import tell
+from rt_robot_os.base.programs import warn
 from rt_robot_os.features.wsn.cli.heard import AIR
 from rt_robot_os.features.wsn.cli.heard import Heard
 from rt_robot_os.features.wsn.cli.line import listen
@@ -141,16 +141,16 @@ def run(arguments: argparse.Namespace) -> int:
             sniffer = Sniffer(arguments, decoder, recording.reader)
             code = _sniff(sniffer, recording, False)
             if recording.bad_lines:
-                tell('wsn', f'{arguments.where}: {recording.bad_lines} lines hold no frame')
+                warn('wsn', f'{arguments.where}: {recording.bad_lines} lines hold no frame')
             if not decoder.packets and recording.reader.rejected_bytes:
-                tell('wsn', f"{arguments.where} holds no frame of TinyOS' serial line: is it a "
+                warn('wsn', f"{arguments.where} holds no frame of TinyOS' serial line: is it a "
                      'recording of something else, or at a wrong baud rate?')
             return code
     platform = '' if arguments.platform == 'auto' else arguments.platform
     with _ended_like_ctrl_c(), closing(open_line(
             arguments.where, arguments.stack, platform, arguments.baud)) as line:
         sniffer = Sniffer(arguments, decoder, line.reader)
-        return _sniff(sniffer, listen(line, arguments.seconds, partial(tell, 'wsn')), True)
+        return _sniff(sniffer, listen(line, arguments.seconds, partial(warn, 'wsn')), True)
 
 
 def _sniff(sniffer: Sniffer, heard: Iterable[Heard], flush: bool) -> int:
@@ -163,7 +163,7 @@ def _sniff(sniffer: Sniffer, heard: Iterable[Heard], flush: bool) -> int:
         raise  # nobody reads: no summary either
     except RtRobotError as error:
         # A driver would open the port again.
-        tell('wsn', str(error).partition('; it will be')[0])
+        warn('wsn', str(error).partition('; it will be')[0])
         code = FAILED
     sniffer.summary()
     return code if sniffer.packets or interrupted else FAILED

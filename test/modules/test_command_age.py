@@ -21,8 +21,8 @@ from pathlib import Path
 from agent_rig import AgentRig
 import pytest
 from rt_robot_os.features.navigation.twist_guard import TwistGuard
-from rt_robot_os.modules.order_age import ORDER_AGE
-from rt_robot_os.modules.order_age import why_too_old
+from rt_robot_os.modules.command_age import COMMAND_AGE
+from rt_robot_os.modules.command_age import stale_reason
 from rt_robot_os.testing.module_bench import ModuleBench
 from steered import Bench
 from test_planner import Planned
@@ -34,10 +34,10 @@ S = 1_000_000_000
 
 
 def test_an_order_is_refused_from_its_age_on_and_the_reason_says_the_remedy() -> None:
-    settings = {ORDER_AGE.name: 5.0}
-    assert not why_too_old(5 * S, 10 * S, settings)
-    assert not why_too_old(11 * S, 10 * S, settings), 'a time in the future counts as now'
-    why = why_too_old(4 * S, 10 * S, settings)
+    settings = {COMMAND_AGE.name: 5.0}
+    assert not stale_reason(5 * S, 10 * S, settings)
+    assert not stale_reason(11 * S, 10 * S, settings), 'a time in the future counts as now'
+    why = stale_reason(4 * S, 10 * S, settings)
     assert '6.0 s old' in why and 'give it again' in why
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Room on a disk that is kept for a file before anything is written there."""
+"""Preallocation of disk space for a file."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ from typing import Final
 
 from rt_robot_os.linux import _libc
 
-_BLOCK_BYTES: Final = 512  # of st_blocks, whatever the file system has
+_BLOCK_BYTES: Final = 512  # unit of st_blocks on every file system
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT)
 
 
-def keep_room(fd: int, size_bytes: int) -> None:
+def reserve_space(fd: int, size_bytes: int) -> None:
     """
-    Keep room for a file of such a size (fallocate(2)); its length stays as it is.
+    Preallocate space for a file of a size (fallocate(2)); its length does not change.
 
-    Bytes that are added find this room also when the disk has become full meanwhile. To cut the
-    file off gives the room back, even to its own length. May wait for the disk.
+    Appended bytes use this space even if the disk has become full meanwhile. Truncating the file
+    releases the space, even when it is truncated to its own length. May wait for the disk.
 
-    :raises OSError: there is no room (see :func:`is_full`), or the file system cannot do it.
+    :raises OSError: there is no space (see :func:`is_full`), or the file system does not support
+        it.
     """
     try:
         _libc.fallocate(fd, _libc.FALLOC_FL_KEEP_SIZE, 0, size_bytes)
@@ -42,8 +43,8 @@ def keep_room(fd: int, size_bytes: int) -> None:
         raise OSError(error.errno, os.strerror(error.errno or 0)) from None
 
 
-def room_of(path: Path) -> int:
-    """Return the bytes that a file has on its disk, written or kept; 0 when it is not there."""
+def allocated_bytes(path: Path) -> int:
+    """Return the allocated bytes of a file, written or reserved; 0 when it does not exist."""
     try:
         return path.stat().st_blocks * _BLOCK_BYTES
     except FileNotFoundError:
@@ -51,5 +52,5 @@ def room_of(path: Path) -> int:
 
 
 def is_full(error: OSError) -> bool:
-    """Return whether an error says that there is no room, for this user or at all."""
+    """Return whether an error means that the disk, or the quota of this user, is full."""
     return error.errno in _NO_ROOM
