@@ -31,9 +31,9 @@ from typing import NamedTuple
 
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.cdr import CdrReader
 from rt_robot_os.link.lasting_client import LastingClient
 from rt_robot_os.link.protocol import Header
+from rt_robot_os.messages.cdr import CdrReader
 
 _LOOK_S: Final = 0.1
 #: Without a picture for so long its device is asked why.

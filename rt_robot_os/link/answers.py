@@ -25,7 +25,7 @@ import json
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.link.cdr import string_in
+from rt_robot_os.messages.cdr import string_in
 
 #: Who answers may cut a longer command to this many letters.
 ECHO_LEAST: Final = 60

@@ -32,15 +32,19 @@ from typing import Final
 from typing import TypeAlias
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.link.cdr import CdrReader
-from rt_robot_os.link.cdr import ENCAPSULATION
-from rt_robot_os.link.cdr import LITTLE_ENDIAN
-from rt_robot_os.link.cdr import padding
-from rt_robot_os.link.cdr import text_bytes
-from rt_robot_os.link.diagnostic_array import DIAGNOSTICS
-from rt_robot_os.link.diagnostic_array import to_diagnostics
-from rt_robot_os.link.marker import MARKERS
-from rt_robot_os.link.markers import to_markers
+from rt_robot_os.link.drawings import to_markers
+from rt_robot_os.messages.cdr import CdrReader
+from rt_robot_os.messages.cdr import ENCAPSULATION
+from rt_robot_os.messages.cdr import labelled_numbers
+from rt_robot_os.messages.cdr import LITTLE_ENDIAN
+from rt_robot_os.messages.cdr import padding
+from rt_robot_os.messages.cdr import string_in
+from rt_robot_os.messages.cdr import text_bytes
+from rt_robot_os.messages.diagnostic_array import diagnostic_array
+from rt_robot_os.messages.diagnostic_array import DIAGNOSTICS
+from rt_robot_os.messages.diagnostic_array import statuses_of
+from rt_robot_os.messages.diagnostic_array import TEXT_BYTES_MAXIMUM
+from rt_robot_os.messages.marker_array import MARKERS
 from rt_robot_os.motion.angles import yaw_of
 
 TRANSFORM: Final = 'geometry_msgs/msg/TransformStamped'
@@ -160,23 +164,6 @@ def _numbers(cdr: memoryview) -> tuple[float, ...]:
     return labelled_numbers(cdr)[1]
 
 
-def labelled_numbers(cdr: memoryview) -> tuple[str, tuple[float, ...]]:
-    """
-    Read a ``std_msgs/msg/Float64MultiArray``.
-
-    :return: the label of the first dimension, and the numbers.
-    :raises ValueError: it is none.
-    """
-    reader = CdrReader(bytes(cdr))
-    label = ''
-    for dimension in range(reader.count()):
-        text = reader.text()
-        label = label if dimension else text
-        reader.skip(4, 8)
-    reader.skip(4, 4)
-    return label, reader.doubles(reader.count())
-
-
 def from_path(frame_id: str, maximum_bytes: int) -> Inward:
     """
     Make what turns a path into triplets x, y, yaw.
@@ -261,19 +248,30 @@ def check_pose(frame_id: str, maximum_bytes: int) -> Inward:
     return convert
 
 
-# ---- networks of sensors, graphs of maps -----------------------------------------------------
+# ---- diagnostics -----------------------------------------------------------------------------
 
-def to_network(frame_id: str) -> Outward:
-    """Make what turns the rows of a sensor network, or the graph of a map, into markers."""
-    return to_markers(labelled_numbers, frame_id)
+def to_diagnostics(frame_id: str = '') -> Outward:
+    """
+    Make a converter from a string with diagnostics in JSON to a ``DiagnosticArray``.
+
+    :return: raises ValueError when the string is not valid.
+    """
+    frame = text_bytes(frame_id)
+
+    def convert(cdr: memoryview, wall_ns: int) -> bytes:
+        if len(cdr) > TEXT_BYTES_MAXIMUM:
+            raise ValueError(f'{len(cdr)} bytes: at most {TEXT_BYTES_MAXIMUM} are allowed')
+        return diagnostic_array(statuses_of(string_in(cdr)), wall_ns, frame)
+
+    return convert
 
 
-# ---- which there are -------------------------------------------------------------------------
+# ---- the table -------------------------------------------------------------------------------
 
 CONVERSIONS: Final = (
     Conversion(TRANSFORM, TRANSFORMS, '', to_transforms),
     Conversion(NUMBERS, PATH, 'map', to_path, from_path),
-    Conversion(NUMBERS, MARKERS, 'map', to_network),
+    Conversion(NUMBERS, MARKERS, 'map', to_markers),
     Conversion(TEXT, DIAGNOSTICS, '', to_diagnostics),
 )
 #: Types in ROS with one header, whose frame_id a mirror may say.

@@ -25,9 +25,9 @@ from typing import Final
 
 from rt_robot_os.base.reports import Severity
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.link.cdr import LITTLE_ENDIAN
-from rt_robot_os.link.cdr import padding
-from rt_robot_os.link.cdr import text_bytes
+from rt_robot_os.messages.cdr import LITTLE_ENDIAN
+from rt_robot_os.messages.cdr import padding
+from rt_robot_os.messages.cdr import text_bytes
 
 LOG: Final = 'rcl_interfaces/msg/Log'
 #: As rclpy has it: reliable and transient_local, with this depth.

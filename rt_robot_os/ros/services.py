@@ -41,9 +41,9 @@ from rt_robot_os.base.programs import command_line
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.answers import Answer
 from rt_robot_os.link.answers import answer_of
-from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.reader import SampleHandler
 from rt_robot_os.link.readers import no_answer
+from rt_robot_os.messages.cdr import string_message
 from rt_robot_os.ros.map_service import MapService
 from rt_robot_os.ros.mirrors import ask_for_all
 from rt_robot_os.ros.service_call import Call

@@ -35,13 +35,13 @@ from rclpy.node import Node  # noqa: E402
 
 from rt_robot_os.base.errors import LinkError  # noqa: E402
 from rt_robot_os.link import TopicInfo  # noqa: E402
-from rt_robot_os.link.cdr import string_in  # noqa: E402
-from rt_robot_os.link.cdr import string_message  # noqa: E402
 from rt_robot_os.link.client import Question  # noqa: E402
 from rt_robot_os.link.protocol import encode_json  # noqa: E402
 from rt_robot_os.link.protocol import Kind  # noqa: E402
 from rt_robot_os.link.protocol import parse_header  # noqa: E402
 from rt_robot_os.link.readers import readers_of  # noqa: E402
+from rt_robot_os.messages.cdr import string_in  # noqa: E402
+from rt_robot_os.messages.cdr import string_message  # noqa: E402
 from rt_robot_os.ros.services import Services  # noqa: E402
 from rt_robot_os.ros.services import WAITING_MAXIMUM  # noqa: E402
 from rt_robot_os.settings import ServiceSettings  # noqa: E402

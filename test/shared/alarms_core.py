@@ -31,8 +31,8 @@ import pytest
 
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.cdr import string_in
-from rt_robot_os.link.cdr import string_message
+from rt_robot_os.messages.cdr import string_in
+from rt_robot_os.messages.cdr import string_message
 
 pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
 

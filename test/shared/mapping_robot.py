@@ -32,7 +32,7 @@ from rt_robot_os.base.errors import LinkError
 from rt_robot_os.features.mapping.process.intake import Sighting
 from rt_robot_os.features.mapping.slam.deskew import LaserMount
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.cdr import LITTLE_ENDIAN
+from rt_robot_os.messages.cdr import LITTLE_ENDIAN
 from rt_robot_os.tools.bench.slam_drives import Drive
 
 TOPICS = {

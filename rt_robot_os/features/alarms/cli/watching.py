@@ -27,9 +27,9 @@ from rt_robot_os.base.programs import tell
 from rt_robot_os.features.alarms.cli.desk import check_topics
 from rt_robot_os.features.alarms.cli.desk import EVENTS
 from rt_robot_os.features.alarms.cli.shown import event_line
-from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.lasting_client import LastingClient
+from rt_robot_os.messages.cdr import string_in
 
 _PUMP_S = 0.2
 

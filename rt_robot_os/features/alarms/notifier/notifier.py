@@ -41,10 +41,10 @@ from rt_robot_os.features.alarms.notifier.notification import Notification
 from rt_robot_os.features.alarms.notifier.notification import notification_of
 from rt_robot_os.features.alarms.notifier.settings import NotifierSettings
 from rt_robot_os.features.alarms.notifier.store import Store
-from rt_robot_os.link.cdr import string_in
-from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.lasting_client import LastingClient
+from rt_robot_os.messages.cdr import string_in
+from rt_robot_os.messages.cdr import string_message
 
 NOTIFY: Final = 'alarms/notify'
 REPORT: Final = 'alarms/report'
