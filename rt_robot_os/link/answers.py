@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Commands in plain words, and what the core answers: texts on two topics of it.
+Commands as strings and their answers, on two topics of the core.
 
-A command is a ``std_msgs/msg/String``. So is the answer, which holds ``{"command": "the command",
-"ok": true, "text": "what became of it"}``; whoever waits knows its own by the command.
+A command is a ``std_msgs/msg/String``. So is the answer, with the JSON ``{"command": "the
+command", "ok": true, "text": "the result"}``; the caller recognises its answer by the command.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from typing import NamedTuple
 
 from rt_robot_os.messages.cdr import string_in
 
-#: Who answers may cut a longer command to this many letters.
+#: In an answer a longer command may be cut to this many characters.
 ECHO_LEAST: Final = 60
 
 
 class Answer(NamedTuple):
     """
-    What became of a command.
+    The result of a command.
 
-    :ivar command: as it was heard; the beginning of a long one.
-    :ivar alarm: the alarm that it was about; empty without.
+    :ivar command: as it was received; the beginning of a long one.
+    :ivar alarm: the id of the alarm that the command was for; empty for none.
     """
 
     command: str
@@ -45,25 +45,26 @@ class Answer(NamedTuple):
     alarm: str = ''
 
     def is_to(self, command: str) -> bool:
-        """Return whether it answers a command."""
+        """Return whether this is the answer to a command."""
         return self.command == command or (
             len(self.command) >= ECHO_LEAST and command.startswith(self.command))
 
 
 def answer_of(cdr: bytes | memoryview) -> Answer:
     """
-    Read an answer.
+    Parse an answer.
 
-    :raises ValueError: it is none.
+    :raises ValueError: the message is not a valid answer.
     """
     try:
         found = json.loads(string_in(cdr))
         made = Answer(found['command'], found['ok'], found.get('text', ''),
                       str(found.get('alarm', '')))
     except (RecursionError, LookupError, TypeError, AttributeError) as error:
-        raise ValueError(f'no answer: {type(error).__name__} {error}') from None
+        raise ValueError(f'not an answer: {type(error).__name__} {error}') from None
     if not (isinstance(made.command, str) and isinstance(made.ok, bool)
             and isinstance(made.text, str)):
-        raise ValueError('no answer: command and text must be texts, ok must be true or false')
-    # What ROS cannot hold in a text.
+        raise ValueError('not an answer: command and text must be strings, ok must be true or '
+                         'false')
+    # Replace what a ROS string cannot hold.
     return made._replace(text=made.text.encode(errors='replace').decode().replace('\0', ' '))

@@ -254,8 +254,8 @@ class Services:
             if info is None:
                 raise LinkError(f'the core has no topic {topic!r} on which a service is answered; '
                                 'was it started with another configuration?')
-            mirrored = client.carriers.get(info.channel)
-            client.carriers[info.channel] = self._listener(topic, mirrored)
+            mirrored = client.sample_handlers.get(info.channel)
+            client.sample_handlers[info.channel] = self._listener(topic, mirrored)
         for each in self.maps:
             each.connect(client)
         self._client = client

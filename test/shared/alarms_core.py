@@ -99,7 +99,7 @@ class Core:
             if answer is not None:
                 self.publish('alarms/answer', answer)
 
-        client.carriers[client.topics[topic].channel] = take
+        client.sample_handlers[client.topics[topic].channel] = take
         client.mirror(topic, oldest=True, patient=True)
 
     def _pump(self) -> None:

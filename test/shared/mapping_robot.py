@@ -69,7 +69,7 @@ class Beside:
         self.channels = {topic: self.client.advertise(topic) for topic in TOPICS}
         for topic in TOPICS:
             said = self.heard.setdefault(topic, [])
-            self.client.carriers[self.client.topics[topic].channel] = (
+            self.client.sample_handlers[self.client.topics[topic].channel] = (
                 lambda stamp_ns, missed, cdr, said=said: said.append((stamp_ns, bytes(cdr))))
             if topic not in ('scan', 'odom'):
                 self.client.mirror(topic)

@@ -67,7 +67,7 @@ def open_alarms(client: LinkClient, timeout_s: float = LIST_TIMEOUT_S) -> list[D
         except ValueError as error:
             raise LinkError(f'{LIST} is no list of alarms: {error}') from error
 
-    client.carriers[client.topics[LIST].channel] = take
+    client.sample_handlers[client.topics[LIST].channel] = take
     client.mirror(LIST, 'latest', initial=True)
     deadline = time.monotonic() + timeout_s
     while not found:

@@ -42,7 +42,7 @@ from rt_robot_os.features.alarms.notifier.notification import notification_of
 from rt_robot_os.features.alarms.notifier.settings import NotifierSettings
 from rt_robot_os.features.alarms.notifier.store import Store
 from rt_robot_os.link.client import LinkClient
-from rt_robot_os.link.lasting_client import LastingClient
+from rt_robot_os.link.reconnecting_client import ReconnectingClient
 from rt_robot_os.messages.cdr import string_in
 from rt_robot_os.messages.cdr import string_message
 
@@ -85,7 +85,7 @@ class Notifier:
         self._start_ns = time.monotonic_ns()
         self.couriers = {each.name: Courier(each, self._begin, self._end, settings.expires_s)
                          for each in settings.channels}
-        self.link = LastingClient(path, 'notifier', self._connect, tell)
+        self.link = ReconnectingClient(path, 'notifier', self._connect, tell)
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Carry until somebody stops it; then what runs has three seconds to end."""
@@ -122,7 +122,7 @@ class Notifier:
         known = {each.key for each in again}
         self._unsent = [*again, *(each for each in self._unsent if each.key not in known)]
         self._beat_s = 0.0
-        client.carriers[client.topics[NOTIFY].channel] = self._take
+        client.sample_handlers[client.topics[NOTIFY].channel] = self._take
         client.mirror(NOTIFY, oldest=True, patient=True)
 
     def _take(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
