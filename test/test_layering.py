@@ -36,7 +36,7 @@ LAYERS = {
     'base': 'errors, nanoseconds and units, fields of settings, reports, logging, plug-ins, '
             'programs, required libraries, the build of the C core',
     'linux': 'libc: timers, signal masks, memory locks, processes, files; the only user of ctypes',
-    'messages': 'messages that cross a process, one type each, with limits and JSON',
+    'messages': 'messages that cross a process, one type each, with limits, JSON and CDR',
     'motion': 'pure computations: angles, frames, the differential drive, estimators, maps, '
               'controllers',
     'kernel': 'tasks, dispatch, clocks, statistics, traces: '

@@ -46,9 +46,9 @@ import threading
 from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.kernel import TaskStatistics
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.cdr import string_message
 from rt_robot_os.linux.folders import RUNTIME_VARIABLE
 from rt_robot_os.linux.paths import socket_path
+from rt_robot_os.messages.cdr import string_message
 from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.settings import load
 from rt_robot_os.settings import RobotSettings

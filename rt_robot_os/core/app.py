@@ -35,8 +35,8 @@ from rt_robot_os.base.reports import Severity
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import NS_PER_US
-from rt_robot_os.core.dump_keeper import BlackBoxKeeper
-from rt_robot_os.core.dump_keeper import BlackBoxWriter
+from rt_robot_os.core.black_box_saver import BlackBoxSaver
+from rt_robot_os.core.black_box_saver import BlackBoxWriter
 from rt_robot_os.core.failure_log import FailureLog
 from rt_robot_os.core.frames import FrameRequests
 from rt_robot_os.core.garbage import SlackCollector
@@ -54,7 +54,7 @@ from rt_robot_os.core.tap import Taps
 from rt_robot_os.core.tasks import declaration
 from rt_robot_os.core.tasks import resource_names
 from rt_robot_os.core.threads import ThreadWatch
-from rt_robot_os.core.watch import Watch
+from rt_robot_os.core.watch import WatchTask
 from rt_robot_os.core.watchdog import Watchdog
 from rt_robot_os.devices.manager import SensorManager
 from rt_robot_os.devices.registry import DRIVERS
@@ -99,7 +99,7 @@ class Core:
     :param parts: of this process that are no part of core/.
     :param cpu: the one to be pinned to; None for that of the settings.
     :param make_bus: a replay has one of its own.
-    :param life_fd: the page for the sign of life that a node has made; -1 for none.
+    :param liveness_fd: the page for the sign of life that a node has made; -1 for none.
     :ivar on_open: called when clients can connect, right before the kernel runs.
     :raises RtRobotError: the parts do not fit together; nothing is open then.
     """
@@ -110,7 +110,7 @@ class Core:
                  loaded: RobotSettings | None = None,
                  services: Mapping[str, Any] = MappingProxyType({}),
                  parts: Sequence[type[CorePart]] = (), cpu: int | None = None,
-                 make_bus: Callable[[Kernel], Bus] = Bus, life_fd: int = -1) -> None:
+                 make_bus: Callable[[Kernel], Bus] = Bus, liveness_fd: int = -1) -> None:
         self.settings = settings
         self.on_open: Callable[[], object] = lambda: None
         core = settings.core
@@ -140,9 +140,9 @@ class Core:
         self.link = LinkServer(
             self.kernel, self.bus, path, self.requests, self.reports,
             service_priority=core.link_priority, command_priority=core.command_priority,
-            gather_ns=round(core.link_gather_ms * NS_PER_MS), life_fd=life_fd)
-        self.watch = Watch(self.kernel, self.reports)
-        self.black_box = BlackBoxKeeper(self.kernel, self.reports, path.stem, writer)
+            gather_ns=round(core.link_gather_ms * NS_PER_MS), liveness_fd=liveness_fd)
+        self.watch = WatchTask(self.kernel, self.reports)
+        self.black_box = BlackBoxSaver(self.kernel, self.reports, path.stem, writer)
         self.guard = ProcessGuard(settings.watchdog)
         self.process = RealtimeProcess(core, core.cpu if cpu is None else cpu)
         self.host = Host(settings, self.kernel, self.bus, self.requests,
@@ -293,7 +293,7 @@ class Core:
         self.sensors.close(self._lifecycle.call)
         self.parts.close(self._lifecycle.call)
         self.guard.release()
-        self.watch.look()
+        self.watch.poll()
         self.link.close()
         self.black_box.close()
         self.watch.write_reports()

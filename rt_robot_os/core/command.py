@@ -62,7 +62,7 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument('--life', metavar='FD', type=int, default=-1,
                         help=argparse.SUPPRESS)  # where a node looks for the sign of life
     parser.add_argument('--ahead', action='store_true',
-                        help=argparse.SUPPRESS)  # see rt_robot_os.core.ahead
+                        help=argparse.SUPPRESS)  # see rt_robot_os.core.preload
     parser.add_argument('--ready', metavar='FD', type=int, default=-1,
                         help=argparse.SUPPRESS)  # closed when clients can connect
     parser.add_argument('--duration', metavar='S', type=float, help='end after this long')

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Log failed jobs, with a back-off when a task fails again and again."""
+"""Log failed jobs, with a back-off when a task fails repeatedly."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _KINDS_MAXIMUM = 64
 
 @dataclass
 class _Kind:
-    """Failures from one place: logged once, then summed up with a back-off."""
+    """Failures from the same lines: logged once, then summarised with a back-off."""
 
     count: int
     since_ns: int
@@ -45,24 +45,24 @@ class FailureLog:
     """
     Log the failures of a kernel, in the lowest task.
 
-    The first of a kind (the same task, from the same lines) is logged whole. Those that follow are
-    counted, and summed up in one line after a second, two, four, up to a minute. A kind that did
-    not occur for one such pause is new again.
+    The first failure of a kind (the same task, from the same lines) is logged completely. Further
+    ones are counted, and summarised in one line after a second, two, four, up to a minute. A kind
+    that did not occur for such a pause is logged completely again.
 
-    :param tell: gets the task and the text.
-    :param each: gets each failure.
+    :param log: called with the task and the text.
+    :param each: called with each failure.
     """
 
-    def __init__(self, kernel: Kernel, tell: Callable[[str, str], object],
+    def __init__(self, kernel: Kernel, log: Callable[[str, str], object],
                  each: Callable[[FailureReport], object]) -> None:
         self._kernel = kernel
-        self._tell = tell
+        self._log = log
         self._each = each
         self._seen = 0
         self._kinds: dict[tuple[str, object], _Kind] = {}
 
     def watch(self) -> None:
-        """Look for new failures; a few times a second."""
+        """Log new failures; call it a few times a second."""
         kernel = self._kernel
         total = kernel.failures_total
         kept = list(kernel.failures)
@@ -71,8 +71,8 @@ class FailureLog:
         self._seen = total
         now_ns = kernel.now_ns()
         if lost > 0:
-            self._tell('core', f'{lost} failures came too fast to be told; /diagnostics counts '
-                       'them by task')
+            self._log('core', f'{lost} failures came too fast to be logged; /diagnostics counts '
+                      'them by task')
         for failure in kept[len(kept) - new:]:
             self._note(failure, now_ns)
         for key, kind in list(self._kinds.items()):
@@ -88,23 +88,23 @@ class FailureLog:
             kind.last = failure
             return
         if len(self._kinds) >= _KINDS_MAXIMUM:
-            self._kinds.clear()  # rather tell something twice than remember without bound
+            self._kinds.clear()  # bounded: a kind may be logged completely twice
         self._kinds[key] = _Kind(0, now_ns, FIRST_PAUSE_NS, failure)
-        self._tell(failure.task, str(failure))
+        self._log(failure.task, str(failure))
 
     def _sum_up(self, key: tuple[str, object], kind: _Kind, now_ns: int) -> None:
         if not kind.count:
             del self._kinds[key]
             return
         seconds = (now_ns - kind.since_ns) / NS_PER_S
-        self._tell(kind.last.task, f'the same {kind.count} times more in {seconds:.0f} s, the '
-                   f'last: {kind.last.error}')
+        self._log(kind.last.task, f'the same {kind.count} more times in {seconds:.0f} s, the '
+                  f'last: {kind.last.error}')
         kind.count, kind.since_ns = 0, now_ns
         kind.pause_ns = min(2 * kind.pause_ns, LONGEST_PAUSE_NS)
 
 
 def _kind_of(failure: FailureReport) -> tuple[str, object]:
-    # A job is aborted wherever it is, and what has no trace differs in its numbers.
+    # An abort may hit any line; errors without a trace differ only in their numbers.
     if failure.trace and not failure.error.startswith(TaskAborted.__name__):
         return failure.task, failure.trace
     return failure.task, re.sub(r'\d+', '#', failure.error)

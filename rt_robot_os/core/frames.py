@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from rt_robot_os.core.part import Host
 from rt_robot_os.link.requests import Arguments
-from rt_robot_os.link.session import Session
+from rt_robot_os.link.session import ClientSession
 from rt_robot_os.settings import RobotSettings
 
 
@@ -32,7 +32,7 @@ class FrameRequests:
         """Answer what is asked about frames."""
         host.requests.add('frames', self._frames)
 
-    def _frames(self, session: Session, arguments: Arguments) -> Arguments:
+    def _frames(self, session: ClientSession, arguments: Arguments) -> Arguments:
         """
         Tell all of them.
 

@@ -27,27 +27,27 @@ from rt_robot_os.base.units import NS_PER_US
 INTERVAL_NS = NS_PER_S
 _SHORTEST_GUESS_NS = 20 * NS_PER_US
 _MARGIN = 2
-# Intervals without a gap that is wide enough, after which the margin is given up, then a gap for
-# the shortest run suffices, and at last it is reported.
+# Number of intervals without a sufficient gap after which the margin is dropped, after which a gap
+# for the shortest run suffices, and after which it is reported.
 _PATIENCE = 10
 _IMPATIENCE = 30
 _OVERDUE = 60
-# Only the last runs count: one that was slow by chance must not count for ever.
+# Only the last runs count: a run that was slow by chance must not count forever.
 _REMEMBERED = 8
 
 
 class SlackCollector:
     """
-    Run the collector about once a second, only in a gap that is long enough.
+    Run the collector about once a second, only in a sufficiently long gap.
 
-    A collection cannot be preempted, so it is only started when the next release is at least
-    twice as far away as the longest of the last ones took; as far, when it has waited for long; in
-    the end as far as the shortest of them. What counts is computing time: what Linux took
-    meanwhile says nothing about the next one.
+    A collection cannot be preempted, so it is only started when the time to the next release is at
+    least twice the longest of the last collections; after a long wait once the longest, and
+    finally once the shortest of them. Computing time counts: time that Linux used meanwhile says
+    nothing about the next collection.
 
     :param computed_ns: computing time of this thread; by default the time.
-    :ivar collections: how many there were.
-    :ivar on_overdue: called once when no gap was wide enough for a minute.
+    :ivar collections: the number of collections.
+    :ivar on_overdue: called once when no gap was long enough for a minute.
     """
 
     def __init__(self, now_ns: Callable[[], int], computed_ns: Callable[[], int] | None = None,
@@ -59,11 +59,11 @@ class SlackCollector:
         self._took_ns: deque[int] = deque([0], maxlen=_REMEMBERED)
         self._interval_ns = interval_ns
         self._next_ns = 0
-        self._told = False
+        self._reported = False
 
     def prime(self) -> None:
         """Collect before the loop starts, and learn how long it takes."""
-        for _ in range(2):  # the first finds what the start left behind
+        for _ in range(2):  # the first one collects the garbage of the start
             took_ns = self._collect()
         self._took_ns.clear()
         self._took_ns.append(took_ns)
@@ -83,7 +83,7 @@ class SlackCollector:
 
     def idle(self, slack_ns: int) -> None:
         """
-        Collect if it is time and the gap is long enough; called by the kernel.
+        Collect if it is due and the gap is long enough; called by the kernel.
 
         :param slack_ns: until the next release.
         """
@@ -97,20 +97,20 @@ class SlackCollector:
         else:
             wanted_ns = min(self._took_ns)
         if slack_ns < wanted_ns:
-            if waited_ns > _OVERDUE * self._interval_ns and not self._told:
-                self._tell(wanted_ns)
+            if waited_ns > _OVERDUE * self._interval_ns and not self._reported:
+                self._report(wanted_ns)
             return
         took_ns = self._collect()
-        if waited_ns >= _IMPATIENCE * self._interval_ns:  # longer ones were the exception
+        if waited_ns >= _IMPATIENCE * self._interval_ns:  # longer runs were exceptions
             self._took_ns.clear()
             self._took_ns.append(took_ns)
         self.collections += 1
         self._next_ns = self._now_ns() + self._interval_ns
 
-    def _tell(self, wanted_ns: int) -> None:
-        self._told = True
+    def _report(self, wanted_ns: int) -> None:
+        self._reported = True
         if self.on_overdue is not None:
             self.on_overdue(
-                'no gap between jobs is wide enough to collect cyclic garbage, which takes '
+                'no gap between jobs is long enough to collect cyclic garbage, which takes '
                 f'{wanted_ns // NS_PER_US} us; {gc.get_count()[0]} objects wait. Memory grows if '
-                'jobs make cycles: lower rates, move phases (plan shows them), or avoid cycles')
+                'jobs create cycles: lower rates, move phases (see plan), or avoid cycles')

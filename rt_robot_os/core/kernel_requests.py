@@ -27,9 +27,9 @@ from rt_robot_os.core.tasks import held
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.link.requests import Arguments
-from rt_robot_os.link.requests import reason_of
-from rt_robot_os.link.requests import text_of
-from rt_robot_os.link.session import Session
+from rt_robot_os.link.requests import reason_argument
+from rt_robot_os.link.requests import string_argument
+from rt_robot_os.link.session import ClientSession
 
 
 class KernelRequests:
@@ -62,11 +62,11 @@ class KernelRequests:
                 'stolen_total_ns': kernel.steal_time.total_ns,
                 'stolen_maximum_ns': kernel.steal_time.times.maximum_ns}
 
-    def _rearm(self, session: Session, arguments: Arguments) -> Arguments:
+    def _rearm(self, session: ClientSession, arguments: Arguments) -> Arguments:
         """Re-arm a task that is held, or all of them."""
         kernel = self._kernel
         name = arguments.get('task', '')
-        tasks = [kernel.task(text_of(arguments, 'task'))] if name else held(kernel)
+        tasks = [kernel.task(string_argument(arguments, 'task'))] if name else held(kernel)
         names = [task.name for task in tasks if task.state is not TaskState.ACTIVE]
         for task in tasks:
             kernel.rearm(task)
@@ -74,12 +74,12 @@ class KernelRequests:
             self._note(Severity.INFO, 'core', f'{session.name} re-armed {", ".join(names)}')
         return {'tasks': names}
 
-    def _reset_statistics(self, session: Session, arguments: Arguments) -> Arguments:
+    def _reset_statistics(self, session: ClientSession, arguments: Arguments) -> Arguments:
         for task in self._kernel.tasks:
             task.reset_statistics()
         self._kernel.steal_time.reset()
         return {}
 
-    def _end(self, session: Session, arguments: Arguments) -> Arguments:
-        self._stop(reason_of(session, arguments))
+    def _end(self, session: ClientSession, arguments: Arguments) -> Arguments:
+        self._stop(reason_argument(session, arguments))
         return {}

@@ -24,9 +24,9 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.reports import Severity
 from rt_robot_os.base.units import NS_PER_MS
-from rt_robot_os.core.bounded import call_within
 from rt_robot_os.core.tasks import add_module_task
 from rt_robot_os.core.tasks import at_once
+from rt_robot_os.core.time_limit import call_within
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import TaskAborted
 from rt_robot_os.modules import Module

@@ -32,10 +32,10 @@ from rt_robot_os.core.part import Host
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import Task
 from rt_robot_os.link.requests import Arguments
-from rt_robot_os.link.requests import text_of
-from rt_robot_os.link.requests import value_of
-from rt_robot_os.link.session import Session
-from rt_robot_os.settings import Kind
+from rt_robot_os.link.requests import string_argument
+from rt_robot_os.link.requests import value_argument
+from rt_robot_os.link.session import ClientSession
+from rt_robot_os.settings import PartKind
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
 from rt_robot_os.settings.parameters import live_parameters
@@ -67,7 +67,7 @@ class LiveParameters:
                  owners: Mapping[str, LiveSettings], loggers: Mapping[str, Logger]) -> None:
         self._settings = settings
         tasks = {name: kernel.task(name) for name in owners}
-        kinds = {name: Kind(owner.fields()) for name, owner in owners.items()}
+        kinds = {name: PartKind(owner.fields()) for name, owner in owners.items()}
         self._places = {
             each.name: (each, place) for each in live_parameters(settings, kinds)
             if (place := _place(each.name, tasks, owners, loggers)) is not None}
@@ -113,14 +113,15 @@ class LiveParameters:
         place.put(value)
         return value
 
-    def _change(self, session: Session, arguments: Arguments) -> Arguments:
-        return {'value': self.change(text_of(arguments, 'name'), value_of(arguments))}
+    def _change(self, session: ClientSession, arguments: Arguments) -> Arguments:
+        return {'value': self.change(string_argument(arguments, 'name'),
+                                     value_argument(arguments))}
 
-    def _parameters(self, session: Session, arguments: Arguments) -> Iterator[Arguments]:
+    def _parameters(self, session: ClientSession, arguments: Arguments) -> Iterator[Arguments]:
         yield {'file': self._settings.parameters_file, 'files': self._settings.files}
         yield from self.facts()
 
-    def _text(self, session: Session, arguments: Arguments) -> Iterator[Arguments]:
+    def _text(self, session: ClientSession, arguments: Arguments) -> Iterator[Arguments]:
         text = to_json(self._settings)
         for start in range(0, len(text), _TEXT_A_PACKET):
             yield {'text': text[start:start + _TEXT_A_PACKET]}

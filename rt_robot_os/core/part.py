@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Parts of the real-time process that core/ does not know: recorders, gateways, maps of others.
+Plug-ins of the real-time process, such as recorders, gateways or maps of other packages.
 
-A part is a class, and the entry-point group ``rt_robot_os.core_parts`` names it::
+A part is a class that is named by the entry-point group ``rt_robot_os.core_parts``::
 
     entry_points={'rt_robot_os.core_parts': ['map = my_package.map_part:MapPart']}
 
@@ -24,7 +24,7 @@ A part is a class, and the entry-point group ``rt_robot_os.core_parts`` names it
             host.requests.add('map_size', lambda session, arguments: {'cells': self.cells})
             host.kernel.add_task('map', self.update, priority=5, rate_hz=1.0)
 
-Every installed part is made in each core, when its devices and modules are there and nothing runs.
+Every core creates every installed part, after its devices and modules and before it runs.
 """
 
 from __future__ import annotations
@@ -41,29 +41,29 @@ from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.plugins import PluginRegistry
 from rt_robot_os.base.reports import Severity
 from rt_robot_os.core.statistics import Statistics
-from rt_robot_os.core.watch import Watch
+from rt_robot_os.core.watch import WatchTask
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link.requests import Requests
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.topics import Bus
 
 
-# Tells people something: how severe, of what, the text.
+# Logs a report: severity, source, text.
 Note = Callable[[Severity, str, str], None]
 
 
 @dataclass(frozen=True)
 class Host:
     """
-    What a core offers to a part of it.
+    The interface of a core for its parts.
 
-    :ivar settings: of the robot, checked; a part that is not wanted there does nothing.
-    :ivar kernel: to add tasks to.
+    :ivar settings: of the robot, checked; a part that is not enabled there does nothing.
+    :ivar kernel: to add tasks.
     :ivar bus: to declare, publish and subscribe topics.
-    :ivar requests: what clients may ask; a part adds its own.
-    :ivar statistics: what is told of the core; a part adds its counters.
-    :ivar watch: what the lowest task looks after, ten times a second.
-    :ivar note: tells people something; safe in the real-time loop.
+    :ivar requests: the table of requests of clients; a part adds its own.
+    :ivar statistics: of the core; a part adds its counters.
+    :ivar watch: the lowest task, which calls functions ten times a second.
+    :ivar note: logs a report; safe in the real-time loop.
     """
 
     settings: RobotSettings
@@ -71,7 +71,7 @@ class Host:
     bus: Bus
     requests: Requests
     statistics: Statistics
-    watch: Watch
+    watch: WatchTask
     note: Note
 
 
@@ -80,38 +80,38 @@ class CorePart:
 
     def __init__(self, host: Host) -> None:
         """
-        Declare what the part has: tasks, topics, requests; nothing is opened here.
+        Declare tasks, topics and requests; nothing is opened here.
 
-        :raises RtRobotError: it does not fit this robot: the core does not start.
+        :raises RtRobotError: the part does not fit this robot: the core does not start.
         """
 
     def open(self) -> None:  # noqa: A003
-        """Open what it needs, after modules were prepared; nothing runs yet, it may take long."""
+        """Open resources, after modules were prepared; nothing runs yet, so it may take long."""
 
     def close(self) -> None:
-        """Let go of everything, opened or not, after the kernel has stopped; bounded in time."""
+        """Release everything, opened or not, after the kernel has stopped; bounded in time."""
 
 
 class Parts:
     """
-    The parts of a core from beginning to end.
+    The life cycle of the parts of a core.
 
-    :param kinds: their classes, which may be anybody's.
-    :raises ConfigError: one of them cannot be made.
-    :ivar all: those that were made.
+    :param kinds: their classes, which may come from other packages.
+    :raises ConfigError: a part cannot be created.
+    :ivar all: the parts that were created.
     """
 
     def __init__(self, kinds: Iterable[type[CorePart]], host: Host) -> None:
         self.all: list[CorePart] = []
         for kind in kinds:
-            with _named(kind, 'made'):
+            with _named(kind, 'created'):
                 self.all.append(kind(host))
 
     def open(self) -> None:  # noqa: A003
         """
-        Open all of them.
+        Open all parts.
 
-        :raises ConfigError: one of them cannot be opened.
+        :raises ConfigError: a part cannot be opened.
         """
         for part in self.all:
             with _named(type(part), 'opened'):
@@ -119,9 +119,9 @@ class Parts:
 
     def close(self, call: Callable[[str, Callable[[], None]], object]) -> None:
         """
-        Close all of them, the last one first; may be called twice.
+        Close all parts in reverse order; may be called twice.
 
-        :param call: calls what closes the part of a name, within bounds of its own.
+        :param call: calls the function that closes the part of a name, with a time limit.
         """
         while self.all:
             part = self.all.pop()
@@ -133,7 +133,7 @@ def _named(kind: type[CorePart], done: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        # A core that is started again would fare no better.
+        # A configuration error, because a restart of the core would fail as well.
         what = str(error) if isinstance(error, RtRobotError) else (
             f'{type(error).__name__}: {error}')
         raise ConfigError([f'part of the core {kind.__name__} could not be {done}: {what}']
@@ -146,8 +146,8 @@ CORE_PARTS: Final[PluginRegistry[CorePart]] = PluginRegistry(
 
 def installed_parts() -> tuple[type[CorePart], ...]:
     """
-    Return the parts that are installed, by name in order.
+    Return the installed parts, sorted by name.
 
-    :raises ConfigError: one of them cannot be imported.
+    :raises ConfigError: a part cannot be imported.
     """
     return tuple(CORE_PARTS.load(name) for name in CORE_PARTS.names())

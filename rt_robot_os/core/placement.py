@@ -34,16 +34,16 @@ _PAUSE_S: Final = 0.01
 
 def choose_cpu(wanted: int, lock: LockFile) -> int:
     """
-    Choose the CPU of a core and note it in its lock, where the next one looks.
+    Choose the CPU of a core and note it in its lock, which the next core reads.
 
-    Robots of other users, and those with another runtime folder, are not seen.
+    Robots of other users, and those with another runtime folder, are not considered.
 
-    :param wanted: the setting ``core.cpu``; only ``ANY`` is a choice.
-    :return: a CPU's number, or what was wanted.
+    :param wanted: the setting ``core.cpu``; a CPU is chosen only for ``ANY``.
+    :return: the number of a CPU, or ``wanted``.
     """
     folder = os.open(lock.path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
-        _lock(folder)  # so that of two that start together the second sees the first
+        _lock(folder)  # so that of two cores that start together the second sees the first
         if wanted == ANY:
             taken = [cpu for facts in running_cores().values()
                      if isinstance(cpu := facts.get('cpu'), int) and cpu >= 0]
@@ -55,7 +55,7 @@ def choose_cpu(wanted: int, lock: LockFile) -> int:
 
 
 def _lock(folder: int) -> None:
-    for _ in range(_TRIES):  # a process that was stopped just here must not stop the others
+    for _ in range(_TRIES):  # a process that was stopped here must not block the others
         try:
             fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return
@@ -64,6 +64,6 @@ def _lock(folder: int) -> None:
 
 
 def least_used(allowed: Collection[int], taken: Iterable[int]) -> int:
-    """Return the CPU with the fewest robots; of equals the last: Linux is busy on the first."""
+    """Return the CPU with the fewest robots, of several the last: Linux often uses the first."""
     robots = Counter(taken)
     return min(allowed, key=lambda cpu: (robots[cpu], -cpu))

@@ -39,18 +39,18 @@ from rt_robot_os.base.programs import importing
 from rt_robot_os.base.programs import OK
 from rt_robot_os.base.reports import Severity
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.core.ahead import prepare
 from rt_robot_os.core.app import Core
-from rt_robot_os.core.dump_keeper import BlackBoxWriter
+from rt_robot_os.core.black_box_saver import BlackBoxWriter
 from rt_robot_os.core.part import Host
 from rt_robot_os.core.part import installed_parts
 from rt_robot_os.core.placement import choose_cpu
+from rt_robot_os.core.preload import preload
 from rt_robot_os.core.simulators import device_folder
 from rt_robot_os.core.simulators import Simulators
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.devices.service import RunningServices
 from rt_robot_os.kernel import MonotonicClock
-from rt_robot_os.link.robots import hold_core
+from rt_robot_os.link.robots import lock_core
 from rt_robot_os.link.robots import remove_dead_lock
 from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.linux.paths import robot_name
@@ -62,7 +62,7 @@ from rt_robot_os.settings.command_line import tell
 from rt_robot_os.settings.command_line import told_simulated
 
 ENDED_BY_FORCE = 3
-# Saves the black box, see rt_robot_os.core.dump_keeper.
+# Saves the black box, see rt_robot_os.core.black_box_saver.
 DUMP_SIGNAL = signal.SIGUSR1
 
 
@@ -104,14 +104,14 @@ def run_core(arguments: argparse.Namespace, argv: Sequence[str]) -> int:
     simulators = Simulators()
     if arguments.ahead:
         with importing():
-            prepare(sys.stdin, simulators, arguments.socket)
+            preload(sys.stdin, simulators, arguments.socket)
     try:
         given = _settings(arguments, argv)
         if given is None:
             simulators.stop()
             return OK
         settings, loaded, path = given
-        lock = hold_core(path, arguments.parent or 0)
+        lock = lock_core(path, arguments.parent or 0)
     except RtRobotError as error:
         simulators.stop()
         tell('core', error)
@@ -143,7 +143,7 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
         writer = BlackBoxWriter(path.stem, settings.core.black_box_folder)
         core = Core(settings, path, ports=ports, clock=clock, writer=writer, loaded=loaded,
                     services=offered, parts=installed_parts(),
-                    cpu=choose_cpu(settings.core.cpu, lock), life_fd=arguments.life)
+                    cpu=choose_cpu(settings.core.cpu, lock), liveness_fd=arguments.life)
         simulators.attach(core.host)
         _watch(services, core.host)
         signals.enter_context(_signals_to(core))

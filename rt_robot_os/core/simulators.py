@@ -28,8 +28,8 @@ from typing import Any
 
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.reports import Severity
-from rt_robot_os.core.keeper import RESTARTED
 from rt_robot_os.core.part import Host
+from rt_robot_os.core.simulator_supervisor import RESTARTED
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.linux.process import START_PATIENCE_S
 from rt_robot_os.linux.process import write_stdin
@@ -45,7 +45,7 @@ class Simulators:
     """
     The child process with the simulated devices; it ends with this process.
 
-    Another child keeps it running, see :mod:`rt_robot_os.core.keeper`.
+    Another child keeps it running, see :mod:`rt_robot_os.core.simulator_supervisor`.
 
     :ivar restarts: how often it was started again.
     """
@@ -168,8 +168,8 @@ class Simulators:
 
 
 def _loaded_keeper(folder: Path) -> subprocess.Popen[bytes]:
-    process = start_child('rt_robot_os.core.keeper', os.getpid(), folder, stdin=subprocess.PIPE,
-                          stdout=subprocess.PIPE)
+    process = start_child('rt_robot_os.core.simulator_supervisor', os.getpid(), folder,
+                          stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     if process.stdout is not None:
         os.set_blocking(process.stdout.fileno(), False)
     return process

@@ -27,11 +27,11 @@ from typing import Any
 from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.base.safe_text import safe_text
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.requests import Arguments
 from rt_robot_os.link.requests import Part
 from rt_robot_os.link.requests import Requests
-from rt_robot_os.link.session import Session
+from rt_robot_os.link.session import ClientSession
 from rt_robot_os.link.task_records import encode_task
 from rt_robot_os.modules import Module
 
@@ -75,9 +75,9 @@ class Statistics:
         """
         self._facts.append(lambda: (dict(facts()),))
 
-    def _answer(self, session: Session, arguments: Arguments) -> Iterator[Part]:
+    def _answer(self, session: ClientSession, arguments: Arguments) -> Iterator[Part]:
         for task in self._kernel.tasks:
-            yield Kind.TASK, encode_task(task)
+            yield PacketKind.TASK, encode_task(task)
         for part, rows in self._rows:
             for row in self._asked(rows):
                 yield {'part': part, **row}

@@ -14,12 +14,12 @@
 
 
 """
-The taps: what devices read and when jobs ran, as topics that a recorder mirrors for replay.
+The taps: bytes read by devices and times of jobs, as topics that a recorder mirrors for replay.
 
-They are off until the setting ``core.record_bytes`` or a client asks. Then each round of a serial
-device appends a number to a list, each one that read something publishes it, and each job of a
-device or a module, and each publication, appends a tuple that exists anyway. ``core/watch`` puts
-those into the topic ``core/schedule`` ten times a second, at the lowest priority.
+They are turned on by the setting ``core.record_bytes`` or by a client. Then each round of a serial
+device that read nothing appends a number to a list, and each other round publishes its bytes. Each
+job of a device or a module, and each publication, appends an existing tuple. ``core/watch``
+publishes these in the topic ``core/schedule`` ten times a second, at the lowest priority.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ from rt_robot_os.kernel.black_box import JOB
 from rt_robot_os.kernel.black_box import PUBLISH
 from rt_robot_os.link.client import topic_infos
 from rt_robot_os.link.requests import Arguments
-from rt_robot_os.link.session import Session
+from rt_robot_os.link.session import ClientSession
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
 
@@ -64,7 +64,7 @@ RECORDS_A_MESSAGE: Final = 1024
 _SCHEDULE_DEPTH: Final = 64
 _PENDING_MOST: Final = 65_536
 _DURATION_MOST: Final = (1 << 32) - 1
-# Beside the records of the kernel.
+# In addition to the kinds of records of the kernel.
 _WENT_ON: Final = -1
 
 
@@ -72,7 +72,7 @@ class DeviceTap:
     """
     The tap of one device; called in its task.
 
-    :ivar command: whether the round that runs wrote first.
+    :ivar command: whether the current round wrote before it read.
     :ivar dropped: messages that the topic refused.
     """
 
@@ -85,7 +85,7 @@ class DeviceTap:
         self._idle: list[int] = []
 
     def read(self, now_ns: int, data: bytes) -> None:
-        """Note what a round read, which may be nothing; safe in the real-time loop."""
+        """Record the bytes that a round read, possibly none; safe in the real-time loop."""
         if not data and len(self._idle) < IDLE_MOST:
             self._idle.append(now_ns << 1 | self.command)
             return
@@ -94,15 +94,15 @@ class DeviceTap:
             self._publish(TapKind.MORE, now_ns, data[start:start + CHUNK_BYTES])
 
     def opened(self, now_ns: int) -> None:
-        """Note that its port was opened."""
+        """Record that its port was opened."""
         self._publish(TapKind.OPENED, now_ns, b'')
 
     def failed(self, now_ns: int) -> None:
-        """Note that its port failed in this round."""
+        """Record that its port failed in this round."""
         self._publish(TapKind.FAILED, now_ns, b'')
 
     def flush(self) -> None:
-        """Publish the rounds so far that read nothing; called by the lowest task."""
+        """Publish the pending rounds that read nothing; called by the lowest task."""
         idle, self._idle = self._idle, []
         if idle:
             moment = idle.pop()
@@ -114,7 +114,7 @@ class DeviceTap:
         self._send(front, data, now_ns)
 
     def _send(self, front: bytes, data: bytes, now_ns: int) -> None:
-        """Publish; a tap that fails must not take the device's round along."""
+        """Publish; a failing tap must not fail the device's round."""
         try:
             self._publisher.publish_cdr(array_cdr(front, data), now_ns)
         except TopicError:
@@ -123,10 +123,10 @@ class DeviceTap:
 
 class ScheduleTap:
     """
-    Collect what the kernel records of jobs and publications, and publish it in batches.
+    Collect the kernel's records of jobs and publications, and publish them in batches.
 
-    :ivar dropped: records that are in no message: there was no room for more of them, or their
-        message was refused.
+    :ivar dropped: records that were not published: the buffer was full, or their message was
+        refused.
     """
 
     def __init__(self, kernel: Kernel, publisher: Publisher, tasks: dict[Task | None, int],
@@ -139,7 +139,7 @@ class ScheduleTap:
         kernel.add_observer(self._record)
 
     def _record(self, record: tuple[Any, ...]) -> None:
-        """Take a record of the kernel, in its critical section, besides the black box."""
+        """Receive a record of the kernel, in its critical section."""
         if record[0] <= PUBLISH and (
                 record[1] in self._tasks if record[0] == JOB else record[3] in self._topics):
             if len(self._pending) < _PENDING_MOST:
@@ -148,7 +148,7 @@ class ScheduleTap:
                 self.dropped += 1
 
     def went_on(self, task: Task, now_ns: int) -> None:
-        """Note that a coroutine went on; called in its job."""
+        """Record that a coroutine continued; called in its job."""
         if len(self._pending) < _PENDING_MOST:
             self._pending.append((_WENT_ON, task, now_ns))
         else:
@@ -156,14 +156,14 @@ class ScheduleTap:
 
     def drain(self, now_ns: int) -> None:
         """
-        Publish what was collected; called by the lowest task, when no other job runs.
+        Publish the collected records; called by the lowest task, when no other job runs.
 
-        There is a message each time: its stamp says up to when the schedule is complete with it.
-        One that is refused takes its own records along and no others.
+        Each call publishes a message: its stamp is the time up to which the schedule is complete.
+        If a message is refused, only its own records are lost.
         """
         pending, self._pending = self._pending, deque()
         while True:
-            # One by one: giving back thousands of records at once would hold up everything.
+            # One by one: freeing thousands of records in one call would delay all tasks.
             count = min(len(pending), RECORDS_A_MESSAGE)
             data = b''.join([self._pack(pending.popleft()) for _ in range(count)])
             try:
@@ -191,8 +191,8 @@ class Taps:
     """
     All taps of a core.
 
-    :param modules: whose jobs are noted, besides those of devices.
-    :param warn: tells people, once, that some of it was lost.
+    :param modules: whose jobs are recorded, in addition to those of devices.
+    :param warn: reports, once, that records were lost.
     :ivar topics: their topics; empty while they are off.
     """
 
@@ -204,26 +204,26 @@ class Taps:
         self._sensors = sensors
         self._modules = modules
         self._warn = warn
-        self._told_dropped = False
+        self._warned = False
         self._schedule: ScheduleTap | None = None
         self._devices: list[DeviceTap] = []
 
     def attach(self, host: Host) -> None:
-        """Turn them on when a recorder asks, and publish what they note."""
+        """Turn them on at the request of a recorder, and publish their records."""
         host.requests.add('tap', self._tap)
         host.watch.add(self.drain)
         host.statistics.add_facts(lambda: {'tap_dropped': self.dropped})
 
-    def _tap(self, session: Session, arguments: Arguments) -> Arguments:
+    def _tap(self, session: ClientSession, arguments: Arguments) -> Arguments:
         self.turn_on()
         return {'taps': list(self.topics),
                 'topics': [asdict(each) for each in topic_infos(self._bus)]}
 
     def turn_on(self) -> None:
         """
-        Declare the topics and begin; not for the real-time loop. A second time does nothing.
+        Declare the topics and start; not for the real-time loop. A second call does nothing.
 
-        :raises TopicError: one of the names is taken.
+        :raises TopicError: one of the names is in use.
         """
         if self._schedule is not None:
             return
@@ -255,19 +255,19 @@ class Taps:
 
     @property
     def dropped(self) -> int:
-        """Count what the taps could not publish."""
+        """Return the number of records that were not published."""
         return (self._schedule.dropped if self._schedule is not None else 0) + sum(
             tap.dropped for tap in self._devices)
 
     def drain(self) -> None:
-        """Publish what happened so far, if the taps are on."""
+        """Publish the pending records, if the taps are on."""
         if self._schedule is not None:
             now_ns = self._kernel.now_ns()
             for tap in self._devices:
                 tap.flush()
             self._schedule.drain(now_ns)
-        if self.dropped and not self._told_dropped:
-            self._told_dropped = True
-            self._warn(f'{self.dropped} records of what a replay needs were dropped: core/watch, '
+        if self.dropped and not self._warned:
+            self._warned = True
+            self._warn(f'{self.dropped} records that a replay needs were dropped: core/watch, '
                        'the lowest task, does not run often enough to publish them; a replay of '
                        'this recording may differ (tap_dropped counts them)')

@@ -14,31 +14,31 @@
 
 
 """
-The bytes of the taps: what devices read, and when jobs ran, as the core notes them for replay.
+The format of the taps: bytes read by devices, and times of jobs, recorded for replay.
 
-Both are ``std_msgs/msg/UInt8MultiArray``, whose ``layout.data_offset`` says how many bytes in
-front of ``data`` are not data: everything of ours stands there. So of ``device/imu/bytes`` what
-follows the offset is exactly what the port gave.
+Both are ``std_msgs/msg/UInt8MultiArray``. Its ``layout.data_offset`` is the number of bytes at the
+beginning of ``data`` that are a header of the tap. In ``device/imu/bytes`` the bytes behind the
+header are exactly those that the port returned.
 
-In front of the bytes of a device, little-endian:
+The header of the bytes of a device, little-endian:
 
 ====== ======= ==========================================================
 offset size    meaning
 ====== ======= ==========================================================
 0      1       what happened, see :class:`TapKind`
 1      1       0
-2      2       number n of rounds before that found nothing to read
-4      8 n     when each of them was, then when this happened (8 more)
+2      2       number n of earlier rounds that read nothing
+4      8 n     the time of each of them, then the time of this event (8 more)
 ====== ======= ==========================================================
 
-A moment is nanoseconds on CLOCK_MONOTONIC times two, plus one if the round wrote first.
+A time is nanoseconds on CLOCK_MONOTONIC times two, plus one if the round wrote before it read.
 
-In front of the schedule stands one byte: 1 when it is complete up to the stamp of the message, 0
-when more messages of the same moment follow. Four more follow it once records were dropped: how
-many since the taps were turned on. The schedule is a row of records of 16 bytes: number of the
-task, number of the topic (or ``A_JOB``), number of the sample (or length of the job in ns), moment
-of the publication (or start of the job). With ``WENT_ON`` for a topic it is the moment at which a
-coroutine went on with what it had awaited, which may be several times a job.
+The header of the schedule is one byte: 1 when it is complete up to the stamp of the message, 0
+when more messages with the same stamp follow. After records were dropped, four more bytes follow:
+their number since the taps were turned on. The schedule is a sequence of records of 16 bytes:
+number of the task, number of the topic (or ``A_JOB``), number of the sample (or length of the job
+in ns), time of the publication (or start of the job). With ``WENT_ON`` for a topic it is the time
+at which a coroutine continued after an await, possibly several times in a job.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ _DROPPED_MOST: Final = (1 << 32) - 1
 
 
 class TapKind(IntEnum):
-    """What happened to a device: bytes came, more of the same read, it was opened, it failed."""
+    """The event: bytes were read, more bytes of the same read, the port was opened, it failed."""
 
     READ = 0
     MORE = 1
@@ -79,11 +79,11 @@ class TapKind(IntEnum):
 
 class DeviceEvent(NamedTuple):
     """
-    What happened to a device.
+    An event of a device.
 
     :ivar at_ns: on CLOCK_MONOTONIC.
-    :ivar command: whether that round wrote first.
-    :ivar idle: the rounds since the event before, that found nothing: moment and command.
+    :ivar command: whether that round wrote before it read.
+    :ivar idle: the rounds since the last event that read nothing: time and command.
     """
 
     kind: TapKind
@@ -95,12 +95,12 @@ class DeviceEvent(NamedTuple):
 
 class ScheduleRecord(NamedTuple):
     """
-    A job, a publication, or that a coroutine went on.
+    A job, a publication, or the continuation of a coroutine.
 
-    :ivar task: number of the task, ``NO_TASK`` when there is none.
-    :ivar topic: number of the topic, ``A_JOB`` for a job, ``WENT_ON`` for a coroutine that did.
-    :ivar number: of the sample; of a job how long it took in ns.
-    :ivar at_ns: of the publication; of a job when it started.
+    :ivar task: number of the task, ``NO_TASK`` for none.
+    :ivar topic: number of the topic, ``A_JOB`` for a job, ``WENT_ON`` for a coroutine.
+    :ivar number: of the sample; for a job its duration in ns.
+    :ivar at_ns: of the publication; for a job its start.
     """
 
     task: int
@@ -120,26 +120,26 @@ def is_tap(topic: str) -> bool:
 
 
 def tapped_device(topic: str) -> str:
-    """Return the device whose bytes a topic holds; empty when it is no such topic."""
+    """Return the device whose bytes a topic holds; empty for other topics."""
     parts = topic.split('/')
     return parts[1] if len(parts) == 3 and topic == device_topic(parts[1]) else ''
 
 
 def array_cdr(front: bytes, data: bytes) -> bytes:
-    """Make an UInt8MultiArray of what stands in front of the data, and the data."""
+    """Make a UInt8MultiArray of a header and the data."""
     return _CDR.pack(_ENCAPSULATION, 0, len(front), len(front) + len(data)) + front + data
 
 
 def device_front(kind: TapKind, moment: int, idle: Sequence[int]) -> bytes:
-    """Make what stands in front of the bytes of a device; a moment is doubled."""
+    """Make the header of the bytes of a device, from doubled times."""
     return _HEAD.pack(kind, len(idle)) + struct.pack(f'<{len(idle) + 1}q', *idle, moment)
 
 
 def split_array(cdr: bytes | memoryview) -> tuple[bytes, bytes]:
     """
-    Return what stands in front of the data, and the data.
+    Return the header and the data.
 
-    :raises ValueError: it is no UInt8MultiArray of ours.
+    :raises ValueError: it is not a UInt8MultiArray of a tap.
     """
     if len(cdr) < CDR_BYTES:
         raise ValueError(f'{len(cdr)} bytes are too short')
@@ -153,16 +153,16 @@ def split_array(cdr: bytes | memoryview) -> tuple[bytes, bytes]:
 
 def parse_device(cdr: bytes | memoryview) -> DeviceEvent:
     """
-    Read a message of ``device/<name>/bytes``.
+    Parse a message of ``device/<name>/bytes``.
 
-    :raises ValueError: it is none.
+    :raises ValueError: it is not valid.
     """
     front, data = split_array(cdr)
     if len(front) < _HEAD.size:
-        raise ValueError('nothing stands in front of the bytes')
+        raise ValueError('the header is missing')
     kind, count = _HEAD.unpack_from(front)
     if len(front) != _HEAD.size + 8 * (count + 1):
-        raise ValueError(f'{len(front)} bytes in front of the data do not hold {count} rounds')
+        raise ValueError(f'a header of {len(front)} bytes does not hold {count} rounds')
     moments = struct.unpack_from(f'<{count + 1}q', front, _HEAD.size)
     idle = tuple((moment >> 1, bool(moment & 1)) for moment in moments[:-1])
     return DeviceEvent(TapKind(kind), moments[-1] >> 1, bool(moments[-1] & 1), idle, data)
@@ -173,7 +173,7 @@ class ScheduleMessage(NamedTuple):
     A message of ``core/schedule``.
 
     :ivar complete: with it the schedule is complete up to its stamp.
-    :ivar dropped: records that the core had no room for, since the taps were turned on.
+    :ivar dropped: records that the core dropped since the taps were turned on.
     """
 
     complete: bool
@@ -190,18 +190,18 @@ def schedule_cdr(records: bytes, complete: bool, dropped: int = 0) -> bytes:
 
 def parse_schedule(cdr: bytes | memoryview) -> ScheduleMessage:
     """
-    Read a message of ``core/schedule``.
+    Parse a message of ``core/schedule``.
 
-    :raises ValueError: it is none.
+    :raises ValueError: it is not valid.
     """
     front, data = split_array(cdr)
     if len(data) % RECORD.size:
-        raise ValueError(f'{len(data)} bytes are no whole number of records')
+        raise ValueError(f'{len(data)} bytes are not a multiple of {RECORD.size}')
     if len(front) == _COMPLETE.size:
         complete, dropped = front == b'\1', 0
     elif len(front) == _COMPLETE_DROPPED.size:
         complete, dropped = _COMPLETE_DROPPED.unpack(front)
     else:
-        raise ValueError(f'{len(front)} bytes stand in front of the records, not '
-                         f'{_COMPLETE.size} or {_COMPLETE_DROPPED.size}')
+        raise ValueError(f'a header of {len(front)} bytes: it must have {_COMPLETE.size} or '
+                         f'{_COMPLETE_DROPPED.size}')
     return ScheduleMessage(complete, dropped, map(ScheduleRecord._make, RECORD.iter_unpack(data)))

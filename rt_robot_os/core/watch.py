@@ -23,53 +23,53 @@ import os
 from rt_robot_os.base.reports import Reports
 from rt_robot_os.kernel import Kernel
 
-LOOKS_A_SECOND = 10
+POLLS_PER_S = 10
 
 
-class Watch:
+class WatchTask:
     """
-    The task ``core/watch``, the lowest: whatever it does is preempted by all others.
+    The task ``core/watch`` of the lowest priority: all other tasks preempt it.
 
     Functions are called in the order in which they were added; reports are written last, so that
-    theirs are among them.
+    the reports of these functions are included.
     """
 
     def __init__(self, kernel: Kernel, reports: Reports) -> None:
         self._reports = reports
         self._calls: list[tuple[Callable[[], object], int]] = []
-        self._looks = 0
+        self._polls = 0
         self._output: int | None = None
         self._written = 0
-        kernel.add_task('core/watch', self.look, priority=1, rate_hz=float(LOOKS_A_SECOND))
+        kernel.add_task('core/watch', self.poll, priority=1, rate_hz=float(POLLS_PER_S))
 
     def add(self, call: Callable[[], object], every: int = 1) -> None:
         """
-        Have something called with each look, or with one of ``every`` looks.
+        Call a function at each poll, or at one of ``every`` polls.
 
-        :param call: must not wait; what it raises counts as a failure of ``core/watch``.
+        :param call: must not block; an exception counts as a failure of ``core/watch``.
         """
         self._calls.append((call, every))
 
-    def look(self) -> None:
-        """Call what is due; the function of the task."""
-        self._looks += 1
+    def poll(self) -> None:
+        """Call the functions that are due; the function of the task."""
+        self._polls += 1
         try:
             for call, every in self._calls:
-                if self._looks % every == 0:
+                if self._polls % every == 0:
                     call()
         finally:
             self.write_reports()
 
     def write_reports_to(self, fd: int) -> None:
-        """Write reports to a file descriptor; a terminal that blocks holds up nothing else."""
+        """Write reports to a file descriptor; a terminal that blocks delays only this task."""
         self._output = fd
 
     def write_reports(self) -> None:
-        """Write what is new among the reports, if somebody wants it."""
+        """Write new reports, if an output was set."""
         if self._output is None:
             return
         self._written, dropped, reports = self._reports.since(self._written)
         lines = [f'{dropped} reports dropped'] * bool(dropped) + [str(r) for r in reports]
         if lines:
-            with suppress(OSError):  # nobody reads them any more
+            with suppress(OSError):  # the reader has closed it
                 os.write(self._output, ('\n'.join(lines) + '\n').encode())

@@ -31,9 +31,9 @@ from rt_robot_os.base.requirements import EXTRAS
 from rt_robot_os.gateway.settings import GatewaySettings
 from rt_robot_os.gateway.settings import load
 from rt_robot_os.gateway.settings import server_problem
-from rt_robot_os.link.only_one import folder_of
-from rt_robot_os.link.only_one import only_one
 from rt_robot_os.link.robots import add_robot_option
+from rt_robot_os.link.single_instance import data_folder
+from rt_robot_os.link.single_instance import single_instance
 from rt_robot_os.linux.paths import robot_name
 from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.linux.process import use_ordinary_scheduling
@@ -88,11 +88,11 @@ def run(argv: Sequence[str]) -> int:
 
 def _carry(settings: GatewaySettings, robot: str) -> int:
     from rt_robot_os.gateway.gateway import Gateway  # it imports websockets
-    folder = folder_of(_NAME, robot, settings.folder)
+    folder = data_folder(_NAME, robot, settings.folder)
     stopping: list[int] = []
-    with only_one(_NAME, robot,
-                  f'a gateway of the robot {robot} runs already: two would send '
-                  'everything twice'):
+    with single_instance(_NAME, robot,
+                         f'a gateway of the robot {robot} runs already: two would send '
+                         'everything twice'):
         use_ordinary_scheduling(settings.avoid_cpus)
         gateway = Gateway(settings, robot, socket_path(robot), folder,
                           lambda text: warn(_NAME, text))

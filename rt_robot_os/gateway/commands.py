@@ -41,10 +41,10 @@ from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
 from rt_robot_os.link.answers import answer_of
-from rt_robot_os.link.cdr import LITTLE_ENDIAN
-from rt_robot_os.link.cdr import string_in
-from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.conversions import pose_message
+from rt_robot_os.messages.cdr import LITTLE_ENDIAN
+from rt_robot_os.messages.cdr import string_in
+from rt_robot_os.messages.cdr import string_message
 from rt_robot_os.messages.texts.coded import codes_of
 
 #: Commands that are remembered, so that none is done twice.

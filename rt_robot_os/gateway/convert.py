@@ -32,8 +32,8 @@ from typing import Final
 
 from rt_robot_os.gateway.decoding import decode_message
 from rt_robot_os.gateway.decoding import finite
-from rt_robot_os.link.cdr import string_in
-from rt_robot_os.link.conversions import labelled_numbers
+from rt_robot_os.messages.cdr import labelled_numbers
+from rt_robot_os.messages.cdr import string_in
 from rt_robot_os.messages.network_rows import names_of
 from rt_robot_os.messages.network_rows import rows_of
 from rt_robot_os.messages.node_reading import NodeReading

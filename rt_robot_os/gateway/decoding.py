@@ -22,7 +22,7 @@ import struct
 from typing import Any
 from typing import Final
 
-from rt_robot_os.link.cdr import CdrReader
+from rt_robot_os.messages.cdr import CdrReader
 from rt_robot_os.topics.resolve import FieldSpec
 from rt_robot_os.topics.resolve import MessageSpec
 from rt_robot_os.topics.resolve import resolve

@@ -47,7 +47,7 @@ from rt_robot_os.gateway.pilot import Order
 from rt_robot_os.gateway.pilot import Pilot
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
-from rt_robot_os.link.cdr import LITTLE_ENDIAN
+from rt_robot_os.messages.cdr import LITTLE_ENDIAN
 
 #: Publishes a sample at once: topic, CDR, stamp on CLOCK_MONOTONIC (0: now); False when it cannot.
 Publish = Callable[[str, bytes, int], bool]

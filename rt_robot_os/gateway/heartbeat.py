@@ -27,7 +27,7 @@ from typing import Final
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Ways
-from rt_robot_os.link.cdr import string_message
+from rt_robot_os.messages.cdr import string_message
 
 HEARTBEAT: Final = 'monitor/heartbeat'
 _LETTERS: Final = 3900

@@ -23,7 +23,7 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from rt_robot_os.link.cdr import CdrReader
+from rt_robot_os.messages.cdr import CdrReader
 from rt_robot_os.messages.uplink.maps import map_message
 from rt_robot_os.motion.grid_map import UNKNOWN
 from rt_robot_os.motion.map_message import grid_of

@@ -48,8 +48,8 @@ from rt_robot_os.gateway.reading import Sample
 from rt_robot_os.gateway.robot_link import utc_of
 from rt_robot_os.gateway.server_clock import ServerClock
 from rt_robot_os.gateway.spool import Spool
-from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.client import TopicInfo
+from rt_robot_os.messages.cdr import string_in
 from rt_robot_os.messages.texts.coded import codes_of
 from rt_robot_os.messages.uplink.frames import encode_frame
 from rt_robot_os.messages.uplink.frames import FRAME_BYTES

@@ -31,9 +31,9 @@ from typing import NamedTuple
 
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.cdr import CdrReader
-from rt_robot_os.link.lasting_client import LastingClient
 from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.reconnecting_client import ReconnectingClient
+from rt_robot_os.messages.cdr import CdrReader
 
 _LOOK_S: Final = 0.1
 #: Without a picture for so long its device is asked why.
@@ -94,7 +94,7 @@ class CameraReader:
         self._troubles: dict[str, str] = {}
         self._seen_s: dict[str, float] = {}
         self._asked_s = 0.0
-        self._client = LastingClient(path, 'gateway cameras', self._connected, tell)
+        self._client = ReconnectingClient(path, 'gateway cameras', self._connected, tell)
         self._changed = threading.Event()
         self._closing = False
         self._wanted: Mapping[str, float] = {}

@@ -35,8 +35,8 @@ from rt_robot_os.gateway.reading import Sample
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.client import TopicInfo
-from rt_robot_os.link.lasting_client import LastingClient
 from rt_robot_os.link.protocol import Header
+from rt_robot_os.link.reconnecting_client import ReconnectingClient
 
 #: How long the core may keep a sample to send it with others: less work for it.
 DELAY_MS: Final = 20.0
@@ -89,7 +89,7 @@ class RobotLink:
         self._in_core: frozenset[str] = frozenset()
         self._by_channel: dict[int, _Read] = {}
         self._missed_by_channel: dict[int, int] = {}
-        self._link = LastingClient(path, 'gateway', self._connect, tell)
+        self._link = ReconnectingClient(path, 'gateway', self._connect, tell)
         self._told: set[str] = set()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name='link', daemon=True)

@@ -131,7 +131,7 @@ def load(paths: Sequence[Path], overrides: Mapping[str, Any], node: str = 'gatew
     :raises ConfigError: with one line for each problem.
     """
     # Late: `--help` needs none of it.
-    from rt_robot_os.settings.beside import read_values
+    from rt_robot_os.settings.program_settings import read_values
     settings: GatewaySettings = made(GatewaySettings, read_values(
         GatewaySettings, paths, overrides, node, namespace, _check))
     return settings

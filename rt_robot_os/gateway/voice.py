@@ -35,9 +35,9 @@ from rt_robot_os.base.errors import LinkError
 from rt_robot_os.base.needs import lacking
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Ways
-from rt_robot_os.link.cdr import string_message
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
+from rt_robot_os.messages.cdr import string_message
 
 _CALL: Final = 'rt_robot_os.gateway.voice_call'
 _SAY: Final = 'agent/say'

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The link: how other processes see the core, over a Unix socket of sequenced packets.
+The link: the interface of the core to other processes, over a Unix socket of sequenced packets.
 
-The core never waits for a client. A sample for which a client has no room is lost to that client
-alone, and counted (docs/architecture.md).
+The core never waits for a client. A sample that does not fit the socket of a client is lost for
+that client alone, and counted (docs/architecture.md).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from rt_robot_os.link.server import LinkServer
     from rt_robot_os.linux.paths import socket_path
 
-# Where each of them is, from this package.
+# The module of each name, relative to this package.
 _PLACES: Final = {
     'LinkClient': 'client',
     'LinkServer': 'server',

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Commands in plain words, and what the core answers: texts on two topics of it.
+Commands as strings and their answers, on two topics of the core.
 
 A command is a ``std_msgs/msg/String``; so is the answer, which holds a
 :class:`rt_robot_os.messages.command_answer.CommandAnswer`. A client finds its own answer by the
@@ -22,13 +22,13 @@ command.
 
 from __future__ import annotations
 
-from rt_robot_os.link.cdr import string_in
+from rt_robot_os.messages.cdr import string_in
 from rt_robot_os.messages.command_answer import CommandAnswer
 
 
 def answer_of(cdr: bytes | memoryview) -> CommandAnswer:
     """
-    Read an answer.
+    Parse an answer.
 
     :raises ValueError: it is not an answer.
     """

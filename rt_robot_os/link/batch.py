@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Samples on their way to one client: those of one moment go in one packet.
+Samples on their way to one client, combined into one packet.
 
-To send a packet costs more than to fill it, above all when it wakes the client: in a virtual
-machine some 15 us, for an interrupt of another processor.
+Sending a packet costs more than filling it, above all when it wakes the client: about 15 us in a
+virtual machine, for an interrupt of another processor.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ import socket
 
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import RECORD
 from rt_robot_os.link.protocol import RECORD_HEAD
 from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import VERSION
 
-# No task can start during a system call, so it is kept short.
+# No task can start during a system call, so the packet is kept short.
 BATCH_BYTES = 16 * 1024
 _HEAD_BYTES = RECORD_HEAD.size
 _FIRST = HEADER_BYTES + _HEAD_BYTES
 _ALONE = HEADER_BYTES + RECORD.size
-# Packed faster than the members of an Enum.
-_DATA, _BATCH = int(Kind.DATA), int(Kind.BATCH)
+# struct packs an int faster than a member of an Enum.
+_DATA, _BATCH = int(PacketKind.DATA), int(PacketKind.BATCH)
 
 
 class Batch:
     """
-    The packet that a client gets next; filled and sent by the link's task alone.
+    The next packet to a client; filled and sent by the link's task alone.
 
-    One that the client's full socket refuses is kept: its samples are not lost, and until it is
-    gone there is no room for others.
+    A packet that the client's full socket refuses is kept: its samples are not lost, and no other
+    sample is accepted until it is sent.
 
     :param connection: to the client, not blocking.
     """
@@ -59,12 +59,13 @@ class Batch:
         self._end = HEADER_BYTES
         self._count = 0
 
-    def room(self, length: int) -> memoryview | None:
+    def reserve(self, length: int) -> memoryview | None:
         """
-        Return room for a sample of so many bytes; sends what there is first if need be.
+        Return space for a sample; sends the packet first if it would get too long.
 
-        :return: where to write it; None when the client takes nothing.
-        :raises OSError: the client is gone.
+        :param length: bytes of the sample at most.
+        :return: where to write it; None when the client's socket is full.
+        :raises OSError: the connection is closed.
         """
         start = self._end + _HEAD_BYTES
         end = start + length
@@ -75,7 +76,7 @@ class Batch:
         return self._view[start:end]
 
     def add(self, channel: int, missed: int, stamp_ns: int, seq: int, length: int) -> None:
-        """Add the sample that was written to :meth:`room`, with its length."""
+        """Add the sample that was written to :meth:`reserve`, with its length."""
         at = self._end
         RECORD_HEAD.pack_into(self._buffer, at, HEADER_BYTES + length, _DATA, VERSION, channel,
                               missed & 0xFFFFFFFF, stamp_ns, seq)
@@ -85,10 +86,10 @@ class Batch:
 
     def send(self) -> bool:
         """
-        Send what there is; never waits.
+        Send the packet; never waits.
 
         :return: whether nothing is left.
-        :raises OSError: the client is gone.
+        :raises OSError: the connection is closed.
         """
         count = self._count
         if not count:

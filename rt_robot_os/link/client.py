@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The other side of the link: what the ROS node, a recorder, a monitor or a test uses.
+The client's side of the link, used by the ROS node, the recorder, the monitor and tests.
 
-It learns the topics of a core when it connects, and its statistics when it asks. Calls here
-may wait: not for the real-time loop.
+It receives the topics of a core when it connects, and the statistics on request. Calls may block:
+not for the real-time loop.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from typing import TYPE_CHECKING
 
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.base.safe_text import safe_line
-from rt_robot_os.link.client_rooms import ClientRoom
-from rt_robot_os.link.client_rooms import SampleTooLong
+from rt_robot_os.link.client_uploads import ClientUploadBuffer
+from rt_robot_os.link.client_uploads import SampleTooLong
 from rt_robot_os.link.core_statistics import collect
 from rt_robot_os.link.core_statistics import CoreStatistics
 from rt_robot_os.link.protocol import decode_json
@@ -46,8 +46,8 @@ from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.reader import connection_error
 from rt_robot_os.link.reader import Inbox
 from rt_robot_os.link.reader import Reader
@@ -59,13 +59,13 @@ from rt_robot_os.linux.paths import socket_path
 if TYPE_CHECKING:
     from rt_robot_os.topics import Bus
 
-#: Ends what is said of a core that does not answer, to who does not wait for it.
-ASKS: Final = '; is the robot running?'
+#: The end of the error for a core that does not answer.
+HINT: Final = '; is the robot running?'
 
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """A topic of the core as a client sees it."""
+    """The facts about a topic of the core that a client receives."""
 
     name: str
     channel: int
@@ -78,7 +78,7 @@ class TopicInfo:
 
 
 def topic_infos(bus: Bus) -> tuple[TopicInfo, ...]:
-    """List the topics of a core; the channel of each is its place in the list."""
+    """List the topics of a core; the channel of a topic is its index in the list."""
     return tuple(TopicInfo(
         topic.name, channel, topic.layout.type_name, topic.layout.size, topic.layout.max_size,
         topic.layout.stamp_offset, topic.depth, topic.rate_hz)
@@ -92,15 +92,15 @@ _DATA_BYTES_MAXIMUM = PACKET_BYTES_MAXIMUM - HEADER_BYTES
 
 
 class LinkSilent(LinkError):
-    """The core has not answered in time; it may be alive and busy with what matters more."""
+    """The core has not answered in time; it may be alive and busy with higher priorities."""
 
 
 class Question:
     """
-    A request whose answer is awaited while other things go on.
+    A request whose answer is received asynchronously.
 
     :param on_packet: called by the reading thread after each packet of the answer.
-    :ivar packets: of the answer, as far as it has come.
+    :ivar packets: the packets of the answer so far.
     """
 
     def __init__(self, do: str, waiting: Answers, number: int,
@@ -120,7 +120,7 @@ class Question:
             self._on_packet(self)
 
     def answered(self) -> bool:
-        """Take the packets that have come; return whether the answer is complete."""
+        """Collect the packets that have arrived; return whether the answer is complete."""
         while not (self.packets and not self.packets[-1][0].channel):
             try:
                 self.packets.append(self._new.get_nowait())
@@ -129,7 +129,7 @@ class Question:
         return True
 
     def drop(self) -> None:
-        """Wait no longer; may be called twice."""
+        """Stop waiting for the answer; may be called twice."""
         self._waiting.pop(self._number, None)
 
 
@@ -137,14 +137,14 @@ class LinkClient(Reader):
     """
     A connection to a core.
 
-    One thread reads, by :meth:`pump`; requests may come from any thread, and read by themselves
-    when nobody else does. What comes goes where :class:`~rt_robot_os.link.reader.Reader` says.
+    One thread reads, by :meth:`pump`. Requests may be made in any thread; they read themselves if
+    no other thread does. :class:`~rt_robot_os.link.reader.Reader` dispatches what is read.
 
     :param path: of the core's socket.
-    :param name: what the core calls this client in its statistics.
-    :ivar core: what the core said when it was greeted: pid, version and so on.
+    :param name: of this client in the statistics of the core.
+    :ivar core: the answer of the core to hello: pid, version and so on.
     :ivar topics: the topics of the core by name.
-    :raises LinkError: nobody listens there, or it is no core of this version.
+    :raises LinkError: no core listens there, or it has another version.
     """
 
     def __init__(self, path: Path, name: str = 'client', timeout_s: float = 5.0) -> None:
@@ -153,7 +153,7 @@ class LinkClient(Reader):
         self._numbers = itertools.count(1)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-            # With settimeout() it would fail at once when the core's listen queue is full.
+            # With settimeout() it would fail immediately when the core's listen queue is full.
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack(
                 'll', *divmod(max(1, round(timeout_s * US_PER_S)), US_PER_S)))
             self._socket.connect(str(path))
@@ -164,12 +164,12 @@ class LinkClient(Reader):
             if isinstance(error, LinkError):
                 raise
             raise LinkError(f'no core answers at {path}: {error.strerror or error}'
-                            f'{ASKS}') from error
+                            f'{HINT}') from error
         try:
             self.topics = {t['name']: TopicInfo(**t) for t in self.core.pop('topics')}
         except (AttributeError, KeyError, TypeError) as error:
             self.close()
-            raise LinkError(f'what answers at {path} is no core of this release: '
+            raise LinkError(f'the process at {path} is not a core of this release: '
                             f'{type(error).__name__}: {error}') from error
 
     def __enter__(self) -> LinkClient:
@@ -183,15 +183,15 @@ class LinkClient(Reader):
         """
         Send a request without waiting for its answer.
 
-        :param patience_s: how long to wait for room in the socket.
+        :param patience_s: how long to wait while the socket is full.
         :param on_packet: as for :class:`Question`.
-        :raises LinkSilent: there is none.
-        :raises LinkError: the core is gone.
+        :raises LinkSilent: the socket stays full.
+        :raises LinkError: the connection is closed.
         """
         number = next(self._numbers)
         question = Question(do, self.replies, number, on_packet)
         try:
-            self._send(encode_json(Kind.REQUEST, {'id': number, 'do': do, **arguments}),
+            self._send(encode_json(PacketKind.REQUEST, {'id': number, 'do': do, **arguments}),
                        patience_s)
         except BaseException:
             question.drop()
@@ -199,7 +199,7 @@ class LinkClient(Reader):
         return question
 
     def _ask(self, do: str, **arguments: Any) -> list[tuple[Header, bytes]]:
-        """Send a request and collect the packets of its answer, the last one marked final."""
+        """Send a request and collect the packets of its answer."""
         question = self.begin(do, self._timeout_s, **arguments)
         known = 0
         deadline = time.monotonic() + self._timeout_s
@@ -218,10 +218,11 @@ class LinkClient(Reader):
 
     def request(self, do: str, **arguments: Any) -> dict[str, Any]:
         """
-        Ask the core to do something.
+        Send a request to the core and wait for the answer.
 
-        :return: its answer.
-        :raises LinkError: the core is gone, silent, or refuses; the message says why.
+        :return: the answer.
+        :raises LinkError: the connection is closed, the core does not answer, or it refuses; the
+            message gives its reason.
         """
         answer = decode_json(self._ask(do, **arguments)[-1][1])
         if 'error' in answer:
@@ -230,9 +231,9 @@ class LinkClient(Reader):
 
     def request_all(self, do: str, **arguments: Any) -> list[dict[str, Any]]:
         """
-        Ask for something that takes several packets, such as ``black_box``.
+        Send a request that is answered by several packets, such as ``black_box``.
 
-        :return: what each of them holds, without the last, which holds nothing.
+        :return: the content of each packet, without the last, which is empty.
         :raises LinkError: as for :meth:`request`.
         """
         answers = [decode_json(packet) for _, packet in self._ask(do, **arguments)]
@@ -242,7 +243,7 @@ class LinkClient(Reader):
 
     def statistics(self) -> CoreStatistics:
         """
-        Get all statistics of the core.
+        Request all statistics of the core.
 
         :raises LinkError: as for :meth:`request`.
         """
@@ -250,10 +251,10 @@ class LinkClient(Reader):
 
     def parameters(self) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """
-        Get the parameters that may change while the core runs.
+        Request the parameters that may change while the core runs.
 
-        :return: what concerns them all (``file`` and ``files``), and by the name of each its
-            ``value``, ``loaded`` (what the configuration said), ``unit``, ``description`` and
+        :return: the facts common to all (``file`` and ``files``), and by the name of each its
+            ``value``, ``loaded`` (the value in the configuration), ``unit``, ``description`` and
             ``wanted``.
         :raises LinkError: as for :meth:`request`.
         """
@@ -262,7 +263,7 @@ class LinkClient(Reader):
 
     def change(self, name: str, value: Any) -> Any:
         """
-        Change a parameter, from the next release or job on.
+        Change a parameter, with effect from the next release or job.
 
         :param name: dotted, such as ``guard.rate_hz``.
         :return: the value in its declared type.
@@ -274,16 +275,16 @@ class LinkClient(Reader):
                initial: bool = False, oldest: bool = False, patient: bool = False,
                delay_ms: float = 0.0) -> int:
         """
-        Ask for the samples of a topic.
+        Request the samples of a topic.
 
         :param policy: ``drain`` or ``latest``.
         :param max_rate_hz: 0 for no limit.
-        :param initial: begin with the last sample that is there already.
-        :param oldest: begin with the oldest that is kept.
-        :param patient: a sample that does not fit the socket is tried again, not lost at once.
-        :param delay_ms: how long the core may keep a sample to send it with others; 0: as long as
-            ``core.link_gather_ms`` says.
-        :return: their channel.
+        :param initial: begin with the last sample that was published before.
+        :param oldest: begin with the oldest stored sample.
+        :param patient: a sample that does not fit the socket is tried again, not dropped.
+        :param delay_ms: how long the core may delay a sample to send it with others; 0: the
+            setting ``core.link_gather_ms``.
+        :return: the channel of the topic.
         :raises LinkError: as for :meth:`request`.
         """
         return int(self.request('mirror', topic=topic, policy=policy, max_rate_hz=max_rate_hz,
@@ -292,10 +293,10 @@ class LinkClient(Reader):
 
     def readers(self, topic: str, answers: str = '') -> Readers:
         """
-        Ask who reads what is published on a topic.
+        Request the readers of a topic.
 
-        :param answers: a topic that the readers must publish, too, for those who await an answer
-            there; what the core itself reads counts all the same.
+        :param answers: a topic that client readers must also publish, for a caller that awaits
+            an answer there; readers in the core count in any case.
         :raises LinkError: as for :meth:`request`; there is no such topic.
         """
         return readers_of(self.request('readers', topic=topic, answers=answers))
@@ -304,7 +305,7 @@ class LinkClient(Reader):
         """
         Turn on the taps: topics with the bytes of devices and the times of jobs (``core/tap.py``).
 
-        :return: those topics; :attr:`topics` has them now.
+        :return: these topics; they are added to :attr:`topics`.
         :raises LinkError: as for :meth:`request`.
         """
         answer = self.request('tap')
@@ -321,46 +322,47 @@ class LinkClient(Reader):
         answer = self.request('advertise', topic=topic)
         channel = int(answer['channel'])
         deadline = time.monotonic() + self._timeout_s
-        while answer.get('room') and channel not in self.rooms.by_channel:
+        while answer.get('room') and channel not in self.upload_buffers.by_channel:
             if time.monotonic() > deadline:
-                raise LinkSilent(f'topic {topic!r}: no memory came within {self._timeout_s:g} s')
+                raise LinkSilent(f'topic {topic!r}: the core sent no upload buffer within '
+                                 f'{self._timeout_s:g} s')
             self.pump(0.02)
         return channel
 
     def publish(self, channel: int, cdr: bytes, stamp_ns: int = 0) -> None:
         """
-        Publish a sample in the core, however long it is; any thread.
+        Publish a sample of any length in the core; thread-safe.
 
         :param cdr: with its four bytes of encapsulation.
-        :param stamp_ns: moment of the data on CLOCK_MONOTONIC; 0 means now, so that a sample
-            ages while it waits for the core. A time in the future counts as the arrival there.
-        :raises SampleTooLong: the topic takes no such sample; nothing was sent.
+        :param stamp_ns: time of the data on CLOCK_MONOTONIC; 0 means now, so that a sample ages
+            while it waits for the core. A time in the future counts as the time of arrival.
+        :raises SampleTooLong: the sample is too long for the topic; nothing was sent.
         :raises LinkSilent: the core does not keep up; nothing was sent.
-        :raises LinkError: the core is gone.
+        :raises LinkError: the connection is closed.
         """
         stamp_ns = stamp_ns or time.monotonic_ns()
-        if channel in self.rooms.by_channel:
-            self._publish_large(self.rooms.by_channel[channel], cdr, stamp_ns)
+        if channel in self.upload_buffers.by_channel:
+            self._publish_large(self.upload_buffers.by_channel[channel], cdr, stamp_ns)
             return
         if len(cdr) > _DATA_BYTES_MAXIMUM:
             raise SampleTooLong(f'a sample of {len(cdr)} bytes for channel {channel}; its topic '
-                                f'takes less than {_DATA_BYTES_MAXIMUM}')
-        self._send(header(Kind.DATA, channel, stamp_ns=stamp_ns) + cdr)
+                                f'allows at most {_DATA_BYTES_MAXIMUM}')
+        self._send(header(PacketKind.DATA, channel, stamp_ns=stamp_ns) + cdr)
 
-    def _publish_large(self, room: ClientRoom, cdr: bytes, stamp_ns: int) -> None:
-        if room.publish(cdr, stamp_ns, self._send):
+    def _publish_large(self, buffer: ClientUploadBuffer, cdr: bytes, stamp_ns: int) -> None:
+        if buffer.publish(cdr, stamp_ns, self._send):
             return
-        self.pump(0.0)  # a slot may have come back that nobody has read of
-        if not room.publish(cdr, stamp_ns, self._send):
-            raise LinkSilent('the core has not taken the large samples before')
+        self.pump(0.0)  # the packet that returns a slot may not have been read yet
+        if not buffer.publish(cdr, stamp_ns, self._send):
+            raise LinkSilent('the core has not published the large samples before')
 
     def beat(self) -> None:
         """
-        Tell the core that this client is alive.
+        Send a heartbeat to the core.
 
-        :raises LinkError: the core is gone, or does not keep up.
+        :raises LinkError: the connection is closed, or the core does not keep up.
         """
-        self._send(header(Kind.BEAT, stamp_ns=time.monotonic_ns()))
+        self._send(header(PacketKind.BEAT, stamp_ns=time.monotonic_ns()))
 
     def _send(self, packet: bytes, patience_s: float = 0.0) -> None:
         deadline = time.monotonic() + patience_s
@@ -369,10 +371,10 @@ class LinkClient(Reader):
                 self._socket.send(packet)
                 return
             except BlockingIOError:
-                room = select.poll()
-                room.register(self._socket, select.POLLOUT)
-                if not room.poll(max(0.0, deadline - time.monotonic()) * 1000):
-                    raise LinkSilent('the core does not read what it is sent') from None
+                writable = select.poll()
+                writable.register(self._socket, select.POLLOUT)
+                if not writable.poll(max(0.0, deadline - time.monotonic()) * 1000):
+                    raise LinkSilent('the core does not read its socket') from None
             except OSError as error:
                 raise connection_error(error) from error
 
@@ -382,8 +384,8 @@ def connect(robot: str, name: str) -> LinkClient:
     Connect to the core of a robot, as the programs do.
 
     :param robot: name of its files.
-    :param name: what the core calls this client.
-    :raises LinkError: it does not answer; the message names the robots that run.
+    :param name: of this client in the statistics of the core.
+    :raises LinkError: the core does not answer; the message names the running robots.
     :raises StartError: the runtime folder cannot be used.
     """
     try:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The memory files in which a client of the link gets large samples."""
+"""The memory files through which a client of the link receives large samples."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.protocol import GIVE_BACK
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import MEMORY
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.protocol import SLOT
 from rt_robot_os.linux.memory_file import MemoryFile
@@ -33,27 +33,28 @@ from rt_robot_os.linux.memory_file import MemoryFile
 def give_back(packet: bytes) -> bytes:
     """Make the answer to a ``SLOT`` packet."""
     number, slot, _ = SLOT.unpack_from(packet, HEADER_BYTES)
-    return header(Kind.GIVE_BACK, parse_header(packet).channel) + GIVE_BACK.pack(number, slot)
+    channel = parse_header(packet).channel
+    return header(PacketKind.GIVE_BACK, channel) + GIVE_BACK.pack(number, slot)
 
 
-def received_memory(packet: memoryview, fds: Sequence[int], kind: Kind
+def received_memory(packet: memoryview, fds: Sequence[int], kind: PacketKind
                     ) -> tuple[int, int, int, MemoryFile]:
     """
-    Take over the memory file that came with a packet.
+    Map the memory file that came with a packet.
 
     :return: channel of the topic, number of the memory, bytes of a slot, the file.
-    :raises LinkError: it is no memory file, or not as the packet says; it is closed then.
+    :raises LinkError: it is not a memory file, or does not match the packet; it is closed then.
     """
     if len(packet) != HEADER_BYTES + MEMORY.size or packet[0] != kind or len(fds) != 1:
         for fd in fds:
             os.close(fd)
         raise LinkError(f'{len(fds)} file descriptors came with a packet of {len(packet)} '
-                        'bytes that is no memory of the link')
+                        'bytes that does not announce a memory file')
     number, count, size = MEMORY.unpack_from(packet, HEADER_BYTES)
     try:
         memory = MemoryFile.received(fds[0], count, size)
     except (OSError, OverflowError, ValueError) as error:
-        raise LinkError(f'the core sent no usable memory: {error}') from error
+        raise LinkError(f'the core sent an unusable memory file: {error}') from error
     return parse_header(packet).channel, number, size, memory
 
 
@@ -69,7 +70,7 @@ class ClientMemories:
 
         :raises LinkError: it is no memory file, or not as the packet says.
         """
-        channel, number, size, memory = received_memory(packet, fds, Kind.MEMORY)
+        channel, number, size, memory = received_memory(packet, fds, PacketKind.MEMORY)
         old = self._by_channel.pop(channel, None)
         if old is not None:
             old[2].close()

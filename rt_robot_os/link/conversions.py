@@ -15,10 +15,10 @@
 """
 Messages that ROS has in another type than the core, converted as CDR bytes.
 
-Topics of the core hold messages of fixed shape: a way is a row of numbers there, a network of
-sensors rows of them, diagnoses a text, and each transform is a topic of its own. ROS has a
-``Path``, whose poses each name their frame, a ``MarkerArray``, a ``DiagnosticArray``, and ``/tf``,
-on which all transforms go.
+Topics of the core hold messages of fixed shape: a path is a row of numbers, a sensor network is
+rows of numbers, diagnostics are a string, and each transform has its own topic. ROS has a
+``Path``, each pose of which names its frame, a ``MarkerArray``, a ``DiagnosticArray``, and
+``/tf``, on which all transforms are published.
 """
 
 from __future__ import annotations
@@ -32,15 +32,19 @@ from typing import Final
 from typing import TypeAlias
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.link.cdr import CdrReader
-from rt_robot_os.link.cdr import ENCAPSULATION
-from rt_robot_os.link.cdr import LITTLE_ENDIAN
-from rt_robot_os.link.cdr import padding
-from rt_robot_os.link.cdr import text_bytes
-from rt_robot_os.link.diagnostic_array import DIAGNOSTICS
-from rt_robot_os.link.diagnostic_array import to_diagnostics
-from rt_robot_os.link.marker import MARKERS
-from rt_robot_os.link.markers import to_markers
+from rt_robot_os.link.drawings import to_markers
+from rt_robot_os.messages.cdr import CdrReader
+from rt_robot_os.messages.cdr import ENCAPSULATION
+from rt_robot_os.messages.cdr import labelled_numbers
+from rt_robot_os.messages.cdr import LITTLE_ENDIAN
+from rt_robot_os.messages.cdr import padding
+from rt_robot_os.messages.cdr import string_in
+from rt_robot_os.messages.cdr import text_bytes
+from rt_robot_os.messages.diagnostic_array import diagnostic_array
+from rt_robot_os.messages.diagnostic_array import DIAGNOSTICS
+from rt_robot_os.messages.diagnostic_array import statuses_of
+from rt_robot_os.messages.diagnostic_array import TEXT_BYTES_MAXIMUM
+from rt_robot_os.messages.marker_array import MARKERS
 from rt_robot_os.motion.angles import yaw_of
 
 TRANSFORM: Final = 'geometry_msgs/msg/TransformStamped'
@@ -51,9 +55,9 @@ PATH: Final = 'nav_msgs/msg/Path'
 GOAL: Final = 'geometry_msgs/msg/PoseStamped'
 ESTIMATE: Final = 'geometry_msgs/msg/PoseWithCovarianceStamped'
 
-#: From the message of a sample and its time since 1970 in ns to the message in ROS.
+#: From the message of the core and its time since 1970 in ns to the message of ROS.
 Outward: TypeAlias = Callable[[memoryview, int], bytes]
-#: From the message in ROS to that of the core; raises ValueError with what is wrong.
+#: From the message of ROS to that of the core; raises ValueError if it is not valid.
 Inward: TypeAlias = Callable[[bytes], bytes]
 
 _DOUBLE: Final = 8
@@ -61,7 +65,7 @@ _STAMP: Final = struct.Struct('<iI')
 _COUNT: Final = struct.Struct('<I')
 _TRIPLET: Final = struct.Struct('<3d')
 _POSE: Final = struct.Struct('<7d')
-# Of a Float64MultiArray without dimensions: their number, data_offset, the number of the numbers.
+# Of a Float64MultiArray without dimensions: their count, data_offset, the length of the data.
 _NUMBERS_HEAD: Final = struct.Struct('<III4x')
 
 
@@ -72,10 +76,10 @@ class Conversion:
 
     :ivar core: the type of the topic in the core.
     :ivar ros: the type of the topic in ROS.
-    :ivar frame_id: the frame of the ROS message unless the mirror says another.
-    :ivar outward: makes what converts to ROS, from the frame; None when it cannot be.
-    :ivar inward: makes what converts from ROS, from the frame and the longest message of the core
-        in bytes; None when it cannot be.
+    :ivar frame_id: the frame of the ROS message, unless the mirror has another.
+    :ivar outward: makes the converter to ROS, from the frame; None if there is none.
+    :ivar inward: makes the converter from ROS, from the frame and the longest message of the core
+        in bytes; None if there is none.
     """
 
     core: str
@@ -84,15 +88,15 @@ class Conversion:
     outward: Callable[[str], Outward] | None = None
     inward: Callable[[str, int], Inward] | None = None
 
-    def way(self, direction: str) -> Callable[..., Outward | Inward] | None:
-        """Return what makes the one for a direction, ``out`` or ``in``."""
+    def factory(self, direction: str) -> Callable[..., Outward | Inward] | None:
+        """Return the factory of the converter for a direction, ``out`` or ``in``."""
         return self.outward if direction == 'out' else self.inward
 
 
 # ---- transforms ------------------------------------------------------------------------------
 
 def to_transforms(frame_id: str = '') -> Outward:
-    """Make what turns the message of one transform into that of a list with only this one."""
+    """Make a converter from one transform to a message with only this transform."""
     return _to_transforms
 
 
@@ -109,15 +113,15 @@ def transforms_of(transforms: Sequence[bytes]) -> bytes:
     """
     body = bytearray(_COUNT.pack(len(transforms)))
     for each in transforms:
-        texts = _end_of_texts(each)
-        body += bytes(padding(len(body), _COUNT.size)) + each[:texts]
-        start = texts + padding(texts, _DOUBLE)
+        end = _end_of_names(each)
+        body += bytes(padding(len(body), _COUNT.size)) + each[:end]
+        start = end + padding(end, _DOUBLE)
         body += bytes(padding(len(body), _DOUBLE)) + each[start:start + _POSE.size]
     return LITTLE_ENDIAN + bytes(body)
 
 
-def _end_of_texts(transform: bytes) -> int:
-    """Find where frame_id and child_frame_id end."""
+def _end_of_names(transform: bytes) -> int:
+    """Return the offset behind frame_id and child_frame_id."""
     end = _STAMP.size
     for _ in range(2):
         end += padding(end, _COUNT.size)
@@ -139,7 +143,7 @@ def transform(frame_id: str, child_frame_id: str, pose: Sequence[float], wall_ns
 # ---- paths -----------------------------------------------------------------------------------
 
 def to_path(frame_id: str) -> Outward:
-    """Make what turns triplets x, y, yaw (m, rad) into a path."""
+    """Make a converter from triplets x, y, yaw (m, rad) to a path."""
     frame = text_bytes(frame_id)
 
     def convert(cdr: memoryview, wall_ns: int) -> bytes:
@@ -160,28 +164,11 @@ def _numbers(cdr: memoryview) -> tuple[float, ...]:
     return labelled_numbers(cdr)[1]
 
 
-def labelled_numbers(cdr: memoryview) -> tuple[str, tuple[float, ...]]:
-    """
-    Read a ``std_msgs/msg/Float64MultiArray``.
-
-    :return: the label of the first dimension, and the numbers.
-    :raises ValueError: it is none.
-    """
-    reader = CdrReader(bytes(cdr))
-    label = ''
-    for dimension in range(reader.count()):
-        text = reader.text()
-        label = label if dimension else text
-        reader.skip(4, 8)
-    reader.skip(4, 4)
-    return label, reader.doubles(reader.count())
-
-
 def from_path(frame_id: str, maximum_bytes: int) -> Inward:
     """
-    Make what turns a path into triplets x, y, yaw.
+    Make a converter from a path to triplets x, y, yaw.
 
-    :param frame_id: of the path; poses may leave theirs empty.
+    :param frame_id: of the path; the frames of its poses may be empty.
     :param maximum_bytes: of a message of the core.
     """
     maximum = (maximum_bytes - ENCAPSULATION - _NUMBERS_HEAD.size) // _TRIPLET.size
@@ -192,8 +179,8 @@ def from_path(frame_id: str, maximum_bytes: int) -> Inward:
         _check_frame(reader.text(), frame_id)
         count = reader.count()
         if count > maximum:
-            raise ValueError(f'{count} poses, and the topic of the core has room for {maximum}: '
-                             'give it a larger tail, three numbers for each')
+            raise ValueError(f'{count} poses, and the topic of the core can hold {maximum}: give '
+                             'it a larger tail, three numbers for each')
         found = bytearray(LITTLE_ENDIAN + _NUMBERS_HEAD.pack(0, 0, 3 * count))
         for index in range(count):
             reader.skip(4, 8)
@@ -235,21 +222,21 @@ def _unit(pose: Sequence[float], what: str) -> tuple[float, ...]:
     length = math.hypot(*pose[3:])
     if not 1e-6 < length < 1e6:
         raise ValueError(f'{what} has a quaternion of length {length:g}: it must be 1 '
-                         '(no turn: x 0, y 0, z 0, w 1)')
+                         '(no rotation: x 0, y 0, z 0, w 1)')
     return tuple(each / length for each in pose[3:])
 
 
 def _check_frame(found: str, wanted: str, what: str = '') -> None:
     if found != wanted:
-        remedy = f'it must be {wanted!r}; transform it there before' if wanted else (
-            'the topic of the core names none; declare it with fixed: {header.frame_id: map}')
+        remedy = f'it must be {wanted!r}; transform it to that frame first' if wanted else (
+            'the topic of the core has none; declare it with fixed: {header.frame_id: map}')
         raise ValueError(f'{what}frame_id {found[:60]!r}: {remedy}')
 
 
 # ---- goals and initial poses -----------------------------------------------------------------
 
 def check_pose(frame_id: str, maximum_bytes: int) -> Inward:
-    """Make what lets poses with this frame pass, with a quaternion of length 1."""
+    """Make a converter that accepts poses in this frame and normalises their quaternion."""
     def convert(cdr: bytes) -> bytes:
         reader = CdrReader(cdr)
         reader.skip(4, 8)
@@ -261,34 +248,45 @@ def check_pose(frame_id: str, maximum_bytes: int) -> Inward:
     return convert
 
 
-# ---- networks of sensors, graphs of maps -----------------------------------------------------
+# ---- diagnostics -----------------------------------------------------------------------------
 
-def to_network(frame_id: str) -> Outward:
-    """Make what turns the rows of a sensor network, or the graph of a map, into markers."""
-    return to_markers(labelled_numbers, frame_id)
+def to_diagnostics(frame_id: str = '') -> Outward:
+    """
+    Make a converter from a string with diagnostics in JSON to a ``DiagnosticArray``.
+
+    :return: raises ValueError when the string is not valid.
+    """
+    frame = text_bytes(frame_id)
+
+    def convert(cdr: memoryview, wall_ns: int) -> bytes:
+        if len(cdr) > TEXT_BYTES_MAXIMUM:
+            raise ValueError(f'{len(cdr)} bytes: at most {TEXT_BYTES_MAXIMUM} are allowed')
+        return diagnostic_array(statuses_of(string_in(cdr)), wall_ns, frame)
+
+    return convert
 
 
-# ---- which there are -------------------------------------------------------------------------
+# ---- the table -------------------------------------------------------------------------------
 
 CONVERSIONS: Final = (
     Conversion(TRANSFORM, TRANSFORMS, '', to_transforms),
     Conversion(NUMBERS, PATH, 'map', to_path, from_path),
-    Conversion(NUMBERS, MARKERS, 'map', to_network),
+    Conversion(NUMBERS, MARKERS, 'map', to_markers),
     Conversion(TEXT, DIAGNOSTICS, '', to_diagnostics),
 )
-#: Types in ROS with one header, whose frame_id a mirror may say.
+#: Types in ROS with one header, whose frame_id a mirror may set.
 FRAMED: Final = (PATH, MARKERS, DIAGNOSTICS)
-#: What is checked on its way from ROS though its type stays.
+#: Types that are checked when they come from ROS, although they are not converted.
 CHECKED: Final = {GOAL: check_pose, ESTIMATE: check_pose}
 
 
 def find(core: str, ros: str) -> Conversion | None:
-    """Return the conversion of a pair of types, None when there is none."""
+    """Return the conversion of a pair of types; None if there is none."""
     return next((each for each in CONVERSIONS if (each.core, each.ros) == (core, ros)), None)
 
 
 def possible(direction: str) -> str:
-    """Name the pairs that can be converted in a direction, ``out`` or ``in``."""
+    """Return the pairs that can be converted in a direction, ``out`` or ``in``."""
     return ', '.join(
         f'{each.core} as {each.ros}' for each in CONVERSIONS
-        if each.way(direction) is not None)
+        if each.factory(direction) is not None)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The statistics of a core, as its clients get them."""
+"""The statistics of a core, as its clients receive them."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 
 if TYPE_CHECKING:
     from rt_robot_os.kernel import TaskStatistics
     from rt_robot_os.link.task_records import TaskCounts
 
-#: Why devices are simulated that nobody asked to simulate (``simulation_asked`` is False).
+#: Why devices are simulated although the user did not ask for it (``simulation_asked`` is False).
 SHIPPED_IN_USE: Final = 'the shipped robot.yaml is in use'
 
 
 @dataclass(frozen=True)
 class CoreStatistics:
     """
-    What a core says of itself, as :meth:`LinkClient.statistics` gives it.
+    The statistics of a core, as :meth:`LinkClient.statistics` returns them.
 
-    :ivar resources: what tasks share, each as in ``kernel.ResourceStatistics``.
-    :ivar counts: the histograms of each task by its name, to be subtracted from later ones.
+    :ivar resources: shared by tasks, each as in ``kernel.ResourceStatistics``.
+    :ivar counts: the histograms by task name, to be subtracted from later ones.
     """
 
     core: dict[str, Any]
@@ -61,11 +61,11 @@ class CoreStatistics:
 
 def collect(packets: Iterable[tuple[Header, bytes]]) -> CoreStatistics:
     """
-    Put the packets of an answer to ``statistics`` together.
+    Combine the packets of an answer to ``statistics``.
 
-    :raises LinkError: one of them is no packet of the link, or says why there are no statistics.
+    :raises LinkError: a packet is not valid, or the core refuses; the message gives its reason.
     """
-    # Late: most clients of a core ask for no statistics.
+    # Late: most clients do not request statistics.
     from rt_robot_os.link.task_records import decode_counts
     from rt_robot_os.link.task_records import decode_task
     tasks: list[TaskStatistics] = []
@@ -73,7 +73,7 @@ def collect(packets: Iterable[tuple[Header, bytes]]) -> CoreStatistics:
     parts: dict[str, list[dict[str, Any]]] = {
         'core': [], 'topic': [], 'device': [], 'client': [], 'resource': [], 'module': []}
     for head, packet in packets:
-        if head.kind == Kind.TASK:
+        if head.kind == PacketKind.TASK:
             record = memoryview(packet)[HEADER_BYTES:]
             tasks.append(decode_task(record))
             counts[tasks[-1].name] = decode_counts(record)

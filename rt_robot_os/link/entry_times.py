@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-When the samples of clients entered, on CLOCK_MONOTONIC, also after the machine was suspended.
+The times at which samples of clients entered, corrected for suspensions of the machine.
 
 A client stamps each sample when it sends it, so that the sample ages while it waits in a socket.
-CLOCK_MONOTONIC does not count while the machine is suspended: what was stamped before that is
-older than it says.
+CLOCK_MONOTONIC stands still while the machine is suspended: a sample that was stamped before the
+suspension is older than its stamp says.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.kernel import Clock
 
-# Below that it is the time between two readings of clocks.
+# A shorter difference is only the time between reading the two clocks.
 SUSPENDED_LEAST_NS: Final = 50 * NS_PER_MS
 
 
@@ -47,7 +47,7 @@ class EntryTimes:
         self._resumed_ns = self._lost_ns = 0
 
     def update(self, now_ns: int) -> None:
-        """Notice a suspension; call it before samples are received."""
+        """Detect a suspension; call it before samples are received."""
         suspended_ns = self._clock.suspended_ns()
         lost_ns = suspended_ns - self._suspended_ns
         self._suspended_ns = suspended_ns
@@ -57,10 +57,10 @@ class EntryTimes:
 
     def stamp_of(self, stamp_ns: int, now_ns: int) -> int:
         """
-        Return the moment at which a sample entered; 0 for now.
+        Return the time at which a sample entered; 0 for now.
 
-        :param stamp_ns: of the client. One in the future would make a command seem fresh for
-            ever: it counts as now.
+        :param stamp_ns: of the client. A stamp in the future counts as now: otherwise a command
+            would stay fresh forever.
         """
         if not 0 < stamp_ns <= now_ns:
             return 0

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-When a client reads that lets its samples wait: on its own clock, so that sending wakes nobody.
+The clock of a client that polls its socket, so that a packet does not wake it.
 
-To wake a process that waits for a packet costs the sender more than the packet: in a virtual
-machine some 15 us, for an interrupt of another processor.
+Waking a process that waits for a packet costs the sender more than the packet itself: about 15 us
+in a virtual machine, for an interrupt of another processor.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ import time
 
 from rt_robot_os.base.units import NS_PER_MS
 
-# What has come by the next time shall fill a quarter of the smallest socket buffer at most.
+# What arrives until the next poll must fill at most a quarter of the smallest socket buffer.
 _FETCH_BYTES = 64 << 10
 SHORTEST_NS = NS_PER_MS
 
 
 class FetchClock:
     """
-    The moments at which a client looks what has come.
+    The times at which a client polls its socket.
 
-    It begins with short intervals and looks more often when much comes: the socket never fills.
+    It starts with short intervals and polls more often when much arrives: the socket never fills.
 
     :param connection: to the core.
-    :ivar interval_ns: from one moment to the next, up to a millisecond more; 0: it waits for
-        packets instead.
+    :ivar interval_ns: from one poll to the next, up to a millisecond more; 0: the client waits
+        for packets instead.
     """
 
     __slots__ = ('interval_ns', '_end', '_step_ns', '_last_ns')
@@ -50,23 +50,27 @@ class FetchClock:
         self.interval_ns = 0
         self._step_ns = SHORTEST_NS
         self._last_ns = 0
-        # Asks for no event: what is told nevertheless is the end of the connection.
+        # No event is requested: poll(2) then reports only the end of the connection.
         self._end = select.poll()
         self._end.register(connection, 0)
 
     def left_ns(self) -> int:
-        """Return how long it is to the next moment; less than 0 when it is over."""
+        """Return the time until the next poll; negative when it is overdue."""
         return self._last_ns + min(self._step_ns, self.interval_ns) - time.monotonic_ns()
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for the next moment, or the end of the connection; return whether it has come."""
+        """Wait for the next poll or the end of the connection; return whether either is due."""
         # poll(2) counts whole milliseconds.
         left_ms, limit_ms = math.ceil(self.left_ns() / NS_PER_MS), math.ceil(timeout_s * 1000)
         return (left_ms <= 0 or bool(self._end.poll(min(left_ms, limit_ms)))
                 or left_ms <= limit_ms)
 
     def fetched(self, size: int) -> None:
-        """Note that all there was has been read, so many bytes."""
+        """
+        Note that the socket was read until it was empty.
+
+        :param size: bytes that were read.
+        """
         if not self.interval_ns:
             return
         now_ns = time.monotonic_ns()

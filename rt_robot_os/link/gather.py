@@ -13,15 +13,15 @@
 # limitations under the License.
 
 """
-When the link's task runs: at once after a pause, else once for all that comes within an interval.
+When the link's task runs: immediately after a pause, otherwise once per interval.
 
-This is interrupt coalescing as network cards do it. A sample on a topic that is published now and
-then goes out at once; of many or fast topics the samples of an interval go together. A topic whose
-client allows a delay waits for company from its first sample on.
+This is interrupt coalescing, as network cards do it. A sample on a rarely published topic is sent
+immediately; the samples of many or fast topics within an interval are sent together. A topic whose
+client allows a delay waits for other samples from its first sample on.
 
-A first sample that comes when the interval is nearly over is not held back: a timer for the rest
-would wake the core once more. A topic whose period is the interval always comes then, for the
-interval begins when the link's task has sent the sample before.
+A first sample shortly before the end of the interval is not held back: a timer for the rest would
+wake the core once more. This is always so for a topic whose period is the interval, because the
+interval starts when the link's task has sent the sample before.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ from rt_robot_os.topics import Subscription
 from rt_robot_os.topics import Trigger
 from rt_robot_os.topics.topic import Topic
 
-# What comes in the last eighth of an interval is not held back.
+# A sample in the last eighth of an interval is not held back.
 _LAST_PART = 8
 
 
 class Gather:
     """
-    Keep an interval between the releases of a task, for all topics that it carries.
+    Keep an interval between the releases of a task, for all topics that it sends.
 
-    :param task: which.
-    :param interval_ns: from one of its jobs to the next, an eighth less where a sample comes in
-        that time; 0 holds nothing back.
-    :ivar prompt: the next job comes when the interval is over, or is under way.
-    :ivar within_ns: the next job comes so long from now at the latest.
+    :param task: the task.
+    :param interval_ns: from one of its jobs to the next, an eighth less if a sample comes in that
+        last eighth; 0 holds nothing back.
+    :ivar prompt: the next job starts at the end of the interval, or has started.
+    :ivar within_ns: the latest time until the next job starts.
     """
 
     __slots__ = ('task', 'interval_ns', 'prompt', 'within_ns', '_kernel', '_timer', '_early_ns',
@@ -64,9 +64,9 @@ class Gather:
 
     def due(self, delay_ns: int) -> bool:
         """
-        Return whether the task is to run now; otherwise it runs in time.
+        Return whether the task must run now; otherwise it is released in time.
 
-        :param delay_ns: how long it may wait; 0: until the interval is over.
+        :param delay_ns: how long it may wait; 0: until the end of the interval.
         """
         kernel = self._kernel
         now_ns = kernel.now_ns()
@@ -87,29 +87,29 @@ class Gather:
         return False
 
     def now(self) -> None:
-        """Note that the task is released, so that nothing else has to."""
+        """Note that the task is released."""
         self.prompt = True
         self.within_ns = 0
 
     def begin(self) -> None:
-        """Note that the task runs, before it looks at the topics."""
+        """Note that the task runs, before it reads the topics."""
         if self._timer.started:
             self._timer.cancel()
         self.prompt = False
         self.within_ns = self._due_ns = NEVER_NS
 
-    def carried(self, now_ns: int) -> None:
-        """Note that samples went out; after a job that found none there is no interval."""
+    def note_sent(self, now_ns: int) -> None:
+        """Note that samples were sent; a job without samples starts no interval."""
         self._open_ns = now_ns + self.interval_ns
 
 
 class Gathered(Trigger):
     """
-    Release the task for one topic that it carries.
+    Release the task for one topic that it sends.
 
-    At once, whatever the interval, when half of the topic's ring is unread: none shall be lost.
+    When half of the topic's ring is unread, the release is immediate, so that no sample is lost.
 
-    :ivar delay_ns: how long a sample may wait for others; 0: as long as the interval says.
+    :ivar delay_ns: how long a sample may wait for others; 0: until the end of the interval.
     """
 
     __slots__ = ('delay_ns', '_gather', '_subscription', '_enough', '_full_at')
@@ -120,10 +120,10 @@ class Gathered(Trigger):
         self._gather = gather
         self._subscription = subscription
         self._enough = max(1, subscription.topic.depth // 2)
-        self.carried()
+        self.note_read()
 
-    def carried(self) -> None:
-        """Note how far the topic has been read; what was left there is tried again in time."""
+    def note_read(self) -> None:
+        """Note how far the topic has been read; samples left there are tried again in time."""
         subscription = self._subscription
         self._full_at = max(subscription.next_seq + self._enough,
                             subscription.topic.head + (self._enough + 1) // 2)

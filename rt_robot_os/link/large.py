@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Carry samples that are too long for a packet to one client, through a memory file.
+Send samples that are too long for a packet to one client, through a memory file.
 
-The sample is copied from the topic into a free slot, in pieces of 64 KiB, and a small packet says
-which slot it is. The client reads it in place and gives the slot back. A client that gives nothing
-back loses samples, which are counted as ``full``; the core waits for nothing.
+The sample is copied from the topic into a free slot, in pieces of 64 KiB, and a small packet names
+the slot. The client reads it in place and returns the slot. A client that returns no slot loses
+samples, which are counted as ``full``; the core never waits.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import MEMORY
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import SLOT
 from rt_robot_os.link.protocol import VERSION
 from rt_robot_os.linux.memory_file import Loans
@@ -41,13 +41,13 @@ from rt_robot_os.linux.memory_file import send_with_fd
 from rt_robot_os.linux.memory_file import slot_stride
 from rt_robot_os.topics import Bus
 
-# One with the client, one on its way, and two for a client that is late now and then.
+# One with the client, one on its way, and two for a client that is late sometimes.
 SLOTS = 4
 CLIENT_MEMORY_MAXIMUM = 256 << 20
 
 
 def memory_bytes(size: int) -> int:
-    """Return how much memory the mirror of a topic takes whose samples have a size."""
+    """Return how much memory the mirror of a topic needs for samples of a size."""
     return SLOTS * slot_stride(size)
 
 
@@ -58,9 +58,9 @@ class LargeMirror(Mirror):
     :param arguments: as for :class:`Mirror`.
     :param number: of the memory among those of the client.
     :param connection: to the client.
-    :ivar loans: which slots the client has; it gives them back in the task for commands.
-    :ivar memory_bytes: how much memory it takes.
-    :raises LinkError: there is not so much memory.
+    :ivar loans: the slots that the client holds; it returns them in the task for commands.
+    :ivar memory_bytes: size of the memory file.
+    :raises LinkError: the memory file cannot be created.
     """
 
     def __init__(self, bus: Bus, topic: str, *arguments: Any, number: int,
@@ -89,21 +89,21 @@ class LargeMirror(Mirror):
         """
         Change what is sent from now on.
 
-        :param delay_ms: ignored: samples that wait would want more slots, and each of them has a
-            packet of its own anyway.
+        :param delay_ms: ignored: waiting samples would need more slots, and each of them has its
+            own packet anyway.
         """
         super().set_policy(policy, max_rate_hz)
 
-    def _carry(self, now_ns: int, unread: int) -> None:
+    def _send_unread(self, now_ns: int, unread: int) -> None:
         try:
             if not self._announced:
                 self._announce()
             self._lend(now_ns)
         except BlockingIOError:
-            pass  # no room even for the memory: the samples wait in the topic
+            pass  # the socket is full even for the memory: the samples wait in the topic
 
     def _announce(self) -> None:
-        send_with_fd(self._connection, header(Kind.MEMORY, self._channel) + MEMORY.pack(
+        send_with_fd(self._connection, header(PacketKind.MEMORY, self._channel) + MEMORY.pack(
             self._number, SLOTS, self._size), self._memory.fd)
         self._announced = True
 
@@ -118,7 +118,7 @@ class LargeMirror(Mirror):
                 continue
             slot = self.loans.acquire()
             if slot < 0 and self.patient:
-                return  # it waits in the topic until it is overwritten there
+                return  # the sample waits in the topic until it is overwritten there
             if slot < 0:
                 self.full += subscription.skip(latest)
                 return
@@ -139,11 +139,11 @@ class LargeMirror(Mirror):
     def _hand_over(self, slot: int) -> bool:
         subscription = self.subscription
         HEADER.pack_into(
-            self._packet, 0, Kind.SLOT, VERSION, self._channel,
+            self._packet, 0, PacketKind.SLOT, VERSION, self._channel,
             (self.full + subscription.lost) & 0xFFFFFFFF, subscription.stamp_ns,
             subscription.seq)
         SLOT.pack_into(self._packet, HEADER_BYTES, self._number, slot, subscription.length)
-        # Before it is sent: the answer may come before the next line.
+        # Before sending: the answer may come before the next line.
         self.loans.lend(slot)
         try:
             self._send(self._packet)
@@ -154,9 +154,9 @@ class LargeMirror(Mirror):
 
     def close(self, gone: bool = False) -> None:
         """
-        Stop reading the topic and let go of the memory.
+        Stop reading the topic and release the memory.
 
-        :param gone: the client has closed the connection and reads nothing any more.
+        :param gone: the client has closed the connection and reads nothing more.
         """
         super().close(gone)
         self.subscription.buffer = memoryview(b'')

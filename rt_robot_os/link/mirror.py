@@ -32,9 +32,9 @@ DELAY_MAXIMUM_MS = 100.0
 
 class Policy(Enum):
     """
-    Which samples a client gets.
+    The samples that a client gets.
 
-    DRAIN: all of them. LATEST: the newest whenever the link runs; the others are skipped.
+    DRAIN: all samples. LATEST: the newest whenever the link runs; the others are skipped.
     """
 
     DRAIN = 'drain'
@@ -44,17 +44,17 @@ class Policy(Enum):
 @dataclass(frozen=True)
 class MirrorStatistics:
     """
-    One topic on its way to one client.
+    The statistics of one topic that is sent to one client.
 
     sent + full + lost + skipped + limited + waiting = published.
 
-    :ivar published: samples of the topic since the mirror began.
-    :ivar full: samples that the client's full socket refused, or for which it had given no slot
-        back.
+    :ivar published: samples of the topic since the mirror started.
+    :ivar full: samples that were dropped because the client's socket was full, or because it
+        held all slots.
     :ivar lost: samples overwritten in the ring before they could be sent.
-    :ivar skipped: samples passed over by ``latest``.
-    :ivar limited: samples passed over by ``max_rate_hz``.
-    :ivar delay_ms: how long a sample may wait in the core for others; 0: as all mirrors do.
+    :ivar skipped: samples skipped because of ``latest``.
+    :ivar limited: samples skipped because of ``max_rate_hz``.
+    :ivar delay_ms: how long a sample may wait in the core for others; 0: ``core.link_gather_ms``.
     """
 
     topic: str
@@ -72,16 +72,16 @@ class MirrorStatistics:
 
 class Mirror:
     """
-    One topic to one client; used by the link's task alone.
+    Send one topic to one client; used by the link's task alone.
 
     :param channel: number of the topic.
-    :param batch: what the client gets next.
+    :param batch: the next packet to the client.
     :param max_rate_hz: 0 for no limit.
-    :param gather: releases the link's task as long as the mirror is there.
-    :param buffer: where samples are copied to at first.
-    :ivar patient: what a full socket refuses stays in the ring and is tried again, until it is
-        overwritten there; otherwise it is lost at once.
-    :ivar sent: samples handed to the client's socket, or in the packet that it gets next.
+    :param gather: releases the link's task while the mirror exists.
+    :param buffer: the first buffer that samples are copied to.
+    :ivar patient: a sample that a full socket refuses stays in the ring and is tried again until
+        it is overwritten there; otherwise it is dropped.
+    :ivar sent: samples written to the client's socket, or in its next packet.
     """
 
     def __init__(self, bus: Bus, topic: str, client: str, batch: Batch, channel: int,
@@ -94,20 +94,20 @@ class Mirror:
         self._longest = self.topic.layout.max_size
         self.subscription = bus.subscribe(
             topic, f'link:{client}', initial=initial, buffer=buffer, counted=False)
-        self.subscription.msg = None  # nobody reads it: samples go where they are sent from
+        self.subscription.msg = None  # not used: samples are copied to the packet
         self._trigger = Gathered(gather, self.subscription)
         self.topic.triggers.append(self._trigger)
         self._began = self.subscription.next_seq
         self.patient = False
         self.sent = self.full = self.limited = 0
-        self._next_ns = self._carried_ns = self._at_ns = 0
+        self._next_ns = self._sent_ns = self._at_ns = 0
         self.set_policy(policy, max_rate_hz)
 
     def set_policy(self, policy: Policy, max_rate_hz: float, delay_ms: float = 0.0) -> None:
         """
         Change what is sent from now on.
 
-        :param delay_ms: how long a sample may wait for others; 0: as long as the link gathers.
+        :param delay_ms: how long a sample may wait for others; 0: ``core.link_gather_ms``.
         """
         self.policy = policy
         self._latest = policy is Policy.LATEST
@@ -117,37 +117,37 @@ class Mirror:
         self._interval_ns = round(NS_PER_S / max_rate_hz) if max_rate_hz > 0 else 0
 
     def begin_with_oldest(self) -> None:
-        """Send what is kept already, too; before anything was sent."""
+        """Also send the samples that are stored already; call it before anything was sent."""
         self.subscription.rewind()
         self._began = self.subscription.next_seq
 
     @property
     def missed(self) -> int:
-        """How many samples the client lost: those that it asked to leave out do not count."""
+        """Number of samples that the client lost, without those it asked to skip."""
         return self.full + self.subscription.lost
 
-    def carry(self, now_ns: int) -> bool:
+    def send_due(self, now_ns: int) -> bool:
         """
-        Send what is there and due; never waits.
+        Send the samples that are due; never waits.
 
-        :return: whether there was anything.
-        :raises OSError: the client is gone.
+        :return: whether there were any samples.
+        :raises OSError: the connection is closed.
         """
         unread = self.subscription.unread
         if not unread:
             return False
         try:
-            self._carry(now_ns, unread)
+            self._send_unread(now_ns, unread)
         finally:
-            self._carried_ns = now_ns
-            self._trigger.carried()
+            self._sent_ns = now_ns
+            self._trigger.note_read()
         return True
 
-    def _carry(self, now_ns: int, unread: int) -> None:
+    def _send_unread(self, now_ns: int, unread: int) -> None:
         """
-        Put what is there and due into the batch; more that comes meanwhile waits for the next.
+        Put the samples that are due into the batch; samples that come meanwhile wait.
 
-        :raises OSError: the client is gone.
+        :raises OSError: the connection is closed.
         """
         subscription, batch = self.subscription, self._batch
         take = subscription.latest if self._latest else subscription.take
@@ -157,12 +157,12 @@ class Mirror:
                     return
                 self._pass_over()
                 continue
-            room = batch.room(self._longest)
-            if room is None:
+            space = batch.reserve(self._longest)
+            if space is None:
                 if not self.patient:
                     self.full += subscription.skip(self._latest)
                 return
-            subscription.buffer = room
+            subscription.buffer = space
             if not take():
                 return
             batch.add(self._channel, self.full + subscription.lost, subscription.stamp_ns,
@@ -175,17 +175,17 @@ class Mirror:
         """
         Return whether the next sample comes too soon after the last one that was sent.
 
-        What waited for others counts from when it was published, or as near as its stamp tells.
+        For a sample that waited for others its stamp counts, as the time of publication.
         """
         if self._latest:
             self._at_ns = now_ns
         else:
             stamp_ns = self.topic.stamp_of(self.subscription.next_seq)
-            self._at_ns = min(now_ns, max(self._carried_ns, stamp_ns))
+            self._at_ns = min(now_ns, max(self._sent_ns, stamp_ns))
         return self._at_ns < self._next_ns
 
     def _count_interval(self) -> None:
-        # The limit is a grid while the topic keeps up; after a pause the grid starts anew.
+        # The limit is a grid while the topic keeps up; after a pause the grid restarts.
         self._next_ns += self._interval_ns
         if self._next_ns < self._at_ns:
             self._next_ns = self._at_ns + self._interval_ns
@@ -198,14 +198,14 @@ class Mirror:
         """
         Stop reading the topic.
 
-        :param gone: the client has closed the connection and reads nothing any more.
+        :param gone: the client has closed the connection and reads nothing more.
         """
         if self._trigger in self.topic.triggers:
             self.topic.triggers.remove(self._trigger)
         self._bus.unsubscribe(self.subscription)
 
     def statistics(self) -> MirrorStatistics:
-        """Take the statistics, all of the same moment."""
+        """Return the statistics, all of the same time."""
         s = self.subscription
         while True:
             head = self.topic.head
@@ -213,5 +213,5 @@ class Mirror:
                 self.topic.name, self.policy.value, self.max_rate_hz, head - self._began,
                 self.sent, self.full, s.statistics().lost, s.skipped, self.limited, s.unread,
                 self.delay_ms)
-            if head == self.topic.head:  # nobody published in between
+            if head == self.topic.head:  # no sample was published in between
                 return taken

@@ -15,48 +15,48 @@
 """
 The packets of the link.
 
-One packet, one datagram of a SOCK_SEQPACKET socket. It begins with 24 bytes, little-endian:
+A packet is one datagram of a SOCK_SEQPACKET socket. It begins with 24 bytes, little-endian:
 
 ====== ==== ========================================================================
 offset size meaning
 ====== ==== ========================================================================
-0      1    kind, see :class:`Kind`
+0      1    kind, see :class:`PacketKind`
 1      1    protocol version
 2      2    channel: number of a topic; 0 otherwise
-4      4    samples of this topic that this client did not get so far, modulo 2**32
+4      4    samples of this topic that this client has missed so far, modulo 2**32
 8      8    stamp on CLOCK_MONOTONIC in nanoseconds, signed
 16     8    sequence number of the sample in its topic, or of the request that is answered
 ====== ==== ========================================================================
 
-An answer may take several packets: all but the last have channel 1. A packet of it that would be
-long goes in parts, with the same header: all but the last have 2 added to their channel.
+An answer may need several packets: all but the last have channel 1. A long packet of an answer is
+divided into parts with the same header: all but the last have 2 added to their channel.
 
-Samples that go out at the same moment share a ``BATCH``: after its header, whose sequence number
-counts them, each of them as a ``DATA`` packet of its own, its length before it in 8 bytes, and
-zeros behind it up to a multiple of 8. The core sends it; clients send ``DATA`` alone.
+Samples that are sent together share a ``BATCH``: after its header, whose sequence number is their
+count, each of them follows as a ``DATA`` packet, preceded by its length in 8 bytes and padded with
+zeros to a multiple of 8. Only the core sends it; clients send ``DATA``.
 
-A sample that is too long for a packet lies in a memory file that both sides have mapped; the core
-makes it. For a mirror it sends the file once in a ``MEMORY`` packet (SCM_RIGHTS), then a ``SLOT``
-packet for each sample; the client answers each with ``GIVE_BACK``. A slot belongs to the client in
-between. For a large topic that the client advertises it sends the file in a ``ROOM`` packet; its
-slots belong to the client at first, which sends a ``SLOT`` packet for each sample, and the core
-answers with ``GIVE_BACK`` when it has taken it. A ``DATA`` packet of that topic must not come
-while the core has a slot: it would overtake.
+A sample that is too long for a packet is in a memory file of the core that both sides have mapped.
+For a mirror the core sends the file once in a ``MEMORY`` packet (SCM_RIGHTS), then a ``SLOT``
+packet for each sample; the client answers each with ``GIVE_BACK``. In between the slot belongs to
+the client. For a large topic that the client advertises the core sends the file in an ``UPLOAD``
+packet. Its slots belong to the client at first, which sends a ``SLOT`` packet for each sample; the
+core answers with ``GIVE_BACK`` when it has published it. A ``DATA`` packet of that topic must not
+be sent while the core holds a slot: it would overtake the sample in the slot.
 
-With the answer to ``hello`` comes a ``LIFE`` packet with the page of :mod:`.sign_of_life`
+With the answer to ``hello`` comes a ``LIVENESS`` packet with the page of :mod:`.liveness`
 (SCM_RIGHTS).
 
 ========= ======================================================= =========
 kind      after the header                                        sent by
 ========= ======================================================= =========
 MEMORY    number of the memory, of its slots; bytes of a slot     core
-ROOM      as ``MEMORY``                                           core
+UPLOAD    as ``MEMORY``                                           core
 SLOT      number of the memory, of the slot; bytes of the sample  both
 GIVE_BACK number of the memory, of the slot                       both
 ========= ======================================================= =========
 
-After it: CDR for ``DATA``, JSON for ``REQUEST``, ``REPLY`` and ``REPORT``, a record of
-:mod:`rt_robot_os.link.task_records` for ``TASK``, nothing for ``BEAT``.
+After the header of the other kinds: CDR for ``DATA``, JSON for ``REQUEST``, ``REPLY`` and
+``REPORT``, a record of :mod:`rt_robot_os.link.task_records` for ``TASK``, nothing for ``BEAT``.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ VERSION = 5
 HEADER = struct.Struct('<BBHIqQ')
 HEADER_BYTES = HEADER.size
 RECORD = struct.Struct('<Q')
-# A sample's length and its header, packed at once.
+# The length and the header of a sample, packed in one call.
 RECORD_HEAD = struct.Struct(RECORD.format + HEADER.format[1:])
 MEMORY = struct.Struct('<IIQ')
 SLOT = struct.Struct('<IIQ')
@@ -85,16 +85,16 @@ REQUEST_BYTES_MAXIMUM = 16_384
 PACKET_BYTES_MAXIMUM = 128 * 1024
 # A longer sample goes through a memory file.
 SAMPLE_BYTES_MAXIMUM = PACKET_BYTES_MAXIMUM // 2
-# Of a long answer: no task can start during a system call, so it is kept short.
+# The part of a long answer: no task can start during a system call, so it is kept short.
 PART_BYTES = 16 * 1024
 MORE, CONTINUED = 1, 2
-# A request needs few; each level of nesting costs the reader of it stack and time.
+# A request needs few; each level of nesting costs the parser stack and time.
 BRACKETS_MAXIMUM = 256
 _AT_ONCE = 16
 
 
-class Kind(IntEnum):
-    """What a packet is."""
+class PacketKind(IntEnum):
+    """The kind of a packet."""
 
     DATA = 1
     REQUEST = 2
@@ -106,8 +106,8 @@ class Kind(IntEnum):
     SLOT = 8
     GIVE_BACK = 9
     BATCH = 10
-    LIFE = 11
-    ROOM = 12
+    LIVENESS = 11
+    UPLOAD = 12
 
 
 class Header(NamedTuple):
@@ -121,7 +121,7 @@ class Header(NamedTuple):
     seq: int
 
 
-def header(kind: Kind, channel: int = 0, missed: int = 0, stamp_ns: int = 0,
+def header(kind: PacketKind, channel: int = 0, missed: int = 0, stamp_ns: int = 0,
            seq: int = 0) -> bytes:
     """Make the first 24 bytes of a packet."""
     return HEADER.pack(kind, VERSION, channel, missed & 0xFFFFFFFF, stamp_ns, seq)
@@ -129,33 +129,33 @@ def header(kind: Kind, channel: int = 0, missed: int = 0, stamp_ns: int = 0,
 
 def parse_header(packet: bytes | memoryview) -> Header:
     """
-    Read the first 24 bytes of a packet.
+    Parse the first 24 bytes of a packet.
 
-    :raises LinkError: it is too short, or of another version.
+    :raises LinkError: the packet is too short, or of another version.
     """
     if len(packet) < HEADER_BYTES:
-        raise LinkError(f'a packet of {len(packet)} bytes is no packet of the link')
+        raise LinkError(f'a packet of {len(packet)} bytes is too short for the link')
     parsed = Header(*HEADER.unpack_from(packet))
     if parsed.version != VERSION:
-        raise LinkError(f'the other side speaks version {parsed.version} of the link, this one '
-                        f'{VERSION}; use one release of rt_robot_os on both sides')
+        raise LinkError(f'the other side uses version {parsed.version} of the link, this side '
+                        f'{VERSION}; use the same release of rt_robot_os on both sides')
     return parsed
 
 
-def encode_json(kind: Kind, content: dict[str, Any], *, seq: int = 0, more: bool = False,
+def encode_json(kind: PacketKind, content: dict[str, Any], *, seq: int = 0, more: bool = False,
                 default: Callable[[Any], Any] | None = None) -> bytes:
     """
-    Make a packet that carries JSON; preemptible, however long the content is.
+    Make a packet with JSON; preemptible, however long the content is.
 
-    :param seq: the request that it answers.
+    :param seq: number of the request that it answers.
     :param more: further packets of the same answer follow.
-    :param default: gives a plain value for one that JSON does not know.
+    :param default: converts a value that JSON does not know.
     """
     return header(kind, MORE * more, seq=seq) + _json(content, default).encode()
 
 
 def _json(value: Any, default: Callable[[Any], Any] | None) -> str:
-    """Encode piece by piece: a native call for all of a long one would hold up every task."""
+    """Encode piece by piece: one native call for a long value would delay every task."""
     if isinstance(value, dict) and (len(value) > _AT_ONCE or any(
             isinstance(item, dict | list | tuple) and len(item) > _AT_ONCE
             for item in value.values())):
@@ -167,7 +167,7 @@ def _json(value: Any, default: Callable[[Any], Any] | None) -> str:
 
 
 def in_parts(packet: bytes) -> Iterator[bytes]:
-    """Divide a packet of an answer that is too long to be sent at once."""
+    """Divide a packet of an answer that is too long to be sent in one call."""
     if len(packet) <= PART_BYTES:
         yield packet
         return
@@ -180,9 +180,9 @@ def in_parts(packet: bytes) -> Iterator[bytes]:
 
 def decode_request(packet: bytes) -> dict[str, Any]:
     """
-    Read the JSON of a request, which may be anybody's.
+    Parse the JSON of a request, which may come from an untrusted client.
 
-    :raises LinkError: it is no JSON object, or nested as no request is.
+    :raises LinkError: it is not a JSON object, or nested too deeply.
     """
     if packet.count(b'[') + packet.count(b'{') > BRACKETS_MAXIMUM:
         raise LinkError(f'a request has more than {BRACKETS_MAXIMUM} brackets')
@@ -191,14 +191,14 @@ def decode_request(packet: bytes) -> dict[str, Any]:
 
 def decode_json(packet: bytes | memoryview) -> dict[str, Any]:
     """
-    Read the JSON of a packet.
+    Parse the JSON of a packet.
 
-    :raises LinkError: it is no JSON object.
+    :raises LinkError: it is not a JSON object.
     """
     try:
         content = json.loads(bytes(packet[HEADER_BYTES:]))
     except (ValueError, RecursionError) as error:
-        raise LinkError(f'a packet holds no JSON: {error}') from error
+        raise LinkError(f'a packet does not hold JSON: {error}') from error
     if not isinstance(content, dict):
         raise LinkError(f'a packet holds {type(content).__name__} where an object is expected')
     return content

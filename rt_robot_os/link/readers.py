@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who reads a topic of the core: whether a command that is published there can be answered."""
+"""The readers of a topic of the core: whether a command that is published there has a receiver."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rt_robot_os.base.errors import LinkError
 
 
 class ReadingClient(NamedTuple):
-    """A client of the core; one that connects again is another."""
+    """A client of the core; after a reconnection it is a different one."""
 
     name: str
     pid: int
@@ -33,11 +33,11 @@ class ReadingClient(NamedTuple):
 
 class Readers(NamedTuple):
     """
-    Who reads a topic; where answers are expected, of the clients only those that can answer.
+    The readers of a topic; where answers are expected, only the clients that can answer.
 
-    :ivar in_core: how many devices and modules of the core read it.
-    :ivar asker: the client that asks is itself one of the readers.
-    :ivar clients: the others.
+    :ivar in_core: number of devices and modules of the core that read it.
+    :ivar asker: the requesting client is itself one of the readers.
+    :ivar clients: the other clients.
     """
 
     in_core: int
@@ -45,19 +45,19 @@ class Readers(NamedTuple):
     clients: frozenset[ReadingClient]
 
     def __bool__(self) -> bool:
-        """Return whether there is any."""
+        """Return whether there is any reader."""
         return bool(self.in_core or self.asker or self.clients)
 
     def names(self) -> str:
-        """Name the clients, as for a message."""
+        """Return the names of the clients, for a message."""
         return ', '.join(sorted(f'{each.name} (pid {each.pid})' for each in self.clients))
 
 
 def readers_of(answer: Mapping[str, Any]) -> Readers:
     """
-    Read what the core answers to the request ``readers``.
+    Parse the answer of the core to the request ``readers``.
 
-    :raises LinkError: it refuses, or answers something else.
+    :raises LinkError: the core refuses, or the answer is not valid.
     """
     if 'error' in answer:
         raise LinkError(str(answer['error']))
@@ -66,13 +66,13 @@ def readers_of(answer: Mapping[str, Any]) -> Readers:
             ReadingClient(str(name), int(pid), int(since_ns))
             for name, pid, since_ns in answer['clients']))
     except (KeyError, TypeError, ValueError) as error:
-        raise LinkError(f'the core does not say who reads: {type(error).__name__} {error}'
-                        ) from None
+        raise LinkError('the answer of the core to the request for readers is not valid: '
+                        f'{type(error).__name__} {error}') from None
 
 
 def no_answer(topic: str, remedy: str) -> str:
     """
-    Say that nothing answers what is published on a topic.
+    Return the message for a command that no process answers.
 
     :param remedy: what to do about it.
     """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The samples of a packet, as its reader takes it apart."""
+"""Split a packet into its samples."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _HEAD_BYTES = RECORD_HEAD.size
 
 def records(packet: memoryview) -> Iterator[Record]:
     """
-    Take a packet of samples apart.
+    Split a packet of samples.
 
-    :raises LinkError: a length in it is wrong.
+    :raises LinkError: a length in the packet is wrong.
     """
     at, end = HEADER_BYTES, len(packet)
     while at < end:
@@ -44,6 +44,6 @@ def records(packet: memoryview) -> Iterator[Record]:
         at += RECORD.size + length
         if length < HEADER_BYTES or at > end:
             raise LinkError(f'a packet of {end} bytes holds a sample of {length} bytes that does '
-                            f'not fit, {start - _HEAD_BYTES} after its begin')
+                            f'not fit, at offset {start - _HEAD_BYTES}')
         yield channel, missed, stamp_ns, seq, packet[start:at]
         at += -length % 8

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What clients may ask: a table to which whoever owns a matter adds the requests about it."""
+"""The table of requests: each part of the core registers the requests that it answers."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.link.protocol import decode_request
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import header
-from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import MORE
-from rt_robot_os.link.session import Session
+from rt_robot_os.link.protocol import PacketKind
+from rt_robot_os.link.session import ClientSession
 
 Arguments = dict[str, Any]
-Answer = Callable[[Session, Arguments], Arguments]
+Answer = Callable[[ClientSession, Arguments], Arguments]
 # A packet of an answer: JSON, or the bytes of a record of another kind.
-Part = Arguments | tuple[Kind, bytes]
-LongAnswer = Callable[[Session, Arguments], Iterable[Part]]
+Part = Arguments | tuple[PacketKind, bytes]
+LongAnswer = Callable[[ClientSession, Arguments], Iterable[Part]]
 
 _SHOWN_MAXIMUM = 200
 
@@ -46,7 +46,8 @@ class Requests:
     """
     Answer requests; called by the link's low-priority task.
 
-    :ivar occupied_by: whose code an answer is waiting for, such as a module's; empty otherwise.
+    :ivar occupied_by: the owner of the code that an answer waits for, such as a module; empty
+        otherwise.
     """
 
     def __init__(self) -> None:
@@ -56,32 +57,32 @@ class Requests:
 
     def add(self, do: str, answer: Answer) -> None:
         """
-        Add a request that one packet answers; before the kernel runs.
+        Add a request that is answered by one packet; call it before the kernel runs.
 
-        :param answer: gets the client and what it says; what it gives is sent as JSON. An
-            ``RtRobotError`` is sent as the reason of a refusal; anything else that it raises
-            parts with the client.
-        :raises LinkError: there is one of that name.
+        :param answer: gets the client and the arguments; its result is sent as JSON. An
+            ``RtRobotError`` is sent as the reason of a refusal; any other exception disconnects
+            the client.
+        :raises LinkError: a request of that name exists.
         """
         self._check_new(do)
         self._answers[do] = answer
 
     def add_long(self, do: str, answer: LongAnswer) -> None:
         """
-        Add a request that many packets answer, each made when the client has room for it.
+        Add a request that is answered by many packets, each made when the client can receive it.
 
-        :param answer: as for :meth:`add`, but gives the packets.
-        :raises LinkError: there is one of that name.
+        :param answer: as for :meth:`add`, but yields the packets.
+        :raises LinkError: a request of that name exists.
         """
         self._check_new(do)
         self._long[do] = answer
 
     def _check_new(self, do: str) -> None:
         if do in self._answers or do in self._long:
-            raise LinkError(f'request {do!r} is answered by somebody else: choose another name')
+            raise LinkError(f'request {do!r} exists already: choose another name')
 
-    def answer(self, session: Session, packet: bytes) -> None:
-        """Answer one request; nonsense is a reason to part."""
+    def answer(self, session: ClientSession, packet: bytes) -> None:
+        """Answer one request; a malformed request disconnects the client."""
         try:
             arguments = decode_request(packet)
         except LinkError as error:
@@ -96,15 +97,16 @@ class Requests:
         except RtRobotError as error:
             reply = {'error': str(error)}
         if reply is not None:
-            session.post(encode_json(Kind.REPLY, reply, seq=number))
+            session.post(encode_json(PacketKind.REPLY, reply, seq=number))
 
-    def _reply(self, session: Session, number: int, arguments: Arguments) -> Arguments | None:
+    def _reply(self, session: ClientSession, number: int, arguments: Arguments
+               ) -> Arguments | None:
         do = str(arguments.get('do'))
         if do in self._long:
             session.post_all(_packets(self._long[do](session, arguments), number))
             return None
         if do not in self._answers:
-            raise LinkError(f'unknown request {shown(do)}; there are '
+            raise LinkError(f'unknown request {shown(do)}; known are '
                             f'{", ".join(sorted([*self._answers, *self._long]))}')
         return self._answers[do](session, arguments)
 
@@ -116,44 +118,44 @@ def _packets(parts: Iterable[Part], number: int) -> Iterator[bytes]:
             if isinstance(part, tuple):
                 yield header(part[0], MORE, seq=number) + part[1]
             else:
-                yield encode_json(Kind.REPLY, part, seq=number, more=True, default=_plain)
+                yield encode_json(PacketKind.REPLY, part, seq=number, more=True, default=_plain)
     except RtRobotError as error:
         last = {'error': str(error)}
     except Exception as error:
-        # Most of it is made long after it was asked for: nobody else is there to be told.
+        # Most packets are made long after the request: only the client can be informed.
         last = {'error': f'the answer ends early: {type(error).__name__}: {error}'}
-    yield encode_json(Kind.REPLY, last, seq=number)
+    yield encode_json(PacketKind.REPLY, last, seq=number)
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Enum):
         return value.value
-    raise TypeError(f'{value!r} is no plain value')
+    raise TypeError(f'{value!r} cannot be sent as JSON')
 
 
 def shown(value: Any) -> str:
-    """Show what a client has sent, which may be anything, in a message."""
+    """Return a value that a client has sent, which may be anything, for a message."""
     text = repr(value)
     return text if len(text) <= _SHOWN_MAXIMUM else f'{text[:_SHOWN_MAXIMUM]}...'
 
 
-def text_of(arguments: Arguments, key: str) -> str:
+def string_argument(arguments: Arguments, key: str) -> str:
     """
-    Return an argument that must be a text.
+    Return an argument that must be a string.
 
-    :raises LinkError: it is none that others can read.
+    :raises LinkError: it is not a string, or cannot be encoded.
     """
     value = arguments.get(key)
     if not isinstance(value, str) or not encodable(value):
-        raise LinkError(f'{key} = {shown(value)}: must be a text')
+        raise LinkError(f'{key} = {shown(value)}: must be a string')
     return value
 
 
-def number_of(arguments: Arguments, key: str, default: float) -> float:
+def number_argument(arguments: Arguments, key: str, default: float) -> float:
     """
     Return an argument that must be a number from 0.
 
-    :raises LinkError: it is none.
+    :raises LinkError: it is not such a number.
     """
     value = arguments.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < 1e9:
@@ -161,19 +163,19 @@ def number_of(arguments: Arguments, key: str, default: float) -> float:
     return float(value)
 
 
-def reason_of(session: Session, arguments: Arguments) -> str:
-    """Return the reason that a client has for what it asks."""
+def reason_argument(session: ClientSession, arguments: Arguments) -> str:
+    """Return the reason that a client gives for its request."""
     return safe_line(str(arguments.get('reason', f'asked by {session.name}')))
 
 
-def value_of(arguments: Arguments) -> Any:
+def value_argument(arguments: Arguments) -> Any:
     """
-    Return the value of a parameter, whatever its type.
+    Return the value of a parameter, of any type.
 
-    :raises LinkError: it is, or holds, a text that others cannot read.
+    :raises LinkError: it is, or contains, a string that cannot be encoded.
     """
     value = arguments.get('value')
     for item in value if isinstance(value, list) else (value,):
         if isinstance(item, str) and not encodable(item):
-            raise LinkError(f'value = {shown(value)}: is no text that can be encoded')
+            raise LinkError(f'value = {shown(value)}: must be a string that can be encoded')
     return value

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Which robots of this user run on this machine: at most one of each name.
+Single-instance locks: at most one robot of each name of this user runs on this machine.
 
-A node holds ``NAME.lock`` in the runtime folder for its life, a core ``NAME-core.lock``: two, as a
-core that was started by hand and the node that attaches to it share their name. Both are flock(2)
-locks: Linux frees them when a process is killed.
+A node holds ``NAME.lock`` in the runtime folder while it runs, a core ``NAME-core.lock``. There
+are two, because a core that was started by hand and the node that attaches to it share a name.
+Both are flock(2) locks: Linux releases them when a process is killed.
 """
 
 from __future__ import annotations
@@ -41,59 +41,60 @@ from rt_robot_os.linux.paths import runtime_folder
 from rt_robot_os.linux.process import parent_of
 
 _CORE_SUFFIX: Final = '-core.lock'
-# A core whose node was killed brings its outputs to rest before it ends.
+# A core whose node was killed brings its outputs to a safe state before it ends.
 _ENDING_S = 10.0
-_LOOK_S = 0.02
+_POLL_S = 0.02
 
 
-def hold_robot(robot: str) -> LockFile:
+def lock_robot(robot: str) -> LockFile:
     """
-    Take the name of a node until :meth:`LockFile.release` or the end of the process.
+    Lock the name of a node until :meth:`LockFile.release` or the end of the process.
 
     :param robot: from :func:`rt_robot_os.linux.paths.robot_name`.
-    :raises StartError: it runs already; the message says who and what to do.
+    :raises StartError: it already runs; the message gives the process and the remedy.
     """
     lock = LockFile(runtime_folder() / f'{robot}.lock')
-    if not _take(lock):
-        raise StartError(f'the robot {node_of(robot)} runs here already'
-                         f'{_who(holder(lock.path))}: stop that one, or give this one another '
+    if not _acquire(lock):
+        raise StartError(f'the robot {node_of(robot)} already runs on this machine'
+                         f'{_process(holder(lock.path))}: stop it, or give this robot another '
                          'name: --ros-args -r __node:=other')
     lock.note(pid=os.getpid(), since=_now())
     return lock
 
 
-def hold_core(path: Path, parent: int = 0) -> LockFile:
+def lock_core(path: Path, parent: int = 0) -> LockFile:
     """
-    Take the name of a core; waits for one to end whose node is dead.
+    Lock the name of a core; waits for a core whose node is dead to end.
 
     :param path: of its socket.
     :param parent: process that the core ends with; 0 for none.
-    :raises StartError: it runs already; the message says who and what to do.
+    :raises StartError: it already runs; the message gives the process and the remedy.
     """
     lock = LockFile(core_lock_path(path))
     deadline_s = time.monotonic() + _ENDING_S
-    while not _take(lock):
+    while not _acquire(lock):
         there = holder(lock.path)
         if there is not None and (not _is_orphan(there) or time.monotonic() > deadline_s):
-            raise StartError(f'the core {path.stem} runs here already{_who(there)}: stop that '
-                             'one, attach a node to it (-p core.spawn:=false), or give this one '
-                             'another name: --ros-args -r __node:=other')
-        time.sleep(_LOOK_S)
+            raise StartError(f'the core {path.stem} already runs on this machine'
+                             f'{_process(there)}: stop it, attach a node to it '
+                             '(-p core.spawn:=false), or give this robot another name: '
+                             '--ros-args -r __node:=other')
+        time.sleep(_POLL_S)
     lock.note(pid=os.getpid(), since=_now(), parent=parent)
     return lock
 
 
 def core_lock_path(path: Path) -> Path:
-    """Return the lock that belongs to a core's socket."""
+    """Return the path of the lock that belongs to a core's socket."""
     return path.with_name(path.stem + _CORE_SUFFIX)
 
 
 def remove_leftovers(path: Path) -> None:
-    """Remove the socket of a core that was killed; one that is served stays."""
+    """Remove the socket of a core that was killed; the socket of a running core stays."""
     lock = LockFile(core_lock_path(path))
-    if path.exists() and _take(lock):
+    if path.exists() and _acquire(lock):
         try:
-            with suppress(OSError):  # a folder, say: the next core tells what is wrong
+            with suppress(OSError):  # a folder, for example: the next core reports the problem
                 path.unlink(missing_ok=True)
         finally:
             lock.release()
@@ -101,7 +102,7 @@ def remove_leftovers(path: Path) -> None:
 
 def remove_dead_lock(path: Path) -> None:
     """
-    Remove the lock that a killed node has left beside its core; one that is held stays.
+    Remove the lock file of a killed node next to its core's socket; a lock that is held stays.
 
     :param path: of the core's socket.
     """
@@ -113,7 +114,7 @@ def remove_dead_lock(path: Path) -> None:
 
 def running_cores() -> dict[str, Mapping[str, Any]]:
     """
-    Return the cores that run, by the name of their robot, with what their locks say.
+    Return the running cores by the name of their robot, with the facts in their lock files.
 
     :raises StartError: the runtime folder cannot be used.
     """
@@ -125,11 +126,11 @@ def running_cores() -> dict[str, Mapping[str, Any]]:
     return found
 
 
-def _take(lock: LockFile) -> bool:
+def _acquire(lock: LockFile) -> bool:
     try:
         return lock.acquire()
     except OSError as error:
-        raise StartError(f'{lock.path} cannot be made: {error.strerror}; set '
+        raise StartError(f'{lock.path} cannot be created: {error.strerror}; set '
                          'RT_ROBOT_OS_RUNTIME_DIR to a folder of your own') from error
 
 
@@ -137,7 +138,7 @@ def _now() -> str:
     return datetime.now().isoformat(' ', 'seconds')
 
 
-def _who(there: Mapping[str, Any] | None) -> str:
+def _process(there: Mapping[str, Any] | None) -> str:
     return f' (pid {there["pid"]}, since {there["since"]})' if there else ''
 
 
@@ -147,19 +148,19 @@ def _is_orphan(there: Mapping[str, Any]) -> bool:
 
 
 def add_robot_option(parser: argparse.ArgumentParser) -> None:
-    """Add the option ``--robot``, the same in every program; its value names the files."""
+    """Add the option ``--robot``, which is the same in every program."""
     parser.add_argument(
         '--robot', default='robot', metavar='NODE', type=robot_of,
-        help='its node, as `ros2 node list` prints it: /arm/robot (default: /robot)')
+        help='node of the robot, as `ros2 node list` prints it: /arm/robot (default: /robot)')
 
 
 def others_than(robot: str) -> str:
-    """Name the robots that run when one does not answer, as a sentence to follow that."""
+    """Return a sentence with the running robots, for the error that one does not answer."""
     running = running_cores()
     if robot in running:
-        return (f' Its core runs{_who(running[robot])} and does not answer: it is starting or '
-                'ending, or something keeps it from running (see `doctor`).')
+        return (f' Its core runs{_process(running[robot])} and does not answer: it is starting or '
+                'ending, or it is starved (see `doctor`).')
     names = [name for name in running if name != robot]
     if not names:
-        return ' No robot of this user runs here.'
-    return f' These run: {", ".join(f"--robot {node_of(name)}" for name in names)}'
+        return ' No robot of this user runs on this machine.'
+    return f' Running robots: {", ".join(f"--robot {node_of(name)}" for name in names)}'

@@ -15,12 +15,12 @@
 """
 The core's side of the link.
 
-Two tasks share the work. ``link/commands`` has a priority of the user's choice: released by the
-arrival of packets, it publishes samples from outside at once. ``link/service`` has a low one: it
-answers requests and carries mirrored topics out, released by their publications: at once after a
-pause, else for all that comes within an interval. With the same low priority ``link/accept``
-accepts clients, and ``link/beat`` runs 50 times a second for heartbeats and leftover work.
-``link/life``, above all others, writes the sign of life.
+Two tasks share the work. ``link/commands`` has a priority of the user's choice: it is released by
+arriving packets and publishes samples of clients immediately. ``link/service`` has a low priority:
+it answers requests and sends mirrored topics; it is released by their publications, immediately
+after a pause, otherwise once per interval. With the same low priority ``link/accept`` accepts
+clients, and ``link/beat`` runs 50 times a second for heartbeats and leftover work. ``link/life``,
+above all others, writes the liveness page.
 """
 
 from __future__ import annotations
@@ -40,36 +40,36 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.link.entry_times import EntryTimes
-from rt_robot_os.link.fairness import Lines
-from rt_robot_os.link.fairness import Shares
 from rt_robot_os.link.gather import Gather
+from rt_robot_os.link.liveness import LivenessPage
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import header
-from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import PacketKind
+from rt_robot_os.link.rate_limits import ClientQuotas
+from rt_robot_os.link.rate_limits import LogRateLimiter
 from rt_robot_os.link.requests import Requests
-from rt_robot_os.link.rooms import UploadTurns
+from rt_robot_os.link.session import ClientSession
 from rt_robot_os.link.session import ClientStatistics
-from rt_robot_os.link.session import Session
-from rt_robot_os.link.sign_of_life import LifePage
 from rt_robot_os.link.topic_requests import TopicRequests
+from rt_robot_os.link.uploads import UploadScheduler
 from rt_robot_os.topics import Bus
 
 CLIENTS_MAXIMUM = 16
 BEAT_RATE_HZ = 50.0
 BEATS_PER_HEARTBEAT = 10
 SEND_BUFFER_BYTES = 1 << 20
-LIFE = 'link/life'
-LIFE_PRIORITY = 99
+LIVENESS_TASK = 'link/life'
+LIVENESS_PRIORITY = 99
 SERVICE_PRIORITY, COMMAND_PRIORITY = 2, 50
-# The longest time of one of its jobs, for `plan`.
-LIFE_EXECUTION_NS = 20 * NS_PER_US
-LIFE_RATE_HZ = 10.0
+# The longest execution time of one of its jobs, for `plan`.
+LIVENESS_EXECUTION_NS = 20 * NS_PER_US
+LIVENESS_RATE_HZ = 10.0
 # How long the link may be starved before the page names the task that runs instead.
 _STARVED_NS = 500 * NS_PER_MS
 HELLO_NS = 5 * NS_PER_S
 _ACCEPTED_AT_ONCE = 4
-_FIRST_SHARE = 16
+_FIRST_QUOTA = 16
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
@@ -82,36 +82,36 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 class LinkServer:
     """
-    Serve clients on a Unix socket; the tasks are added to the kernel at once.
+    Serve clients on a Unix socket; the constructor adds the tasks to the kernel.
 
-    :param path: of the socket; a leftover of a core that died is replaced.
-    :param requests: what clients may ask; the link adds what is asked about topics.
-    :param service_priority: of mirroring; below everything that matters.
+    :param path: of the socket; the leftover of a core that died is replaced.
+    :param requests: the table of requests; the link adds those about topics.
+    :param service_priority: of mirroring; below all important tasks.
     :param command_priority: of samples that clients publish.
-    :param gather_ns: what is published within this time goes out together.
-    :param life_fd: the page for the sign of life, where somebody reads it already; -1 for none.
+    :param gather_ns: samples that are published within this time are sent together.
+    :param liveness_fd: of a liveness page that another process has created; -1 for none.
     """
 
     def __init__(self, kernel: Kernel, bus: Bus, path: Path, requests: Requests,
                  reports: Reports, *, service_priority: int = SERVICE_PRIORITY,
                  command_priority: int = COMMAND_PRIORITY, gather_ns: int = 0,
-                 life_fd: int = -1) -> None:
+                 liveness_fd: int = -1) -> None:
         self.path = path
         self.accepted = self.refused = 0
         self._kernel = kernel
         self._bus = bus
         self._requests = requests
         self._reports = reports
-        self._sessions: tuple[Session, ...] = ()
+        self._sessions: tuple[ClientSession, ...] = ()
         self._listener: socket.socket | None = None
         self._beats = 0
         self._served_ns = 0
-        self._page = LifePage(life_fd)
+        self._page = LivenessPage(liveness_fd)
         self._parent = os.getppid()
-        self._shares = Shares()
-        self._uploads = UploadTurns()
+        self._quotas = ClientQuotas()
+        self._uploads = UploadScheduler()
         self._entries = EntryTimes(kernel.clock)
-        self._lines = Lines(functools.partial(self._tell, Severity.WARN))
+        self._log_limit = LogRateLimiter(functools.partial(self._log, Severity.WARN))
         self._identity: tuple[int, int] | None = None
         self._buffer = bytearray(PACKET_BYTES_MAXIMUM)
         self._commands = kernel.add_task('link/commands', self._receive, priority=command_priority)
@@ -122,10 +122,10 @@ class LinkServer:
         self._accepting = kernel.add_task('link/accept', self._accept, priority=service_priority)
         self._listening = kernel.timer(self._commands)
         kernel.add_task('link/beat', self._beat, priority=service_priority, rate_hz=BEAT_RATE_HZ)
-        self._life = kernel.add_task(LIFE, self._live, priority=LIFE_PRIORITY,
-                                     rate_hz=LIFE_RATE_HZ)
+        self._liveness = kernel.add_task(LIVENESS_TASK, self._live, priority=LIVENESS_PRIORITY,
+                                         rate_hz=LIVENESS_RATE_HZ)
 
-    # ---- life --------------------------------------------------------------------------------
+    # ---- opening and closing -----------------------------------------------------------------
 
     def open(self) -> None:  # noqa: A003
         """
@@ -155,13 +155,13 @@ class LinkServer:
 
     def close(self) -> None:
         """
-        Say goodbye to all clients and remove the socket; may be called twice.
+        Disconnect all clients and remove the socket; may be called twice.
 
-        They get the last reports, as far as they take them at once.
+        Clients get the last reports, as far as these fit their sockets.
         """
         self._report()
         for session in self._sessions:
-            session.carry(self._kernel.now_ns())
+            session.send_samples(self._kernel.now_ns())
             self._kernel.remove_interrupt(session.connection.fileno())
             session.close()
         self._sessions = ()
@@ -169,17 +169,17 @@ class LinkServer:
             self._kernel.remove_interrupt(self._listener.fileno())
             self._listener.close()
             self._listener = None
-            if _identity(self.path) == self._identity:  # and not that of a core that came after
+            if _identity(self.path) == self._identity:  # not the socket of a later core
                 self.path.unlink(missing_ok=True)
         self._page.close()
 
     def _clear_leftover(self) -> None:
         if not self.path.is_socket():
             if self.path.exists():
-                raise LinkError(f'{self.path} is there and no socket; choose another path')
+                raise LinkError(f'{self.path} exists and is not a socket; choose another path')
             return
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
-            probe.setblocking(False)  # a core that is stopped may have no place left to wait in
+            probe.setblocking(False)  # the listen queue of a stopped core may be full
             try:
                 probe.connect(str(self.path))
             except ConnectionRefusedError:
@@ -187,15 +187,15 @@ class LinkServer:
                 return
             except BlockingIOError:
                 pass
-        raise LinkError(f'socket {self.path}: another core serves it; stop that one, or give this '
-                        'robot another node name (--ros-args -r __node:=other)')
+        raise LinkError(f'socket {self.path}: another core serves it; stop that core, or give '
+                        'this robot another node name (--ros-args -r __node:=other)')
 
     # ---- tasks -------------------------------------------------------------------------------
 
     def _receive(self) -> None:
         now_ns = self._kernel.now_ns()
         self._entries.update(now_ns)
-        for session in self._shares.begin(self._sessions, now_ns):
+        for session in self._quotas.renew(self._sessions, now_ns):
             if not session.gone:
                 self._kernel.add_interrupt(session.connection.fileno(), self._commands)
         work = pause = False
@@ -203,12 +203,12 @@ class LinkServer:
             if session.paused:
                 continue
             session.receive(now_ns)
-            if self._shares.used_up(session, now_ns):
+            if self._quotas.pause_if_exhausted(session, now_ns):
                 self._kernel.remove_interrupt(session.connection.fileno())
                 pause = True
             work = work or bool(session.gone or session.requests or session.uploads.waiting)
         if pause and self._kernel.running:
-            self._listening.start_at(self._shares.end_ns)
+            self._listening.start_at(self._quotas.end_ns)
         if work:
             self._kernel.release(self._service)
 
@@ -217,20 +217,20 @@ class LinkServer:
         self._gather.begin()
         some = more = False
         for session in self._sessions:
-            # One request of each client a round: a client that asks much delays itself alone.
+            # One request of each client per round: a client with many requests delays only itself.
             if session.requests and not session.gone:
                 try:
                     self._requests.answer(session, session.requests.popleft())
                 except Exception as error:
-                    # The answer may run a module's code: an error costs this client alone.
+                    # The answer may run code of a module: an error affects only this client.
                     session.gone = f'refused: a request raised {type(error).__name__}: {error}'
                 more = more or bool(session.requests)
-            some |= session.carry(now_ns)
+            some |= session.send_samples(now_ns)
             if session.gone:
                 self._remove(session)
-        more = self._uploads.take(self._sessions, now_ns) or more
+        more = self._uploads.publish_next(self._sessions, now_ns) or more
         if some:
-            self._gather.carried(now_ns)
+            self._gather.note_sent(now_ns)
         if more:
             self._kernel.release(self._service)
 
@@ -241,8 +241,8 @@ class LinkServer:
         self._page.write(now_ns, self._served_ns, self._running_task() if starved else '')
 
     def _running_task(self) -> str:
-        """Return the name of the task that this one has interrupted."""
-        busy = [task for task in self._kernel.tasks if task.busy and task is not self._life]
+        """Return the name of the task that the liveness task has preempted."""
+        busy = [task for task in self._kernel.tasks if task.busy and task is not self._liveness]
         if not busy:
             return ''
         task = max(busy, key=lambda task: task.priority)
@@ -253,16 +253,16 @@ class LinkServer:
         self._beats += 1
         now_ns = self._served_ns = self._kernel.now_ns()
         if self._beats % BEATS_PER_HEARTBEAT == 0:
-            beat = header(Kind.BEAT, stamp_ns=now_ns)
+            beat = header(PacketKind.BEAT, stamp_ns=now_ns)
             for session in self._sessions:
                 session.post(beat)
                 if not session.greeted and now_ns - session.since_ns > HELLO_NS:
                     session.gone = session.gone or (
-                        f'refused: it said no hello within {HELLO_NS // NS_PER_S} s')
-        self._lines.sweep(now_ns)
+                        f'refused: it sent no hello within {HELLO_NS // NS_PER_S} s')
+        self._log_limit.refill(now_ns)
         self._report()
-        if any(session.paused for session in self._sessions) and now_ns >= self._shares.end_ns:
-            self._kernel.release(self._commands)  # a run before may have ended meanwhile
+        if any(session.paused for session in self._sessions) and now_ns >= self._quotas.end_ns:
+            self._kernel.release(self._commands)  # the timer does not outlast a run of the kernel
         for session in self._sessions:
             session.flush()
         self._serve()
@@ -276,7 +276,7 @@ class LinkServer:
             except OSError:
                 return
             self._admit(connection)
-        self._kernel.release(self._accepting)  # others have their turn before the next
+        self._kernel.release(self._accepting)  # other tasks run before the next connections
 
     def _admit(self, connection: socket.socket) -> None:
         connection.setblocking(False)
@@ -291,29 +291,33 @@ class LinkServer:
             return
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         now_ns = self._kernel.now_ns()
-        session = Session(connection, self._bus, pid, now_ns, self._buffer, self._entries)
-        session.left = _FIRST_SHARE
+        session = ClientSession(connection, self._bus, pid, now_ns, self._buffer, self._entries)
+        session.quota = _FIRST_QUOTA
         self._sessions = (*self._sessions, session)
         self.accepted += 1
         self._kernel.add_interrupt(connection.fileno(), self._commands)
-        self._kernel.release(self._commands)  # it may have spoken already
+        self._kernel.release(self._commands)  # it may have sent packets already
 
     def _has_place(self, pid: int) -> bool:
-        """Make room for a client: one that never said hello gives way; our parent has a place."""
+        """
+        Return whether there is a place for a client.
+
+        One place is reserved for the parent process; a client without hello is removed if needed.
+        """
         kept = any(session.pid == self._parent for session in self._sessions)
         if len(self._sessions) - kept < CLIENTS_MAXIMUM or (pid == self._parent and not kept):
             return True
         for session in self._sessions:
             if not session.greeted and not session.requests and not session.gone:
-                session.gone = 'refused: it said no hello, and another needs its place'
+                session.gone = 'refused: it sent no hello, and another client needs its place'
                 self._remove(session)
                 return True
         return False
 
-    def _remove(self, session: Session) -> None:
+    def _remove(self, session: ClientSession) -> None:
         refused = session.gone.startswith('refused')
         while session.uploads.waiting and not refused:
-            session.upload()  # handed over before it left
+            session.publish_upload()  # sent before it left
         self.refused += refused
         self._note(Severity.WARN if refused else Severity.INFO,
                    f'client {session.name} (pid {session.pid}) left: {session.gone}')
@@ -324,27 +328,27 @@ class LinkServer:
     # ---- reports and statistics --------------------------------------------------------------
 
     def facts(self) -> dict[str, int]:
-        """Count the clients that were accepted, and those that were refused."""
+        """Return the numbers of accepted and refused clients."""
         return {'accepted': self.accepted, 'refused': self.refused}
 
     def statistics(self) -> tuple[ClientStatistics, ...]:
-        """Take the statistics of all clients."""
+        """Return the statistics of all clients."""
         now_ns = self._kernel.now_ns()
         return tuple(session.statistics(now_ns) for session in self._sessions)
 
     def _note(self, severity: Severity, text: str) -> None:
-        """Log a line about a client; a flood of them is summed up."""
-        if self._lines.note(self._kernel.now_ns()):
-            self._tell(severity, text)
+        """Log a line about a client; a flood of lines is summarised."""
+        if self._log_limit.allow(self._kernel.now_ns()):
+            self._log(severity, text)
 
-    def _tell(self, severity: Severity, text: str) -> None:
+    def _log(self, severity: Severity, text: str) -> None:
         self._reports.note(Report(self._kernel.now_ns(), severity, 'link', text))
 
     def _report(self) -> None:
         for session in self._sessions:
             session.report_place, dropped, reports = self._reports.since(session.report_place)
             for report in reports:
-                session.post(encode_json(Kind.REPORT, {
+                session.post(encode_json(PacketKind.REPORT, {
                     'at_ns': report.at_ns, 'severity': int(report.severity),
                     'source': report.source, 'text': report.text[:4000], 'dropped': dropped}))
-                dropped = 0  # reported with the first of them
+                dropped = 0  # reported once, with the first report

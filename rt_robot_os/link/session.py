@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One connected client, as the core sees it."""
+"""The core's side of the connection to one client."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ from rt_robot_os.link.protocol import GIVE_BACK
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
 from rt_robot_os.link.protocol import in_parts
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.protocol import PART_BYTES
 from rt_robot_os.link.protocol import REQUEST_BYTES_MAXIMUM
-from rt_robot_os.link.rooms import Room
-from rt_robot_os.link.rooms import room_bytes
-from rt_robot_os.link.rooms import Uploads
+from rt_robot_os.link.uploads import upload_bytes
+from rt_robot_os.link.uploads import UploadBuffer
+from rt_robot_os.link.uploads import Uploads
 from rt_robot_os.linux.memory_file import send_with_fd
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import LargePublisher
@@ -54,22 +54,22 @@ OUTBOX_MAXIMUM = 2048
 OUTBOX_BYTES_MAXIMUM = 4 << 20
 STREAMS_MAXIMUM = 8
 PACKETS_PER_FLUSH = 256
-# A packet counts one, and one more for each of these bytes.
+# A packet costs one unit, and one more for each of these bytes.
 UNIT_BYTES = 4096
 
 
 @dataclass(frozen=True)
 class ClientStatistics:
     """
-    A client and what passed.
+    The statistics of a client.
 
     :ivar received: samples that it published.
-    :ivar last_refusal: why the last one that did not fit was refused.
-    :ivar large: those of them that were too long for a packet.
-    :ivar large_waiting: samples that it has handed over and that are not published yet.
+    :ivar last_refusal: why the last sample was refused that did not fit its topic.
+    :ivar large: published samples that were too long for a packet.
+    :ivar large_waiting: large samples that are not published yet.
     :ivar refused: samples that did not fit their topic.
-    :ivar outbox_dropped: replies and reports that it was too slow for.
-    :ivar quiet_ns: since it was heard last.
+    :ivar outbox_dropped: replies and reports that were dropped, because it read too slowly.
+    :ivar quiet_ns: since its last packet.
     """
 
     name: str
@@ -88,20 +88,20 @@ class ClientStatistics:
         return asdict(self)
 
 
-class Session:
+class ClientSession:
     """
-    A client's connection.
+    The connection of a client.
 
-    :meth:`receive` runs in the task for commands, everything else in the link's low one.
+    :meth:`receive` runs in the task for commands, everything else in the link's low-priority task.
 
-    :param entries: when samples entered, by the stamps of clients.
-    :param buffer: where packets are received; one serves all sessions. A new one for each packet
-        would cost six times as much as the packet: it is so large that malloc maps it anew.
-    :ivar gone: why it is to be removed; empty while it is welcome.
-    :ivar greeted: whether it has said hello.
-    :ivar left: units that it may still send in this interval, see :meth:`receive`.
-    :ivar paused: whether it has used them up, and is not read until the next interval.
-    :ivar greedy_ns: until when it counts among those that use up their share.
+    :param entries: corrects the stamps of clients.
+    :param buffer: for received packets, shared by all sessions. A new buffer for each packet would
+        cost six times as much as the packet, because malloc maps so large a buffer each time.
+    :ivar gone: why the client is to be removed; empty while it is connected.
+    :ivar greeted: whether it has sent hello.
+    :ivar quota: units that it may still send in this interval, see :meth:`receive`.
+    :ivar paused: whether the quota is used up; the client is not read until the next interval.
+    :ivar over_quota_until_ns: until when it counts as a client that uses up its quota.
     """
 
     def __init__(self, connection: socket.socket, bus: Bus, pid: int, now_ns: int,
@@ -109,7 +109,7 @@ class Session:
         self._entries = entries
         self.since_ns = now_ns
         self.greeted = self.paused = False
-        self.left = self.greedy_ns = 0
+        self.quota = self.over_quota_until_ns = 0
         self.connection = connection
         self.name = f'pid{pid}'
         self.pid = pid
@@ -134,18 +134,18 @@ class Session:
 
     def receive(self, now_ns: int) -> None:
         """
-        Read the packets that are there: publish samples at once, keep requests for later.
+        Read the packets that have arrived: publish samples, store requests for later.
 
-        Ends when nothing is left, or :attr:`left` is used up: then there may be more.
+        Ends when no packet is left or :attr:`quota` is used up.
         """
-        while self.left > 0 and not self.gone:
+        while self.quota > 0 and not self.gone:
             try:
-                # With MSG_TRUNC the answer is the length that the packet had when it was sent.
+                # With MSG_TRUNC the result is the length of the packet as it was sent.
                 length = self.connection.recv_into(self._buffer, 0, socket.MSG_TRUNC)
             except BlockingIOError:
                 return
             except ConnectionResetError:
-                self.left -= 1  # told once, ahead of what the client has sent before it ended
+                self.quota -= 1  # reported once, before the last packets of a client that ended
                 continue
             except OSError as error:
                 self.gone = error.strerror or 'connection lost'
@@ -153,7 +153,7 @@ class Session:
             if not length:
                 self.gone = 'closed by the client'
                 return
-            self.left -= 1 + length // UNIT_BYTES
+            self.quota -= 1 + length // UNIT_BYTES
             self.heard_ns = now_ns
             try:
                 self._accept(length, now_ns)
@@ -166,10 +166,10 @@ class Session:
             return
         packet = self._view[:length]
         head = parse_header(packet)
-        if head.kind == Kind.DATA:
+        if head.kind == PacketKind.DATA:
             stamp_ns = self._entries.stamp_of(head.stamp_ns, now_ns)
             self._publish(head.channel, stamp_ns, packet[HEADER_BYTES:])
-        elif head.kind == Kind.REQUEST:
+        elif head.kind == PacketKind.REQUEST:
             if length > REQUEST_BYTES_MAXIMUM:
                 self.gone = (f'refused: a request of {length} bytes; the limit is '
                              f'{REQUEST_BYTES_MAXIMUM}')
@@ -177,34 +177,34 @@ class Session:
                 self.gone = f'refused: more than {REQUESTS_WAITING_MAXIMUM} requests at once'
             else:
                 self.requests.append(bytes(packet))
-        elif head.kind == Kind.SLOT:
-            wrong = self.uploads.handed_over(head, packet[HEADER_BYTES:], now_ns)
-            self.gone = self.gone or (f'refused: {wrong}' if wrong else '')
-        elif head.kind == Kind.GIVE_BACK:
-            self._take_back(packet[HEADER_BYTES:])
-        elif head.kind != Kind.BEAT:
+        elif head.kind == PacketKind.SLOT:
+            problem = self.uploads.accept(head, packet[HEADER_BYTES:], now_ns)
+            self.gone = self.gone or (f'refused: {problem}' if problem else '')
+        elif head.kind == PacketKind.GIVE_BACK:
+            self._receive_slot(packet[HEADER_BYTES:])
+        elif head.kind != PacketKind.BEAT:
             self.gone = f'refused: a packet of kind {head.kind} is not for the core'
 
-    def _take_back(self, body: memoryview) -> None:
+    def _receive_slot(self, body: memoryview) -> None:
         if len(body) != GIVE_BACK.size:
-            self.gone = f'refused: it gives back a slot in {len(body)} bytes'
+            self.gone = f'refused: it returns a slot in {len(body)} bytes'
             return
         number, slot = GIVE_BACK.unpack(body)
         mirror = self._large.get(number)
         if mirror is not None:
             if not mirror.loans.returned(slot):
-                self.gone = f'refused: it gives back slot {slot} of {number}, which it has not got'
+                self.gone = f'refused: it returns slot {slot} of {number}, which it does not hold'
         elif not 0 < number <= self._memories:
-            self.gone = f'refused: it gives back a slot of memory {number}, which it never got'
-        # Otherwise the mirror was ended while the packet was on its way.
+            self.gone = f'refused: it returns a slot of memory {number}, which it never got'
+        # Otherwise the mirror was removed while the packet was on its way.
 
     def add_large(self, topic: str, make: Callable[[int], LargeMirror], size: int) -> None:
         """
         Add a mirror whose samples go through a memory file.
 
-        :param make: from the number of its memory.
+        :param make: makes the mirror from the number of its memory.
         :param size: bytes of its memory.
-        :raises LinkError: it would be more memory than one client may have.
+        :raises LinkError: the client would have more memory than allowed.
         """
         self._check_memory(f'topic {topic!r}: mirroring it', size)
         mirror = make(self._memories + 1)
@@ -212,15 +212,16 @@ class Session:
         self._large[self._memories] = self.mirrors[topic] = mirror
 
     def _check_memory(self, what: str, size: int) -> None:
-        users: list[LargeMirror | Room] = [*self._large.values(), *self.uploads.rooms.values()]
-        taken = sum(user.memory_bytes for user in users)
-        if taken + size > CLIENT_MEMORY_MAXIMUM:
-            raise LinkError(f'{what} takes {size} bytes of memory, and {taken} of '
-                            f'{CLIENT_MEMORY_MAXIMUM} are taken by this client; use fewer large '
+        users: list[LargeMirror | UploadBuffer] = [
+            *self._large.values(), *self.uploads.buffers.values()]
+        used = sum(user.memory_bytes for user in users)
+        if used + size > CLIENT_MEMORY_MAXIMUM:
+            raise LinkError(f'{what} needs {size} bytes of memory, and {used} of '
+                            f'{CLIENT_MEMORY_MAXIMUM} are used by this client; use fewer large '
                             'topics, or connect twice')
 
     def remove_mirror(self, topic: str) -> None:
-        """Stop carrying a topic; unknown ones are fine."""
+        """Stop sending a topic; unknown topics are ignored."""
         mirror = self.mirrors.pop(topic, None)
         if mirror is not None:
             self._large = {n: large for n, large in self._large.items() if large is not mirror}
@@ -231,7 +232,7 @@ class Session:
         if publisher is None:
             self.gone = f'refused: a sample for channel {channel}, which it never advertised'
             return
-        if self.uploads.rooms and self.uploads.is_busy(channel):
+        if self.uploads.buffers and self.uploads.is_busy(channel):
             self.gone = f'refused: a sample for channel {channel} would overtake a large one'
             return
         try:
@@ -245,39 +246,40 @@ class Session:
         """
         Allow the client to publish on a topic.
 
-        :return: the channel to use, and whether there is a room for large samples.
+        :return: the channel to use, and whether there is an upload buffer for large samples.
         :raises TopicError: there is no such topic.
-        :raises LinkError: there is not so much memory.
+        :raises LinkError: there is not enough memory.
         """
         channel = self.channel(topic)
         if channel not in self._publishers:
             publisher = self._bus.publisher(topic)
             if isinstance(publisher, LargePublisher):
-                self._add_room(publisher, channel)
+                self._add_upload_buffer(publisher, channel)
             self._publishers[channel] = publisher
-        return channel, channel in self.uploads.rooms
+        return channel, channel in self.uploads.buffers
 
     def reads(self, topic: str) -> bool:
-        """Return whether the client gets the samples of a topic."""
+        """Return whether the client receives the samples of a topic."""
         return not self.gone and topic in self.mirrors
 
     def publishes(self, channel: int) -> bool:
         """Return whether the client may publish on a channel."""
         return channel in self._publishers
 
-    def upload(self) -> int:
-        """Publish the first of the large samples that wait; return its bytes."""
+    def publish_upload(self) -> int:
+        """Publish the first of the waiting large samples; return its bytes."""
         length, refusal = self.uploads.publish()
         self.received += not refusal
         self.refused += bool(refusal)
         self.last_refusal = refusal or self.last_refusal
         return length
 
-    def _add_room(self, publisher: LargePublisher, channel: int) -> None:
+    def _add_upload_buffer(self, publisher: LargePublisher, channel: int) -> None:
         self._check_memory(f'topic {publisher.topic.name!r}: publishing there',
-                           room_bytes(publisher.topic))
+                           upload_bytes(publisher.topic))
         self._memories += 1
-        self.uploads.add(Room(publisher, channel, self._memories, self.connection), channel)
+        buffer = UploadBuffer(publisher, channel, self._memories, self.connection)
+        self.uploads.add(buffer, channel)
 
     def channel(self, topic: str) -> int:
         """
@@ -289,9 +291,9 @@ class Session:
 
     def post(self, packet: bytes) -> None:
         """
-        Send a packet as soon as the client takes it; a client that is too slow loses it.
+        Queue a packet; a client that reads too slowly loses it.
 
-        A long one goes in parts, none of which is lost.
+        A long packet is sent in parts, none of which is lost.
         """
         if len(packet) > PART_BYTES:
             self.post_all(iter((packet,)))
@@ -306,18 +308,18 @@ class Session:
 
     def post_all(self, packets: Iterator[bytes]) -> None:
         """
-        Send many packets, each made when the client has room for it: none is lost.
+        Send many packets, each made when the client can receive it: none is lost.
 
-        :raises LinkError: too many answers before have not all been sent.
+        :raises LinkError: too many answers are still being sent.
         """
         if len(self._streams) >= STREAMS_MAXIMUM:
-            raise LinkError(f'the answers to {STREAMS_MAXIMUM} requests before are still on their '
-                            'way; wait for them')
+            raise LinkError(f'the answers to {STREAMS_MAXIMUM} earlier requests are still being '
+                            'sent; wait for them')
         self._streams.append(part for packet in packets for part in in_parts(packet))
         self.flush()
 
     def flush(self) -> None:
-        """Send what waits, as far as the client takes it; the rest of much of it later."""
+        """Send queued packets, until the client's socket is full; at most some hundred."""
         try:
             for _ in range(PACKETS_PER_FLUSH):
                 if not self._outbox and not self._refill():
@@ -330,7 +332,7 @@ class Session:
             self.gone = self.gone or error.strerror or 'connection lost'
 
     def _refill(self) -> bool:
-        """Take the next packet of a long answer; False when there is none."""
+        """Queue the next packet of a long answer; return False if there is none."""
         while self._streams:
             packet = next(self._streams[0], None)
             if packet is not None:
@@ -340,15 +342,15 @@ class Session:
             self._streams.popleft()
         return False
 
-    def greet(self, name: str, life_fd: int) -> None:
-        """Note the name of a client that says hello, and send it the sign of life."""
+    def greet(self, name: str, liveness_fd: int) -> None:
+        """Store the name of a client that sent hello, and send it the liveness page."""
         self.name = name or f'pid{self.pid}'
         self.greeted = True
-        if life_fd >= 0:
-            with suppress(OSError):  # without it the client relies on heartbeats
-                send_with_fd(self.connection, header(Kind.LIFE), life_fd)
+        if liveness_fd >= 0:
+            with suppress(OSError):  # without the page the client relies on heartbeats
+                send_with_fd(self.connection, header(PacketKind.LIVENESS), liveness_fd)
 
-    def carry(self, now_ns: int) -> bool:
+    def send_samples(self, now_ns: int) -> bool:
         """
         Send the samples of all mirrored topics.
 
@@ -357,15 +359,15 @@ class Session:
         some = False
         try:
             for mirror in self.mirrors.values():
-                some |= mirror.carry(now_ns)
+                some |= mirror.send_due(now_ns)
             self.batch.send()
-            self.uploads.settle()
+            self.uploads.flush()
         except OSError as error:
             self.gone = self.gone or error.strerror or 'connection lost'
         return some
 
     def close(self) -> None:
-        """Remove everything that it had."""
+        """Release everything of this client."""
         left = bool(self.gone) and not self.gone.startswith('refused')
         self._large = {}
         self._streams.clear()
@@ -376,7 +378,7 @@ class Session:
         self.connection.close()
 
     def statistics(self, now_ns: int) -> ClientStatistics:
-        """Take the statistics."""
+        """Return the statistics."""
         uploads = self.uploads
         return ClientStatistics(
             self.name, self.pid, self.received, uploads.published, len(uploads.waiting),

@@ -13,18 +13,18 @@
 # limitations under the License.
 
 """
-Map moments on CLOCK_MONOTONIC to the time of day, without ever running backwards.
+Map times on CLOCK_MONOTONIC to the time of day, without ever running backwards.
 
-The system clock is stepped (NTP, a person), CLOCK_MONOTONIC is not. The mapping is one offset,
-compared with the system clock now and then:
+The system clock is stepped (by NTP or by hand), CLOCK_MONOTONIC is not. The mapping is one offset,
+which is compared with the system clock regularly:
 
-* the system clock is ahead by more than ``STEP_NS``: follow at once (nothing runs backwards);
-* anything else: approach it slowly, changing intervals between stamps by at most 5 %.
+* the system clock is ahead by more than ``STEP_NS``: follow immediately;
+* anything else: approach it slowly, and change intervals between stamps by at most 5 %.
 
-On top of it a :class:`StampLine` per topic never gives a stamp that is not after the last one.
+In addition a :class:`StampLine` for each topic never returns a stamp that is not after the last.
 
-Where ROS time comes from a clock of its own (simulated time) there is nothing to smooth: it runs
-at any speed, stands still and is set back, and the mapping follows it as it is.
+If ROS time comes from another clock (simulated time), nothing is smoothed: such a clock runs at
+any speed, stops and is set back, and the mapping follows it unmodified.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ class StampMapper:
     :param wall_ns: the time of day, since 1970.
     :ivar error_ns: how far the mapping was behind the system clock at the last comparison;
         negative when it is ahead and waits.
-    :ivar forward_steps: times that it followed at once.
-    :ivar follows: set while the time of day is one that runs as it likes: it is followed at once,
-        in both directions.
-    :ivar recent: the last moments that were mapped, with their time of day.
-    :ivar resets: times that such a clock was set back; lines of stamps begin anew then.
+    :ivar forward_steps: number of steps that it followed immediately.
+    :ivar follows: set while the time of day is simulated: it is followed immediately, in both
+        directions.
+    :ivar recent: the last times that were mapped, with their time of day.
+    :ivar resets: how often a simulated clock was set back; stamps may then decrease once.
     """
 
     def __init__(self, monotonic_ns: Callable[[], int] = time.monotonic_ns,
@@ -65,7 +65,7 @@ class StampMapper:
         self.offset_ns = wall_ns() - self._compared_ns
 
     def compare(self) -> None:
-        """Look at the system clock and correct the mapping; call it a few times a second."""
+        """Compare with the system clock and correct the mapping; call it a few times a second."""
         now_ns = self._monotonic_ns()
         error_ns = self._wall_ns() - now_ns - self.offset_ns
         elapsed_ns = now_ns - self._compared_ns
@@ -76,7 +76,7 @@ class StampMapper:
             self.error_ns = 0
             if abs(error_ns) > STEP_NS:
                 self.recent.clear()
-            # One that stands still falls behind by what has passed, and by no more.
+            # A clock that is stopped falls behind by at most the elapsed time.
             self.resets += error_ns < -elapsed_ns - STEP_NS
             self.offset_ns += error_ns
         elif error_ns > STEP_NS:
@@ -88,10 +88,10 @@ class StampMapper:
 
     def wall_of(self, stamp_ns: int) -> int:
         """
-        Map a moment; the same one gives the same again, as long as it is among the last ones.
+        Map a time; the last times that were mapped keep their result.
 
-        So a picture and its calibration, or the topics of one frame of a device, keep equal
-        stamps although the offset changes in between: synchronisers look for that.
+        So an image and its calibration, or the topics of one frame of a device, keep equal stamps
+        although the offset changes in between: synchronisers rely on that.
         """
         recent = self.recent
         wall_ns = recent.get(stamp_ns)
@@ -102,12 +102,12 @@ class StampMapper:
         return wall_ns
 
     def line(self) -> StampLine:
-        """Make the line of one topic."""
+        """Make the stamps of one topic."""
         return StampLine(self)
 
 
 class StampLine:
-    """The stamps of one topic, each after the one before."""
+    """The stamps of one topic, strictly increasing."""
 
     __slots__ = ('_mapper', '_known', '_last_ns', '_resets')
 

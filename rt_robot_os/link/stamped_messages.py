@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Messages that ROS has with and without a header: the header is put on and taken off as CDR bytes.
+Messages that ROS has with and without a header: add and remove the header as CDR bytes.
 
-In the core a velocity command is a ``geometry_msgs/msg/Twist``: a header's ``frame_id`` has any
-length, and a topic of the core has a fixed one. Nav2 and ros2_control may want a ``TwistStamped``.
+In the core a velocity command is a ``geometry_msgs/msg/Twist``: the ``frame_id`` of a header has
+any length, and a topic of the core a fixed one. Nav2 and ros2_control may need a ``TwistStamped``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_S
 
 _DOUBLE: Final = 8
-#: Bytes of the body by type; each type of the list consists of doubles only.
+#: Bytes of the body by type; each of these types consists of doubles only.
 STAMPED_BYTES: Final = {
     f'geometry_msgs/msg/{name}': doubles * _DOUBLE for name, doubles in (
         ('Accel', 6), ('Point', 3), ('Pose', 7), ('Quaternion', 4), ('Twist', 6), ('Vector3', 3),
@@ -40,7 +40,7 @@ _LITTLE_ENDIAN: Final = b'\x00\x01\x00\x00'
 
 
 def stamped_type(message: str) -> str:
-    """Name the type with a header, such as ``geometry_msgs/msg/TwistStamped``."""
+    """Return the name of the type with a header, such as ``geometry_msgs/msg/TwistStamped``."""
     return f'{message}Stamped'
 
 
@@ -51,7 +51,7 @@ def take_off(cdr: bytes, body_bytes: int) -> tuple[int, bytes]:
     :param cdr: with its four bytes of encapsulation.
     :param body_bytes: of the message without it.
     :return: the stamp in nanoseconds, 0 when there is none; the message, as CDR.
-    :raises ValueError: the bytes are no such message.
+    :raises ValueError: the bytes are not such a message.
     """
     head = _HEADS.get(bytes(cdr[:2]))
     if head is None:
@@ -69,11 +69,11 @@ def take_off(cdr: bytes, body_bytes: int) -> tuple[int, bytes]:
         cdr[at:at + body_bytes])
 
 
-class Header:
+class HeaderWriter:
     """
-    The header of outgoing messages.
+    Add a header to outgoing messages.
 
-    :param frame_id: of all of them.
+    :param frame_id: of all messages.
     """
 
     def __init__(self, frame_id: str) -> None:

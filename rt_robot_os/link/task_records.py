@@ -15,7 +15,7 @@
 """
 Task statistics on the link: raw counts, packed in one native call, summarised by the reader.
 
-Percentiles cost about 100 us a task; the core has better things to do.
+Percentiles cost about 100 us a task: the reader computes them, not the core.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rt_robot_os.kernel import Task
 from rt_robot_os.kernel import TaskState
 from rt_robot_os.kernel import TaskStatistics
 
-# Lengths of the texts and the histograms, the state, 15 counters, 3 maxima, the latest miss.
+# Lengths of the strings and the histograms, the state, 15 counters, 3 maxima, the latest miss.
 _COUNTERS = struct.Struct('<5HB15q3q3q')
 _COUNT_BYTES = array('Q').itemsize
 _STATES = tuple(TaskState)
@@ -45,7 +45,7 @@ class TaskCounts:
     """
     The buckets of a task's histograms, up to the last that is not empty.
 
-    What came between two moments is their difference.
+    The difference of two of them is the histogram of the time between them.
     """
 
     latency: array[int]

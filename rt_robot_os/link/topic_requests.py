@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What clients ask about topics: which there are, what is mirrored, who reads and publishes."""
+"""The requests about topics: list, mirror, advertise, and ask for readers."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from rt_robot_os.link.client import topic_infos
 from rt_robot_os.link.gather import Gather
 from rt_robot_os.link.large import LargeMirror
 from rt_robot_os.link.large import memory_bytes
+from rt_robot_os.link.liveness import LivenessPage
 from rt_robot_os.link.mirror import DELAY_MAXIMUM_MS
 from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
 from rt_robot_os.link.requests import Arguments
-from rt_robot_os.link.requests import number_of
+from rt_robot_os.link.requests import number_argument
 from rt_robot_os.link.requests import Requests
 from rt_robot_os.link.requests import shown
-from rt_robot_os.link.requests import text_of
-from rt_robot_os.link.session import Session
-from rt_robot_os.link.sign_of_life import LifePage
+from rt_robot_os.link.requests import string_argument
+from rt_robot_os.link.session import ClientSession
 from rt_robot_os.topics import Bus
 
 NAME_MAXIMUM = 64
@@ -47,15 +47,15 @@ NAME_MAXIMUM = 64
 
 class TopicRequests:
     """
-    Answer what a link can answer by itself.
+    Answer the requests that need only the link.
 
-    :param service: the task that carries mirrored topics out.
-    :param page: with the sign of life, which a client gets when it says hello.
-    :param sessions: gives the clients that are connected.
+    :param service: the task that sends mirrored topics.
+    :param page: the liveness page, which is sent to a client with the answer to its hello.
+    :param sessions: returns the connected clients.
     """
 
-    def __init__(self, kernel: Kernel, bus: Bus, service: Task, gather: Gather, page: LifePage,
-                 sessions: Callable[[], Sequence[Session]]) -> None:
+    def __init__(self, kernel: Kernel, bus: Bus, service: Task, gather: Gather, page: LivenessPage,
+                 sessions: Callable[[], Sequence[ClientSession]]) -> None:
         self._kernel = kernel
         self._bus = bus
         self._service = service
@@ -64,32 +64,32 @@ class TopicRequests:
         self._sessions = sessions
 
     def serve(self, requests: Requests) -> None:
-        """Answer them from now on."""
+        """Register the requests."""
         requests.add('hello', self._hello)
         requests.add('mirror', self._mirror)
         requests.add('unmirror', self._unmirror)
         requests.add('advertise', self._advertise)
         requests.add('readers', self._readers)
 
-    def _hello(self, session: Session, arguments: Arguments) -> Arguments:
+    def _hello(self, session: ClientSession, arguments: Arguments) -> Arguments:
         name = arguments.get('name')
         if not isinstance(name, str):
-            raise LinkError(f'name = {shown(name)}: must be a text')
+            raise LinkError(f'name = {shown(name)}: must be a string')
         session.greet(safe_line(name, NAME_MAXIMUM), self._page.fd)
         return {'pid': os.getpid(), 'start_ns': self._kernel.start_ns,
                 'tasks': [task.name for task in self._kernel.tasks],
                 'topics': [asdict(each) for each in topic_infos(self._bus)]}
 
-    def _mirror(self, session: Session, arguments: Arguments) -> Arguments:
-        """Begin to carry a topic to a client, or change how; see ``LinkClient.mirror``."""
-        topic = text_of(arguments, 'topic')
+    def _mirror(self, session: ClientSession, arguments: Arguments) -> Arguments:
+        """Start to send a topic to a client, or change how; see ``LinkClient.mirror``."""
+        topic = string_argument(arguments, 'topic')
         wanted = arguments.get('policy', 'drain')
         try:
             policy = Policy(wanted)
         except ValueError:
             raise LinkError(f'policy = {shown(wanted)}: must be drain or latest') from None
-        max_rate_hz = number_of(arguments, 'max_rate_hz', 0.0)
-        delay_ms = number_of(arguments, 'delay_ms', 0.0)
+        max_rate_hz = number_argument(arguments, 'max_rate_hz', 0.0)
+        delay_ms = number_argument(arguments, 'delay_ms', 0.0)
         if delay_ms > DELAY_MAXIMUM_MS:
             raise LinkError(f'delay_ms = {delay_ms:g}: must be at most {DELAY_MAXIMUM_MS:g}')
         channel = session.channel(topic)
@@ -113,17 +113,17 @@ class TopicRequests:
             self._kernel.release(self._service)
         return {'channel': channel}
 
-    def _unmirror(self, session: Session, arguments: Arguments) -> Arguments:
-        session.remove_mirror(text_of(arguments, 'topic'))
+    def _unmirror(self, session: ClientSession, arguments: Arguments) -> Arguments:
+        session.remove_mirror(string_argument(arguments, 'topic'))
         return {}
 
-    def _advertise(self, session: Session, arguments: Arguments) -> Arguments:
-        channel, room = session.advertise(text_of(arguments, 'topic'))
-        return {'channel': channel, 'room': room}
+    def _advertise(self, session: ClientSession, arguments: Arguments) -> Arguments:
+        channel, is_large = session.advertise(string_argument(arguments, 'topic'))
+        return {'channel': channel, 'room': is_large}
 
-    def _readers(self, session: Session, arguments: Arguments) -> Arguments:
-        """Say who reads a topic, and publishes the one of answers; see ``LinkClient.readers``."""
-        topic = self._bus.topic(text_of(arguments, 'topic'))
+    def _readers(self, session: ClientSession, arguments: Arguments) -> Arguments:
+        """Return the readers of a topic; see ``LinkClient.readers``."""
+        topic = self._bus.topic(string_argument(arguments, 'topic'))
         answers = str(arguments.get('answers') or '')
         channel = session.channel(answers) if answers else -1
         found = [each for each in self._sessions() if each.reads(topic.name)

@@ -103,7 +103,7 @@ def load(paths: Sequence[Path], overrides: Mapping[str, Any], options: Mapping[s
     :raises ConfigError: with one line for each problem.
     """
     # Late: `--help` needs none of it.
-    from rt_robot_os.settings.beside import read_values
+    from rt_robot_os.settings.program_settings import read_values
     values = read_values(MonitorSettings, paths, {**overrides, **options}, node, namespace,
                          is_needed=is_needed)
     folder = Path(values['folder']).expanduser() if values['folder'] else home / 'monitor'

@@ -39,13 +39,13 @@ from rt_robot_os.recording.bag_info import FileFacts
 from rt_robot_os.recording.bag_info import TopicFacts
 from rt_robot_os.recording.bag_info import write_bag_info
 from rt_robot_os.recording.graph import LOG
-from rt_robot_os.recording.graph import Shown
+from rt_robot_os.recording.graph import ShownTopic
 from rt_robot_os.recording.graph import STATIC
 from rt_robot_os.recording.repair import file_facts
 from rt_robot_os.recording.repair import mend
 from rt_robot_os.recording.session import CLOCK
 from rt_robot_os.recording.session import package_version
-from rt_robot_os.recording.session import Session
+from rt_robot_os.recording.session import RecordingSession
 from rt_robot_os.recording.session import SETTINGS
 from rt_robot_os.recording.tracks import Track
 from rt_robot_os.settings.static_frames import static_transforms
@@ -92,7 +92,7 @@ class Bag:
         self._file: BagFile | None = None
         self._files: list[FileFacts] = []
         self._bytes = self._opened = 0
-        self._session: Session | None = None
+        self._session: RecordingSession | None = None
         self._tracks: dict[int, Track] = {}
         self._lost: dict[str, int] = {}
         self._refused: dict[str, int] = {}
@@ -147,7 +147,7 @@ class Bag:
                 found[track.name] = found.get(track.name, 0) + counted
         return found
 
-    def begin(self, session: Session) -> None:
+    def begin(self, session: RecordingSession) -> None:
         """
         Begin a session, with a file of its own.
 
@@ -162,7 +162,7 @@ class Bag:
                                 session.shown.get(info, ())) for info in infos}
         if session.logs:
             self._tracks[LOG_CHANNEL] = Track(
-                LOG.name, LOG_STAMP_OFFSET, self.mapper.line(), (Shown(LOG),))
+                LOG.name, LOG_STAMP_OFFSET, self.mapper.line(), (ShownTopic(LOG),))
         for track in self._tracks.values():
             # A latched topic (transient_local) counts as asked for although it is older.
             latched = any(outlet.latched for outlet in track.outlets)

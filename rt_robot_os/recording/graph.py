@@ -51,7 +51,7 @@ LOG: Final = TopicFacts(
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownTopic:
     """
     A topic of a bag that samples of one topic of the core are written to.
 
@@ -70,7 +70,7 @@ class Shown:
         return self.facts.durability == 'transient_local'
 
 
-class Graph:
+class TopicGraph:
     """
     The topics of one robot.
 
@@ -133,7 +133,7 @@ class Graph:
             return f'/{name}',
         return (name,) if name in known else tuple(self.in_ros.get(f'/{name}', ()))
 
-    def shown(self, topic: str, type_name: str) -> tuple[Shown, ...]:
+    def shown(self, topic: str, type_name: str) -> tuple[ShownTopic, ...]:
         """
         Return how a topic of the core is shown.
 
@@ -141,14 +141,14 @@ class Graph:
         """
         mirrors = self._mirrors.get(topic, [])
         if self._core_names:
-            return Shown(self._facts(f'/{topic}', type_name, mirrors[0] if mirrors else None,
-                                     topic)),
+            return ShownTopic(self._facts(f'/{topic}', type_name, mirrors[0] if mirrors else None,
+                                          topic)),
         if not mirrors:
             name = full_topic(topic, self._namespace, self._node)
             if name in self.in_ros:
                 name = full_topic(f'~/{topic}', self._namespace, self._node)
-            return Shown(self._facts(name, type_name, None, topic)),
-        found: list[Shown] = []
+            return ShownTopic(self._facts(name, type_name, None, topic)),
+        found: list[ShownTopic] = []
         for mirror in mirrors:
             try:
                 convert = outward(mirror)
@@ -157,7 +157,7 @@ class Graph:
             # The first with the bytes of the core is what a replay compares with.
             is_raw = convert is None and all(each.convert is not None for each in found)
             name = self._name(mirror)
-            found.append(Shown(
+            found.append(ShownTopic(
                 self._facts(name, ros_type(mirror), self._first[name], topic if is_raw else ''),
                 convert,
                 len(self.in_ros[name]) > 1))
@@ -183,7 +183,7 @@ class Graph:
 
 
 def read_graph(settings: str | None, robot: str, core_names: bool = False
-               ) -> tuple[Graph, str]:
+               ) -> tuple[TopicGraph, str]:
     """
     Read the graph of a robot.
 
@@ -192,9 +192,9 @@ def read_graph(settings: str | None, robot: str, core_names: bool = False
     """
     try:
         if settings is not None:
-            return Graph(from_json(settings), robot, core_names), ''
+            return TopicGraph(from_json(settings), robot, core_names), ''
         problem = 'the settings of the robot are not known'
     except ConfigError as error:
         problem = str(error)
-    return Graph(RobotSettings(), robot, core_names), (
+    return TopicGraph(RobotSettings(), robot, core_names), (
         f'{problem}: topics have the names and types of the core')

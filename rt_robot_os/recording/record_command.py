@@ -35,7 +35,7 @@ from rt_robot_os.recording.library import need_mcap
 
 if TYPE_CHECKING:
     from rt_robot_os.recording.bag import Bag
-    from rt_robot_os.recording.recorder import Status
+    from rt_robot_os.recording.recorder import RecorderStatus
 
 _UNITS = {'': 1, 'k': 1 << 10, 'M': 1 << 20, 'G': 1 << 30}
 
@@ -94,7 +94,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _show_status(status: Status) -> None:
+def _show_status(status: RecorderStatus) -> None:
     seconds = status.elapsed_ns / NS_PER_S
     text = (f'{seconds:8.1f} s  {status.messages:9d} messages  {status.size / 1e6:9.2f} MB  '
             f'lost {sum(status.lost.values())}')

@@ -45,7 +45,7 @@ from rt_robot_os.link import LinkClient
 from rt_robot_os.link.log_message import log_message
 from rt_robot_os.link.log_message import nearest_severity
 from rt_robot_os.link.protocol import Header
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import VERSION
 from rt_robot_os.recording.bag import Bag
 from rt_robot_os.recording.bag import LOG_CHANNEL
@@ -53,7 +53,7 @@ from rt_robot_os.recording.bag import Packet
 from rt_robot_os.recording.graph import read_graph
 from rt_robot_os.recording.selection import Selection
 from rt_robot_os.recording.selection import Wanted
-from rt_robot_os.recording.session import Session
+from rt_robot_os.recording.session import RecordingSession
 
 # Packets that arrive within this wait for each other: one wake-up for all of them. A socket of
 # the usual size holds three times as many at 10 000 a second, and the rings of the topics more.
@@ -70,7 +70,7 @@ _FILLED: Final = 0.9
 
 
 @dataclass(frozen=True)
-class Status:
+class RecorderStatus:
     """The state of a recording, once a second."""
 
     elapsed_ns: int
@@ -91,7 +91,7 @@ class Recorder:
     """
 
     def __init__(self, path: Path, bag: Bag, wanted: Wanted, tell: Callable[[str], None],
-                 show: Callable[[Status], None]) -> None:
+                 show: Callable[[RecorderStatus], None]) -> None:
         self.stopping = False
         self._asked_ns = time.monotonic_ns()
         self._path = path
@@ -102,7 +102,8 @@ class Recorder:
         self._show = show
         self._sessions = 0
         self._batch: list[Packet] = []
-        self._queue: queue.SimpleQueue[Session | list[Packet] | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[
+            RecordingSession | list[Packet] | None] = queue.SimpleQueue()
         self._queued = self._written = self._dropped = 0
         self._error: Exception | None = None
         self._begin_ns = self._shown_ns = 0
@@ -185,7 +186,7 @@ class Recorder:
             client.pump(_LOOK_S)
             self._hand_over()
 
-    def _mirror(self, client: LinkClient, session: Session) -> None:
+    def _mirror(self, client: LinkClient, session: RecordingSession) -> None:
         """Begin with what the rings still hold only where somebody has a use for it."""
         from_start = not session.begin_ns or (
             session.tapped and bool(session.taps) and _is_all_there(client, session.taps))
@@ -196,7 +197,7 @@ class Recorder:
         for name in sorted(names, key=lambda name: name == SCHEDULE_TOPIC):
             client.mirror(name, oldest=from_start, initial=name in latched, patient=True)
 
-    def _session(self, client: LinkClient) -> Session:
+    def _session(self, client: LinkClient) -> RecordingSession:
         settings = ''.join(str(part['text']) for part in client.request_all('settings'))
         was_tapped = any(map(is_tap, client.topics))
         taps = client.tap() if self._wanted.replay else ()
@@ -210,7 +211,7 @@ class Recorder:
         start_ns, now_ns = int(client.core['start_ns']), time.monotonic_ns()
         cold = start_ns >= self._asked_ns
         self._begin_ns = self._begin_ns or (start_ns if cold else now_ns)
-        session = Session(
+        session = RecordingSession(
             self._sessions, int(client.core['pid']), start_ns, was_tapped,
             tuple(client.core['tasks']), tuple(client.topics), chosen.shown, chosen.kept, taps,
             settings, self._robot, 0 if cold else now_ns,
@@ -238,7 +239,7 @@ class Recorder:
             message = log_message(
                 0, nearest_severity(int(report['severity'])),
                 self._logger(safe_line(str(report['source']))), safe_text(str(report['text'])))
-            head = Header(Kind.REPORT, VERSION, LOG_CHANNEL, 0, int(report['at_ns']),
+            head = Header(PacketKind.REPORT, VERSION, LOG_CHANNEL, 0, int(report['at_ns']),
                           self._reports)
             self._reports += 1
             self._batch.append((head, bytearray(message)))
@@ -258,8 +259,8 @@ class Recorder:
         now_ns = time.monotonic_ns()
         if self._begin_ns and (last or now_ns - self._shown_ns >= NS_PER_S):
             self._shown_ns = now_ns
-            self._show(Status(now_ns - self._begin_ns, self._bag.messages, self._bag.size,
-                              self._bag.lost, connected))
+            self._show(RecorderStatus(now_ns - self._begin_ns, self._bag.messages, self._bag.size,
+                                      self._bag.lost, connected))
 
     # ---- writing -----------------------------------------------------------------------------
 
@@ -273,7 +274,7 @@ class Recorder:
                 if item is None:
                     self._bag.end()
                     return
-                if isinstance(item, Session):
+                if isinstance(item, RecordingSession):
                     self._bag.begin(item)
                 else:
                     self._bag.write(item)

@@ -27,7 +27,7 @@ from rt_robot_os.recording.compare import with_stamp
 from rt_robot_os.recording.definitions import is_known
 from rt_robot_os.recording.definitions import type_hash
 from rt_robot_os.recording.graph import read_graph
-from rt_robot_os.recording.graph import Shown
+from rt_robot_os.recording.graph import ShownTopic
 from rt_robot_os.recording.reading import Recording
 from rt_robot_os.recording.replay import Replay
 from rt_robot_os.recording.tracks import Outlet
@@ -67,7 +67,7 @@ class ReplayOutput:
         """Make the topics of the file that one of the core has."""
         type_name = self._layouts[topic].type_name
         recorded = self._recording.topics.get(topic)
-        shown = self._graph.shown(topic, type_name) if recorded is None else (Shown(replace(
+        shown = self._graph.shown(topic, type_name) if recorded is None else (ShownTopic(replace(
             recorded, type_name=type_name, type_hash=type_hash(type_name), core_topic=topic)),)
         outlets = [Outlet(each) for each in shown if is_known(each.facts.type_name)]
         for outlet in outlets:

@@ -24,10 +24,10 @@ from typing import Final
 from rt_robot_os.core.tap_format import is_tap
 from rt_robot_os.link import TopicInfo
 from rt_robot_os.recording.definitions import is_known
-from rt_robot_os.recording.graph import Graph
 from rt_robot_os.recording.graph import LOG
-from rt_robot_os.recording.graph import Shown
+from rt_robot_os.recording.graph import ShownTopic
 from rt_robot_os.recording.graph import STATIC
+from rt_robot_os.recording.graph import TopicGraph
 from rt_robot_os.settings.static_frames import published_frames
 
 _INPUT_BYTES_MOST: Final = 1 << 16
@@ -68,7 +68,7 @@ class Selection:
     """
 
     def __init__(self, known: Mapping[str, TopicInfo], taps: Collection[str], wanted: Wanted,
-                 graph: Graph) -> None:
+                 graph: TopicGraph) -> None:
         self.missing = ''
         self.unknown_types: list[str] = []
         self._known = known
@@ -83,7 +83,7 @@ class Selection:
             name for name in asked if name in own}
         self.kept = tuple(self._kept(taps, wanted, graph)) if wanted.replay else ()
 
-    def _named(self, wanted: Wanted, graph: Graph, own: list[str]) -> list[str]:
+    def _named(self, wanted: Wanted, graph: TopicGraph, own: list[str]) -> list[str]:
         known = self._known
         found = {text: graph.find(text, known) for text in wanted.topics}
         missing = [text for text, names in found.items() if not names]
@@ -94,8 +94,8 @@ class Selection:
                             f'{", ".join(sorted(there))}')
         return list(dict.fromkeys(name for names in found.values() for name in names))
 
-    def _shown(self, asked: list[TopicInfo], graph: Graph
-               ) -> dict[TopicInfo, tuple[Shown, ...]]:
+    def _shown(self, asked: list[TopicInfo], graph: TopicGraph
+               ) -> dict[TopicInfo, tuple[ShownTopic, ...]]:
         """Return how topics stand in the bag, without those whose types are not known."""
         found = {}
         for info in asked:
@@ -109,7 +109,7 @@ class Selection:
                 found[info] = there
         return found
 
-    def _kept(self, taps: Collection[str], wanted: Wanted, graph: Graph) -> list[TopicInfo]:
+    def _kept(self, taps: Collection[str], wanted: Wanted, graph: TopicGraph) -> list[TopicInfo]:
         """Find what a replay needs: all, or of topics that were named these and the inputs."""
         inputs = {each.topic for each in graph.settings.topics}
         return [info for name, info in self._known.items() if name in taps or (

@@ -31,7 +31,7 @@ from typing import Final
 
 from rt_robot_os.base.errors import RecordingError
 from rt_robot_os.link import TopicInfo
-from rt_robot_os.recording.graph import Shown
+from rt_robot_os.recording.graph import ShownTopic
 from rt_robot_os.settings.model import MountedFrame
 
 FORMAT: Final = 2
@@ -54,7 +54,7 @@ def package_version() -> str:
 
 
 @dataclass(frozen=True)
-class Session:
+class RecordingSession:
     """
     What is recorded of one core.
 
@@ -79,7 +79,7 @@ class Session:
     tapped: bool
     tasks: tuple[str, ...]
     topics: tuple[str, ...]
-    shown: Mapping[TopicInfo, tuple[Shown, ...]]
+    shown: Mapping[TopicInfo, tuple[ShownTopic, ...]]
     kept: tuple[TopicInfo, ...]
     taps: tuple[str, ...]
     settings: str
@@ -128,7 +128,7 @@ class SessionFacts:
     @classmethod
     def read(cls, values: Mapping[str, str]) -> SessionFacts:
         """
-        Read what :meth:`Session.facts` gave.
+        Read what :meth:`RecordingSession.facts` gave.
 
         :raises RecordingError: it is of another format, or damaged.
         """

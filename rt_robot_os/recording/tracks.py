@@ -25,7 +25,7 @@ from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.stamp_mapper import StampLine
 from rt_robot_os.recording.bag_file import BagFile
 from rt_robot_os.recording.bag_info import TopicFacts
-from rt_robot_os.recording.graph import Shown
+from rt_robot_os.recording.graph import ShownTopic
 
 _STAMP: Final = struct.Struct('<iI')
 _FOREVER_NS: Final = 1 << 63
@@ -41,7 +41,7 @@ class Outlet:
 
     __slots__ = ('facts', 'channel', 'latched', '_convert', '_joint', '_last')
 
-    def __init__(self, shown: Shown) -> None:
+    def __init__(self, shown: ShownTopic) -> None:
         self.facts = shown.facts
         self.channel = 0
         self.latched = shown.latched
@@ -102,7 +102,7 @@ class Track:
                  'refused', '_stamp_offset', '_line', '_next_seq', '_is_raw')
 
     def __init__(self, name: str, stamp_offset: int | None, line: StampLine,
-                 shown: Sequence[Shown] = ()) -> None:
+                 shown: Sequence[ShownTopic] = ()) -> None:
         self.name = name
         self.outlets = tuple(map(Outlet, shown))
         self.kept = 0

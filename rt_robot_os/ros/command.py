@@ -28,8 +28,8 @@ import sys
 from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.programs import BAD_USE
 from rt_robot_os.base.programs import importing
-from rt_robot_os.link.robots import hold_core
-from rt_robot_os.link.robots import hold_robot
+from rt_robot_os.link.robots import lock_core
+from rt_robot_os.link.robots import lock_robot
 from rt_robot_os.linux.paths import robot_name
 from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.ros.core_process import CoreProcess
@@ -71,9 +71,9 @@ def run(argv: Sequence[str]) -> int:
                 from rt_robot_os.settings.load import load_from_arguments
                 settings, _ = load_from_arguments(argv, arguments.simulate, arguments.files)
                 from rt_robot_os.settings.json_text import to_json
-            stack.callback(hold_robot(robot).release)
+            stack.callback(lock_robot(robot).release)
             if settings.core.spawn:
-                hold_core(path).release()  # the core itself will hold it
+                lock_core(path).release()  # the core itself will hold it
         except RtRobotError as error:
             tell('robot', error)
             return BAD_USE

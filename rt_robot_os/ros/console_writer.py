@@ -34,7 +34,7 @@ _BURST = 1000
 _END_PATIENCE_S = 1.0
 
 
-class Line(NamedTuple):
+class ConsoleLine(NamedTuple):
     """
     A line to write.
 
@@ -57,19 +57,20 @@ class ConsoleWriter:
     :ivar untold: lines that were dropped, because they came too fast or nobody reads.
     """
 
-    def __init__(self, tell: Callable[[Line], object], summary: Callable[[int], Line]) -> None:
+    def __init__(self, tell: Callable[[ConsoleLine], object],
+                 summary: Callable[[int], ConsoleLine]) -> None:
         self.untold = 0
         self._tell = tell
         self._summary = summary
         self._missing = 0
         self._left = float(_BURST)
         self._earned_s = time.monotonic()
-        self._waiting: queue.Queue[Line | None] = queue.Queue(WAITING_MAXIMUM)
+        self._waiting: queue.Queue[ConsoleLine | None] = queue.Queue(WAITING_MAXIMUM)
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name='rt_robot_os tell', daemon=True)
         self._thread.start()
 
-    def put(self, line: Line) -> None:
+    def put(self, line: ConsoleLine) -> None:
         """Have a line written; never waits, from any thread."""
         with self._lock:
             if self._affordable():

@@ -29,9 +29,9 @@ import subprocess
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.programs import ONE_BLAS_THREAD
+from rt_robot_os.link.liveness import LivenessPage
+from rt_robot_os.link.liveness import LivenessReader
 from rt_robot_os.link.robots import remove_leftovers
-from rt_robot_os.link.sign_of_life import Life
-from rt_robot_os.link.sign_of_life import LifePage
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.linux.process import write_stdin
@@ -66,7 +66,7 @@ class CoreProcess:
         self._process: subprocess.Popen[bytes] | None = None
         self._waits = False  # for its settings
         self._prepares = False
-        self._life: Life | None = None
+        self._liveness: LivenessReader | None = None
         self._ready_fd = -1
 
     def set_settings(self, settings_json: str, loaded_json: str = '') -> None:
@@ -92,7 +92,7 @@ class CoreProcess:
         :raises OSError: it cannot be started.
         """
         ready, told = os.pipe()
-        page = LifePage()
+        page = LivenessPage()
         self._forget()
         try:
             self._process = start_child(
@@ -103,7 +103,7 @@ class CoreProcess:
             self._waits, self._prepares = True, False
             self._ready_fd, ready = ready, -1
             with suppress(OSError, LinkError):  # without it the start is bounded by time alone
-                self._life = Life(os.dup(page.fd))
+                self._liveness = LivenessReader(os.dup(page.fd))
         finally:
             page.close()
             for fd in {told, ready} - {-1}:
@@ -165,14 +165,14 @@ class CoreProcess:
     def _forget(self) -> None:
         """Let go of what belongs to the core before."""
         self._close_ready()
-        life = self.take_life()
-        if life is not None:
-            life.close()
+        liveness = self.take_liveness()
+        if liveness is not None:
+            liveness.close()
 
-    def take_life(self) -> Life | None:
+    def take_liveness(self) -> LivenessReader | None:
         """Return, once, the sign of life of the core that was started last; None without one."""
-        life, self._life = self._life, None
-        return life
+        liveness, self._liveness = self._liveness, None
+        return liveness
 
     def alive(self) -> bool:
         """Look whether it was started and runs; :attr:`exit_code` says how it ended."""

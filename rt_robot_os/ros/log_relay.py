@@ -41,8 +41,8 @@ from rt_robot_os.link.log_message import nearest_severity
 from rt_robot_os.link.log_message import TOPIC
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.ros.console import Console
+from rt_robot_os.ros.console_writer import ConsoleLine
 from rt_robot_os.ros.console_writer import ConsoleWriter
-from rt_robot_os.ros.console_writer import Line
 from rt_robot_os.ros.log_file import line_of
 from rt_robot_os.ros.log_file import LogFile
 from rt_robot_os.settings import LogSettings
@@ -102,7 +102,7 @@ class LogRelay:
             depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self.file: LogFile | None = None
-        self._writer = ConsoleWriter(self._tell, lambda count: Line(
+        self._writer = ConsoleWriter(self._tell, lambda count: ConsoleLine(
             int(Severity.WARN), 0, '', f'{count} lines of the log are not shown here: they came '
             'faster than they could be told'))
         if settings.file:
@@ -124,9 +124,9 @@ class LogRelay:
         if self.file is not None:
             self.file.write(line_of(wall_ns or time.time_ns(), severity.name, source or 'node',
                                     text))
-        self._writer.put(Line(int(severity), wall_ns, source, text))
+        self._writer.put(ConsoleLine(int(severity), wall_ns, source, text))
 
-    def _tell(self, line: Line) -> None:
+    def _tell(self, line: ConsoleLine) -> None:
         """Write one line; the thread that does so may wait for the console."""
         if not line.source:
             say(self._own, line.severity, line.text)
@@ -151,7 +151,7 @@ class LogRelay:
         return logger
 
     def _complain(self, text: str) -> None:
-        self._writer.put(Line(int(Severity.WARN), 0, '', text))
+        self._writer.put(ConsoleLine(int(Severity.WARN), 0, '', text))
 
     def statistics(self) -> dict[str, int | str]:
         """Count the lines, those in the file, and those missing in the file and on the console."""

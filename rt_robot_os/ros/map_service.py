@@ -58,8 +58,8 @@ class MapService:
         if info is None:
             raise LinkError(f'the core has no topic {self.settings.topic!r} of which a service '
                             'gives the last sample; was it started with another configuration?')
-        self._mirrored = client.carriers.get(info.channel)
-        client.carriers[info.channel] = self._carry
+        self._mirrored = client.sample_handlers.get(info.channel)
+        client.sample_handlers[info.channel] = self._carry
 
     def activate(self, client: LinkClient) -> None:
         """

@@ -36,7 +36,7 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link import TopicInfo
-from rt_robot_os.link.client_rooms import SampleTooLong
+from rt_robot_os.link.client_uploads import SampleTooLong
 from rt_robot_os.link.conversions import Inward
 from rt_robot_os.link.fetch_clock import SHORTEST_NS
 from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
@@ -304,8 +304,9 @@ class Mirrors:
                                 'it started with another configuration?')
             mirror.connect(info)
             by_channel.setdefault(info.channel, []).append(mirror)
-        client.carriers = {channel: mirrors[0].carry if len(mirrors) == 1 else _to_all(mirrors)
-                           for channel, mirrors in by_channel.items()}
+        client.sample_handlers = {
+            channel: mirrors[0].carry if len(mirrors) == 1 else _to_all(mirrors)
+            for channel, mirrors in by_channel.items()}
         if self.active:
             self.activate()
 

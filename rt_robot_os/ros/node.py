@@ -59,9 +59,9 @@ from rt_robot_os.ros.supervisor import Supervisor
 from rt_robot_os.settings import RobotParameters
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
+from rt_robot_os.settings.saved import describe_saved
 from rt_robot_os.settings.saved import save
 from rt_robot_os.settings.saved import saved_path
-from rt_robot_os.settings.saved import told_saved
 from rt_robot_os.settings.static_frames import loose_parents
 from rt_robot_os.settings.static_frames import published_frames
 from rt_robot_os.settings.static_frames import TOPIC
@@ -402,7 +402,7 @@ class RobotNode(LifecycleNode):
             response.message = str(error)
             return response
         response.success = True
-        response.message = told_saved(path, values)
+        response.message = describe_saved(path, values)
         return response
 
     def _client(self) -> LinkClient | None:

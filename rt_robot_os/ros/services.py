@@ -40,9 +40,9 @@ from rt_robot_os.base.errors import LinkError
 from rt_robot_os.base.programs import command_line
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.answers import answer_of
-from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.reader import SampleHandler
 from rt_robot_os.link.readers import no_answer
+from rt_robot_os.messages.cdr import string_message
 from rt_robot_os.messages.command_answer import CommandAnswer
 from rt_robot_os.ros.map_service import MapService
 from rt_robot_os.ros.mirrors import ask_for_all
@@ -254,8 +254,8 @@ class Services:
             if info is None:
                 raise LinkError(f'the core has no topic {topic!r} on which a service is answered; '
                                 'was it started with another configuration?')
-            mirrored = client.carriers.get(info.channel)
-            client.carriers[info.channel] = self._listener(topic, mirrored)
+            mirrored = client.sample_handlers.get(info.channel)
+            client.sample_handlers[info.channel] = self._listener(topic, mirrored)
         for each in self.maps:
             each.connect(client)
         self._client = client

@@ -31,15 +31,15 @@ from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.client import Question
 from rt_robot_os.link.core_statistics import collect
 from rt_robot_os.link.core_statistics import CoreStatistics
-from rt_robot_os.link.sign_of_life import Life
+from rt_robot_os.link.liveness import LivenessReader
 from rt_robot_os.link.stamp_mapper import StampMapper
+from rt_robot_os.ros.core_health import connection_problem
+from rt_robot_os.ros.core_health import DEAD_AFTER_BEATS
+from rt_robot_os.ros.core_health import SilenceTimer
+from rt_robot_os.ros.core_health import StarvationDetector
 from rt_robot_os.ros.core_process import CONFIGURATION_EXIT_CODE
 from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.ros.core_process import FORCED_EXIT_CODE
-from rt_robot_os.ros.silence import DEAD_AFTER_BEATS
-from rt_robot_os.ros.silence import Silence
-from rt_robot_os.ros.silence import Starvation
-from rt_robot_os.ros.silence import trouble
 
 _PUMP_S = 0.05
 _LOOK_S = 0.1
@@ -97,9 +97,9 @@ class Supervisor:
         self.connections = 0
         self.statistics: CoreStatistics | None = None
         self.reason = self.starved = ''
-        self._life: Life | None = None
-        self._silence = Silence()
-        self._starvation = Starvation()
+        self._liveness: LivenessReader | None = None
+        self._silence = SilenceTimer()
+        self._starvation = StarvationDetector()
         self._told = ''
         self._start_limit_s = _START_TIMEOUT_S
         self._path = path
@@ -173,7 +173,7 @@ class Supervisor:
             self._forget_life()
             try:
                 process.start()
-                self._life = process.take_life()
+                self._liveness = process.take_liveness()
             except OSError as error:
                 return f'the core cannot be started: {error.strerror or error}'
         client = self._connect()
@@ -197,7 +197,7 @@ class Supervisor:
             self.client = None
             self.starved = self._told = ''
             # Taken over: it says whether the core lives while there is no connection.
-            self._life, client.life = client.life or self._life, None
+            self._liveness, client.liveness = client.liveness or self._liveness, None
             try:
                 self._on_disconnect()
             finally:
@@ -231,12 +231,12 @@ class Supervisor:
         """Kill a core of our own that does not answer; not one that was connected and ticks."""
         if self.process is None:
             return False
-        signs = self._life.read() if self._life is not None else None
+        signs = self._liveness.read() if self._liveness is not None else None
         if signs is not None and signs.ticks and not _is_closed(error):
-            silent_s = self._silence.look(signs.ticks, _TRY_MAXIMUM_S)
+            silent_s = self._silence.update(signs.ticks, _TRY_MAXIMUM_S)
             starved = self._is_starved(silent_s)
             if silent_s <= DEAD_AFTER_BEATS * self._heartbeat_s or starved:
-                self._tell(*trouble(signs, silent_s, starved, self._heartbeat_s))
+                self._tell(*connection_problem(signs, silent_s, starved, self._heartbeat_s))
                 return False
             self._log(ERROR, f'the core gave no sign of life for {silent_s:.1f} s and is killed')
         elif time.monotonic() - started_s > limit_s:
@@ -249,13 +249,13 @@ class Supervisor:
         return True
 
     def _forget_life(self) -> None:
-        if self._life is not None:
-            self._life.close()
-            self._life = None
+        if self._liveness is not None:
+            self._liveness.close()
+            self._liveness = None
 
     def _welcome(self, client: LinkClient) -> None:
         client.on_report = self._report
-        if client.life is not None:
+        if client.liveness is not None:
             self._forget_life()
         self.connections += 1
         self._on_connect(client)
@@ -298,8 +298,8 @@ class Supervisor:
 
     def _judge(self, client: LinkClient) -> None:
         """Look whether the core lives, after what has arrived was read."""
-        signs = client.life.read() if client.life is not None else None
-        silent_s = self._silence.look(signs.ticks if signs else client.last_beat_ns)
+        signs = client.liveness.read() if client.liveness is not None else None
+        silent_s = self._silence.update(signs.ticks if signs else client.last_beat_ns)
         starved = self._is_starved(silent_s)
         if (silent_s > DEAD_AFTER_BEATS * self._heartbeat_s and self.process is not None
                 and not starved):
@@ -307,7 +307,7 @@ class Supervisor:
                 return  # it is alive after all
             self.process.kill()
             raise _Killed(f'the core gave no sign of life for {silent_s:.1f} s and was killed')
-        self._tell(*trouble(signs, silent_s, starved, self._heartbeat_s))
+        self._tell(*connection_problem(signs, silent_s, starved, self._heartbeat_s))
 
     def _tell(self, kind: str, text: str) -> None:
         self.starved = text
@@ -319,7 +319,7 @@ class Supervisor:
         """Return whether a silent core of our own is silent because it may not run."""
         if self.process is None:
             return False
-        return self._starvation.look(
+        return self._starvation.update(
             self.process.pid, silent_s if silent_s > self._heartbeat_s else 0.0)
 
     def _disconnect(self, client: LinkClient) -> None:

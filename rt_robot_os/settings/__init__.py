@@ -27,7 +27,7 @@ from rt_robot_os.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from rt_robot_os.settings.catalogue import Catalogue
-    from rt_robot_os.settings.catalogue import Kind
+    from rt_robot_os.settings.catalogue import PartKind
     from rt_robot_os.settings.files import default_path
     from rt_robot_os.settings.json_text import from_json
     from rt_robot_os.settings.json_text import to_json
@@ -52,16 +52,16 @@ if TYPE_CHECKING:
     from rt_robot_os.settings.service_model import ServiceSettings
     from rt_robot_os.sim.world_settings import WorldSettings
 
-# Where each of them is, from this package.
+# The module of each name, relative to this package.
 _PLACES: Final = {
     'Catalogue': 'catalogue',
     'CoreSettings': 'process_model',
     'DeviceSettings': 'model',
-    'Kind': 'catalogue',
     'LogSettings': 'process_model',
     'MirrorSettings': 'model',
     'ModuleSettings': 'model',
     'ParameterDescription': 'parameters',
+    'PartKind': 'catalogue',
     'RobotParameters': 'parameters',
     'RobotSettings': 'model',
     'RosArguments': 'ros_args',
@@ -81,9 +81,10 @@ _PLACES: Final = {
     'to_json': 'json_text',
 }
 __all__ = [
-    'Catalogue', 'CoreSettings', 'DeviceSettings', 'Kind', 'LogSettings', 'MirrorSettings',
-    'ModuleSettings', 'ParameterDescription', 'RobotParameters', 'RobotSettings', 'RosArguments',
-    'SIM_PORT', 'ServiceSettings', 'TaskSettings', 'TopicSettings', 'WatchdogSettings',
+    'Catalogue', 'CoreSettings', 'DeviceSettings', 'LogSettings', 'MirrorSettings',
+    'ModuleSettings', 'ParameterDescription', 'PartKind', 'RobotParameters', 'RobotSettings',
+    'RosArguments', 'SIM_PORT', 'ServiceSettings', 'TaskSettings', 'TopicSettings',
+    'WatchdogSettings',
     'WorldSettings', 'changed', 'check_change', 'default_path', 'from_json', 'load', 'parameters',
     'parse_ros_args', 'to_json',
 ]

@@ -49,7 +49,7 @@ def no_mountings(values: Mapping[str, Any]) -> Mapping[str, Mounting]:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class PartKind:
     """
     A driver, a module or a simulator, as far as settings care.
 
@@ -80,7 +80,7 @@ class Lookup(Protocol):
     def names(self) -> Sequence[str]:
         """List the names that are known without importing anything foreign."""
 
-    def find(self, name: str) -> Kind:
+    def find(self, name: str) -> PartKind:
         """
         Find one.
 

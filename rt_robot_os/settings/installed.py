@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import PartTopics
 from rt_robot_os.settings.catalogue import Catalogue
-from rt_robot_os.settings.catalogue import Kind
+from rt_robot_os.settings.catalogue import PartKind
 from rt_robot_os.settings.problems import did_you_mean
 
 if TYPE_CHECKING:
@@ -53,14 +53,14 @@ class _Registry:
 
     noun: str
     registry: Callable[[], PluginRegistry[Any]]
-    described: Callable[[str], Kind]
+    described: Callable[[str], PartKind]
     open_ended: bool = False
-    found: dict[str, Kind] = field(default_factory=dict)
+    found: dict[str, PartKind] = field(default_factory=dict)
 
     def names(self) -> Sequence[str]:
         return self.registry().names()
 
-    def find(self, name: str) -> Kind:
+    def find(self, name: str) -> PartKind:
         if name in self.found:
             return self.found[name]
         if name not in self.registry() and not (self.open_ended and ':' in name):
@@ -79,7 +79,7 @@ def _drivers() -> PluginRegistry[Any]:
     return DRIVERS
 
 
-def _driver(name: str) -> Kind:
+def _driver(name: str) -> PartKind:
     from rt_robot_os.devices.registry import DRIVERS
     cls = DRIVERS.load(name)
     return _with_ports(cls, mountings=cls.mountings, shares_port=cls.SHARES_PORT,
@@ -91,19 +91,19 @@ def _modules() -> PluginRegistry[Any]:
     return MODULES
 
 
-def _module(name: str) -> Kind:
+def _module(name: str) -> PartKind:
     from rt_robot_os.modules.registry import module_class
     cls = module_class(name)
     return _with_ports(cls, has_safe_state=cls.has_safe_state(), is_coroutine=cls.is_coroutine(),
                        rate_hz=cls.RATE_HZ)
 
 
-def _with_ports(cls: type[PortOwner], **facts: Any) -> Kind:
+def _with_ports(cls: type[PortOwner], **facts: Any) -> PartKind:
     def topics(section: str, values: Mapping[str, Any]) -> PartTopics:
         part = cls(section, values)
         return PartTopics(part.publications(), part.reads())
 
-    return Kind(cls.fields(), topics, **facts)
+    return PartKind(cls.fields(), topics, **facts)
 
 
 def _simulators() -> PluginRegistry[Any]:
@@ -111,8 +111,9 @@ def _simulators() -> PluginRegistry[Any]:
     return SIMULATORS
 
 
-def _simulator(name: str) -> Kind:
+def _simulator(name: str) -> PartKind:
     from rt_robot_os.devices.simulators import SIMULATORS
+    from rt_robot_os.sim.base import Place
     from rt_robot_os.sim.base import RobotSite
     cls = SIMULATORS.load(name)
 
@@ -120,7 +121,7 @@ def _simulator(name: str) -> Kind:
         # A port opens nothing before it is plugged.
         cls.made_for(section, values, RobotSite(Path()), device).check_speed()
 
-    return Kind(tuple(cls.SETTINGS), check=check)
+    return PartKind(tuple(cls.SETTINGS), check=check)
 
 
 def _layout(message: str, fixed: Mapping[str, Any], tail: int | None) -> Hashable:

@@ -26,7 +26,7 @@ from rt_robot_os.link.conversions import CHECKED
 from rt_robot_os.link.conversions import find
 from rt_robot_os.link.conversions import Inward
 from rt_robot_os.link.conversions import Outward
-from rt_robot_os.link.stamped_messages import Header
+from rt_robot_os.link.stamped_messages import HeaderWriter
 from rt_robot_os.link.stamped_messages import stamped_type
 from rt_robot_os.settings.model import MirrorSettings
 
@@ -47,7 +47,7 @@ def outward(mirror: MirrorSettings) -> Outward | None:
     :raises ValueError: there is no such conversion.
     """
     if mirror.stamped:
-        return Header(mirror.frame_id).put_on
+        return HeaderWriter(mirror.frame_id).put_on
     if not mirror.as_:
         return None
     conversion = find(mirror.message, mirror.as_)

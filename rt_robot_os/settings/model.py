@@ -49,10 +49,10 @@ from rt_robot_os.kernel.spec import OverrunPolicy
 from rt_robot_os.kernel.spec import TaskSpec
 from rt_robot_os.link.conversions import PATH
 from rt_robot_os.link.conversions import TRANSFORMS
-from rt_robot_os.link.diagnostic_array import DIAGNOSTICS
-from rt_robot_os.link.marker import MARKERS
 from rt_robot_os.link.mirror import DELAY_MAXIMUM_MS
 from rt_robot_os.link.mirror import Policy
+from rt_robot_os.messages.diagnostic_array import DIAGNOSTICS
+from rt_robot_os.messages.marker_array import MARKERS
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.settings.process_model import CoreSettings
 from rt_robot_os.settings.process_model import LogSettings

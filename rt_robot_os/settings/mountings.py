@@ -24,7 +24,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.settings.model import frozen
 from rt_robot_os.settings.model import MountedFrame
-from rt_robot_os.settings.parts import Part
+from rt_robot_os.settings.parts import PartSection
 from rt_robot_os.settings.problems import Problems
 from rt_robot_os.settings.tree import Origin
 from rt_robot_os.settings.tree import show
@@ -42,7 +42,8 @@ class _Claim:
     stated: bool
 
 
-def check_mountings(devices: Iterable[Part], problems: Problems) -> tuple[MountedFrame, ...]:
+def check_mountings(devices: Iterable[PartSection], problems: Problems
+                    ) -> tuple[MountedFrame, ...]:
     """
     Find a frame in two places, one that carries itself, and names that tf2 refuses.
 
@@ -68,7 +69,7 @@ def check_mountings(devices: Iterable[Part], problems: Problems) -> tuple[Mounte
                  for frame_id, claim in claims.items())
 
 
-def _claims(part: Part, problems: Problems) -> Iterable[tuple[str, _Claim]]:
+def _claims(part: PartSection, problems: Problems) -> Iterable[tuple[str, _Claim]]:
     section, kind = part.section, part.kind
     if kind is None or any(each.name not in section.values for each in kind.fields):
         return  # something else is wrong, and told
@@ -89,7 +90,7 @@ def _claims(part: Part, problems: Problems) -> Iterable[tuple[str, _Claim]]:
             yield frame_id, _Claim(mounting, part.name, origin, bool(said))
 
 
-def _check_names(part: Part, frame_id: str, mounting: Mounting, problems: Problems) -> None:
+def _check_names(part: PartSection, frame_id: str, mounting: Mounting, problems: Problems) -> None:
     for key, name in (('frame_id', frame_id), ('parent_frame_id', mounting.parent)):
         if not name or name.startswith('/'):
             problems.value(part.section.where(key), f'{part.name}.{key}', name,

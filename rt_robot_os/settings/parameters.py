@@ -33,7 +33,7 @@ from rt_robot_os.base.schema import attribute_of
 from rt_robot_os.base.schema import declared
 from rt_robot_os.base.schema import Field
 from rt_robot_os.settings.catalogue import Catalogue
-from rt_robot_os.settings.catalogue import Kind
+from rt_robot_os.settings.catalogue import PartKind
 from rt_robot_os.settings.installed import installed
 from rt_robot_os.settings.model import DeviceSettings
 from rt_robot_os.settings.model import frozen
@@ -144,7 +144,7 @@ def parameters(
     return tuple(_all(settings, catalogue or installed()))
 
 
-def live_parameters(settings: RobotSettings, kinds: Mapping[str, Kind]
+def live_parameters(settings: RobotSettings, kinds: Mapping[str, PartKind]
                     ) -> tuple[ParameterDescription, ...]:
     """
     List what may change of devices and modules while they run, as :func:`parameters` does.
@@ -230,11 +230,11 @@ def _attributes(section: str, holder: Any) -> Iterator[ParameterDescription]:
         yield _entry(f'{section}.{field.name}', field.default if value is None else value, field)
 
 
-def _of_device(device: DeviceSettings, kind: Kind) -> Iterator[ParameterDescription]:
+def _of_device(device: DeviceSettings, kind: PartKind) -> Iterator[ParameterDescription]:
     return _of_part(device, common(DeviceSettings, kind))
 
 
-def _of_module(module: ModuleSettings, kind: Kind) -> Iterator[ParameterDescription]:
+def _of_module(module: ModuleSettings, kind: PartKind) -> Iterator[ParameterDescription]:
     for each in _of_part(module, common(ModuleSettings, kind)):
         if each.task is not None:
             # It has a rate, or its inputs release it: that does not change.

@@ -31,8 +31,8 @@ from rt_robot_os.base.schema import made
 from rt_robot_os.base.schema import PartTopics
 from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.settings.catalogue import Catalogue
-from rt_robot_os.settings.catalogue import Kind
 from rt_robot_os.settings.catalogue import Lookup
+from rt_robot_os.settings.catalogue import PartKind
 from rt_robot_os.settings.model import DeviceSettings
 from rt_robot_os.settings.model import frozen
 from rt_robot_os.settings.model import ModuleSettings
@@ -52,7 +52,7 @@ _PLACEHOLDERS: Mapping[type, Any] = {bool: False, int: 0, float: 0.0, str: 'x', 
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class PartSection:
     """
     A device or module on its way to being settings.
 
@@ -63,7 +63,7 @@ class Part:
 
     section: Section
     branch: Branch
-    kind: Kind | None
+    kind: PartKind | None
     sim: Mapping[str, Any] | None = None
 
     @property
@@ -81,22 +81,24 @@ class Part:
         return self.section.pick(self.kind.fields if self.kind else ())
 
 
-def common(cls: type, kind: Kind) -> tuple[Field, ...]:
+def common(cls: type, kind: PartKind) -> tuple[Field, ...]:
     """Join our keys and the class's; the class may give one of ours another default or range."""
     theirs = {each.name for each in kind.fields}
     return (*(each for each in declared(cls) if each.name not in theirs), *kind.fields)
 
 
-def read_device(branch: Branch, name: str, catalogue: Catalogue, problems: Problems) -> Part:
+def read_device(branch: Branch, name: str, catalogue: Catalogue, problems: Problems
+                ) -> PartSection:
     """Read the section of one device and of its simulator."""
     kind, section = _read(branch, name, catalogue.drivers, DeviceSettings, 'driver', ('sim',),
                           problems)
     _check_retry(section, problems)
     sim = _read_simulator(branch, section, catalogue.simulators, problems) if kind else None
-    return Part(section, branch, kind, sim)
+    return PartSection(section, branch, kind, sim)
 
 
-def read_module(branch: Branch, name: str, catalogue: Catalogue, problems: Problems) -> Part:
+def read_module(branch: Branch, name: str, catalogue: Catalogue, problems: Problems
+                ) -> PartSection:
     """Read the section of one module."""
     kind, section = _read(branch, name, catalogue.modules, ModuleSettings, 'module', (), problems)
     if kind is not None and 'rate_hz' not in section.origins:
@@ -104,13 +106,13 @@ def read_module(branch: Branch, name: str, catalogue: Catalogue, problems: Probl
             section.values['rate_hz'] = 0.0  # it awaits what releases it
         elif kind.rate_hz is not None:
             section.values['rate_hz'] = kind.rate_hz
-    return Part(section, branch, kind)
+    return PartSection(section, branch, kind)
 
 
 def _read(
     branch: Branch, name: str, lookup: Lookup, ours: type, noun: str,
     elsewhere: tuple[str, ...], problems: Problems,
-) -> tuple[Kind | None, Section]:
+) -> tuple[PartKind | None, Section]:
     node = branch.children.get('type')
     kind = None
     if isinstance(node, Leaf) and isinstance(node.value, str) and not node.fault:
@@ -164,7 +166,7 @@ def _read_simulator(
 
 
 def _check_simulator(
-    found: Section, kind: Kind, device: Mapping[str, Any], problems: Problems,
+    found: Section, kind: PartKind, device: Mapping[str, Any], problems: Problems,
 ) -> None:
     try:
         kind.check(found.name, found.values, device)
@@ -176,7 +178,7 @@ def _check_simulator(
         problems.add(found.origin, text)
 
 
-def topics_of(part: Part, noun: str, problems: Problems) -> PartTopics | None:
+def topics_of(part: PartSection, noun: str, problems: Problems) -> PartTopics | None:
     """
     Ask the class which topics it uses with these settings.
 
@@ -224,7 +226,7 @@ def _stand_in(field: Field) -> Any:
     return _PLACEHOLDERS[field.kind]
 
 
-def build_part(cls: type[_Settings], part: Part) -> _Settings:
+def build_part(cls: type[_Settings], part: PartSection) -> _Settings:
     """Make the settings of a device or a module that has no problem."""
     others: dict[str, Any] = {'name': part.name, 'settings': frozen(part.own())}
     if cls is DeviceSettings:
@@ -234,13 +236,13 @@ def build_part(cls: type[_Settings], part: Part) -> _Settings:
     return settings
 
 
-def _when_read(part: Part) -> str:
+def _when_read(part: PartSection) -> str:
     """Return when it is read: a device that waits for answers as they come, if it may."""
     answers = part.kind is not None and part.kind.answers and not task_of(part).logical_execution
     return 'interrupt' if answers else str(part.section.values['read'])
 
 
-def task_of(part: Part) -> TaskSettings:
+def task_of(part: PartSection) -> TaskSettings:
     """Return what a part declares of its task; a wrong value is replaced by its default."""
     task: TaskSettings = made(TaskSettings, frozen(part.section.values))
     return task

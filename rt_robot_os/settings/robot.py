@@ -37,7 +37,7 @@ from rt_robot_os.settings.model import SECTIONS
 from rt_robot_os.settings.model import TopicSettings
 from rt_robot_os.settings.mountings import check_mountings
 from rt_robot_os.settings.parts import build_part
-from rt_robot_os.settings.parts import Part
+from rt_robot_os.settings.parts import PartSection
 from rt_robot_os.settings.parts import read_device
 from rt_robot_os.settings.parts import read_module
 from rt_robot_os.settings.parts import topics_of
@@ -138,8 +138,8 @@ def _read_named_section(tree: Branch, name: str, kind: type, problems: Problems)
 
 
 def _fill_table(
-    table: TopicTable, devices: list[Part], modules: list[Part], topics: list[Section],
-    catalogue: Catalogue, problems: Problems,
+    table: TopicTable, devices: list[PartSection], modules: list[PartSection],
+    topics: list[Section], catalogue: Catalogue, problems: Problems,
 ) -> Mapping[str, PartTopics | None]:
     """Enter every topic; give those of each part."""
     found: dict[str, PartTopics | None] = {}
@@ -175,7 +175,7 @@ def _read_fixed(branch: Branch, name: str, problems: Problems) -> Mapping[str, A
 
 
 def _silent_topics(
-    parts: Sequence[Part], topics: Sequence[Section],
+    parts: Sequence[PartSection], topics: Sequence[Section],
     uses: Mapping[str, PartTopics | None],
 ) -> Iterator[TopicSettings]:
     """Yield the topics of parts that are not enabled: readers and mirrors of them just wait."""

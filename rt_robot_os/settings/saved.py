@@ -103,7 +103,7 @@ def _configuration(files: Sequence[str], path: Path) -> list[str]:
             and not os.path.basename(file).startswith(_TEMPORARY)]
 
 
-def told_saved(path: Path, values: Mapping[str, Any]) -> str:
+def describe_saved(path: Path, values: Mapping[str, Any]) -> str:
     """Return what :func:`save` has done."""
     if not values:
         return f'nothing differs from the configuration that was loaded; {path} is not needed'

@@ -39,7 +39,7 @@ from rt_robot_os.settings.model import SLOWEST_HZ
 from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.names import is_token
 from rt_robot_os.settings.names import TOKEN_RULE
-from rt_robot_os.settings.parts import Part
+from rt_robot_os.settings.parts import PartSection
 from rt_robot_os.settings.parts import task_of
 from rt_robot_os.settings.problems import Names
 from rt_robot_os.settings.problems import Problems
@@ -159,7 +159,7 @@ def _beyond_the_kernel(
 
 
 def check_tasks(
-    devices: Sequence[Part], modules: Sequence[Part], uses: Uses, core: Section,
+    devices: Sequence[PartSection], modules: Sequence[PartSection], uses: Uses, core: Section,
     watchdog: Section, problems: Problems,
 ) -> None:
     """
@@ -195,7 +195,7 @@ def _reject(section: Section, key: str, remedy: str, problems: Problems) -> None
         problems.value(section.where(key), f'{section.name}.{key}', section.values[key], remedy)
 
 
-def _check_rate(part: Part, uses: PartTopics | None, problems: Problems) -> None:
+def _check_rate(part: PartSection, uses: PartTopics | None, problems: Problems) -> None:
     rate_hz = part.section.values.get('rate_hz')
     if rate_hz is None or part.kind is None:
         return
@@ -215,15 +215,15 @@ def _is_woken(uses: PartTopics | None) -> bool:
     return uses is not None and any(each.wake for each in uses.read)
 
 
-def _check_interrupt(part: Part, problems: Problems) -> None:
+def _check_interrupt(part: PartSection, problems: Problems) -> None:
     if part.section.values.get('read') == 'interrupt' and task_of(part).logical_execution:
         _reject(part.section, 'logical_execution', 'with read: interrupt its samples come out as '
                 'they arrive, not at its deadline: choose read: poll', problems)
 
 
-def _check_resources(parts: Sequence[Part], problems: Problems) -> None:
+def _check_resources(parts: Sequence[PartSection], problems: Problems) -> None:
     """Find names that are none, and misspelt ones; a resource of one task alone is allowed."""
-    users: dict[str, list[Part]] = {}
+    users: dict[str, list[PartSection]] = {}
     for part in parts:
         names = part.section.values.get('resources', ())
         for name in dict.fromkeys(names):
@@ -246,7 +246,7 @@ def _check_resources(parts: Sequence[Part], problems: Problems) -> None:
                     f'exclude nobody: did you mean {guess!r}, as in {other.name}?', problems)
 
 
-def _check_circles(parts: Sequence[Part], uses: Uses, problems: Problems) -> None:
+def _check_circles(parts: Sequence[PartSection], uses: Uses, problems: Problems) -> None:
     """Find modules that release each other in a circle: they would never come to rest."""
     readers: dict[str, list[str]] = {}
     for part in parts:
@@ -306,7 +306,7 @@ def _circle(start: str, followers: Mapping[str, Mapping[str, str]]) -> tuple[str
     return ()
 
 
-def _check_watchdog(watchdog: Section, parts: Sequence[Part], problems: Problems) -> None:
+def _check_watchdog(watchdog: Section, parts: Sequence[PartSection], problems: Problems) -> None:
     timeout_s = watchdog.values.get('timeout_s')
     if timeout_s is None:
         return

@@ -44,7 +44,7 @@ from rt_robot_os.settings.names import full_topic
 from rt_robot_os.settings.names import message_problem
 from rt_robot_os.settings.names import ros_topic_problem
 from rt_robot_os.settings.names import topic_problem
-from rt_robot_os.settings.parts import Part
+from rt_robot_os.settings.parts import PartSection
 from rt_robot_os.settings.problems import did_you_mean
 from rt_robot_os.settings.problems import Names
 from rt_robot_os.settings.problems import Problems
@@ -232,14 +232,14 @@ class TopicTable:
                                f'but {count} {who} read {topic!r}: must be at least {count}')
 
 
-def check_ports(devices: Iterable[Part], problems: Problems) -> None:
+def check_ports(devices: Iterable[PartSection], problems: Problems) -> None:
     """
     Find two devices on one port, also when a link under /dev/serial hides it.
 
     A bus is shared by devices that are made for it: of these, find two with one address.
     """
-    taken: dict[str, Part] = {}
-    addresses: dict[tuple[str, int], Part] = {}
+    taken: dict[str, PartSection] = {}
+    addresses: dict[tuple[str, int], PartSection] = {}
     for part in devices:
         port = part.section.values.get('port', '')
         shares = part.kind is not None and part.kind.shares_port
@@ -256,7 +256,7 @@ def check_ports(devices: Iterable[Part], problems: Problems) -> None:
 
 
 def _check_address(
-    part: Part, port: str, taken: dict[tuple[str, int], Part], problems: Problems,
+    part: PartSection, port: str, taken: dict[tuple[str, int], PartSection], problems: Problems,
 ) -> None:
     address = part.section.values.get('address')
     other = part if address is None else taken.setdefault((port, address), part)
@@ -338,7 +338,7 @@ def _check_conversion(
         return wanted
     message = table.message(topic)
     conversion = find_conversion(message, wanted)
-    if conversion is None or conversion.way(direction) is None:
+    if conversion is None or conversion.factory(direction) is None:
         mirror.reject('as', f'{topic!r} is a {message}: what can be had {direction} is '
                       f'{possible(direction)}', problems)
     elif direction == 'in' and table.declared[topic].spec.fixed:

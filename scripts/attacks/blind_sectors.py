@@ -74,7 +74,7 @@ class Spoiler:
         self._off = np.abs(np.arange(_RAYS) - _RAYS / 2) / (_RAYS / 2)
         self._client = LinkClient(robot.socket, 'spoiler')
         self._channel = self._client.advertise('scan')
-        self._client.carriers[self._client.topics['scan_raw'].channel] = self._pass_on
+        self._client.sample_handlers[self._client.topics['scan_raw'].channel] = self._pass_on
         self._client.mirror('scan_raw')
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)

@@ -33,7 +33,7 @@ from rt_robot_os.core.part import installed_parts
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.requests import Requests
 from rt_robot_os.settings import load
 
@@ -122,8 +122,8 @@ class Client:
     def ask(self, do: str, **arguments: Any) -> list[dict[str, Any]]:
         self.sent.clear()
         self.requests.answer(self, encode_json(  # type: ignore[arg-type]
-            Kind.REQUEST, {'id': 1, 'do': do, **arguments}))
-        return [decode_json(packet) for packet in self.sent if packet[0] == Kind.REPLY]
+            PacketKind.REQUEST, {'id': 1, 'do': do, **arguments}))
+        return [decode_json(packet) for packet in self.sent if packet[0] == PacketKind.REPLY]
 
 
 Make = Callable[..., Core]
@@ -174,7 +174,7 @@ def test_a_part_that_fails_is_named_and_the_core_does_not_run_without_it(make: M
                                           'ZeroDivisionError: no wheels'):
         make(Odometer, Unmade)
     with pytest.raises(ConfigError, match='part of the core Rival could not be made: request '
-                                          "'rearm' is answered by somebody else"):
+                                          "'rearm' exists already"):
         make(Rival)
     core = make(Odometer, Unopened)
     part = core.parts.all[0]
@@ -201,7 +201,7 @@ def test_an_answer_of_many_packets_ends_with_an_empty_one_or_a_reason(core: Core
 
 def test_a_request_belongs_to_one(core: Core) -> None:
     for do in ('statistics', 'rearm'):
-        with pytest.raises(LinkError, match=f"request '{do}' is answered by somebody else"):
+        with pytest.raises(LinkError, match=f"request '{do}' exists already"):
             core.requests.add(do, lambda session, arguments: {})
 
 

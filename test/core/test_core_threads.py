@@ -36,17 +36,17 @@ pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
 def test_a_thread_is_told_once_and_counts_while_it_lives() -> None:
     told: list[str] = []
     watch = ThreadWatch(told.append, {})
-    watch.look()
+    watch.poll()
     ends = threading.Event()
     thread = threading.Thread(target=ends.wait, name='bad\x1bname')
     thread.start()
     for _ in range(3):
-        watch.look()
+        watch.poll()
     assert len(watch.found) == len(told) == 1
     assert '\x1b' not in told[0] and 'of: unknown' in told[0]
     ends.set()
     thread.join()
-    watch.look()
+    watch.poll()
     assert watch.found == []
 
 

@@ -33,9 +33,9 @@ from geometry_msgs.msg import Twist  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from recorded_graph import play_to_rviz  # noqa: E402
 from recorded_graph import Recorded  # noqa: E402
+from rt_robot_os.features.mapping.graph_markers import EdgeKind  # noqa: E402
+from rt_robot_os.features.mapping.graph_markers import graph_numbers  # noqa: E402
 from rt_robot_os.link import LinkClient  # noqa: E402
-from rt_robot_os.link.graph_markers import EdgeKind  # noqa: E402
-from rt_robot_os.link.graph_markers import graph_numbers  # noqa: E402
 from rt_robot_os.topics import Layout  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 from std_msgs.msg import String  # noqa: E402

@@ -68,7 +68,7 @@ def test_a_second_robot_of_the_name_is_refused_and_the_first_lives_on(
         second = run(program, folder=world.folder)
         assert second.returncode == 2
         assert second.stderr.startswith(f'{program}: the ')
-        assert 'runs here already (pid ' in second.stderr and second.stderr.count('\n') == 1
+        assert 'already runs on this machine (pid ' in second.stderr and second.stderr.count('\n') == 1
     with LinkClient(world.folder / 'robot.sock', timeout_s=TIMEOUT_S) as client:
         assert client.request('reset_statistics') == {}
     assert first.end() == 0
@@ -81,14 +81,14 @@ def test_a_robot_of_another_name_runs_beside_it(world: Any) -> None:
     other.wait_for_line('connected to the core')
     top = run('top', '--robot', '/third', '--once', folder=world.folder)
     assert top.returncode == 1
-    assert 'These run: --robot /other, --robot /robot' in top.stderr
+    assert 'Running robots: --robot /other, --robot /robot' in top.stderr
 
 
 def test_a_node_attaches_to_a_core_of_its_name(world: Any) -> None:
     world.start('rt_robot_os.core.program', '--ros-args', '--params-file',
                 str(_written(world.folder, ROBOT))).wait_for_line('timer slack')
     beside = world.robot(ROBOT)
-    beside.wait_for_line('the core robot runs here already')
+    beside.wait_for_line('the core robot already runs on this machine')
     assert beside.process.wait(60) == 2
     attached = world.robot(ROBOT, '-p', 'core.spawn:=false')
     attached.wait_for_line('connected to the core')

@@ -36,7 +36,7 @@ from rt_robot_os.core.app import Core  # noqa: E402
 from rt_robot_os.gateway.convert import RAYS_MOST  # noqa: E402
 from rt_robot_os.gateway.convert import value_of  # noqa: E402
 from rt_robot_os.gateway.settings import GatewaySettings  # noqa: E402
-from rt_robot_os.link.cdr import string_message  # noqa: E402
+from rt_robot_os.messages.cdr import string_message  # noqa: E402
 from rt_robot_os.messages.network_rows import WIDTH  # noqa: E402
 from rt_robot_os.settings.load import load  # noqa: E402
 from rt_robot_os.topics import Layout  # noqa: E402

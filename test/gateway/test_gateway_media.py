@@ -41,8 +41,8 @@ pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
 
 from rt_robot_os.gateway.gateway import Gateway  # noqa: E402
 from rt_robot_os.gateway.settings import GatewaySettings  # noqa: E402
-from rt_robot_os.link.cdr import string_message  # noqa: E402
 from rt_robot_os.link.client import LinkClient  # noqa: E402
+from rt_robot_os.messages.cdr import string_message  # noqa: E402
 from rt_robot_os.sim.commands import send_command  # noqa: E402
 
 YAML = """

@@ -32,7 +32,7 @@ pytest.importorskip('websockets', reason='websockets is not installed')
 from rt_robot_os.gateway.part import Record  # noqa: E402
 from rt_robot_os.gateway.reading import Sample  # noqa: E402
 from rt_robot_os.gateway.records import Records  # noqa: E402
-from rt_robot_os.link.cdr import string_message  # noqa: E402
+from rt_robot_os.messages.cdr import string_message  # noqa: E402
 from rt_robot_os.messages.uplink.importance import Importance  # noqa: E402
 
 

@@ -25,7 +25,7 @@ from typing import TypeVar
 from rt_robot_os.core.app import Core
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link.protocol import encode_json
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.settings import load
 
 MS = 1_000_000
@@ -55,7 +55,7 @@ class RawClient:
 
     def request(self, do: str, **arguments: Any) -> None:
         self.number += 1
-        self.send(encode_json(Kind.REQUEST, {'id': self.number, 'do': do, **arguments}))
+        self.send(encode_json(PacketKind.REQUEST, {'id': self.number, 'do': do, **arguments}))
 
     def close(self) -> None:
         self.socket.close()

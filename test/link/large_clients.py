@@ -23,13 +23,13 @@ from typing import Any
 from core_in_process import CoreInProcess
 from core_in_process import MS
 from core_in_process import RawClient
-from rt_robot_os.link.client_rooms import ClientRoom
-from rt_robot_os.link.client_rooms import ClientRooms
+from rt_robot_os.link.client_uploads import ClientUploadBuffer
+from rt_robot_os.link.client_uploads import ClientUploadBuffers
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import Header
-from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.session import ClientStatistics
 from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import received_fds
@@ -64,7 +64,7 @@ class Client(RawClient):
     def __init__(self, world: World, name: str) -> None:
         super().__init__(world.path)
         self.world = world
-        self.rooms = ClientRooms()
+        self.upload_buffers = ClientUploadBuffers()
         self.answers: list[dict[str, Any]] = []
         self.fds: list[int] = []
         self.refused = 0
@@ -89,21 +89,21 @@ class Client(RawClient):
                 self.ended = True
                 return
             packet = bytes(buffer[:length])
-            if packet[0] == Kind.ROOM:
-                self.rooms.take(memoryview(packet), received_fds(ancillary))
-            elif packet[0] == Kind.GIVE_BACK:
-                self.rooms.returned(Header(*HEADER.unpack_from(packet)).channel, packet)
-            elif packet[0] == Kind.REPLY:
+            if packet[0] == PacketKind.UPLOAD:
+                self.upload_buffers.take(memoryview(packet), received_fds(ancillary))
+            elif packet[0] == PacketKind.GIVE_BACK:
+                self.upload_buffers.returned(Header(*HEADER.unpack_from(packet)).channel, packet)
+            elif packet[0] == PacketKind.REPLY:
                 self.answers.append(decode_json(packet))
-            for fd in received_fds(ancillary) if packet[0] == Kind.LIFE else ():
+            for fd in received_fds(ancillary) if packet[0] == PacketKind.LIVENESS else ():
                 os.close(fd)
 
-    def room(self, topic: str) -> ClientRoom:
-        room = self.rooms.by_channel.get(self.ask('advertise', topic=topic)['channel'])
+    def room(self, topic: str) -> ClientUploadBuffer:
+        room = self.upload_buffers.by_channel.get(self.ask('advertise', topic=topic)['channel'])
         assert room is not None
         return room
 
-    def publish(self, room: ClientRoom, cdr: bytes, stamp_ns: int = 0) -> bool:
+    def publish(self, room: ClientUploadBuffer, cdr: bytes, stamp_ns: int = 0) -> bool:
         def send(packet: bytes) -> None:
             self.socket.send(packet)
 
@@ -111,7 +111,7 @@ class Client(RawClient):
 
     def close(self) -> None:
         super().close()
-        self.rooms.close()
+        self.upload_buffers.close()
 
 
 class World(CoreInProcess[Client]):

@@ -136,12 +136,12 @@ def test_a_topic_of_the_core_takes_a_path(count: int) -> None:
 
 
 @pytest.mark.parametrize(('cdr', 'problem'), [
-    (path([(0, 0, 0)], 'odom'), "frame_id 'odom': it must be 'map'; transform it there before"),
+    (path([(0, 0, 0)], 'odom'), "frame_id 'odom': it must be 'map'; transform it to that frame first"),
     (path([(0, 0, 0)], ''), "frame_id '': it must be 'map'"),
     (path([(0, 0, 0), (1, 0, 0)], own='odom'), "pose 0 frame_id 'odom': it must be 'map'"),
     (path([(0, math.nan, 0)]), 'pose 0 has a number that is not finite'),
     (path([(0, 0, 0), (math.inf, 0, 0)]), 'pose 1 has a number that is not finite'),
-    (path([(0, 0, 0)] * 101), '101 poses, and the topic of the core has room for 100'),
+    (path([(0, 0, 0)] * 101), '101 poses, and the topic of the core can hold 100'),
     (path([(0, 0, 0)])[:-60], 'bytes end within the message'),
     (bytes((0, 0, 0, 0)), 'the encapsulation 00 00 00 00 is not that of little-endian CDR')])
 def test_a_path_that_must_not_pass_is_refused(cdr: bytes, problem: str) -> None:

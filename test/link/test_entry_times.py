@@ -32,7 +32,7 @@ from rt_robot_os.link import client as client_module
 from rt_robot_os.link import LinkClient
 from rt_robot_os.link.entry_times import EntryTimes
 from rt_robot_os.link.protocol import encode_json
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import parse_header
 
 MS = 1_000_000
@@ -124,4 +124,4 @@ def test_a_sample_without_a_stamp_has_that_of_the_moment_at_which_it_was_sent(
 
 
 def test_a_request_has_no_stamp_to_age() -> None:
-    assert parse_header(memoryview(encode_json(Kind.REQUEST, {'id': 1}))).stamp_ns == 0
+    assert parse_header(memoryview(encode_json(PacketKind.REQUEST, {'id': 1}))).stamp_ns == 0

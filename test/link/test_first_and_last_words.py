@@ -35,7 +35,7 @@ from rt_robot_os.core.dumps import writer_process
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.reader import Reader
 
 
@@ -50,9 +50,9 @@ def test_reports_that_come_with_the_greeting_are_handed_on_in_order() -> None:
             connection, _ = listener.accept()
             with connection:
                 number = json.loads(connection.recv(10_000)[HEADER_BYTES:])['id']
-                connection.send(encode_json(Kind.REPORT, {'text': 'before'}))
-                connection.send(encode_json(Kind.REPLY, {'topics': []}, seq=number))
-                connection.send(encode_json(Kind.REPORT, {'text': 'after'}))
+                connection.send(encode_json(PacketKind.REPORT, {'text': 'before'}))
+                connection.send(encode_json(PacketKind.REPLY, {'topics': []}, seq=number))
+                connection.send(encode_json(PacketKind.REPORT, {'text': 'after'}))
                 connection.recv(1)  # until the client goes
 
         server = threading.Thread(target=serve, daemon=True)
@@ -73,8 +73,8 @@ def test_the_last_words_of_a_core_that_has_not_read_everything_arrive() -> None:
     reader = Reader(ours)
     said: list[dict[str, Any]] = []
     reader.on_report = said.append
-    core.send(encode_json(Kind.REPORT, {'text': 'last but one'}))
-    core.send(encode_json(Kind.REPORT, {'text': 'last'}))
+    core.send(encode_json(PacketKind.REPORT, {'text': 'last but one'}))
+    core.send(encode_json(PacketKind.REPORT, {'text': 'last'}))
     ours.send(b'a beat that the core does not read any more')
     core.close()
     with pytest.raises(LinkError, match='closed the connection'):

@@ -44,11 +44,11 @@ from rt_robot_os.link.mirror import Mirror
 from rt_robot_os.link.mirror import Policy
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.records import records
-from rt_robot_os.link.session import Session
+from rt_robot_os.link.session import ClientSession
 from rt_robot_os.topics import Bus
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
@@ -82,16 +82,16 @@ def packets(connection: socket.socket) -> list[bytes]:
 
 
 def samples(packet: bytes) -> list[Sample]:
-    if packet[0] == Kind.BATCH:
+    if packet[0] == PacketKind.BATCH:
         return [(*head, bytes(cdr)) for *head, cdr in records(memoryview(packet))]
     head = parse_header(packet)
-    assert head.kind == Kind.DATA
+    assert head.kind == PacketKind.DATA
     return [(head.channel, head.missed, head.stamp_ns, head.seq, packet[HEADER_BYTES:])]
 
 
 def add(batch: Batch, sample: Sample) -> bool:
     *head, cdr = sample
-    room = batch.room(len(cdr) + 100)  # a topic's longest is longer than this one
+    room = batch.reserve(len(cdr) + 100)  # a topic's longest is longer than this one
     if room is None:
         return False
     room[:len(cdr)] = cdr
@@ -112,7 +112,7 @@ def test_all_samples_arrive_unchanged_and_in_order(given_samples: list[Sample]) 
             (channel, missed & 0xFFFFFFFF, stamp_ns, seq, cdr)
             for channel, missed, stamp_ns, seq, cdr in given_samples]
         for packet in came:
-            if packet[0] == Kind.BATCH:
+            if packet[0] == PacketKind.BATCH:
                 assert len(packet) <= BATCH_BYTES
                 assert parse_header(packet).seq == len(samples(packet)) > 1
         assert batch.send() and not packets(theirs), 'nothing is sent twice'
@@ -127,7 +127,7 @@ def test_a_packet_of_samples_that_is_not_whole_is_an_error(given_samples: list[S
         for sample in given_samples:
             add(batch, sample)
         batch.send()
-        batches = [p for p in packets(theirs) if p[0] == Kind.BATCH]
+        batches = [p for p in packets(theirs) if p[0] == PacketKind.BATCH]
     for packet in batches:
         cut = data.draw(st.integers(HEADER_BYTES + 1, len(packet) - 8))
         whole = samples(packet)
@@ -167,8 +167,8 @@ class Carried:
         self.kernel = Kernel(VirtualClock())
         self.bus = Bus(self.kernel)
         self.ours, self.theirs = pair()
-        self.session = Session(self.ours, self.bus, 1, 0, bytearray(100),
-                               EntryTimes(VirtualClock()))
+        self.session = ClientSession(self.ours, self.bus, 1, 0, bytearray(100),
+                                     EntryTimes(VirtualClock()))
         self.service = self.kernel.add_task('service', self._serve, priority=2)
         self.gather = Gather(self.kernel, self.service, gather_ns)
         self.served_ns: list[int] = []
@@ -185,8 +185,8 @@ class Carried:
         now_ns = self.kernel.now_ns()
         self.served_ns.append(now_ns - self.kernel.start_ns)
         self.gather.begin()
-        if self.session.carry(now_ns):
-            self.gather.carried(now_ns)
+        if self.session.send_samples(now_ns):
+            self.gather.note_sent(now_ns)
         self._came += packets(self.theirs)
 
     def publish(self, name: str, times_us: Sequence[int]) -> None:
@@ -276,7 +276,7 @@ def test_a_topic_that_is_faster_than_its_ring_is_deep_loses_nothing(
     publisher = world.bus.publisher('a')
     world.kernel.add_task('publish', publisher.publish, priority=50, rate_hz=10_000.0)
     world.kernel.run(S)
-    world.session.carry(0)
+    world.session.send_samples(0)
     numbers = [number for packet in world.received() for _, number in packet]
     assert numbers == list(range(publisher.published))
     assert len(world.served_ns) <= publisher.published / max(1, depth // 2) + 1
@@ -319,7 +319,7 @@ def test_a_limit_of_the_rate_counts_from_publications_and_not_from_when_they_go_
     publisher = world.bus.publisher('a')
     world.kernel.add_task('publish', publisher.publish, priority=50, rate_hz=500.0)
     world.kernel.run(S)
-    world.session.carry(world.kernel.now_ns())
+    world.session.send_samples(world.kernel.now_ns())
     numbers = [number for packet in world.received() for _, number in packet]
     assert numbers == list(range(0, publisher.published, 5))
     counted = world.session.mirrors['a'].statistics()
@@ -346,7 +346,7 @@ def test_a_topic_that_is_faster_than_its_ring_loses_nothing_by_a_delay(
     publisher = world.bus.publisher('a')
     world.kernel.add_task('publish', publisher.publish, priority=50, rate_hz=10_000.0)
     world.kernel.run(S // 4)
-    world.session.carry(0)
+    world.session.send_samples(0)
     numbers = [number for packet in world.received() for _, number in packet]
     assert numbers == list(range(publisher.published))
 
@@ -396,7 +396,7 @@ def test_each_sample_is_out_after_the_interval_at_the_latest_and_jobs_keep_apart
 def answer_hello(listener: socket.socket) -> socket.socket:
     connection, _ = listener.accept()
     connection.recv(PACKET_BYTES_MAXIMUM)
-    connection.send(encode_json(Kind.REPLY, {'topics': []}, seq=1))
+    connection.send(encode_json(PacketKind.REPLY, {'topics': []}, seq=1))
     return connection
 
 

@@ -29,17 +29,17 @@ from processes import COMMANDS_YAML
 from processes import in_a_folder
 import pytest
 
-from rt_robot_os.link.fairness import INTERVAL_NS
-from rt_robot_os.link.fairness import UNITS_PER_INTERVAL
 from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import PacketKind
+from rt_robot_os.link.rate_limits import INTERVAL_NS
+from rt_robot_os.link.rate_limits import UNITS_PER_INTERVAL
 from rt_robot_os.link.server import CLIENTS_MAXIMUM
 from rt_robot_os.link.server import HELLO_NS
-from rt_robot_os.link.session import Session
+from rt_robot_os.link.session import ClientSession
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
 
@@ -67,7 +67,7 @@ class Client(RawClient):
             if not packet:
                 return found
             head = Header(*HEADER.unpack_from(packet))
-            if head.kind == Kind.REPLY and not head.channel:
+            if head.kind == PacketKind.REPLY and not head.channel:
                 found = json.loads(packet[HEADER_BYTES:])
 
     def has_ended(self) -> bool:
@@ -112,8 +112,8 @@ def test_a_flood_takes_its_share_and_the_others_are_heard_in_the_same_interval(
     honest.request('advertise', topic='cmd_vel')
     world.run()
     channel = honest.answer()['channel']
-    packet = header(Kind.DATA, channel) + world.core.bus.topic('cmd_vel').layout.prototype
-    beat = header(Kind.BEAT)
+    packet = header(PacketKind.DATA, channel) + world.core.bus.topic('cmd_vel').layout.prototype
+    beat = header(PacketKind.BEAT)
     for flood in floods:
         assert flood.fill(beat) > 100
     rounds = 50
@@ -134,7 +134,7 @@ def test_what_a_flood_has_sent_is_all_taken_in_the_end(world: World) -> None:
     flood.request('advertise', topic='cmd_vel')
     world.run()
     channel = flood.answer()['channel']
-    packet = header(Kind.DATA, channel) + world.core.bus.topic('cmd_vel').layout.prototype
+    packet = header(PacketKind.DATA, channel) + world.core.bus.topic('cmd_vel').layout.prototype
     sent = 0
     for _ in range(20):
         sent += flood.fill(packet)
@@ -152,7 +152,7 @@ def test_who_never_says_hello_gives_way(world: World) -> None:
     world.run(HELLO_NS + 100 * MS)
     assert all(client.has_ended() for client in idle)
     assert [client.name for client in world.core.link.statistics()] == ['honest']
-    assert any('said no hello' in text for text in world.reports())
+    assert any('sent no hello' in text for text in world.reports())
 
 
 @pytest.mark.parametrize('body', [
@@ -160,7 +160,7 @@ def test_who_never_says_hello_gives_way(world: World) -> None:
     b'{"a":' * 2500 + b'1' + b'}' * 2500])
 def test_nested_requests_are_refused_unread(world: World, body: bytes) -> None:
     client = world.client()
-    client.socket.send(header(Kind.REQUEST) + body)
+    client.socket.send(header(PacketKind.REQUEST) + body)
     world.run()
     assert client.has_ended()
     assert 'brackets' in world.reports()[-1]
@@ -170,7 +170,7 @@ def test_who_asks_much_waits_for_itself(world: World) -> None:
     greedy, honest = world.client('greedy'), world.client('honest')
     order: list[str] = []
 
-    def noted(session: Session, arguments: dict[str, Any]) -> dict[str, Any]:
+    def noted(session: ClientSession, arguments: dict[str, Any]) -> dict[str, Any]:
         order.append(session.name)
         return {}
 
@@ -218,7 +218,7 @@ def test_text_that_cannot_be_encoded_is_refused(world: World, request_: dict[str
     client.request(**request_)
     world.run()
     answer = client.answer()
-    assert 'text' in answer['error']
+    assert 'string' in answer['error']
     answer['error'].encode()
 
 
@@ -238,9 +238,9 @@ def test_what_modules_and_logs_say_can_be_encoded(
             packet = client.socket.recv(PACKET_BYTES_MAXIMUM)
         except BlockingIOError:
             break
-        if packet[0] in (Kind.REPLY, Kind.REPORT):
+        if packet[0] in (PacketKind.REPLY, PacketKind.REPORT):
             content = json.loads(packet[HEADER_BYTES:])
-            reports += [content['text']] if packet[0] == Kind.REPORT else []
+            reports += [content['text']] if packet[0] == PacketKind.REPORT else []
             if content.get('part') == 'module':
                 found = content['values']
     assert found['bad \\ud800'] == 'text \\udfff' and len(found['long']) == 500

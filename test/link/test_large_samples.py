@@ -46,9 +46,9 @@ from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import MEMORY
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import SLOT
 from rt_robot_os.linux.memory_file import FD_BYTES
 from rt_robot_os.linux.memory_file import Loans
@@ -101,14 +101,14 @@ class Reader(RawClient):
                 self.ended = True
                 return
             packet = bytes(buffer[:length])
-            if ancillary and packet[0] == Kind.LIFE:
+            if ancillary and packet[0] == PacketKind.LIVENESS:
                 for fd in received_fds(ancillary):
                     os.close(fd)
             elif ancillary:
                 self.memories.take(memoryview(packet), received_fds(ancillary))
-            elif packet[0] == Kind.SLOT:
+            elif packet[0] == PacketKind.SLOT:
                 self.note(packet)
-            elif packet[0] == Kind.REPLY:
+            elif packet[0] == PacketKind.REPLY:
                 self.answers.append(json.loads(packet[HEADER_BYTES:]))
 
     def note(self, packet: bytes) -> None:
@@ -227,10 +227,10 @@ def test_a_patient_client_gets_what_waited_in_the_topic(world: World) -> None:
 
 
 @pytest.mark.parametrize('answers, said', [
-    ([(1, 3)], 'gives back slot 3 of 1, which it has not got'),
-    ([(1, 0), (1, 0)], 'gives back slot 0 of 1, which it has not got'),
-    ([(1, SLOTS)], f'gives back slot {SLOTS} of 1'),
-    ([(1, 0xFFFFFFFF)], 'gives back slot 4294967295'),
+    ([(1, 3)], 'returns slot 3 of 1, which it does not hold'),
+    ([(1, 0), (1, 0)], 'returns slot 0 of 1, which it does not hold'),
+    ([(1, SLOTS)], f'returns slot {SLOTS} of 1'),
+    ([(1, 0xFFFFFFFF)], 'returns slot 4294967295'),
     ([(2, 0)], 'memory 2, which it never got'),
     ([(0, 0)], 'memory 0, which it never got'),
 ])
@@ -241,7 +241,7 @@ def test_a_client_that_breaks_the_rules_is_parted_with(
     world.publish(1)
     world.run()
     for number, slot in answers:
-        client.send(header(Kind.GIVE_BACK) + GIVE_BACK.pack(number, slot))
+        client.send(header(PacketKind.GIVE_BACK) + GIVE_BACK.pack(number, slot))
     world.run()
     client.receive()
     assert client.ended
@@ -271,7 +271,7 @@ def test_the_memory_of_a_client_is_bounded(world: World, monkeypatch: pytest.Mon
     monkeypatch.setattr('rt_robot_os.link.session.CLIENT_MEMORY_MAXIMUM', 700_000)
     client = world.client()
     assert 'channel' in client.ask('mirror', topic='picture')
-    assert '700000 are taken by this client' in client.ask('mirror', topic='jpeg')['error']
+    assert '700000 are used by this client' in client.ask('mirror', topic='jpeg')['error']
     client.ask('unmirror', topic='picture')
     assert 'channel' in client.ask('mirror', topic='jpeg')
     assert not client.ended
@@ -329,9 +329,9 @@ def test_every_large_sample_is_accounted_for_whatever_the_client_does(
                     given = [give_back(p) for p in client.packets[:1]] or given
                     client.give(number)
                 elif step == 'again':
-                    client.send(given[0] or header(Kind.BEAT))
+                    client.send(given[0] or header(PacketKind.BEAT))
                 elif step == 'wrong':
-                    client.send(header(Kind.GIVE_BACK) + GIVE_BACK.pack(1, number))
+                    client.send(header(PacketKind.GIVE_BACK) + GIVE_BACK.pack(1, number))
                 else:
                     client.ask('mirror', topic='picture', policy=step, max_rate_hz=number)
                 told = world.told()
@@ -380,9 +380,9 @@ def test_a_core_that_names_nonsense_is_refused_by_the_client(
         number: int, slot: int, length: int) -> None:
     memories = ClientMemories()
     memory = MemoryFile.create('test', 4, 5000)
-    memories.take(memoryview(header(Kind.MEMORY, 7) + MEMORY.pack(3, 4, 5000)),
+    memories.take(memoryview(header(PacketKind.MEMORY, 7) + MEMORY.pack(3, 4, 5000)),
                   [os.dup(memory.fd)])
-    packet = header(Kind.SLOT, 7) + SLOT.pack(number, slot, length)
+    packet = header(PacketKind.SLOT, 7) + SLOT.pack(number, slot, length)
     if number != 3:
         assert memories.sample(packet) is None
     elif slot < 4 and length <= 5000:
@@ -399,8 +399,8 @@ def test_a_core_that_names_nonsense_is_refused_by_the_client(
 @pytest.mark.parametrize('count, size', [(4, 4097), (3, 5000), (0, 5000), (1 << 31, 1 << 40)])
 def test_a_memory_of_another_size_is_refused(count: int, size: int) -> None:
     memory = MemoryFile.create('test', 4, 4096)
-    with pytest.raises(LinkError, match='no usable memory'):
-        ClientMemories().take(memoryview(header(Kind.MEMORY) + MEMORY.pack(1, count, size)),
+    with pytest.raises(LinkError, match='unusable memory'):
+        ClientMemories().take(memoryview(header(PacketKind.MEMORY) + MEMORY.pack(1, count, size)),
                               [os.dup(memory.fd)])
     memory.close()
 
@@ -421,7 +421,7 @@ def test_a_real_client_gets_large_samples_as_it_gets_small_ones(
     seen: list[tuple[int, int, int]] = []
 
     def on_data(head: Header, cdr: memoryview) -> None:
-        assert head.kind == Kind.DATA and client.topics['picture'].channel == head.channel
+        assert head.kind == PacketKind.DATA and client.topics['picture'].channel == head.channel
         cdr[8:12] = b'\xff' * 4  # as the ROS node does with the stamp
         seen.append((head.seq, len(cdr), cdr[-1]))
 

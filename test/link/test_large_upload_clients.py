@@ -27,13 +27,13 @@ import pytest
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.client import LinkSilent
-from rt_robot_os.link.client_rooms import ClientRooms
-from rt_robot_os.link.client_rooms import SampleTooLong
+from rt_robot_os.link.client_uploads import ClientUploadBuffers
+from rt_robot_os.link.client_uploads import SampleTooLong
 from rt_robot_os.link.protocol import GIVE_BACK
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
-from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import MEMORY
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.linux.memory_file import MemoryFile
 
 pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
@@ -42,13 +42,14 @@ pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
 @pytest.mark.parametrize('body', [
     b'', GIVE_BACK.pack(3, 0), GIVE_BACK.pack(4, 1), GIVE_BACK.pack(3, 9)])
 def test_a_core_that_gives_back_nonsense_is_refused_by_the_client(body: bytes) -> None:
-    rooms = ClientRooms()
+    rooms = ClientUploadBuffers()
     memory = MemoryFile.create('test', 2, 5000)
-    rooms.take(memoryview(header(Kind.ROOM, 7) + MEMORY.pack(3, 2, 5000)), [os.dup(memory.fd)])
-    with pytest.raises(LinkError, match='the core gives back'):
-        rooms.returned(7, header(Kind.GIVE_BACK, 7) + body)
-    with pytest.raises(LinkError, match='which has no room'):
-        rooms.returned(8, header(Kind.GIVE_BACK, 8) + GIVE_BACK.pack(3, 0))
+    rooms.take(memoryview(header(PacketKind.UPLOAD, 7) + MEMORY.pack(3, 2, 5000)),
+               [os.dup(memory.fd)])
+    with pytest.raises(LinkError, match='the core returns'):
+        rooms.returned(7, header(PacketKind.GIVE_BACK, 7) + body)
+    with pytest.raises(LinkError, match='which has no upload'):
+        rooms.returned(8, header(PacketKind.GIVE_BACK, 8) + GIVE_BACK.pack(3, 0))
     rooms.close()
     memory.close()
     room = rooms.by_channel.get(7)
@@ -58,9 +59,9 @@ def test_a_core_that_gives_back_nonsense_is_refused_by_the_client(body: bytes) -
 
 
 def test_a_packet_that_finds_no_room_in_the_socket_keeps_no_slot() -> None:
-    rooms = ClientRooms()
+    rooms = ClientUploadBuffers()
     memory = MemoryFile.create('test', 2, 100_000)
-    rooms.take(memoryview(header(Kind.ROOM, 7) + MEMORY.pack(3, 2, 100_000)),
+    rooms.take(memoryview(header(PacketKind.UPLOAD, 7) + MEMORY.pack(3, 2, 100_000)),
                [os.dup(memory.fd)])
     room = rooms.by_channel.get(7)
     assert room is not None

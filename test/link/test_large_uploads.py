@@ -34,20 +34,20 @@ from processes import in_a_folder
 import pytest
 from rt_robot_os.base.errors import TopicError
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.link.client_rooms import ClientRoom
-from rt_robot_os.link.client_rooms import SampleTooLong
+from rt_robot_os.link.client_uploads import ClientUploadBuffer
+from rt_robot_os.link.client_uploads import SampleTooLong
 from rt_robot_os.link.entry_times import EntryTimes
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import MEMORY
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import SLOT
-from rt_robot_os.link.rooms import BYTES_PER_S
-from rt_robot_os.link.rooms import ROOM_SLOTS
-from rt_robot_os.link.rooms import Uploads
-from rt_robot_os.link.rooms import UploadTurns
+from rt_robot_os.link.uploads import BYTES_PER_S
+from rt_robot_os.link.uploads import UPLOAD_SLOTS
+from rt_robot_os.link.uploads import Uploads
+from rt_robot_os.link.uploads import UploadScheduler
 from rt_robot_os.topics import LargePublisher
 from rt_robot_os.topics import Layout
 
@@ -127,12 +127,12 @@ def test_clients_have_their_turns_at_a_bounded_rate(world: World) -> None:
     assert max(taken) - min(taken) <= 1
     total = sum(taken) * TAIL
     assert BYTES_PER_S / 4 * 0.5 < total < BYTES_PER_S / 4 * 1.3  # and what it may do at once
-    assert world.told('one').large_waiting <= ROOM_SLOTS
+    assert world.told('one').large_waiting <= UPLOAD_SLOTS
 
 
 @pytest.mark.parametrize('packets, said', [
-    ([(1, 0, 9), (1, 0, 9)], 'fills slot 0 of 1, which it has handed over'),
-    ([(1, ROOM_SLOTS, 9)], f'fills slot {ROOM_SLOTS} of memory 1, which it never got'),
+    ([(1, 0, 9), (1, 0, 9)], 'fills slot 0 of 1, which the core holds'),
+    ([(1, UPLOAD_SLOTS, 9)], f'fills slot {UPLOAD_SLOTS} of memory 1, which it never got'),
     ([(2, 0, 9)], 'slot 0 of memory 2, which it never got'),
     ([(1, 0, 1 << 40)], f'{1 << 40} bytes in a slot of'),
 ])
@@ -143,7 +143,7 @@ def test_a_client_that_lies_is_parted_with(world: World, packets: list[tuple[int
     channel = client.answers[-1]['channel']
     room = good.room('map')
     for packet in packets:
-        client.send(header(Kind.SLOT, channel) + SLOT.pack(*packet))
+        client.send(header(PacketKind.SLOT, channel) + SLOT.pack(*packet))
     assert good.publish(room, grid(100_000, 9))
     world.run()
     client.receive()
@@ -154,8 +154,9 @@ def test_a_client_that_lies_is_parted_with(world: World, packets: list[tuple[int
 
 def test_packets_without_a_room_are_parted_with(world: World) -> None:
     for number, packet in enumerate((
-            header(Kind.SLOT, 2) + SLOT.pack(1, 0, 5), header(Kind.SLOT, 999) + SLOT.pack(1, 0, 5),
-            header(Kind.SLOT, 0), header(Kind.ROOM, 0) + MEMORY.pack(1, 2, 4096))):
+            header(PacketKind.SLOT, 2) + SLOT.pack(1, 0, 5),
+            header(PacketKind.SLOT, 999) + SLOT.pack(1, 0, 5),
+            header(PacketKind.SLOT, 0), header(PacketKind.UPLOAD, 0) + MEMORY.pack(1, 2, 4096))):
         client = world.client(f'{number}')
         client.send(packet)
         world.run()
@@ -168,7 +169,7 @@ def test_a_short_packet_that_overtakes_is_parted_with(world: World) -> None:
     client = world.client()
     room = client.room('map')
     assert client.publish(room, grid(100_000, 1))
-    client.send(header(Kind.DATA, client.answers[-1]['channel']) + grid(3, 2))
+    client.send(header(PacketKind.DATA, client.answers[-1]['channel']) + grid(3, 2))
     world.run()
     client.receive()
     assert client.ended and 'would overtake a large one' in '\n'.join(world.reports())
@@ -203,8 +204,8 @@ def test_the_memory_of_a_client_is_bounded(world: World, monkeypatch: pytest.Mon
     monkeypatch.setattr('rt_robot_os.link.session.CLIENT_MEMORY_MAXIMUM', 1_000_000)
     client = world.client()
     client.room('map')
-    assert 'are taken by this client' in client.ask('advertise', topic='picture')['error']
-    assert 'are taken by this client' in client.ask('mirror', topic='picture')['error']
+    assert 'are used by this client' in client.ask('advertise', topic='picture')['error']
+    assert 'are used by this client' in client.ask('mirror', topic='picture')['error']
     assert not client.ended
 
 
@@ -242,7 +243,7 @@ def test_every_sample_is_published_in_order_whatever_clients_do(
     with tempfile.TemporaryDirectory(prefix='rtv') as folder:
         world = World(Path(folder))
         try:
-            def join(which: int) -> tuple[Client, ClientRoom]:
+            def join(which: int) -> tuple[Client, ClientUploadBuffer]:
                 client = world.client(f'{which}')
                 return client, client.room('map')
 
@@ -283,14 +284,14 @@ def test_turns_go_to_whoever_waited_longest() -> None:
             self.uploads = Uploads(EntryTimes(VirtualClock()))
             self.uploads.waiting.extend([None] * count)  # type: ignore[list-item]
 
-        def upload(self) -> int:
+        def publish_upload(self) -> int:
             self.uploads.waiting.pop()
             order.append(self.name)
             return 10
 
     order: list[str] = []
-    turns, clients = UploadTurns(), [Waiting('a', 3), Waiting('b', 1), Waiting('c', 2)]
+    turns, clients = UploadScheduler(), [Waiting('a', 3), Waiting('b', 1), Waiting('c', 2)]
     now_ns = S
-    while turns.take(clients, now_ns := now_ns + S):
+    while turns.publish_next(clients, now_ns := now_ns + S):
         pass
     assert order == ['a', 'b', 'c', 'a', 'c', 'a']

@@ -32,10 +32,10 @@ import pytest
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.core.app import Core
 from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.link.liveness import LivenessPage
+from rt_robot_os.link.liveness import LivenessReader
 from rt_robot_os.link.protocol import encode_json
-from rt_robot_os.link.protocol import Kind
-from rt_robot_os.link.sign_of_life import Life
-from rt_robot_os.link.sign_of_life import LifePage
+from rt_robot_os.link.protocol import PacketKind
 
 
 class _World(CoreInProcess[RawClient]):
@@ -51,7 +51,7 @@ def core() -> Iterator[Core]:
 
 def test_a_long_job_at_low_priority_starves_the_link_and_not_the_sign_of_life(
         core: Core) -> None:
-    life = Life(os.dup(core.link._page.fd))
+    life = LivenessReader(os.dup(core.link._page.fd))
     clock = core.kernel.clock
     assert isinstance(clock, VirtualClock)
     seen = []
@@ -77,7 +77,7 @@ def test_a_long_job_at_low_priority_starves_the_link_and_not_the_sign_of_life(
 def test_a_module_whose_statistics_take_long_is_named(
         core: Core, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
-    life = Life(os.dup(core.link._page.fd))
+    life = LivenessReader(os.dup(core.link._page.fd))
     seen = []
 
     def statistics() -> dict[str, int]:
@@ -89,7 +89,7 @@ def test_a_module_whose_statistics_take_long_is_named(
     monkeypatch.setattr(core.modules[0], 'statistics', statistics)
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as client:
         client.connect(str(core.link.path))
-        client.send(encode_json(Kind.REQUEST, {'id': 1, 'do': 'statistics'}))
+        client.send(encode_json(PacketKind.REQUEST, {'id': 1, 'do': 'statistics'}))
         core.kernel.run(4 * S)
     last = seen[-1]
     assert last is not None and last.task == 'statistics() of guard'
@@ -101,15 +101,15 @@ def test_a_module_whose_statistics_take_long_is_named(
 def test_a_page_that_is_none_is_refused_and_closed() -> None:
     read, write = os.pipe()
     os.close(write)
-    with pytest.raises(LinkError, match='life'):
-        Life(read)
+    with pytest.raises(LinkError, match='liveness'):
+        LivenessReader(read)
     with pytest.raises(OSError):
         os.fstat(read)
 
 
 def test_a_page_that_somebody_else_writes_is_not_read_for_ever() -> None:
-    page = LifePage()
-    life = Life(os.dup(page.fd))
+    page = LivenessPage()
+    life = LivenessReader(os.dup(page.fd))
     page.write(1, 2, 'task')
     assert life.read() == (1, 1, 2, 'task')
     os.pwrite(page.fd, b'\xff', 0)

@@ -33,7 +33,7 @@ from rt_robot_os.link import LinkClient
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.topics import Layout
 
 Until = Callable[..., Any]
@@ -213,9 +213,9 @@ def test_statistics_are_those_of_the_core(core: Any, until: Until) -> None:
 
 
 @pytest.mark.parametrize(('do', 'arguments', 'reason'), [
-    ('fly', {}, "unknown request 'fly'; there are advertise"),
+    ('fly', {}, "unknown request 'fly'; known are advertise"),
     ('mirror', {'topic': 'nothing'}, "no topic 'nothing'; there are: cmd_vel"),
-    ('mirror', {'topic': 7}, 'topic = 7: must be a text'),
+    ('mirror', {'topic': 7}, 'topic = 7: must be a string'),
     ('mirror', {'topic': 'cmd_vel', 'policy': 'all'}, "policy = 'all': must be drain or latest"),
     ('mirror', {'topic': 'cmd_vel', 'max_rate_hz': -1}, 'max_rate_hz = -1: must be a number'),
     ('change', {'name': 'guard.rate_hz', 'value': 0}, 'guard.rate_hz = 0: must be a number from'),
@@ -224,7 +224,7 @@ def test_statistics_are_those_of_the_core(core: Any, until: Until) -> None:
     ('change', {'name': 'guard.timeout_s', 'value': -1}, 'guard.timeout_s'),
     ('change', {'name': 'guard.safe_topic', 'value': 'x'}, 'no parameter that can be changed'),
     ('change', {'name': 'nobody.x', 'value': 1}, 'nobody.x: no parameter that can be changed'),
-    ('change', {'value': 1}, 'name = None: must be a text'),
+    ('change', {'value': 1}, 'name = None: must be a string'),
     ('set_rate', {'task': 'guard', 'rate_hz': 10.0}, "unknown request 'set_rate'"),
     ('set_parameter', {'owner': 'guard', 'name': 'timeout_s', 'value': 1.0}, 'unknown request'),
 ])
@@ -248,14 +248,16 @@ def test_a_sample_that_does_not_fit_is_refused_and_counted(core: Any, until: Unt
 def strangers() -> list[tuple[str, bytes]]:
     rng = random.Random(1)
     return [
-        ('empty kind', header(Kind.BEAT)[:5]), ('noise', rng.randbytes(300)),
-        ('other version', b'\x02\x63' + bytes(22)), ('a kind for clients', header(Kind.REPORT)),
+        ('empty kind', header(PacketKind.BEAT)[:5]), ('noise', rng.randbytes(300)),
+        ('other version', b'\x02\x63' + bytes(22)),
+        ('a kind for clients', header(PacketKind.REPORT)),
         ('a kind that is none', b'\xee\x01' + bytes(22)),
-        ('a channel never advertised', header(Kind.DATA, 1) + twist(1.0)),
-        ('no JSON', header(Kind.REQUEST) + b'{'), ('no object', header(Kind.REQUEST) + b'[1]'),
-        ('no number', encode_json(Kind.REQUEST, {'do': 'hello'})),
-        ('a deep one', header(Kind.REQUEST) + b'[' * 10_000),
-        ('too long', header(Kind.REQUEST) + b' ' * 20_000),
+        ('a channel never advertised', header(PacketKind.DATA, 1) + twist(1.0)),
+        ('no JSON', header(PacketKind.REQUEST) + b'{'),
+        ('no object', header(PacketKind.REQUEST) + b'[1]'),
+        ('no number', encode_json(PacketKind.REQUEST, {'do': 'hello'})),
+        ('a deep one', header(PacketKind.REQUEST) + b'[' * 10_000),
+        ('too long', header(PacketKind.REQUEST) + b' ' * 20_000),
     ]
 
 

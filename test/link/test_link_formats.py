@@ -37,7 +37,7 @@ from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import parse_header
 from rt_robot_os.link.protocol import VERSION
 from rt_robot_os.link.task_records import decode_task
@@ -83,10 +83,10 @@ def test_statistics_of_a_task_that_ran_survive_the_link() -> None:
     assert len(encode_task(task)) < 3 * 320 * 8 + 200
 
 
-@given(st.sampled_from(Kind), st.integers(0, 65535), st.integers(0, 1 << 40),
+@given(st.sampled_from(PacketKind), st.integers(0, 65535), st.integers(0, 1 << 40),
        st.integers(-(1 << 63), (1 << 63) - 1), st.integers(0, (1 << 64) - 1))
 def test_a_header_survives_the_link(
-        kind: Kind, channel: int, missed: int, stamp_ns: int, seq: int) -> None:
+        kind: PacketKind, channel: int, missed: int, stamp_ns: int, seq: int) -> None:
     packet = header(kind, channel, missed, stamp_ns, seq)
     assert len(packet) == HEADER_BYTES == 24
     assert parse_header(packet) == (kind, VERSION, channel, missed % (1 << 32), stamp_ns, seq)
@@ -109,21 +109,21 @@ JSON = st.recursive(st.none() | st.booleans() | st.integers() | st.text(),
 
 @given(st.dictionaries(st.text(), JSON))
 def test_content_survives_the_link(content: dict[str, object]) -> None:
-    assert decode_json(encode_json(Kind.REPLY, content, seq=3)) == content
+    assert decode_json(encode_json(PacketKind.REPLY, content, seq=3)) == content
 
 
 @given(st.binary(max_size=60))
 def test_any_bytes_are_an_object_or_refused(body: bytes) -> None:
     try:
-        content = decode_json(header(Kind.REQUEST) + body)
+        content = decode_json(header(PacketKind.REQUEST) + body)
     except LinkError:
         return
     assert content == json.loads(body)
 
 
 def test_an_answer_says_whether_more_follows() -> None:
-    assert parse_header(encode_json(Kind.REPLY, {}, more=True)).channel == 1
-    assert parse_header(encode_json(Kind.REPLY, {})).channel == 0
+    assert parse_header(encode_json(PacketKind.REPLY, {}, more=True)).channel == 1
+    assert parse_header(encode_json(PacketKind.REPLY, {})).channel == 0
 
 
 # ---- paths -----------------------------------------------------------------------------------

@@ -44,8 +44,8 @@ from rt_robot_os.link.protocol import HEADER
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
 from rt_robot_os.link.protocol import PACKET_BYTES_MAXIMUM
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import REQUEST_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import VERSION
 from rt_robot_os.link.records import records
@@ -87,15 +87,15 @@ class Raw(RawClient):
                 self.ended = True
                 break
             head = Header(*HEADER.unpack_from(packet))
-            if head.kind == Kind.DATA:
+            if head.kind == PacketKind.DATA:
                 self.samples.append(head)
-            elif head.kind == Kind.BATCH:
-                found = [Header(Kind.DATA, head.version, *numbers)
+            elif head.kind == PacketKind.BATCH:
+                found = [Header(PacketKind.DATA, head.version, *numbers)
                          for *numbers, _ in records(memoryview(packet))]
                 assert len(found) == head.seq > 1
                 self.samples += found
                 self.batches.append(len(found))
-            elif head.kind not in (Kind.BEAT, Kind.REPORT):
+            elif head.kind not in (PacketKind.BEAT, PacketKind.REPORT):
                 packets.append((head, packet[HEADER_BYTES:]))
         return packets
 
@@ -154,7 +154,7 @@ HEADS = st.builds(
     st.integers(0, 4), st.integers(0, (1 << 32) - 1), st.integers(-(1 << 63), (1 << 63) - 1),
     st.integers(0, (1 << 64) - 1))
 PACKETS = st.one_of(
-    REQUESTS.map(lambda r: header(Kind.REQUEST) + json.dumps(r).encode()),
+    REQUESTS.map(lambda r: header(PacketKind.REQUEST) + json.dumps(r).encode()),
     st.builds(bytes.__add__, HEADS, st.binary(max_size=120)),
     st.builds(bytes.__add__, HEADS, st.just(b'\0\1\0\0' + bytes(48))),
     st.binary(min_size=1, max_size=60))
@@ -189,10 +189,10 @@ def test_a_packet_that_is_too_long_for_the_link_is_refused(world: World) -> None
     client = world.client()
     client.ask('advertise', topic='cmd_vel')
     # What fits is fine, however much of it is padding.
-    client.send(header(Kind.BEAT) + bytes(PACKET_BYTES_MAXIMUM - HEADER_BYTES))
+    client.send(header(PacketKind.BEAT) + bytes(PACKET_BYTES_MAXIMUM - HEADER_BYTES))
     world.run()
     assert not client.receive() and not client.ended
-    client.send(header(Kind.BEAT) + bytes(PACKET_BYTES_MAXIMUM - HEADER_BYTES + 1))
+    client.send(header(PacketKind.BEAT) + bytes(PACKET_BYTES_MAXIMUM - HEADER_BYTES + 1))
     world.run()
     client.receive()
     assert client.ended
@@ -202,7 +202,7 @@ def test_a_packet_that_is_too_long_for_the_link_is_refused(world: World) -> None
 def test_more_requests_than_can_wait_end_the_connection(world: World) -> None:
     client = world.client()
     for number in range(70):
-        client.send(encode_json(Kind.REQUEST, {'id': number, 'do': 'reset_statistics'}))
+        client.send(encode_json(PacketKind.REQUEST, {'id': number, 'do': 'reset_statistics'}))
     world.run()
     client.receive()
     assert client.ended
@@ -216,7 +216,7 @@ def test_a_request_whose_answer_raises_costs_only_the_connection_of_its_client(
 
     monkeypatch.setattr(world.core.modules[0], 'change', defective)
     asking, other = world.client('asking'), world.client('other')
-    other.send(encode_json(Kind.REQUEST, {'id': 99, 'do': 'reset_statistics'}))
+    other.send(encode_json(PacketKind.REQUEST, {'id': 99, 'do': 'reset_statistics'}))
     assert asking.ask('change', name='guard.timeout_s', value=1.0) == {}
     assert asking.ended
     assert [head.seq for head, _ in other.receive()] == [99]
@@ -234,7 +234,7 @@ def test_a_stamp_of_a_client_is_never_in_the_future(
     channel = client.ask('advertise', topic='cmd_vel')['channel']
     reader = world.core.bus.subscribe('cmd_vel', 'test')
     sent_ns = world.core.kernel.now_ns()
-    client.send(header(Kind.DATA, channel, stamp_ns=sent_ns + offset_ns)
+    client.send(header(PacketKind.DATA, channel, stamp_ns=sent_ns + offset_ns)
                 + world.core.bus.topic('cmd_vel').layout.prototype)
     world.run()
     assert reader.take()
@@ -247,7 +247,7 @@ def test_a_stamp_of_a_client_is_never_in_the_future(
 def test_a_flood_of_samples_is_taken_in_portions_and_none_is_lost(world: World) -> None:
     client = world.client('flood')
     channel = client.ask('advertise', topic='cmd_vel')['channel']
-    packet = header(Kind.DATA, channel) + world.core.bus.topic('cmd_vel').layout.prototype
+    packet = header(PacketKind.DATA, channel) + world.core.bus.topic('cmd_vel').layout.prototype
     sent = 0
     for _ in range(20):
         try:
@@ -267,7 +267,7 @@ def test_what_a_client_sent_before_it_ended_without_reading_is_taken(world: Worl
     channel = client.ask('advertise', topic='cmd_vel')['channel']
     world.run(S)  # beats that it does not read
     for _ in range(3):
-        client.send(header(Kind.DATA, channel)
+        client.send(header(PacketKind.DATA, channel)
                     + world.core.bus.topic('cmd_vel').layout.prototype)
     client.socket.close()
     world.run()
@@ -428,7 +428,7 @@ def test_answers_for_a_client_that_does_not_read_are_bounded_and_counted(world: 
     sent = 0
     while not (told := world.core.link.statistics()[0]).outbox_dropped:
         for _ in range(20):
-            client.send(encode_json(Kind.REQUEST, {'id': 5, 'do': 'mirror', 'topic': name}))
+            client.send(encode_json(PacketKind.REQUEST, {'id': 5, 'do': 'mirror', 'topic': name}))
         world.run()
         sent += 20
         assert sent < 10_000

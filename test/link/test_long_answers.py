@@ -33,11 +33,11 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.link.entry_times import EntryTimes
 from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.protocol import encode_json
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import PART_BYTES
 from rt_robot_os.link.reader import Reader
+from rt_robot_os.link.session import ClientSession
 from rt_robot_os.link.session import OUTBOX_MAXIMUM
-from rt_robot_os.link.session import Session
 from rt_robot_os.link.session import STREAMS_MAXIMUM
 from rt_robot_os.topics import Bus
 
@@ -51,8 +51,8 @@ class Ends:
         ours, self.client = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         for one in (ours, self.client):
             one.setblocking(False)
-        self.session = Session(ours, Bus(Kernel(VirtualClock())), 1, 0, bytearray(100),
-                               EntryTimes(VirtualClock()))
+        self.session = ClientSession(ours, Bus(Kernel(VirtualClock())), 1, 0, bytearray(100),
+                                     EntryTimes(VirtualClock()))
         self.made = 0
 
     def packets(self) -> Iterator[bytes]:
@@ -97,7 +97,7 @@ def test_a_second_long_answer_comes_after_the_first_and_their_number_is_bounded(
         ends.session.post_all(ends.packets())
         for number in range(STREAMS_MAXIMUM - 1):
             ends.session.post_all(iter([b'next %d' % number]))
-        with pytest.raises(LinkError, match='still on their way'):
+        with pytest.raises(LinkError, match='still being sent'):
             ends.session.post_all(iter([b'x']))
         ends.session.post(b'short')  # what is short comes between
         taken: list[bytes] = []
@@ -134,11 +134,11 @@ def test_an_answer_of_any_length_arrives_whole(size: int) -> None:
     client = Reader(there)
     replies: queue.SimpleQueue[Any] = queue.SimpleQueue()
     client.replies[7] = replies
-    session = Session(here, Bus(Kernel(VirtualClock())), 1, 0, bytearray(100),
-                      EntryTimes(VirtualClock()))
+    session = ClientSession(here, Bus(Kernel(VirtualClock())), 1, 0, bytearray(100),
+                            EntryTimes(VirtualClock()))
     content = {'text': 'x' * size, 'list': list(range(100))}
     try:
-        session.post(encode_json(Kind.REPLY, content, seq=7))
+        session.post(encode_json(PacketKind.REPLY, content, seq=7))
         while replies.empty():
             client.pump(0.0)
             session.flush()

@@ -28,8 +28,8 @@ from rt_robot_os.base.errors import StartError
 from rt_robot_os.core.placement import choose_cpu
 from rt_robot_os.core.placement import least_used
 from rt_robot_os.link.robots import core_lock_path
-from rt_robot_os.link.robots import hold_core
-from rt_robot_os.link.robots import hold_robot
+from rt_robot_os.link.robots import lock_core
+from rt_robot_os.link.robots import lock_robot
 from rt_robot_os.link.robots import others_than
 from rt_robot_os.link.robots import remove_dead_lock
 from rt_robot_os.link.robots import remove_leftovers
@@ -56,18 +56,18 @@ def in_another_process(code: str) -> subprocess.Popen[str]:
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT)
 
 
-HOLD = 'lock = hold_robot("robot"); print("held", flush=True); input()'
+HOLD = 'lock = lock_robot("robot"); print("held", flush=True); input()'
 
 
 def test_the_second_of_a_name_is_told_who_holds_it() -> None:
     first = in_another_process(HOLD)
     assert first.stdout is not None and first.stdout.readline() == 'held\n'
-    with pytest.raises(StartError, match=rf'/robot runs here already \(pid {first.pid}, since '
-                       r'\d{4}-.*stop that one, or give this one another name.*__node:=other'):
-        hold_robot('robot')
-    hold_robot('other').release()
+    with pytest.raises(StartError, match=rf'/robot already runs on this machine \(pid {first.pid}, since '
+                       r'\d{4}-.*stop it, or give this robot another name.*__node:=other'):
+        lock_robot('robot')
+    lock_robot('other').release()
     first.communicate('\n', timeout=60)
-    hold_robot('robot').release()
+    lock_robot('robot').release()
 
 
 def test_a_kill_frees_the_name() -> None:
@@ -75,11 +75,11 @@ def test_a_kill_frees_the_name() -> None:
     assert first.stdout is not None and first.stdout.readline() == 'held\n'
     first.send_signal(signal.SIGKILL)
     first.communicate(timeout=60)
-    hold_robot('robot').release()
+    lock_robot('robot').release()
 
 
 def test_nothing_is_left_of_a_lock_that_was_released(folder: Path) -> None:
-    lock = hold_robot('robot')
+    lock = lock_robot('robot')
     assert [path.name for path in folder.iterdir()] == ['robot.lock']
     lock.release()
     lock.release()
@@ -103,23 +103,23 @@ def test_a_child_that_was_forked_does_not_hold_it(folder: Path) -> None:
 
 def test_a_core_is_waited_for_when_its_node_is_dead(monkeypatch: pytest.MonkeyPatch) -> None:
     path = socket_path()
-    there = hold_core(path, parent=1 << 30)  # nobody's parent
+    there = lock_core(path, parent=1 << 30)  # nobody's parent
     monkeypatch.setattr('rt_robot_os.link.robots.time.sleep', lambda _: there.release())
-    hold_core(path).release()
+    lock_core(path).release()
 
 
 def test_a_core_that_lives_is_not_waited_for() -> None:
     path = socket_path()
-    there = hold_core(path, parent=os.getppid())
-    with pytest.raises(StartError, match=r'core robot runs here already \(pid .*spawn:=false'):
-        hold_core(path)
+    there = lock_core(path, parent=os.getppid())
+    with pytest.raises(StartError, match=r'core robot already runs on this machine \(pid .*spawn:=false'):
+        lock_core(path)
     there.release()
 
 
 def test_a_socket_that_is_served_is_not_removed() -> None:
     path = socket_path()
     path.touch()
-    there = hold_core(path)
+    there = lock_core(path)
     remove_leftovers(path)
     assert path.exists()
     there.release()
@@ -131,7 +131,7 @@ def test_what_a_killed_node_leaves_goes_with_its_core(folder: Path) -> None:
     (folder / 'robot.lock').write_text('{}')
     remove_dead_lock(socket_path())
     assert list(folder.iterdir()) == []
-    there = hold_robot('robot')
+    there = lock_robot('robot')
     remove_dead_lock(socket_path())
     assert there.path.exists()
     there.release()
@@ -149,10 +149,10 @@ def test_a_lock_that_says_nothing_is_held_all_the_same(folder: Path) -> None:
 
 def test_robots_spread_over_the_cpus(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr('os.sched_getaffinity', lambda _: {0, 1, 2})
-    locks = [hold_core(socket_path(name)) for name in 'abcd']
+    locks = [lock_core(socket_path(name)) for name in 'abcd']
     assert [choose_cpu(-1, lock) for lock in locks] == [2, 1, 0, 2]
     locks[1].release()
-    assert choose_cpu(-1, hold_core(socket_path('e'))) == 1
+    assert choose_cpu(-1, lock_core(socket_path('e'))) == 1
     assert choose_cpu(0, locks[0]) == 0
     assert choose_cpu(-2, locks[0]) == -2
 
@@ -216,11 +216,11 @@ def test_a_home_is_not_closed_to_others(folder: Path, monkeypatch: Any) -> None:
 
 
 def test_a_core_that_runs_and_does_not_answer_is_not_taken_for_none() -> None:
-    assert 'No robot of this user runs here' in others_than('robot')
-    core = hold_core(socket_path('robot'), parent=os.getppid())
+    assert 'No robot of this user runs on this machine' in others_than('robot')
+    core = lock_core(socket_path('robot'), parent=os.getppid())
     try:
         told = others_than('robot')
         assert f'Its core runs (pid {os.getpid()},' in told and 'does not answer' in told
-        assert others_than('arm.robot') == ' These run: --robot /robot'
+        assert others_than('arm.robot') == ' Running robots: --robot /robot'
     finally:
         core.release()

@@ -32,7 +32,7 @@ from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.robot_link import RobotLink
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.client import LinkSilent
-from rt_robot_os.link.lasting_client import LastingClient
+from rt_robot_os.link.reconnecting_client import ReconnectingClient
 
 pytest.importorskip('geometry_msgs', reason='ROS 2 messages are not installed')
 
@@ -131,7 +131,7 @@ def test_who_got_no_answer_has_no_connection(core: CoreInProcess[RawClient]) -> 
             raise silences.pop()
 
     told: list[str] = []
-    client = LastingClient(core.path, 'test', connected, told.append)
+    client = ReconnectingClient(core.path, 'test', connected, told.append)
     try:
         assert not client.pump(0.0) and client.client is None
         assert told == ['the core did not answer; waiting for it']

@@ -26,7 +26,7 @@ pytest.importorskip('rclpy', reason='rclpy is not installed')
 
 from rclpy.serialization import deserialize_message  # noqa: E402
 from rclpy.serialization import serialize_message  # noqa: E402
-from rt_robot_os.link.stamped_messages import Header  # noqa: E402
+from rt_robot_os.link.stamped_messages import HeaderWriter  # noqa: E402
 from rt_robot_os.link.stamped_messages import STAMPED_BYTES  # noqa: E402
 from rt_robot_os.link.stamped_messages import stamped_type  # noqa: E402
 from rt_robot_os.link.stamped_messages import take_off  # noqa: E402
@@ -68,7 +68,7 @@ def test_there_and_back_agrees_with_rclpy(
     assert stamp_ns == seconds * 10 ** 9 + nanoseconds
     assert Layout.compile(message).check(memoryview(bare)) is None
     assert deserialize_message(bare, type(body)) == body
-    again = Header(frame_id).put_on(memoryview(bare), stamp_ns)
+    again = HeaderWriter(frame_id).put_on(memoryview(bare), stamp_ns)
     assert deserialize_message(again, kind) == whole
 
 

@@ -66,7 +66,7 @@ def said_by(tmp_path: Path) -> list[dict[str, Any]]:
     from rt_robot_os.core.app import Core
     from rt_robot_os.link.protocol import decode_json
     from rt_robot_os.link.protocol import encode_json
-    from rt_robot_os.link.protocol import Kind
+    from rt_robot_os.link.protocol import PacketKind
     from rt_robot_os.settings import load
     tmp_path.joinpath('robot.yaml').write_text("""
 robot:
@@ -86,7 +86,7 @@ robot:
 
     core.requests.answer(
         Client(),  # type: ignore[arg-type]
-        encode_json(Kind.REQUEST, {'id': 5, 'do': 'statistics'}))
+        encode_json(PacketKind.REQUEST, {'id': 5, 'do': 'statistics'}))
     return [decode_json(packet) for packet in sent if b'"part":' in packet]
 
 

@@ -25,17 +25,17 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rt_robot_os.link import TopicInfo
 from rt_robot_os.link.protocol import Header
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.recording import definitions
 from rt_robot_os.recording.bag import Bag
 from rt_robot_os.recording.bag import Limits
-from rt_robot_os.recording.graph import Graph
 from rt_robot_os.recording.graph import read_graph
+from rt_robot_os.recording.graph import TopicGraph
 from rt_robot_os.recording.reading import Recording
 from rt_robot_os.recording.selection import Selection
 from rt_robot_os.recording.selection import Wanted
-from rt_robot_os.recording.session import Session
+from rt_robot_os.recording.session import RecordingSession
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
@@ -80,7 +80,7 @@ INFOS = {name: TopicInfo(name, number, type_name, 100, 1000,
 def selected(*topics: str, robot: RobotSettings = ROBOT, name: str = 'robot', **wanted: Any
              ) -> Selection:
     return Selection(INFOS, (), Wanted(topics, **wanted),
-                     Graph(robot, name, bool(wanted.get('core_names'))))
+                     TopicGraph(robot, name, bool(wanted.get('core_names'))))
 
 
 def types(chosen: Selection) -> dict[str, str]:
@@ -144,14 +144,14 @@ def test_settings_of_another_version_leave_the_names_of_the_core() -> None:
 
 # ---- files -----------------------------------------------------------------------------------
 
-def session(chosen: Selection) -> Session:
-    return Session(0, 1, S, False, (), tuple(INFOS), chosen.shown, chosen.kept, (),
-                   to_json(ROBOT), frames=chosen.frames, logs=False)
+def session(chosen: Selection) -> RecordingSession:
+    return RecordingSession(0, 1, S, False, (), tuple(INFOS), chosen.shown, chosen.kept, (),
+                            to_json(ROBOT), frames=chosen.frames, logs=False)
 
 
 def sample(name: str, seq: int, value: dict[str, Any], at_ns: int = 5 * S
            ) -> tuple[Header, bytearray]:
-    return (Header(Kind.DATA, 5, INFOS[name].channel, 0, at_ns + seq, seq),
+    return (Header(PacketKind.DATA, 5, INFOS[name].channel, 0, at_ns + seq, seq),
             bytearray(LAYOUTS[name].from_dict(value)))
 
 

@@ -25,8 +25,8 @@ from typing import Any
 import pytest
 
 from rt_robot_os.ros.console import Pump
+from rt_robot_os.ros.console_writer import ConsoleLine
 from rt_robot_os.ros.console_writer import ConsoleWriter
-from rt_robot_os.ros.console_writer import Line
 from rt_robot_os.ros.console_writer import WAITING_MAXIMUM
 
 TIMEOUT_S = 60.0
@@ -40,19 +40,19 @@ def wait_for(condition: Callable[[], Any], what: str) -> None:
         time.sleep(0.002)
 
 
-def line(number: int) -> Line:
-    return Line(20, 0, 'test', f'{number}')
+def line(number: int) -> ConsoleLine:
+    return ConsoleLine(20, 0, 'test', f'{number}')
 
 
 def test_lines_that_nobody_can_tell_are_counted_and_the_rest_comes_in_order() -> None:
     gate = threading.Event()
     told: list[str] = []
 
-    def tell(each: Line) -> None:
+    def tell(each: ConsoleLine) -> None:
         gate.wait(TIMEOUT_S)
         told.append(each.text)
 
-    writer = ConsoleWriter(tell, lambda count: Line(30, 0, '', f'{count} missing'))
+    writer = ConsoleWriter(tell, lambda count: ConsoleLine(30, 0, '', f'{count} missing'))
     for number in range(WAITING_MAXIMUM + 500):
         writer.put(line(number))  # does not wait, although nothing is told
     assert not told and writer.untold >= 499

@@ -141,7 +141,7 @@ def test_nobody_waits_for_a_core_that_refuses_its_settings(
 
 def test_what_keeps_simulated_devices_running_ends_when_there_are_none(
         folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    keeper = start_child('rt_robot_os.core.keeper', os.getpid(), folder / 'robot',
+    keeper = start_child('rt_robot_os.core.simulator_supervisor', os.getpid(), folder / 'robot',
                          stdin=subprocess.PIPE)
     assert keeper.stdin is not None
     keeper.stdin.close()

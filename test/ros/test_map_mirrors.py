@@ -34,9 +34,9 @@ from rclpy.qos import QoSDurabilityPolicy  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 from rclpy.qos import QoSReliabilityPolicy  # noqa: E402
 
+from rt_robot_os.features.mapping.graph_markers import EdgeKind  # noqa: E402
+from rt_robot_os.features.mapping.graph_markers import graph_numbers  # noqa: E402
 from rt_robot_os.link import TopicInfo  # noqa: E402
-from rt_robot_os.link.graph_markers import EdgeKind  # noqa: E402
-from rt_robot_os.link.graph_markers import graph_numbers  # noqa: E402
 from rt_robot_os.link.stamp_mapper import StampMapper  # noqa: E402
 from rt_robot_os.ros.mirrors import OutwardMirror  # noqa: E402
 from rt_robot_os.settings import default_path  # noqa: E402

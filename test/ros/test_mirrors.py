@@ -27,7 +27,7 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 from rt_robot_os.base.errors import LinkError  # noqa: E402
 from rt_robot_os.link import TopicInfo  # noqa: E402
-from rt_robot_os.link.client_rooms import SampleTooLong  # noqa: E402
+from rt_robot_os.link.client_uploads import SampleTooLong  # noqa: E402
 from rt_robot_os.link.stamp_mapper import StampMapper  # noqa: E402
 from rt_robot_os.ros.mirrors import Mirrors  # noqa: E402, I100
 from rt_robot_os.settings import MirrorSettings  # noqa: E402

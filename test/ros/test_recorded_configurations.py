@@ -29,8 +29,8 @@ import rclpy  # noqa: E402, I100
 from rclpy.node import Node  # noqa: E402
 from rt_robot_os.link import TopicInfo  # noqa: E402
 from rt_robot_os.link.stamp_mapper import StampMapper  # noqa: E402
-from rt_robot_os.recording.graph import Graph  # noqa: E402
 from rt_robot_os.recording.graph import LOG  # noqa: E402
+from rt_robot_os.recording.graph import TopicGraph  # noqa: E402
 from rt_robot_os.recording.selection import Selection  # noqa: E402
 from rt_robot_os.recording.selection import Wanted  # noqa: E402
 from rt_robot_os.ros.mirrors import Mirrors  # noqa: E402
@@ -103,7 +103,7 @@ def recorded(settings: RobotSettings) -> tuple[Topics, Selection]:
     core |= {'a/topic/of/the/core/alone': 'std_msgs/msg/String'} if core else {}
     infos = {name: TopicInfo(name, number, message, 100, 100, None, 8, 0.0)
              for number, (name, message) in enumerate(core.items())}
-    chosen = Selection(infos, (), Wanted(), Graph(settings, 'robot'))
+    chosen = Selection(infos, (), Wanted(), TopicGraph(settings, 'robot'))
     facts = [each.facts for shown in chosen.shown.values() for each in shown]
     return {each.name: (each.type_name, each.reliability, each.durability, str(each.depth))
             for each in facts}, chosen

@@ -35,13 +35,13 @@ from rclpy.node import Node  # noqa: E402
 
 from rt_robot_os.base.errors import LinkError  # noqa: E402
 from rt_robot_os.link import TopicInfo  # noqa: E402
-from rt_robot_os.link.cdr import string_in  # noqa: E402
-from rt_robot_os.link.cdr import string_message  # noqa: E402
 from rt_robot_os.link.client import Question  # noqa: E402
 from rt_robot_os.link.protocol import encode_json  # noqa: E402
-from rt_robot_os.link.protocol import Kind  # noqa: E402
+from rt_robot_os.link.protocol import PacketKind  # noqa: E402
 from rt_robot_os.link.protocol import parse_header  # noqa: E402
 from rt_robot_os.link.readers import readers_of  # noqa: E402
+from rt_robot_os.messages.cdr import string_in  # noqa: E402
+from rt_robot_os.messages.cdr import string_message  # noqa: E402
 from rt_robot_os.ros.services import Services  # noqa: E402
 from rt_robot_os.ros.services import WAITING_MAXIMUM  # noqa: E402
 from rt_robot_os.settings import ServiceSettings  # noqa: E402
@@ -79,7 +79,7 @@ class Client:
                        for number, name in enumerate(names)}
         self.topics['map'] = TopicInfo(
             'map', 3, 'nav_msgs/msg/OccupancyGrid', 8, 300, None, 8, 0)
-        self.carriers: dict[int, Any] = {}
+        self.sample_handlers: dict[int, Any] = {}
         self.mirrored: list[str] = []
         self.told: list[tuple[int, str]] = []
         self.gone = False
@@ -107,7 +107,7 @@ class Client:
         self.asked.append((topic, answers))
         question = Question(do, self.replies, len(self.asked), on_packet)
         if self.now is not None:
-            packet = encode_json(Kind.REPLY, self.now, seq=len(self.asked))
+            packet = encode_json(PacketKind.REPLY, self.now, seq=len(self.asked))
             question.put((parse_header(packet), packet))
         return question
 
@@ -118,7 +118,7 @@ class Client:
 
     def answer(self, text: str, stamp_ns: int = 0) -> None:
         cdr = bytearray(string_message(text))
-        self.carriers[1](stamp_ns or time.monotonic_ns(), 0, memoryview(cdr))
+        self.sample_handlers[1](stamp_ns or time.monotonic_ns(), 0, memoryview(cdr))
 
 
 class Robot:
@@ -342,7 +342,7 @@ def test_a_map_that_nothing_loads_has_no_reason_of_a_file(robot: Robot) -> None:
 def test_a_mirror_of_the_answers_goes_on(robot: Robot) -> None:
     carried: list[int] = []
     core = Client()
-    core.carriers[1] = lambda stamp_ns, missed, cdr: carried.append(stamp_ns)
+    core.sample_handlers[1] = lambda stamp_ns, missed, cdr: carried.append(stamp_ns)
     robot.services.connect(core)  # type: ignore[arg-type]
     core.answer('anything', 5)
     assert carried == [5]
@@ -383,7 +383,7 @@ def test_the_last_map_is_given_also_when_the_core_is_gone(robot: Robot) -> None:
     grid = layout.view(buffer)
     grid.info.width, grid.info.height, grid.info.resolution = 2, 3, 0.05
     grid.data = [0, 100, -1, -1, 0, 0]
-    robot.core.carriers[3](5, 0, buffer[:layout.length(buffer)])
+    robot.core.sample_handlers[3](5, 0, buffer[:layout.length(buffer)])
     robot.services.disconnect()
     robot.until((given := robot.ask('mapping/map', GetMap)).done)
     found = given.result().map

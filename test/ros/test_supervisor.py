@@ -34,17 +34,17 @@ from typing import Any
 import pytest
 
 from rt_robot_os.link.client import Question
+from rt_robot_os.link.liveness import LivenessPage
+from rt_robot_os.link.liveness import LivenessReader
 from rt_robot_os.link.protocol import encode_json
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import parse_header
-from rt_robot_os.link.sign_of_life import Life
-from rt_robot_os.link.sign_of_life import LifePage
 from rt_robot_os.link.stamp_mapper import StampMapper
 from rt_robot_os.linux.process import scheduling_state
 from rt_robot_os.ros import supervisor as under_test
-from rt_robot_os.ros.silence import Silence
-from rt_robot_os.ros.silence import Starvation
+from rt_robot_os.ros.core_health import SilenceTimer
+from rt_robot_os.ros.core_health import StarvationDetector
 from rt_robot_os.ros.supervisor import Supervisor
 
 TIMEOUT_S = 60.0
@@ -67,11 +67,11 @@ class FakeProcess:
         self.starts = self.kills = 0
         self.exit_code: int | None = None
         self.running = False
-        self.life: Life | None = None
+        self.liveness: LivenessReader | None = None
         self.pid = 0
 
-    def take_life(self) -> Life | None:
-        return self.life
+    def take_liveness(self) -> LivenessReader | None:
+        return self.liveness
 
     def start(self) -> None:
         self.starts += 1
@@ -140,9 +140,9 @@ def test_a_core_whose_first_jobs_starve_its_link_is_not_killed_and_they_are_name
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     listener.bind(str(folder / 'mute.sock'))
     listener.listen(1)  # and nobody comes to accept, or to answer
-    page = LifePage()
+    page = LivenessPage()
     process = FakeProcess()
-    process.life = Life(os.dup(page.fd))
+    process.liveness = LivenessReader(os.dup(page.fd))
     story = Story(folder / 'mute.sock', process)
     story.supervisor._start_limit_s = 0.1
     ticks = itertools.count(1)
@@ -213,8 +213,8 @@ def test_whatever_answers_the_hello_supervision_goes_on(folder: Path, hello: Any
                 return
             with connection, suppress(OSError):
                 request = json.loads(connection.recv(10_000)[HEADER_BYTES:])
-                connection.send(encode_json(Kind.REPLY, hello, seq=request['id']))
-                connection.send(encode_json(Kind.REPORT, {'severity': 'none'}))
+                connection.send(encode_json(PacketKind.REPLY, hello, seq=request['id']))
+                connection.send(encode_json(PacketKind.REPORT, {'severity': 'none'}))
                 greeted.append(request['id'])
 
     threading.Thread(target=serve, daemon=True).start()
@@ -230,32 +230,32 @@ def test_whatever_answers_the_hello_supervision_goes_on(folder: Path, hello: Any
 
 def test_time_in_which_the_node_did_not_run_is_no_silence_of_the_core() -> None:
     now_s = 100.0
-    silence = Silence(lambda: now_s)
-    assert silence.look(1) == 0.0
+    silence = SilenceTimer(lambda: now_s)
+    assert silence.update(1) == 0.0
     for _ in range(10):
         now_s += 0.05
-        silence.look(1)
+        silence.update(1)
     assert silence.silent_s == pytest.approx(0.5)
     now_s += 4.0  # stopped
-    assert silence.look(1) < 1.0
-    assert silence.look(2) == 0.0
+    assert silence.update(1) < 1.0
+    assert silence.update(2) == 0.0
 
 
 def test_a_core_that_linux_does_not_let_run_does_not_hang() -> None:
     ready, computed_ns = True, 5_000_000_000
-    starvation = Starvation(lambda pid: (ready, computed_ns))
-    assert not starvation.look(7, 0.0)
-    assert not starvation.look(7, 1.0)  # nothing to compare with yet
-    assert starvation.look(7, 3.0)
+    starvation = StarvationDetector(lambda pid: (ready, computed_ns))
+    assert not starvation.update(7, 0.0)
+    assert not starvation.update(7, 1.0)  # nothing to compare with yet
+    assert starvation.update(7, 3.0)
     computed_ns += 100_000_000
-    assert starvation.look(7, 3.5)
+    assert starvation.update(7, 3.5)
     computed_ns += 900_000_000  # it computes without an end
-    assert not starvation.look(7, 4.0)
-    assert not starvation.look(7, 0.0)
-    assert not starvation.look(7, 1.0)
+    assert not starvation.update(7, 4.0)
+    assert not starvation.update(7, 0.0)
+    assert not starvation.update(7, 1.0)
     ready = False  # it waits for something that does not come
-    assert not starvation.look(7, 3.0)
-    assert not starvation.look(0, 3.0)
+    assert not starvation.update(7, 3.0)
+    assert not starvation.update(0, 3.0)
 
 
 @pytest.mark.parametrize('computes', [True, False])
@@ -305,13 +305,14 @@ def test_a_core_that_ran_before_is_tried_again_whatever_it_says(folder: Path) ->
 def test_an_answer_without_statistics_is_told_and_keeps_the_connection(folder: Path) -> None:
     supervisor = Story(folder / 'none.sock', None).supervisor
     question = Question('statistics', {}, 1)
-    packet = encode_json(Kind.REPLY, {'error': 'too many answers are still on their way'}, seq=1)
+    packet = encode_json(
+        PacketKind.REPLY, {'error': 'too many answers are still on their way'}, seq=1)
     question.packets = [(parse_header(packet), packet)]
     supervisor._take_statistics(question)
     assert supervisor.statistics is None
     assert supervisor.reason == ('the core gives no statistics: too many answers are still on '
                                  'their way')
-    packet = encode_json(Kind.REPLY, {'part': 'core', 'pid': 7}, seq=2)
+    packet = encode_json(PacketKind.REPLY, {'part': 'core', 'pid': 7}, seq=2)
     question.packets = [(parse_header(packet), packet)]
     supervisor._take_statistics(question)
     assert supervisor.statistics is not None and supervisor.statistics.core == {'pid': 7}

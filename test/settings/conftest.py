@@ -35,8 +35,8 @@ from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.base.schema import TopicRead
 from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.settings import Catalogue
-from rt_robot_os.settings import Kind
 from rt_robot_os.settings import load
+from rt_robot_os.settings import PartKind
 from rt_robot_os.settings import RobotSettings
 
 MESSAGES = ('sensor_msgs/msg/Imu', 'sensor_msgs/msg/MagneticField', 'sensor_msgs/msg/NavSatFix',
@@ -53,12 +53,12 @@ SERIAL = (
 class Kinds:
     """Kinds in a dictionary."""
 
-    kinds: Mapping[str, Kind]
+    kinds: Mapping[str, PartKind]
 
     def names(self) -> Sequence[str]:
         return tuple(self.kinds)
 
-    def find(self, name: str) -> Kind:
+    def find(self, name: str) -> PartKind:
         if name not in self.kinds:
             raise ConfigError([f"no such thing, known: {', '.join(self.kinds)}"])
         return self.kinds[name]
@@ -92,30 +92,30 @@ def broken_topics(name: str, values: Mapping[str, Any]) -> PartTopics:
 
 @pytest.fixture(scope='session')
 def catalogue() -> Catalogue:
-    imu = Kind(SERIAL + (
+    imu = PartKind(SERIAL + (
         Field('topic', str, 'imu/data', 'inertial data'),
         Field('mag_topic', str, 'imu/mag', 'magnetic field'),
         Field('gains', list, (1.0, 2.0), 'three gains', item=float, minimum=0.0, maximum=5.0),
         Field('range_g', int, 4, 'range', 'g', choices=(2, 4, 8)),
     ), imu_topics)
-    gps = Kind(SERIAL + (
+    gps = PartKind(SERIAL + (
         Field('topic', str, 'gps/fix', 'position'),
         Field('time_topic', str, 'gps/time', 'time'),
     ), gps_topics)
-    guard = Kind((
+    guard = PartKind((
         Field('timeout_s', float, 0.5, 'age of a command', 's', 0.01, 60.0, live=True),
         Field('safe_topic', str, 'cmd_vel_safe', 'limited command'),
         Field('command_topic', str, 'cmd_vel', 'command'),
     ), guard_topics)
-    simulated = Kind((
+    simulated = PartKind((
         Field('rate_hz', float, 100.0, 'frames a second', 'Hz', 0.1, 1000.0),
         Field('faults', list, (), 'faults, each at a time'),
     ))
-    bus = Kind((Field('port', str, REQUIRED, 'I2C bus'),
-                Field('address', int, 0x76, 'on the bus')), shares_port=True)
+    bus = PartKind((Field('port', str, REQUIRED, 'I2C bus'),
+                    Field('address', int, 0x76, 'on the bus')), shares_port=True)
     return Catalogue(
         drivers=Kinds({'witmotion': imu, 'nmea': gps, 'chip': bus}),
-        modules=Kinds({'twist_guard': guard, 'broken': Kind(topics=broken_topics)}),
+        modules=Kinds({'twist_guard': guard, 'broken': PartKind(topics=broken_topics)}),
         simulators=Kinds({'witmotion': simulated, 'nmea': simulated}),
         layout=layout)
 

@@ -30,8 +30,8 @@ from rt_robot_os.base.schema import TopicRead
 from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.settings import Catalogue
 from rt_robot_os.settings import check_change
-from rt_robot_os.settings import Kind
 from rt_robot_os.settings import parameters
+from rt_robot_os.settings import PartKind
 from rt_robot_os.settings import RobotParameters
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings.installed import installed
@@ -61,8 +61,8 @@ def relay_topics(name: str, values: Mapping[str, Any]) -> PartTopics:
 def catalogue(catalogue: Catalogue) -> Catalogue:
     """Add a module that is woken and one with a safe state."""
     kinds = {name: catalogue.modules.find(name) for name in catalogue.modules.names()}
-    relay = Kind((Field('out', str, 'b', 'output'), Field('into', str, 'a', 'input'),
-                  Field('wake', bool, True, 'whether it wakes')), relay_topics)
+    relay = PartKind((Field('out', str, 'b', 'output'), Field('into', str, 'a', 'input'),
+                      Field('wake', bool, True, 'whether it wakes')), relay_topics)
     waits = replace(relay, is_coroutine=True)
     safe = replace(kinds['twist_guard'], has_safe_state=True)
     lookup = type(catalogue.modules)({**kinds, 'relay': relay, 'waits': waits, 'safe_guard': safe})

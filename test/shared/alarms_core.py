@@ -31,8 +31,8 @@ import pytest
 
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.cdr import string_in
-from rt_robot_os.link.cdr import string_message
+from rt_robot_os.messages.cdr import string_in
+from rt_robot_os.messages.cdr import string_message
 
 pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
 
@@ -99,7 +99,7 @@ class Core:
             if answer is not None:
                 self.publish('alarms/answer', answer)
 
-        client.carriers[client.topics[topic].channel] = take
+        client.sample_handlers[client.topics[topic].channel] = take
         client.mirror(topic, oldest=True, patient=True)
 
     def _pump(self) -> None:

@@ -33,7 +33,7 @@ from rt_robot_os.base.errors import LinkError
 from rt_robot_os.features.mapping.process.intake import Sighting
 from rt_robot_os.features.mapping.slam.deskew import LaserMount
 from rt_robot_os.link import LinkClient
-from rt_robot_os.link.cdr import LITTLE_ENDIAN
+from rt_robot_os.messages.cdr import LITTLE_ENDIAN
 
 TOPICS = {
     'scan': ('sensor_msgs/msg/LaserScan', '{header.frame_id: base_link, ranges: 180}', 0),
@@ -69,7 +69,7 @@ class Beside:
         self.channels = {topic: self.client.advertise(topic) for topic in TOPICS}
         for topic in TOPICS:
             said = self.heard.setdefault(topic, [])
-            self.client.carriers[self.client.topics[topic].channel] = (
+            self.client.sample_handlers[self.client.topics[topic].channel] = (
                 lambda stamp_ns, missed, cdr, said=said: said.append((stamp_ns, bytes(cdr))))
             if topic not in ('scan', 'odom'):
                 self.client.mirror(topic)

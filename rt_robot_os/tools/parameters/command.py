@@ -27,9 +27,9 @@ from rt_robot_os.link import LinkClient
 from rt_robot_os.link.client import connect
 from rt_robot_os.link.robots import add_robot_option
 from rt_robot_os.settings.problems import did_you_mean
+from rt_robot_os.settings.saved import describe_saved
 from rt_robot_os.settings.saved import save
 from rt_robot_os.settings.saved import saved_path
-from rt_robot_os.settings.saved import told_saved
 from rt_robot_os.settings.tree import Leaf
 from rt_robot_os.settings.tree import show
 from rt_robot_os.settings.yaml_text import parse
@@ -100,7 +100,7 @@ def _save(client: LinkClient, arguments: argparse.Namespace) -> None:
                   {name: each['loaded'] for name, each in parameters.items()},
                   {name: each['value'] for name, each in parameters.items()},
                   files=of_all['files'], complete=False)  # mirrors are the node's
-    print(told_saved(path, values))
+    print(describe_saved(path, values))
 
 
 _COMMANDS = {'list': _list, 'get': _get, 'set': _set, 'save': _save}

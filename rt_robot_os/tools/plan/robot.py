@@ -25,10 +25,10 @@ from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.devices.manager import RECOVERY_RATE_HZ
 from rt_robot_os.link.server import BEAT_RATE_HZ
-from rt_robot_os.link.server import LIFE
-from rt_robot_os.link.server import LIFE_EXECUTION_NS
-from rt_robot_os.link.server import LIFE_PRIORITY
-from rt_robot_os.link.server import LIFE_RATE_HZ
+from rt_robot_os.link.server import LIVENESS_EXECUTION_NS
+from rt_robot_os.link.server import LIVENESS_PRIORITY
+from rt_robot_os.link.server import LIVENESS_RATE_HZ
+from rt_robot_os.link.server import LIVENESS_TASK
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings.model import TaskSettings
 from rt_robot_os.settings.problems import did_you_mean
@@ -182,7 +182,7 @@ class _Builder:
         events, unknown = self._outside('link/accept', 'how often clients connect is not known')
         self._add_service('link/accept', core.link_priority, 0.0, events, unknown)
         self._add_service('link/beat', core.link_priority, BEAT_RATE_HZ)
-        self._add_service(LIFE, LIFE_PRIORITY, LIFE_RATE_HZ)
+        self._add_service(LIVENESS_TASK, LIVENESS_PRIORITY, LIVENESS_RATE_HZ)
         self._add_service('core/watch', _WATCH_PRIORITY, _WATCH_RATE_HZ)
         timeout_ns = round(self._settings.watchdog.timeout_s * NS_PER_S)
         unwatched = without_watchdog(self._settings)
@@ -252,8 +252,8 @@ class _Builder:
             return self._typical.execution_ns[name], 'typical'
         if declared.budget_us and declared.on_budget == 'abort':
             return max(1, round(declared.budget_us * NS_PER_US)), 'budget'
-        if name == LIFE:  # above all others: unknown, it would make every other unknown as well
-            return LIFE_EXECUTION_NS, 'declared'
+        if name == LIVENESS_TASK:  # above all others: unknown, all others were unknown too
+            return LIVENESS_EXECUTION_NS, 'declared'
         return None, 'unknown'
 
     def _section(self, resource: str, execution_ns: int | None) -> int | None:

@@ -35,8 +35,8 @@ from rt_robot_os.features.mapping.process.messages import pose_in
 from rt_robot_os.features.mapping.process.settings import MappingSettings
 from rt_robot_os.features.mapping.slam.archive import load
 from rt_robot_os.features.mapping.slam.transforms import Floats
-from rt_robot_os.link.cdr import string_in
-from rt_robot_os.link.cdr import string_message
+from rt_robot_os.messages.cdr import string_in
+from rt_robot_os.messages.cdr import string_message
 
 ORIGIN = MappingSettings(start='origin', fix_topic='', state_period_s=1.0, map_period_s=0.1)
 

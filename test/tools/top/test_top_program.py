@@ -22,7 +22,7 @@ import signal
 from typing import Any
 
 import pytest
-from rt_robot_os.link.robots import hold_core
+from rt_robot_os.link.robots import lock_core
 
 TASK_KEYS = {
     'name', 'new', 'priority', 'state', 'rate_hz', 'declared_hz', 'latency_p50_us',
@@ -63,12 +63,12 @@ def test_a_filter_and_a_part_leave_out_the_rest(world: Any) -> None:
 
 def test_bad_use_and_no_core_have_exit_codes_and_say_why(world: Any) -> None:
     (world.folder / 'leftover.sock').touch()
-    there = hold_core(world.folder / 'arm.robot.sock')
+    there = lock_core(world.folder / 'arm.robot.sock')
     nobody = world.top('--once')
     there.release()
     assert nobody.returncode == 1
     assert 'no core answers' in nobody.stderr
-    assert 'These run: --robot /arm/robot' in nobody.stderr and 'leftover' not in nobody.stderr
+    assert 'Running robots: --robot /arm/robot' in nobody.stderr and 'leftover' not in nobody.stderr
     for arguments, what in ((['--sort', 'colour'], 'no such column'),
                             (['--interval', '0'], 'from 0.2 to 60'),
                             ([], 'not a terminal')):

@@ -21,14 +21,14 @@ from typing import Final
 
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.answers import answer_of
-from rt_robot_os.link.cdr import string_in
-from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.client import LinkClient
-from rt_robot_os.link.diagnostic_array import Status
-from rt_robot_os.link.diagnostic_array import statuses_of
 from rt_robot_os.link.protocol import Header
 from rt_robot_os.link.readers import no_answer
+from rt_robot_os.messages.cdr import string_in
+from rt_robot_os.messages.cdr import string_message
 from rt_robot_os.messages.command_answer import CommandAnswer
+from rt_robot_os.messages.diagnostic_array import DiagnosticStatus
+from rt_robot_os.messages.diagnostic_array import statuses_of
 
 COMMAND: Final = 'alarms/command'
 ANSWER: Final = 'alarms/answer'
@@ -52,14 +52,14 @@ def check_topics(client: LinkClient, *topics: str) -> None:
                         'docs/alarms.md)')
 
 
-def open_alarms(client: LinkClient, timeout_s: float = LIST_TIMEOUT_S) -> list[Status]:
+def open_alarms(client: LinkClient, timeout_s: float = LIST_TIMEOUT_S) -> list[DiagnosticStatus]:
     """
     Get the list of open alarms.
 
     :raises LinkError: the core is gone, has no alarms, or says nothing in time.
     """
     check_topics(client, LIST)
-    found: list[list[Status]] = []
+    found: list[list[DiagnosticStatus]] = []
 
     def take(stamp_ns: int, missed: int, cdr: memoryview) -> None:
         try:
@@ -67,7 +67,7 @@ def open_alarms(client: LinkClient, timeout_s: float = LIST_TIMEOUT_S) -> list[S
         except ValueError as error:
             raise LinkError(f'{LIST} is no list of alarms: {error}') from error
 
-    client.carriers[client.topics[LIST].channel] = take
+    client.sample_handlers[client.topics[LIST].channel] = take
     client.mirror(LIST, 'latest', initial=True)
     deadline = time.monotonic() + timeout_s
     while not found:

@@ -25,21 +25,21 @@ from typing import Final
 
 from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.link.diagnostic_array import Status
 from rt_robot_os.messages.alarm_event import AlarmEvent
+from rt_robot_os.messages.diagnostic_array import DiagnosticStatus
 
 _HEADS: Final = ('ID', 'LEVEL', 'STATE', 'OPEN FOR', 'WHO', 'WHAT', 'TOLD')
 _CHARACTERS: Final = 100
 _UNITS: Final = ((86_400, 'd'), (3_600, 'h'), (60, 'min'))
 
 
-def alarm_rows(statuses: Iterable[Status]) -> list[dict[str, Any]]:
+def alarm_rows(statuses: Iterable[DiagnosticStatus]) -> list[dict[str, Any]]:
     """Return the open alarms of a list, with what it says of each."""
     return [{**each.values, 'message': each.message, 'severity': each.level}
             for each in statuses if each.values.get('id')]
 
 
-def notes_of(statuses: Iterable[Status]) -> list[str]:
+def notes_of(statuses: Iterable[DiagnosticStatus]) -> list[str]:
     """Return what a list says beside the alarms."""
     return [safe_line(each.message) for each in statuses
             if not each.values.get('id') and each.message]

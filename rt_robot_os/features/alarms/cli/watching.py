@@ -27,10 +27,10 @@ from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.features.alarms.cli.client import check_topics
 from rt_robot_os.features.alarms.cli.client import EVENTS
 from rt_robot_os.features.alarms.cli.table import event_line
-from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.client import LinkClient
-from rt_robot_os.link.lasting_client import LastingClient
+from rt_robot_os.link.reconnecting_client import ReconnectingClient
 from rt_robot_os.messages.alarm_event import AlarmEvent
+from rt_robot_os.messages.cdr import string_in
 from rt_robot_os.messages.fields import parse_object
 
 _PUMP_S = 0.2
@@ -52,14 +52,14 @@ def watch(path: Path, as_json: bool, stopping: Callable[[], bool] = lambda: Fals
 
     def connect(client: LinkClient) -> None:
         check_topics(client, EVENTS)
-        client.carriers[client.topics[EVENTS].channel] = take
+        client.sample_handlers[client.topics[EVENTS].channel] = take
         # What was kept before the first look is history; what a new core tells at once is not.
         client.mirror(EVENTS, patient=True, oldest=connection.connections > 0)
 
     def say(text: str) -> None:
         warn('alarms', text)
 
-    connection = LastingClient(path, 'alarms', connect, say)
+    connection = ReconnectingClient(path, 'alarms', connect, say)
     try:
         while not stopping():
             connection.pump(_PUMP_S)

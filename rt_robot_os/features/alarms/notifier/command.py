@@ -28,9 +28,9 @@ from rt_robot_os.base.programs import warn
 from rt_robot_os.features.alarms.notifier.notifier import Notifier
 from rt_robot_os.features.alarms.notifier.settings import load
 from rt_robot_os.features.alarms.notifier.settings import NotifierSettings
-from rt_robot_os.link.only_one import folder_of
-from rt_robot_os.link.only_one import only_one
 from rt_robot_os.link.robots import add_robot_option
+from rt_robot_os.link.single_instance import data_folder
+from rt_robot_os.link.single_instance import single_instance
 from rt_robot_os.linux.paths import robot_name
 from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.settings.command_line import parse_own
@@ -81,11 +81,11 @@ def run(argv: Sequence[str]) -> int:
 
 
 def _carry(settings: NotifierSettings, robot: str) -> int:
-    folder = folder_of(_NAME, robot, settings.folder)
+    folder = data_folder(_NAME, robot, settings.folder)
     stopping: list[int] = []
-    with only_one(_NAME, robot,
-                  f'a notifier of the robot {robot} runs already: two would tell '
-                  'everything twice'):
+    with single_instance(_NAME, robot,
+                         f'a notifier of the robot {robot} runs already: two would tell '
+                         'everything twice'):
         notifier = Notifier(settings, socket_path(robot), folder / 'deliveries.jsonl',
                             lambda text: warn(_NAME, text))
         with ended_by_signals(stopping.append):

@@ -37,10 +37,10 @@ from rt_robot_os.features.alarms.notifier.delivery_log import is_doubtful
 from rt_robot_os.features.alarms.notifier.delivery_log_file import DeliveryLogFile
 from rt_robot_os.features.alarms.notifier.sender import ChannelSender
 from rt_robot_os.features.alarms.notifier.settings import NotifierSettings
-from rt_robot_os.link.cdr import string_in
-from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.client import LinkClient
-from rt_robot_os.link.lasting_client import LastingClient
+from rt_robot_os.link.reconnecting_client import ReconnectingClient
+from rt_robot_os.messages.cdr import string_in
+from rt_robot_os.messages.cdr import string_message
 from rt_robot_os.messages.notification import DeliveryReport
 from rt_robot_os.messages.notification import Notification
 from rt_robot_os.messages.notification import REPORT_CHARACTERS
@@ -84,7 +84,7 @@ class Notifier:
         self._start_ns = time.monotonic_ns()
         self.couriers = {each.name: ChannelSender(each, self._begin, self._end, settings.expires_s)
                          for each in settings.channels}
-        self.link = LastingClient(path, 'notifier', self._connect, tell)
+        self.link = ReconnectingClient(path, 'notifier', self._connect, tell)
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Carry until somebody stops it; then what runs has three seconds to end."""
@@ -121,7 +121,7 @@ class Notifier:
         known = {each.key for each in again}
         self._unsent = [*again, *(each for each in self._unsent if each.key not in known)]
         self._beat_s = 0.0
-        client.carriers[client.topics[NOTIFY].channel] = self._take
+        client.sample_handlers[client.topics[NOTIFY].channel] = self._take
         client.mirror(NOTIFY, oldest=True, patient=True)
 
     def _take(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:

@@ -107,7 +107,7 @@ def load(paths: Sequence[Path], overrides: Mapping[str, Any], environ: Mapping[s
     :raises ConfigError: with one line for each problem.
     """
     # Late: `--help` needs none of it.
-    from rt_robot_os.settings.beside import read_parameters
+    from rt_robot_os.settings.program_settings import read_parameters
     tree, problems = read_parameters(paths, overrides, node, namespace)
     top = read_section(tree, '', TOP, problems, set(tree.children) | ROS_OWN).values
     names = top.get('channels', ())

@@ -27,8 +27,8 @@ from typing import Final
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.client import LinkSilent
-from rt_robot_os.link.lasting_client import LastingClient
 from rt_robot_os.link.reader import SampleHandler
+from rt_robot_os.link.reconnecting_client import ReconnectingClient
 from rt_robot_os.motion.mounting import BASE_FRAME
 from rt_robot_os.motion.mounting import in_base
 from rt_robot_os.motion.mounting import Mounting
@@ -69,7 +69,7 @@ class CoreLink:
         self.run_id = ''
         self._channels: Mapping[str, int] = MappingProxyType({})
         self._mountings: Mapping[str, Mounting] = MappingProxyType({})
-        self._link = LastingClient(path, 'mapping', self._connect, tell)
+        self._link = ReconnectingClient(path, 'mapping', self._connect, tell)
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name='link', daemon=True)
 
@@ -154,7 +154,7 @@ class CoreLink:
         self._channels = channels
         for topic, take in self._reads.items():
             if topic in client.topics:
-                client.carriers[client.topics[topic].channel] = take
+                client.sample_handlers[client.topics[topic].channel] = take
                 # Of scans those of before are of no use: nobody knows the odometry of their time.
                 client.mirror(topic, oldest=topic != self._needed[0], patient=True,
                               delay_ms=_DELAY_MS)

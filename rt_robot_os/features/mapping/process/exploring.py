@@ -26,7 +26,7 @@ from rt_robot_os.features.mapping.process.messages import goal_message
 from rt_robot_os.features.mapping.process.settings import MappingSettings
 from rt_robot_os.features.mapping.slam.exploration import Exploration
 from rt_robot_os.features.mapping.slam.exploration import Explorer
-from rt_robot_os.link.cdr import string_in
+from rt_robot_os.messages.cdr import string_in
 
 # Publishes a message on a topic; False when nobody took it.
 Publish = Callable[[str, bytes], bool]

@@ -50,8 +50,8 @@ from rt_robot_os.features.mapping.process.settings import ORIGIN
 from rt_robot_os.features.mapping.slam.deskew import LaserMount
 from rt_robot_os.features.mapping.slam.graph import Graph
 from rt_robot_os.features.mapping.slam.transforms import Floats
-from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.reader import SampleHandler
+from rt_robot_os.messages.cdr import string_in
 
 COMMAND: Final = 'mapping/command'
 _IDLE_S: Final = 0.05

@@ -28,8 +28,8 @@ from rt_robot_os.base.programs import warn
 from rt_robot_os.base.requirements import EXTRAS
 from rt_robot_os.features.mapping.process.settings import load
 from rt_robot_os.features.mapping.process.settings import MappingSettings
-from rt_robot_os.link.only_one import folder_of
-from rt_robot_os.link.only_one import only_one
+from rt_robot_os.link.single_instance import data_folder
+from rt_robot_os.link.single_instance import single_instance
 from rt_robot_os.linux.paths import robot_name
 from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.linux.process import use_ordinary_scheduling
@@ -57,11 +57,11 @@ def run_live(arguments: argparse.Namespace, ros: RosArguments) -> int:
 
 def _map(settings: MappingSettings, robot: str) -> int:
     from rt_robot_os.features.mapping.process.live import LiveMapping  # it imports scipy
-    folder = folder_of(_NAME, robot, settings.folder)
+    folder = data_folder(_NAME, robot, settings.folder)
     stopping: list[int] = []
-    with only_one(_NAME, robot,
-                  f'mapping runs beside the robot {robot} already: two would move it '
-                  'between two maps'):
+    with single_instance(_NAME, robot,
+                         f'mapping runs beside the robot {robot} already: two would move it '
+                         'between two maps'):
         use_ordinary_scheduling(settings.avoid_cpus)
         os.nice(settings.nice)
         live = LiveMapping(settings, socket_path(robot), folder, lambda text: warn(_NAME, text))

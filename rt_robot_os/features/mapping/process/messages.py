@@ -25,8 +25,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rt_robot_os.features.mapping.slam.transforms import Floats
-from rt_robot_os.link.cdr import CdrReader
-from rt_robot_os.link.cdr import LITTLE_ENDIAN
+from rt_robot_os.messages.cdr import CdrReader
+from rt_robot_os.messages.cdr import LITTLE_ENDIAN
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.grid_map import GridMap
 

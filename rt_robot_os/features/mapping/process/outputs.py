@@ -26,15 +26,15 @@ from typing import Protocol
 import numpy as np
 
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.mapping.graph_markers import EdgeKind
+from rt_robot_os.features.mapping.graph_markers import graph_numbers
 from rt_robot_os.features.mapping.process.messages import grid_message
 from rt_robot_os.features.mapping.process.messages import numbers_message
 from rt_robot_os.features.mapping.process.messages import pose_message
 from rt_robot_os.features.mapping.process.places import Place
 from rt_robot_os.features.mapping.slam.graph import Graph
 from rt_robot_os.features.mapping.slam.transforms import Floats
-from rt_robot_os.link.cdr import string_message
-from rt_robot_os.link.graph_markers import EdgeKind
-from rt_robot_os.link.graph_markers import graph_numbers
+from rt_robot_os.messages.cdr import string_message
 from rt_robot_os.motion.grid_map import GridMap
 
 POSE: Final = 'slam/pose'

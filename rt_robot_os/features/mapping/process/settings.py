@@ -36,8 +36,8 @@ from rt_robot_os.base.schema import made
 from rt_robot_os.base.schema import setting
 from rt_robot_os.features.mapping.slam.tuning import Tuning
 from rt_robot_os.motion.mounting import Mounting
-from rt_robot_os.settings.beside import read_values
 from rt_robot_os.settings.problems import Problems
+from rt_robot_os.settings.program_settings import read_values
 from rt_robot_os.settings.sections import Section
 
 MAPPING: Final = 'mapping'

@@ -46,7 +46,7 @@ from rt_robot_os.features.mapping.slam.deskew import Sweep
 from rt_robot_os.features.mapping.slam.odometry_track import GAP_NS
 from rt_robot_os.features.mapping.slam.odometry_track import OdometryTrack
 from rt_robot_os.features.mapping.slam.scan import Scan
-from rt_robot_os.link.cdr import CdrReader
+from rt_robot_os.messages.cdr import CdrReader
 
 #: Scans that wait for odometry, or for the frames of the robot.
 _WAITING_MOST: Final = 100

@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.link.cdr import CdrReader
+from rt_robot_os.messages.cdr import CdrReader
 from rt_robot_os.motion.angles import roll_pitch_yaw_of
 from rt_robot_os.motion.mounting import in_base
 from rt_robot_os.motion.mounting import Mounting

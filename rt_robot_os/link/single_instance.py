@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the programs beside a robot have in common: one of each, with a folder of its own."""
+"""One instance of a program for each robot, with a folder of its own for its data."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ from rt_robot_os.linux.lock_file import LockFile
 from rt_robot_os.linux.paths import runtime_folder
 
 
-def folder_of(program: str, robot: str, setting: str) -> Path:
+def data_folder(program: str, robot: str, setting: str) -> Path:
     """
-    Return where a program keeps what has to outlast it.
+    Return the folder for the data that a program keeps between its runs.
 
-    :param setting: what the user has set; empty: ``~/.ros/PROGRAM-ROBOT``.
+    :param setting: the folder that the user has set; empty: ``~/.ros/PROGRAM-ROBOT``.
     """
     return Path(setting).expanduser() if setting else ros_home() / f'{program}-{robot}'
 
 
 @contextmanager
-def only_one(program: str, robot: str, refusal: str) -> Iterator[None]:
+def single_instance(program: str, robot: str, refusal: str) -> Iterator[None]:
     """
-    Be the only one of a program beside a robot.
+    Hold the lock of a program for a robot, so that no second instance starts.
 
-    :param refusal: what whoever comes second is told.
-    :raises StartError: there is one already, or the lock cannot be made.
+    :param refusal: error text for the second instance.
+    :raises StartError: another instance runs, or the lock file cannot be created.
     """
     lock = LockFile(runtime_folder() / f'{robot}-{program}.lock')
     try:
-        taken = lock.acquire()
+        acquired = lock.acquire()
     except OSError as error:
-        raise StartError(f'{lock.path} cannot be made: {error.strerror}') from error
-    if not taken:
+        raise StartError(f'{lock.path} cannot be created: {error.strerror}') from error
+    if not acquired:
         raise StartError(refusal)
     try:
         lock.note(pid=os.getpid())

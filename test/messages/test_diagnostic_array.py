@@ -24,13 +24,13 @@ from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.link.conversions import find
-from rt_robot_os.link.diagnostic_array import DIAGNOSTICS
-from rt_robot_os.link.diagnostic_array import LEVEL_NAMES
-from rt_robot_os.link.diagnostic_array import STATUSES_MAXIMUM
-from rt_robot_os.link.diagnostic_array import statuses_of
-from rt_robot_os.link.diagnostic_array import TEXT_BYTES_MAXIMUM
-from rt_robot_os.link.diagnostic_array import to_diagnostics
-from rt_robot_os.link.diagnostic_array import VALUES_MAXIMUM
+from rt_robot_os.link.conversions import to_diagnostics
+from rt_robot_os.messages.diagnostic_array import DIAGNOSTICS
+from rt_robot_os.messages.diagnostic_array import LEVEL_NAMES
+from rt_robot_os.messages.diagnostic_array import STATUSES_MAXIMUM
+from rt_robot_os.messages.diagnostic_array import statuses_of
+from rt_robot_os.messages.diagnostic_array import TEXT_BYTES_MAXIMUM
+from rt_robot_os.messages.diagnostic_array import VALUES_MAXIMUM
 from rt_robot_os.topics import Layout
 
 WALL_NS = 1_700_000_000_123_456_789
@@ -95,24 +95,24 @@ def test_numbers_among_the_values_are_written_as_such() -> None:
 
 
 @pytest.mark.parametrize('text, problem', [
-    ('', 'no JSON'), ('[' * 100_000, 'no JSON'), ('[]', 'no list "status"'),
+    ('', 'not JSON'), ('[' * 100_000, 'not JSON'), ('[]', 'no list "status"'),
     ('{}', 'no list "status"'), ('{"status": {}}', 'no list "status"'),
     ('{"status": [7]}', "status 0 is '7': it must be an object"),
-    ('{"status": [{"level": 0, "nam": ""}]}', 'status 0 has unknown keys nam; there are'),
+    ('{"status": [{"level": 0, "nam": ""}]}', 'status 0 has unknown keys nam; known are'),
     ('{"status": [{"name": "x"}]}', "level 'None' of status 0: it must be 0"),
     ('{"status": [{"level": 4}]}', "level '4'"), ('{"status": [{"level": true}]}', "level 'True'"),
     ('{"status": [{"level": 0}, {"level": 0.5}]}', "level '0.5' of status 1"),
     ('{"status": [{"level": []}]}', 'level'),
-    ('{"status": [{"level": 0, "name": 7}]}', "name of status 0 is '7': it must be a text"),
+    ('{"status": [{"level": 0, "name": 7}]}', "name of status 0 is '7': it must be a string"),
     (r'{"status": [{"level": 0, "message": "a\u0000b"}]}', 'message of status 0 holds a NUL'),
-    (r'{"status": [{"level": 0, "name": "\ud800"}]}', 'name of status 0 holds half a character'),
+    (r'{"status": [{"level": 0, "name": "\ud800"}]}', 'name of status 0 holds a lone surrogate'),
     ('{"status": [{"level": 0, "values": []}]}', 'values of status 0: they must be an object'),
     ('{"status": [{"level": 0, "values": {"a": null}}]}', "a of status 0 is 'None'"),
     ('{"status": [{"level": 0, "values": {"a": NaN}}]}', "a of status 0 is 'nan'"),
-    (json.dumps({'status': [{'level': 0}] * (STATUSES_MAXIMUM + 1)}), 'statuses: there may be'),
+    (json.dumps({'status': [{'level': 0}] * (STATUSES_MAXIMUM + 1)}), 'statuses: at most'),
     (json.dumps({'status': [{'level': 0, 'values': dict.fromkeys(map(
         str, range(VALUES_MAXIMUM + 1)), '')}]}), 'values of status 0'),
-    (' ' * (TEXT_BYTES_MAXIMUM + 1), 'bytes: there may be'),
+    (' ' * (TEXT_BYTES_MAXIMUM + 1), 'bytes: at most'),
 ])
 def test_nonsense_is_refused_with_what_would_be_right(text: str, problem: str) -> None:
     with pytest.raises(ValueError, match=problem):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One marker for RViz and Foxglove, and a ``visualization_msgs/msg/MarkerArray`` as CDR bytes."""
+"""Markers for RViz and Foxglove: ``visualization_msgs/msg/MarkerArray`` as CDR bytes."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.link.cdr import LITTLE_ENDIAN
-from rt_robot_os.link.cdr import padding
-from rt_robot_os.link.cdr import text_bytes
+from rt_robot_os.messages.cdr import LITTLE_ENDIAN
+from rt_robot_os.messages.cdr import padding
+from rt_robot_os.messages.cdr import text_bytes
 
 MARKERS: Final = 'visualization_msgs/msg/MarkerArray'
 
@@ -53,9 +53,10 @@ class Marker(NamedTuple):
     """
     One marker.
 
-    :ivar namespace: with ``id`` it tells markers apart.
-    :ivar shape: its type.
-    :ivar points: of a line list, from and to in turn; ``colours``, when given, has one for each.
+    :ivar namespace: together with ``id`` it identifies the marker.
+    :ivar shape: the type of the marker.
+    :ivar points: of a line list, alternately start and end; ``colours``, when given, has one for
+        each point.
     """
 
     namespace: str
@@ -69,14 +70,25 @@ class Marker(NamedTuple):
     colours: Sequence[Colour] = ()
 
 
+class Drawing(NamedTuple):
+    """
+    The markers of one message.
+
+    :ivar lifetime_s: after which the viewer removes a marker by itself; 0: never.
+    """
+
+    markers: Sequence[Marker]
+    lifetime_s: int = 0
+
+
 def marker_array(markers: Sequence[Marker], gone: Sequence[tuple[str, int]], frame_id: str,
                  wall_ns: int, lifetime_s: int) -> bytes:
     """
     Write a message.
 
-    :param gone: namespace and number of those that are deleted.
+    :param gone: namespace and id of the markers to delete.
     :param wall_ns: since 1970.
-    :param lifetime_s: after which a marker vanishes by itself; 0: never.
+    :param lifetime_s: after which the viewer removes a marker by itself; 0: never.
     """
     body = bytearray(_COUNT.pack(len(markers) + len(gone)))
     header = _STAMP.pack(*divmod(wall_ns, NS_PER_S)) + text_bytes(frame_id)
@@ -95,21 +107,21 @@ def _write(body: bytearray, header: bytes, each: Marker, action: int,
     _aligned(body, 8, _POSE.pack(*each.position, 0.0, 0.0, 0.0, 1.0) + _SCALE.pack(*each.scale))
     body += _COLOUR.pack(*each.colour)
     body += _STAMP.pack(lifetime_s, 0)
-    body += b'\0'  # not locked to its frame
+    body += b'\0'  # frame_locked
     _aligned(body, 4, _COUNT.pack(len(each.points)))
     if each.points:
         _aligned(body, 8, b''.join(_SCALE.pack(*point) for point in each.points))
     _aligned(body, 4, _COUNT.pack(len(each.colours)))
     for colour in each.colours:
         body += _COLOUR.pack(*colour)
-    # The texture: its resource, then an image with a header, its format and no data.
+    # The texture: its resource, then an image (header, format, no data).
     _aligned(body, 4, _NO_TEXT)
     _aligned(body, 4, _STAMP.pack(0, 0) + _NO_TEXT)
     _aligned(body, 4, _NO_TEXT)
     _aligned(body, 4, _COUNT.pack(0))
-    _aligned(body, 4, _COUNT.pack(0))  # where it is on the marker
+    _aligned(body, 4, _COUNT.pack(0))  # uv_coordinates
     _aligned(body, 4, text_bytes(each.text))
-    _aligned(body, 4, _NO_TEXT)  # a mesh, its file's name and no data
+    _aligned(body, 4, _NO_TEXT)  # the mesh: its resource, then a file (name, no data)
     _aligned(body, 4, _NO_TEXT)
     _aligned(body, 4, _COUNT.pack(0))
     body += b'\0'

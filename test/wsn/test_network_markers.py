@@ -26,10 +26,10 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.link.conversions import to_network
-from rt_robot_os.link.marker import LINE_LIST
-from rt_robot_os.link.marker import MARKERS
-from rt_robot_os.link.markers import LIFETIME_S
+from rt_robot_os.features.wsn.network_markers import LIFETIME_S
+from rt_robot_os.link.drawings import to_markers
+from rt_robot_os.messages.marker_array import LINE_LIST
+from rt_robot_os.messages.marker_array import MARKERS
 from rt_robot_os.messages.network_rows import names_label
 from rt_robot_os.messages.network_rows import NodeRow
 from rt_robot_os.messages.network_rows import NodeState
@@ -67,7 +67,7 @@ def shown(cdr: bytes) -> dict[tuple[str, int], Any]:
 
 
 def test_nodes_have_spheres_labels_and_lines_to_their_parents() -> None:
-    found = shown(to_network('map')(sample(
+    found = shown(to_markers('map')(sample(
         [SINK, HALL, FAR, LOST], names_label({1: 'hall', 7: 'far'})), WALL_NS))
     assert set(found) == {
         *((kind, number) for kind in ('nodes', 'labels') for number in (0, 1, 7)),
@@ -89,7 +89,7 @@ def test_nodes_have_spheres_labels_and_lines_to_their_parents() -> None:
 
 
 def test_what_vanished_is_deleted_once() -> None:
-    convert = to_network('map')
+    convert = to_markers('map')
     convert(sample([SINK, HALL, FAR]), WALL_NS)
     found = shown(convert(sample([SINK, HALL]), WALL_NS))
     gone = {key for key, each in found.items() if each.action == 2}
@@ -99,11 +99,11 @@ def test_what_vanished_is_deleted_once() -> None:
 
 
 def test_a_network_without_links_has_no_empty_list_of_lines() -> None:
-    assert ('links', 0) not in shown(to_network('map')(sample([SINK]), WALL_NS))
+    assert ('links', 0) not in shown(to_markers('map')(sample([SINK]), WALL_NS))
 
 
 def test_each_mirror_deletes_its_own() -> None:
-    one, other = to_network('map'), to_network('map')
+    one, other = to_markers('map'), to_markers('map')
     one(sample([SINK, HALL]), WALL_NS)
     assert all(each.action == 0 for each in shown(other(sample([SINK]), WALL_NS)).values())
 
@@ -114,6 +114,6 @@ def test_each_mirror_deletes_its_own() -> None:
        st.text('abc=1 2\u00e4\n', max_size=20))
 def test_any_numbers_give_a_message(rows: list[list[float]], label: str) -> None:
     assume(not rows or rows[0][0] != -1.0)  # the graph of a map begins so
-    convert = to_network('map')
+    convert = to_markers('map')
     for _ in range(2):
         shown(convert(sample(rows, label), WALL_NS))

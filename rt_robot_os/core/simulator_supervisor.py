@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Keep the simulated devices running: start their process, and start it again when it was killed.
+Supervise the process of the simulated devices: start it, and restart it when it was killed.
 
 The core cannot do that itself: starting a process takes milliseconds in which no task runs. So
-this one is started before the core turns real-time, and starts the others for it. What it has to
-tell goes to its standard output, one line each, where the core reads it.
+this process is started before the core becomes real-time, and starts the other one for it. It
+writes its reports to standard output, one line each, where the core reads them.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ RESTARTED = 'started again'
 _STOP_TIMEOUT_S = 2.0
 
 
-def _tell(text: str) -> None:
-    with suppress(OSError):  # the core is gone, or does not read
+def _report(text: str) -> None:
+    with suppress(OSError):  # the core has ended, or does not read
         os.write(1, f'{text}\n'.encode())
 
 
-class Keeper:
+class SimulatorSupervisor:
     """
-    Run a program again and again until told to stop.
+    Run a program, and restart it when it ends, until :meth:`stop`.
 
-    :param start: starts it.
+    :param start: starts the program.
     """
 
     def __init__(self, start: Callable[[], subprocess.Popen[bytes]]) -> None:
@@ -64,17 +64,17 @@ class Keeper:
 
     def run(self) -> int:
         """
-        Keep it running.
+        Keep the program running.
 
-        :return: its exit code when it refuses what it is given, at its first start; else 0.
+        :return: its exit code if its first start fails; otherwise 0.
         """
         pause_s = PAUSE_FIRST_S
         while not self.stopping:
             started_s = time.monotonic()
             try:
                 code = self._once()
-            except OSError as error:  # no memory, no descriptors: they may come back
-                _tell(f'the simulated devices cannot be started: {error.strerror or error}')
+            except OSError as error:  # no memory, no file descriptors: this may be temporary
+                _report(f'the simulated devices cannot be started: {error.strerror or error}')
                 code = -1
             if self._is_stopping():
                 break
@@ -85,7 +85,7 @@ class Keeper:
             time.sleep(pause_s)
             pause_s = min(2 * pause_s, PAUSE_MAXIMUM_S)
             self.restarts += 1
-            _tell(f'the process of the simulated devices {describe_exit(code)}; {RESTARTED}')
+            _report(f'the process of the simulated devices {describe_exit(code)}; {RESTARTED}')
         return 0
 
     def _is_stopping(self) -> bool:
@@ -93,12 +93,12 @@ class Keeper:
 
     def _once(self) -> int:
         self._process = self._start()
-        if self._is_stopping():  # since it began to start
+        if self._is_stopping():  # since the start
             self.stop()
         return self._process.wait()
 
     def stop(self) -> None:
-        """End the program, by force when it does not listen; safe in a signal handler."""
+        """End the program, by force if it does not respond; safe in a signal handler."""
         self.stopping = True
         process = self._process
         if process is not None and process.returncode is None:
@@ -107,7 +107,7 @@ class Keeper:
             signal.setitimer(signal.ITIMER_REAL, _STOP_TIMEOUT_S)
 
     def kill(self) -> None:
-        """End it by force; safe in a signal handler."""
+        """End the program by force; safe in a signal handler."""
         process = self._process
         if process is not None and process.returncode is None:
             with suppress(ProcessLookupError):
@@ -119,7 +119,7 @@ def main(arguments: Sequence[str]) -> int:
     def load() -> subprocess.Popen[bytes]:
         return start_child(
             'rt_robot_os.core.simulator_process', os.getpid(), *arguments, stdin=subprocess.PIPE,
-            stdout=2)  # not the standard output of this one: that is for the core
+            stdout=2)  # not the standard output of this process, which the core reads
 
     def start() -> subprocess.Popen[bytes]:
         process = loaded.pop() if loaded else load()
@@ -127,15 +127,15 @@ def main(arguments: Sequence[str]) -> int:
         return process
 
     loaded = []
-    with suppress(OSError):  # it is tried again, and told, when there are settings
-        loaded.append(load())  # it imports much, and this one may have to wait
+    with suppress(OSError):  # tried again, and reported, when the settings are read
+        loaded.append(load())  # its imports take time, while this process waits for settings
     settings = sys.stdin.buffer.read()
-    if not settings:  # the core has ended, or needs none
+    if not settings:  # the core has ended, or has no simulated devices
         return start().wait() if loaded else 0
-    keeper = Keeper(start)
-    signal.signal(signal.SIGALRM, lambda *_: keeper.kill())
-    with ended_by_signals(lambda _: keeper.stop()):
-        return keeper.run()
+    supervisor = SimulatorSupervisor(start)
+    signal.signal(signal.SIGALRM, lambda *_: supervisor.kill())
+    with ended_by_signals(lambda _: supervisor.stop()):
+        return supervisor.run()
 
 
 if __name__ == '__main__':

@@ -13,34 +13,29 @@
 # limitations under the License.
 
 """
-A sensor network as markers for RViz and Foxglove: ``visualization_msgs/msg/MarkerArray``.
-
-Rows of numbers that are the graph of a map are drawn as such (:mod:`~.graph_markers`).
+A sensor network as markers for RViz and Foxglove.
 
 Each node is a sphere in the colour of its state with a text above it; a line leads to its parent.
-Where a place is only estimated, the sphere is pale and stands on a disc of one standard deviation.
-A marker whose node is gone is deleted by the next message, and by its lifetime when none comes.
+Where a position is only estimated, the sphere is pale and stands on a disc of one standard
+deviation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from collections.abc import Iterator
 from collections.abc import Mapping
 from collections.abc import Sequence
 import math
 from typing import Final
 
-from rt_robot_os.link.graph_markers import graph_markers
-from rt_robot_os.link.graph_markers import is_graph
-from rt_robot_os.link.marker import Colour
-from rt_robot_os.link.marker import CYLINDER
-from rt_robot_os.link.marker import LINE_LIST
-from rt_robot_os.link.marker import Marker
-from rt_robot_os.link.marker import marker_array
-from rt_robot_os.link.marker import SPHERE
-from rt_robot_os.link.marker import TEXT
-from rt_robot_os.link.marker import WHITE
+from rt_robot_os.messages.marker_array import Colour
+from rt_robot_os.messages.marker_array import CYLINDER
+from rt_robot_os.messages.marker_array import Drawing
+from rt_robot_os.messages.marker_array import LINE_LIST
+from rt_robot_os.messages.marker_array import Marker
+from rt_robot_os.messages.marker_array import SPHERE
+from rt_robot_os.messages.marker_array import TEXT
+from rt_robot_os.messages.marker_array import WHITE
 from rt_robot_os.messages.network_rows import names_of
 from rt_robot_os.messages.network_rows import NodeRow
 from rt_robot_os.messages.network_rows import NodeState
@@ -52,7 +47,7 @@ LABELS: Final = 'labels'
 LINKS: Final = 'links'
 UNCERTAINTY: Final = 'uncertainty'
 
-#: Without a message for so long a marker vanishes by itself.
+#: Markers vanish when no message has come for this time.
 LIFETIME_S: Final = 15
 _NODE_M: Final = 0.2
 _SINK_M: Final = 0.3
@@ -65,16 +60,25 @@ _COLOURS: Final[Mapping[int, Colour]] = {
     NodeState.WEAK: (1.0, 0.65, 0.0, 1.0), NodeState.SILENT: (0.9, 0.1, 0.1, 1.0),
     NodeState.ASLEEP: (0.3, 0.4, 0.9, 1.0), NodeState.DOUBTFUL: (0.9, 0.1, 0.9, 1.0),
     NodeState.SINK: (0.0, 0.8, 0.9, 1.0)}
-# States in which a parent still says where packets go.
+# States in which packets still go to the parent.
 _LINKED: Final = (NodeState.GOOD, NodeState.WEAK, NodeState.DOUBTFUL)
+
+
+def draw_network(label: str, numbers: Sequence[float]) -> Drawing:
+    """
+    Draw rows of numbers, as :mod:`rt_robot_os.messages.network_rows` describes them.
+
+    :param label: the names of the nodes.
+    """
+    return Drawing(list(markers_of(list(rows_of(numbers)), names_of(label))), LIFETIME_S)
 
 
 def markers_of(rows: Sequence[NodeRow], names: Mapping[int, str]) -> Iterator[Marker]:
     """
     Draw a network.
 
-    :param rows: those without a place are not drawn.
-    :param names: of nodes, by number; others are called by it.
+    :param rows: nodes without a position are not drawn.
+    :param names: of nodes, by number; other nodes are labelled with their number.
     """
     placed = {int(row.id): row for row in rows
               if 0 <= row.id <= HIGHEST_ID and all(map(math.isfinite, (row.x, row.y, row.z)))}
@@ -105,7 +109,7 @@ def markers_of(rows: Sequence[NodeRow], names: Mapping[int, str]) -> Iterator[Ma
 
 
 def label_of(row: NodeRow, names: Mapping[int, str]) -> str:
-    """Return the text above a node: its name, its battery and what of its packets came."""
+    """Return the text above a node: its name, battery voltage and delivery ratio."""
     number = int(row.id)
     if row.state == NodeState.SINK:
         return names.get(number, 'sink')
@@ -127,31 +131,3 @@ def _link_colour(row: NodeRow) -> Colour:
     share = row.recent if math.isfinite(row.recent) else 1.0
     good = max(0.0, min(1.0, 2.0 * share - 1.0))
     return 1.0 - good, 0.2 + 0.6 * good, 0.2, 0.9
-
-
-# ---- bytes -----------------------------------------------------------------------------------
-
-def to_markers(numbers_of: Callable[[memoryview], tuple[str, Sequence[float]]], frame_id: str
-               ) -> Callable[[memoryview, int], bytes]:
-    """
-    Make what turns the rows of a network, or the graph of a map, into markers.
-
-    :param numbers_of: returns the label of the first dimension, and the numbers.
-    :param frame_id: of the places.
-    """
-    shown: set[tuple[str, int]] = set()
-
-    def convert(cdr: memoryview, wall_ns: int) -> bytes:
-        label, numbers = numbers_of(cdr)
-        if is_graph(numbers):
-            markers, lifetime_s = graph_markers(numbers), 0
-        else:
-            markers = list(markers_of(list(rows_of(numbers)), names_of(label)))
-            lifetime_s = LIFETIME_S
-        now = {(each.namespace, each.id) for each in markers}
-        gone = sorted(shown - now)
-        shown.clear()
-        shown.update(now)
-        return marker_array(markers, gone, frame_id, wall_ns, lifetime_s)
-
-    return convert

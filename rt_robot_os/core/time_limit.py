@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Call a function with a time limit, when no kernel runs any more that could end it."""
+"""Call a function with a time limit, after the kernel has stopped, which could have aborted it."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ _GRACE_NS: Final = 20 * NS_PER_MS
 
 class _Limit:
     """
-    The signal handler that raises in the function, again and again, until it has ended.
+    The signal handler that raises an exception in the function repeatedly until it ends.
 
-    A function that goes on for 20 ms after the first exception gets one at every point at which
-    Python runs handlers of signals.
+    If the function still runs 20 ms after the first exception, an exception is raised at every
+    point at which Python runs signal handlers.
     """
 
     def __init__(self, name: str, limit_ns: int) -> None:
@@ -65,17 +65,17 @@ class _Limit:
 
 def call_within(name: str, function: Callable[[], object], limit_ns: int) -> BaseException | None:
     """
-    Call something; when it takes too long, TaskAborted is raised in it, again and again.
+    Call a function; when it takes too long, TaskAborted is raised in it repeatedly.
 
-    Without signals, in another thread than the main one, it has no limit. A native call that does
-    not return is for :class:`rt_robot_os.linux.dead_man_timer.DeadManTimer`.
+    In a thread other than the main thread there are no signals, and so no limit. For a native call
+    that does not return see :class:`rt_robot_os.linux.dead_man_timer.DeadManTimer`.
 
-    :return: what it raised, if anything.
+    :return: the exception that the function raised, if any.
     """
     if threading.current_thread() is not threading.main_thread():
         return _call(function, None)
     limit = _Limit(name, limit_ns)
-    signal.signal(LIMIT_SIGNAL, limit)  # it stays: a signal on its way would end the process
+    signal.signal(LIMIT_SIGNAL, limit)  # never restored: a pending signal would end the process
     timer = SignalTimer(LIMIT_SIGNAL)
     try:
         timer.arm(time.monotonic_ns() + limit_ns)
@@ -85,7 +85,7 @@ def call_within(name: str, function: Callable[[], object], limit_ns: int) -> Bas
 
 
 def _call(function: Callable[[], object], limit: _Limit | None) -> BaseException | None:
-    # Twice, for what is raised on the way out.
+    # The outer block catches an exception that is raised while the inner one is left.
     try:
         try:
             function()

@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-The graph of a map as a row of numbers, and as markers: keyframes, and what is known between them.
+The pose graph of a map as a row of numbers, and as markers: keyframes and constraints.
 
-The row, of a ``std_msgs/msg/Float64MultiArray``: -1, which no row of a sensor network begins with;
-n; x and y of n nodes, in m on the map; then from, to and a kind (:class:`EdgeKind`) for each edge.
+The row is the data of a ``std_msgs/msg/Float64MultiArray``: -1, with which no row of a sensor
+network begins; n; x and y of n nodes, in m on the map; then start, end and kind
+(:class:`EdgeKind`) of each edge.
 """
 
 from __future__ import annotations
@@ -27,15 +28,16 @@ from enum import IntEnum
 import math
 from typing import Final
 
-from rt_robot_os.link.marker import Colour
-from rt_robot_os.link.marker import LINE_LIST
-from rt_robot_os.link.marker import Marker
-from rt_robot_os.link.marker import SPHERE_LIST
+from rt_robot_os.messages.marker_array import Colour
+from rt_robot_os.messages.marker_array import Drawing
+from rt_robot_os.messages.marker_array import LINE_LIST
+from rt_robot_os.messages.marker_array import Marker
+from rt_robot_os.messages.marker_array import SPHERE_LIST
 
-#: Nodes and edges of one message at most: 64 KB.
+#: The most nodes and edges of one message: 64 KB.
 NODES_MOST: Final = 1000
 EDGES_MOST: Final = 1500
-#: Numbers that this takes: the ``tail`` of the topic.
+#: The most numbers of one message: the ``tail`` of the topic.
 NUMBERS_MOST: Final = 2 + 2 * NODES_MOST + 3 * EDGES_MOST
 
 _GRAPH: Final = -1.0
@@ -45,11 +47,11 @@ _LOOP_M: Final = 0.03
 
 
 class EdgeKind(IntEnum):
-    """How two nodes are known to lie to each other."""
+    """Where the constraint between two nodes comes from."""
 
-    NEIGHBOUR = 0  #: one after the other
-    LOOP = 1  #: seen again
-    FIX = 2  #: one node, whose place on the map was measured
+    NEIGHBOUR = 0  #: consecutive keyframes
+    LOOP = 1  #: a loop closure
+    FIX = 2  #: one node, whose position on the map was measured
 
 
 _NODE_COLOUR: Final[Colour] = (0.1, 0.4, 0.9, 1.0)
@@ -63,10 +65,10 @@ GraphEdge = tuple[int, int, int]
 
 def graph_numbers(points: Sequence[Point], edges: Iterable[GraphEdge]) -> list[float]:
     """
-    Write a graph; of a large one every second, third, ... node, the edges to the next of those.
+    Write a graph; a large one is thinned out to every second, third, ... node.
 
     :param points: x and y of the nodes, in m on the map.
-    :param edges: from, to, :class:`EdgeKind`; those between places that do not exist are left out.
+    :param edges: start, end, :class:`EdgeKind`; those of nodes that do not exist are left out.
     """
     count = len(points)
     step = max(1, -(-count // NODES_MOST))
@@ -81,7 +83,7 @@ def graph_numbers(points: Sequence[Point], edges: Iterable[GraphEdge]) -> list[f
             start, end = start // step, end // step
             if start != end or kind != EdgeKind.NEIGHBOUR:
                 (chain if kind == EdgeKind.NEIGHBOUR else others)[start, end, kind] = None
-    # The way is drawn whole; of what is beyond the limit the newest loops are.
+    # The path is drawn whole; of the loops the newest, up to the limit.
     room = max(0, EDGES_MOST - len(chain))
     for edge in [*chain, *list(others)[max(0, len(others) - room):]][:EDGES_MOST]:
         numbers += map(float, edge)
@@ -95,29 +97,34 @@ def is_graph(numbers: Sequence[float]) -> bool:
 
 def graph_of(numbers: Sequence[float]) -> tuple[list[Point], list[GraphEdge]]:
     """
-    Read a graph.
+    Parse a graph.
 
-    :return: the nodes, and the edges that name two of them.
-    :raises ValueError: it is none.
+    :return: the nodes, and the edges whose nodes exist.
+    :raises ValueError: the numbers are not a valid graph.
     """
     if not is_graph(numbers):
-        raise ValueError('no graph: the first number of one is -1')
+        raise ValueError('not a graph: the first number must be -1')
     count = int(numbers[1]) if 0 <= numbers[1] <= len(numbers) else 0
     end = 2 + 2 * count
     if count != numbers[1] or end > len(numbers):
-        raise ValueError(f'no graph: {len(numbers)} numbers are too few for {numbers[1]:g} nodes')
+        raise ValueError(f'not a graph: {len(numbers)} numbers are too few for {numbers[1]:g} nodes')
     points = list(zip(numbers[2:end:2], numbers[3:end:2]))
     edges = [(int(a), int(b), int(kind)) for a, b, kind in zip(*[iter(numbers[end:])] * 3)
              if 0 <= a < count and 0 <= b < count and 0 <= kind <= max(EdgeKind)]
     return points, edges
 
 
-def graph_markers(numbers: Sequence[float]) -> list[Marker]:
+def draw_graph(label: str, numbers: Sequence[float]) -> Drawing | None:
     """
-    Draw a graph: nodes, edges to neighbours, loops and measured places, each one marker.
+    Draw a graph: nodes, edges to neighbours, loops and measured positions, each one marker.
 
-    :raises ValueError: the numbers are no graph.
+    :param label: not used.
+    :return: None when the numbers are not a graph. Its markers stay: a robot that stands still
+        publishes no new graph.
+    :raises ValueError: the graph is not valid.
     """
+    if not is_graph(numbers):
+        return None
     points, edges = graph_of(numbers)
     flat = [(x, y, 0.0) for x, y in points]
     sure = [math.isfinite(x) and math.isfinite(y) for x, y in points]
@@ -132,7 +139,7 @@ def graph_markers(numbers: Sequence[float]) -> list[Marker]:
                 for end in edge[:2]]
         markers.append(Marker(name, 0, LINE_LIST, scale=(width, 0.0, 0.0), colour=_COLOURS[kind],
                               points=ends))
-    return [each for each in markers if each.points]
+    return Drawing([each for each in markers if each.points])
 
 
 def _nodes(name: str, colour: Colour, points: list[tuple[float, float, float]]) -> Marker:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A connection to a core that is made again whenever it is lost, for programs that stay."""
+"""A connection to a core that is restored whenever it is lost, for long-running programs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ import time
 from typing import Final
 
 from rt_robot_os.base.errors import LinkError
-from rt_robot_os.link.client import ASKS
+from rt_robot_os.link.client import HINT
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.client import LinkSilent
 
@@ -30,34 +30,35 @@ _RETRY_S: Final = 0.2
 _BEAT_S: Final = 0.5
 
 
-class LastingClient:
+class ReconnectingClient:
     """
-    Stay connected.
+    Keep a connection to a core, and reconnect after it is lost.
 
     :param path: of the core's socket.
-    :param name: what the core calls this client.
+    :param name: of this client in the statistics of the core.
     :param on_connect: called with each new connection, before anything is read from it; when it
-        raises LinkError the connection is given up and made again.
-    :param tell: takes a line of text when a connection is lost, and when there is one again.
+        raises LinkError the connection is closed and tried again.
+    :param log: called with a line of text when the connection is lost and when it is restored.
     :ivar client: the connection; None while there is none.
-    :ivar connections: how many there were.
+    :ivar connections: the number of connections so far.
     """
 
     def __init__(self, path: Path, name: str, on_connect: Callable[[LinkClient], None],
-                 tell: Callable[[str], None]) -> None:
+                 log: Callable[[str], None]) -> None:
         self.client: LinkClient | None = None
         self.connections = 0
         self._path = path
         self._name = name
         self._on_connect = on_connect
-        self._tell = tell
-        self._told = ''
+        self._log = log
+        self._logged = ''
         self._beat_s = 0.0
 
     def pump(self, timeout_s: float) -> bool:
         """
-        Read what comes, connecting first if need be; never longer than about the time given.
+        Read what arrives, after connecting if necessary.
 
+        :param timeout_s: about how long it takes at most.
         :return: whether there is a connection.
         """
         try:
@@ -69,11 +70,11 @@ class LastingClient:
             return True
         except LinkError as error:
             if isinstance(error, LinkSilent) and self.client is not None:
-                return True  # busy with what matters more; its reading goes on
+                return True  # the core is busy with higher priorities; it will read again
             self.close()
-            if str(error) != self._told:
-                self._told = str(error)
-                self._tell(f'{str(error).removesuffix(ASKS)}; waiting for it')
+            if str(error) != self._logged:
+                self._logged = str(error)
+                self._log(f'{str(error).removesuffix(HINT)}; waiting for it')
             time.sleep(min(_RETRY_S, timeout_s))
             return False
 
@@ -86,9 +87,9 @@ class LastingClient:
             raise
         self.client = client
         self.connections += 1
-        if self._told:
-            self._tell(f'connected to the core (pid {client.core.get("pid")})')
-        self._told = ''
+        if self._logged:
+            self._log(f'connected to the core (pid {client.core.get("pid")})')
+        self._logged = ''
         return client
 
     def close(self) -> None:

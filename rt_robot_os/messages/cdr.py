@@ -105,3 +105,20 @@ class CdrReader:
             return ()  # nothing is aligned for them
         start = self.skip(_DOUBLE, count * _DOUBLE)
         return struct.unpack_from(f'<{count}d', self.cdr, start)
+
+
+def labelled_numbers(cdr: memoryview) -> tuple[str, tuple[float, ...]]:
+    """
+    Read a ``std_msgs/msg/Float64MultiArray``.
+
+    :return: the label of the first dimension, and the numbers.
+    :raises ValueError: it is none.
+    """
+    reader = CdrReader(bytes(cdr))
+    label = ''
+    for dimension in range(reader.count()):
+        text = reader.text()
+        label = label if dimension else text
+        reader.skip(4, 8)
+    reader.skip(4, 4)
+    return label, reader.doubles(reader.count())

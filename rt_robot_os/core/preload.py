@@ -32,14 +32,14 @@ from rt_robot_os.settings import from_json
 from rt_robot_os.topics.resolve import message_class
 
 
-def prepare(stdin: TextIO, simulators: Simulators, path: Path | None) -> None:
+def preload(stdin: TextIO, simulators: Simulators, path: Path | None) -> None:
     """
-    Read which settings there will be, and import what they name; opens nothing.
+    Read the expected settings, and import what they name; opens nothing.
 
-    What is wrong is told when the settings are there.
+    Problems are ignored here: they are reported when the final settings are read.
 
-    :param stdin: begins with a line of settings; an empty one says that nobody knows yet.
-    :param path: of the core's socket; None for the usual one.
+    :param stdin: begins with a line of settings; an empty line if they are not known yet.
+    :param path: of the core's socket; None for the default.
     """
     try:
         settings = from_json(stdin.readline())

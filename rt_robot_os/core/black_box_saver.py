@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""When the core's black box is saved: after a fault, on a signal, when the kernel fails."""
+"""Save the core's black box: after a fault, on a signal, when the kernel fails."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from rt_robot_os.core.dumps.folder import default_folder
 from rt_robot_os.core.dumps.folder import expanded
 from rt_robot_os.core.part import Host
 from rt_robot_os.kernel import Kernel
-from rt_robot_os.link.requests import reason_of
+from rt_robot_os.link.requests import reason_argument
 from rt_robot_os.linux.process import start_child
 
 INTERVAL_NS = 60 * NS_PER_S
@@ -48,10 +48,10 @@ class BlackBoxWriter:
     """
     The child process that writes dumps; see :mod:`rt_robot_os.core.dumps.writer_process`.
 
-    It is started with the core: a process under SCHED_FIFO that starts another one stops for a
-    millisecond, and that at the moment of a fault.
+    It is started with the core: starting a process from one under SCHED_FIFO takes a millisecond,
+    which must not happen at the time of a fault.
 
-    :param folder: where dumps go; empty for ROS's folder of logs.
+    :param folder: for the dumps; empty for ROS's folder of logs.
     :raises OSError: it cannot be started.
     """
 
@@ -59,30 +59,30 @@ class BlackBoxWriter:
         self.socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
-            # It does not end with this process: a dump that has come is written all the same.
+            # It outlives this process: a dump that was received is written in any case.
             self._process = start_child(
                 'rt_robot_os.core.dumps.writer_process', theirs.fileno(),
                 expanded(folder) if folder else default_folder(), robot,
                 pass_fds=[theirs.fileno()], stdout=subprocess.DEVNULL)
 
     def close(self) -> None:
-        """Let it finish what it has; may be called twice."""
+        """Wait until it has written what it received; may be called twice."""
         self.socket.close()
         try:
             self._process.wait(_END_PATIENCE_S)
         except subprocess.TimeoutExpired:
-            pass  # a slow disk: it ends by itself when it has written
+            pass  # a slow disk: the process ends by itself after writing
 
 
-class BlackBoxKeeper:
+class BlackBoxSaver:
     """
     Decide when the black box is saved, and hand it to the writer.
 
-    :meth:`watch` runs in the lowest task, so everything else preempts it.
+    :meth:`watch` runs in the lowest task, so all other tasks preempt it.
 
     :param writer: None saves nothing.
-    :param interval_ns: shortest time between two dumps after faults; those asked for are saved
-        always.
+    :param interval_ns: minimum time between two dumps after faults; requested dumps are always
+        saved.
     """
 
     def __init__(self, kernel: Kernel, reports: Reports, robot: str,
@@ -100,23 +100,23 @@ class BlackBoxKeeper:
         self._numbers = itertools.count()
 
     def attach(self, host: Host) -> None:
-        """Save it when somebody has asked, and give it to clients."""
+        """Save it on request, and send it to clients."""
         host.watch.add(self.watch)
         host.statistics.add_facts(lambda: {'black_box': self.statistics()})
         host.requests.add_long('black_box', lambda session, arguments: live_parts(
-            self._kernel, reason_of(session, arguments), self.facts()))
+            self._kernel, reason_argument(session, arguments), self.facts()))
 
     def ask(self, reason: str) -> None:
-        """Save at the next look; safe in a signal handler and in the real-time loop."""
+        """Request a dump, saved at the next poll; safe in a signal handler and in the loop."""
         self._asked = reason
 
     def fault(self, reason: str) -> None:
-        """Save at the next look if the last time is long enough ago; safe in the loop."""
+        """Note a fault, saved at the next poll unless one was saved recently; safe in the loop."""
         if not self._fault:
             self._fault = reason
 
     def watch(self) -> None:
-        """Save what is asked for; report what became of it."""
+        """Save what was requested, and report the result."""
         reason, self._asked = self._asked, ''
         fault, self._fault = self._fault, ''
         if fault:
@@ -133,9 +133,9 @@ class BlackBoxKeeper:
 
     def save(self, reason: str) -> None:
         """
-        Hand a dump to the writer: 10 ms of computing, so not above the lowest priority.
+        Send a dump to the writer: 10 ms of computing, so only at the lowest priority.
 
-        Unless all is lost anyway: it may preempt itself.
+        After a fatal fault the priority does not matter.
         """
         if self._writer is None:
             return
@@ -149,17 +149,17 @@ class BlackBoxKeeper:
             for part in live_parts(self._kernel, reason, self.facts()):
                 connection.send(marshal.dumps((number, part)))
             self._waiting += 1
-        except (OSError, ValueError) as error:  # ValueError: a text that cannot be encoded
+        except (OSError, ValueError) as error:  # ValueError: a string that cannot be encoded
             self.lost += 1
-            self._note(Severity.ERROR, 'not saved: its writer does not take it '
-                       f'({error}); look for its message above')
+            self._note(Severity.ERROR, 'not saved: its writer does not receive it '
+                       f'({error}); see its message above')
 
     def statistics(self) -> dict[str, int]:
-        """Count dumps that were saved, dumps that were lost, and faults that came too soon."""
+        """Return the numbers of saved dumps, lost dumps, and faults without a dump."""
         return {'saved': self.saved, 'lost': self.lost, 'held_back': self.held_back}
 
     def facts(self) -> dict[str, str | int]:
-        """Return what the kernel does not know: whose dump it is, and the time of day."""
+        """Return what the kernel does not know: the robot, the process, the time of day."""
         return {'robot': self._robot, 'pid': os.getpid(),
                 'at': datetime.now().astimezone().isoformat(timespec='milliseconds')}
 
@@ -187,7 +187,7 @@ class BlackBoxKeeper:
             self._note(Severity.ERROR if answer['error'] else Severity.WARN, answer['text'])
 
     def close(self) -> None:
-        """Save a fault that was not looked at yet, wait for the writer; may be called twice."""
+        """Save a pending fault, and wait for the writer; may be called twice."""
         if self._writer is None:
             return
         self.watch()

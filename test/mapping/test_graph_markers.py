@@ -25,15 +25,15 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.link.conversions import to_network
-from rt_robot_os.link.graph_markers import EdgeKind
-from rt_robot_os.link.graph_markers import graph_numbers
-from rt_robot_os.link.graph_markers import graph_of
-from rt_robot_os.link.graph_markers import NODES_MOST
-from rt_robot_os.link.graph_markers import NUMBERS_MOST
-from rt_robot_os.link.marker import LINE_LIST
-from rt_robot_os.link.marker import MARKERS
-from rt_robot_os.link.marker import SPHERE_LIST
+from rt_robot_os.features.mapping.graph_markers import EdgeKind
+from rt_robot_os.features.mapping.graph_markers import graph_numbers
+from rt_robot_os.features.mapping.graph_markers import graph_of
+from rt_robot_os.features.mapping.graph_markers import NODES_MOST
+from rt_robot_os.features.mapping.graph_markers import NUMBERS_MOST
+from rt_robot_os.link.drawings import to_markers
+from rt_robot_os.messages.marker_array import LINE_LIST
+from rt_robot_os.messages.marker_array import MARKERS
+from rt_robot_os.messages.marker_array import SPHERE_LIST
 from rt_robot_os.topics import Layout
 
 rosbags = pytest.importorskip('rosbags.typesys', reason='rosbags is not installed')
@@ -61,7 +61,7 @@ def shown(cdr: bytes) -> dict[str, Any]:
 
 
 def test_loops_have_another_colour_than_the_way() -> None:
-    found = shown(to_network('map')(sample(graph_numbers(POINTS, EDGES)), WALL_NS))
+    found = shown(to_markers('map')(sample(graph_numbers(POINTS, EDGES)), WALL_NS))
     assert set(found) == {'keyframes', 'fixes', 'edges', 'loops'}
     assert found['keyframes'].type == SPHERE_LIST and len(found['keyframes'].points) == 3
     assert [(each.x, each.y) for each in found['fixes'].points] == [(2.0, 0.5)]
@@ -74,7 +74,7 @@ def test_loops_have_another_colour_than_the_way() -> None:
 
 
 def test_a_map_that_was_reset_takes_its_markers_away() -> None:
-    convert = to_network('map')
+    convert = to_markers('map')
     convert(sample(graph_numbers(POINTS, EDGES)), WALL_NS)
     found = shown(convert(sample(graph_numbers([], [])), WALL_NS))
     assert {name: each.action for name, each in found.items()} == dict.fromkeys(
@@ -97,8 +97,8 @@ def test_a_large_graph_is_thinned_out_and_keeps_its_way_and_loops() -> None:
 @pytest.mark.parametrize('numbers', [
     [-1.0, 2.0, 0.0], [-1.0, -1.0], [-1.0, 0.5, 1.0, 1.0], [-1.0, math.nan], [-1.0, math.inf]])
 def test_a_cut_graph_is_refused(numbers: list[float]) -> None:
-    with pytest.raises(ValueError, match='no graph'):
-        to_network('map')(sample(numbers), WALL_NS)
+    with pytest.raises(ValueError, match='not a graph'):
+        to_markers('map')(sample(numbers), WALL_NS)
 
 
 NUMBER = st.floats(width=32) | st.integers(-2, 5).map(float)
@@ -109,7 +109,7 @@ NUMBER = st.floats(width=32) | st.integers(-2, 5).map(float)
 def test_any_numbers_give_a_message_or_are_refused(
         points: list[tuple[float, float]], rest: list[float]) -> None:
     numbers = [-1.0, float(len(points)), *(each for point in points for each in point), *rest]
-    shown(to_network('map')(sample(numbers), WALL_NS))
+    shown(to_markers('map')(sample(numbers), WALL_NS))
 
 
 @settings(max_examples=40)

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-How a client publishes samples that are too long for a packet: in memory that the core lends it.
+The client's side of uploads: samples that are too long for a packet, in shared memory of the core.
 
-Each large topic that the client advertises has a room: a memory file of the core with a few slots.
-The client writes a sample into a free one and hands it over; the core gives it back when it has
-published the sample.
+Each large topic that the client advertises has an upload buffer: a memory file of the core with a
+few slots. The client writes a sample into a free slot and hands it over; the core returns the slot
+when it has published the sample.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from rt_robot_os.link.client_memories import received_memory
 from rt_robot_os.link.protocol import GIVE_BACK
 from rt_robot_os.link.protocol import header
 from rt_robot_os.link.protocol import HEADER_BYTES
-from rt_robot_os.link.protocol import Kind
+from rt_robot_os.link.protocol import PacketKind
 from rt_robot_os.link.protocol import SAMPLE_BYTES_MAXIMUM
 from rt_robot_os.link.protocol import SLOT
 from rt_robot_os.linux.memory_file import Loans
@@ -39,12 +39,12 @@ from rt_robot_os.linux.memory_file import MemoryFile
 
 
 class SampleTooLong(LinkError):
-    """The topic has no room for such a sample."""
+    """The sample is longer than the topic allows."""
 
 
-class ClientRoom:
+class ClientUploadBuffer:
     """
-    The slots for what a client publishes in one topic; several threads may.
+    The slots in which a client publishes on one topic; thread-safe.
 
     :param channel: of the topic.
     :param number: of the memory.
@@ -57,37 +57,37 @@ class ClientRoom:
         self._size = size
         self._memory = memory
         self._loans = Loans(len(memory.slots))
-        # Also keeps the order: a short sample must not overtake a long one.
+        # It also preserves the order: a short sample must not overtake a long one.
         self._lock = threading.Lock()
 
     def publish(self, cdr: bytes | memoryview, stamp_ns: int, send: Callable[[bytes], None]
                 ) -> bool:
         """
-        Hand a sample to the core: in a packet if it fits one and none before is on its way.
+        Send a sample to the core: in a packet if it fits one and no slot is in use.
 
         :param send: sends a packet, or raises LinkError.
-        :return: False when the core has all slots.
-        :raises SampleTooLong: it does not fit a slot.
-        :raises LinkError: the connection is closed, or what ``send`` raises.
+        :return: False when the core holds all slots.
+        :raises SampleTooLong: the sample does not fit a slot.
+        :raises LinkError: the connection is closed, or ``send`` raises it.
         """
         length = len(cdr)
         with self._lock:
             if self._memory.fd < 0:
                 raise LinkError('the connection to the core is closed')
             if length <= SAMPLE_BYTES_MAXIMUM and not self._loans.out:
-                send(header(Kind.DATA, self._channel, stamp_ns=stamp_ns) + cdr)
+                send(header(PacketKind.DATA, self._channel, stamp_ns=stamp_ns) + cdr)
                 return True
             if length > self._size:
-                raise SampleTooLong(f'a sample of {length} bytes; there is room for {self._size}: '
+                raise SampleTooLong(f'a sample of {length} bytes; at most {self._size} fit: '
                                     'declare the topic with a longer tail')
             slot = self._loans.acquire()
             if slot < 0:
                 return False
             self._memory.slots[slot][:length] = cdr
-            # Before it is sent: the answer may come before the next line.
+            # Before sending: the answer may come before the next line.
             self._loans.lend(slot)
             try:
-                send(header(Kind.SLOT, self._channel, stamp_ns=stamp_ns)
+                send(header(PacketKind.SLOT, self._channel, stamp_ns=stamp_ns)
                      + SLOT.pack(self._number, slot, length))
             except BaseException:
                 self._loans.put_back(slot)
@@ -96,15 +96,15 @@ class ClientRoom:
 
     def returned(self, packet: bytes) -> None:
         """
-        Take back a slot.
+        Receive a slot that the core returns.
 
-        :raises LinkError: the core has not got it.
+        :raises LinkError: the core does not hold this slot.
         """
         if len(packet) != HEADER_BYTES + GIVE_BACK.size:
-            raise LinkError(f'the core gives back a slot in {len(packet)} bytes')
+            raise LinkError(f'the core returns a slot in {len(packet)} bytes')
         number, slot = GIVE_BACK.unpack_from(packet, HEADER_BYTES)
         if number != self._number or not self._loans.returned(slot):
-            raise LinkError(f'the core gives back slot {slot} of {number}, which it has not got')
+            raise LinkError(f'the core returns slot {slot} of {number}, which it does not hold')
 
     def close(self) -> None:
         """Unmap the memory; may be called twice."""
@@ -112,40 +112,41 @@ class ClientRoom:
             self._memory.close()
 
 
-class ClientRooms:
+class ClientUploadBuffers:
     """
-    The rooms of one connection.
+    The upload buffers of one connection.
 
     :ivar by_channel: each by the channel of its topic.
     """
 
     def __init__(self) -> None:
-        self.by_channel: dict[int, ClientRoom] = {}
+        self.by_channel: dict[int, ClientUploadBuffer] = {}
 
     def take(self, packet: memoryview, fds: Sequence[int]) -> None:
         """
-        Take the memory of a room, which came with a packet.
+        Map the memory of an upload buffer, which came with a packet.
 
-        :raises LinkError: it is no memory file, or not as the packet says.
+        :raises LinkError: it is not a memory file, or does not match the packet.
         """
-        channel, number, size, memory = received_memory(packet, fds, Kind.ROOM)
+        channel, number, size, memory = received_memory(packet, fds, PacketKind.UPLOAD)
         old = self.by_channel.get(channel)
-        self.by_channel[channel] = ClientRoom(channel, number, size, memory)
+        self.by_channel[channel] = ClientUploadBuffer(channel, number, size, memory)
         if old is not None:
             old.close()
 
     def returned(self, channel: int, packet: bytes) -> None:
         """
-        Take back a slot.
+        Receive a slot that the core returns.
 
-        :raises LinkError: the core has not got it.
+        :raises LinkError: the core does not hold this slot.
         """
-        room = self.by_channel.get(channel)
-        if room is None:
-            raise LinkError(f'the core gives back a slot of channel {channel}, which has no room')
-        room.returned(packet)
+        buffer = self.by_channel.get(channel)
+        if buffer is None:
+            raise LinkError(f'the core returns a slot of channel {channel}, which has no upload '
+                            'buffer')
+        buffer.returned(packet)
 
     def close(self) -> None:
-        """Unmap all of them; may be called twice."""
-        for room in list(self.by_channel.values()):
-            room.close()
+        """Unmap all buffers; may be called twice."""
+        for buffer in list(self.by_channel.values()):
+            buffer.close()
