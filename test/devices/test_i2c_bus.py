@@ -275,7 +275,7 @@ def test_what_smbus_cannot_do_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_p
     below = LinuxTransport('/dev/i2c-1')
     bus = I2cBus('/dev/i2c-1', DirectConnection(below))
     for data, size in ((b'\0', 33), (bytes(40), 0), (b'', 1)):
-        with pytest.raises(DeviceError, match='the adapter cannot do this transfer'):
+        with pytest.raises(DeviceError, match='the adapter does not support this transfer'):
             transact(bus, 0x76, data, size)
     below.close()
 
