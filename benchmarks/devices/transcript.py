@@ -116,16 +116,16 @@ class Board:
     def __init__(self, **sim: Any) -> None:
         self.cable = Cable()
         port: Any = self.cable
-        self.twin = SimulatedArduinoBridge('twin', sim, port)
-        self.twin.base = DriveBase(MOTORS)
+        self.simulated = SimulatedArduinoBridge('simulated', sim, port)
+        self.simulated.base = DriveBase(MOTORS)
         self.now_ns = _START_NS
-        self.twin.pump(self.now_ns)
+        self.simulated.pump(self.now_ns)
 
     def run(self, until_ns: int) -> None:
         """Let time pass, a millisecond at a time."""
         while self.now_ns < until_ns:
             self.now_ns = min(self.now_ns + NS_PER_MS, until_ns)
-            self.twin.pump(self.now_ns)
+            self.simulated.pump(self.now_ns)
 
     def run_to(self, time_ns: int) -> None:
         """Let time pass until so long after the start."""
@@ -185,7 +185,7 @@ def compare(lines: Sequence[Line]) -> Transcript:
             board.cable.to_board += line.data
         elif line.kind == PLANT:
             voltage_off.append(max(abs(ours / _FULL - share) for ours, share in zip(
-                board.twin.pwm, line.pwm)))
+                board.simulated.pwm, line.pwm)))
     board.run(board.now_ns + _AFTER_NS)
     stream = b''.join(line.data for line in lines if line.kind == ANSWER)
     wanted = stream.splitlines(keepends=True)

@@ -14,7 +14,7 @@
 
 
 """
-Simulated devices: ptys that speak a device's real bytes, at its real speed, with its real faults.
+Simulated devices: ptys with a device's real bytes, at its real speed, with its real faults.
 
-A driver cannot tell them from the device, so the default configuration runs anywhere.
+A driver cannot distinguish them from the device, so the default configuration runs anywhere.
 """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What every simulated device is to those who run it, be it on a pty or on an emulated bus."""
+"""The interface of every simulated device, on a pty or on an emulated bus."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ if TYPE_CHECKING:
 
 
 class Plug(Protocol):
-    """Where a device is plugged in: what the server waits on."""
+    """The port of a simulated device: the server waits on it."""
 
     def fileno(self) -> int:
-        """Return a file descriptor that is readable when the driver wants something."""
+        """Return a file descriptor that is readable when the driver has sent something."""
 
     def has_reader(self) -> bool:
         """Return whether that file descriptor can be waited on."""
@@ -58,17 +58,17 @@ class Plug(Protocol):
         """
 
     def unplug(self) -> None:
-        """Take it away."""
+        """Remove the path."""
 
 
 @dataclass(frozen=True)
 class Site:
     """
-    Where a simulated device is.
+    The world and the mounting of a simulated device.
 
-    :ivar world: that it looks at; None when it is by itself.
-    :ivar device: the settings of its driver, as far as they are known.
-    :ivar mountings: where the frames of all devices are, by name.
+    :ivar world: the world that it measures; None without a world.
+    :ivar device: the settings of its driver, as far as known.
+    :ivar mountings: the mountings of the frames of all devices, by name.
     """
 
     world: World | None = None
@@ -77,9 +77,9 @@ class Site:
 
     def mounting(self, index: int = 0) -> Mounting:
         """
-        Return where the device sits on the robot, through the frames that carry it.
+        Return the mounting of the device on the robot, through the frames that carry it.
 
-        :param index: of a device with several frames, which one.
+        :param index: index of the frame, for a device with several.
         """
         own = mounting_of(self.device, index)
         if own.parent not in self.mountings:
@@ -94,16 +94,16 @@ NOWHERE: Final = Site()
 
 class RobotSite:
     """
-    Where the simulated devices of one robot are plugged in, and what they look at.
+    What the simulated devices of one robot share: the folder of their ports, and the world.
 
-    :ivar folder: of the paths.
-    :ivar world: the one world; None when each device is by itself.
-    :ivar mountings: where the frames of all devices are, by name.
+    :ivar folder: of the paths of the ports.
+    :ivar world: the world of all devices; None without a world.
+    :ivar mountings: the mountings of the frames of all devices, by name.
     """
 
     def __init__(self, folder: Path, world: World | None = None,
                  mountings: Mapping[str, Mounting] | None = None) -> None:
-        """Keep the folder; nothing is opened."""
+        """Store the folder; nothing is opened."""
         self.folder = folder
         self.world = world
         self.mountings = mountings or {}
@@ -111,7 +111,7 @@ class RobotSite:
 
     def site(self, device: Mapping[str, Any]) -> Site:
         """
-        Return where a device is.
+        Return the site of a device.
 
         :param device: the settings of its driver.
         """
@@ -119,10 +119,10 @@ class RobotSite:
 
     def shared_port(self, name: str, kind: Callable[[Path], P]) -> P:
         """
-        Return a port that several devices of the robot share; made when first asked for.
+        Return a port that several devices of the robot share; made on first use.
 
         :param name: of its path in the folder.
-        :param kind: what it is made by.
+        :param kind: makes it.
         """
         if name not in self._shared_ports:
             self._shared_ports[name] = kind(self.folder / name)
@@ -133,9 +133,9 @@ class Simulated(ABC):
     """
     One simulated device.
 
-    :cvar SETTINGS: the settings that it has.
+    :cvar SETTINGS: its settings.
     :ivar name: for errors.
-    :ivar port: where it is plugged in.
+    :ivar port: its port.
     """
 
     SETTINGS: ClassVar[tuple[Field, ...]] = ()
@@ -151,7 +151,7 @@ class Simulated(ABC):
         Make the simulated counterpart of a device; nothing is plugged in yet.
 
         :param settings: some of ``SETTINGS``; the others have their default.
-        :param device: the settings of the driver, as far as they are known.
+        :param device: the settings of the driver, as far as known.
         :raises ConfigError: a setting is wrong.
         """
 
@@ -163,9 +163,9 @@ class Simulated(ABC):
     @abstractmethod
     def check_speed(self) -> None:
         """
-        Check that the samples fit through the line.
+        Check that the line is fast enough for the samples.
 
-        :raises ConfigError: they do not.
+        :raises ConfigError: it is not.
         """
 
     @abstractmethod
@@ -187,17 +187,17 @@ class Simulated(ABC):
     @abstractmethod
     def inject(self, fault: str, duration_s: float) -> None:
         """
-        Begin a fault with the next ``pump``.
+        Start a fault with the next ``pump``.
 
-        :raises ConfigError: no such fault, or no such duration.
+        :raises ConfigError: the fault or the duration is invalid.
         """
 
 
 def complete(fields: Sequence[Field], given: Mapping[str, Any], name: str) -> dict[str, Any]:
     """
-    Check settings and fill in what is absent.
+    Check settings and fill in defaults.
 
-    :param name: name of the device, for the errors.
+    :param name: name of the device, for errors.
     :return: a value of the declared type for each field.
     :raises ConfigError: with every problem found.
     """

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Orders to simulated devices and their world: lines such as ``imu silent 3``, ``world walk anna``.
+Commands to simulated devices and their world: lines such as ``imu silent 3``, ``world walk anna``.
 
-They come on the standard input of `simulator`, or through a socket in the folder of the devices
+They arrive on the standard input of `simulator`, or through a socket in the folder of the devices
 that a robot has started.
 """
 
@@ -37,7 +37,7 @@ from rt_robot_os.sim.faults import FAULT_HELP
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World
 
-# The first word of an order to the world, and the second that asks where everything is.
+# The first word of a command to the world, and the second one that requests all positions.
 WORLD: Final = 'world'
 WHERE: Final = 'where'
 
@@ -50,17 +50,17 @@ _DONE: Final = b'ok '
 
 def execute_command(line: str, devices: Mapping[str, Simulated], world: World | None) -> str:
     """
-    Do what a line says; an empty one says nothing.
+    Execute the command in a line; an empty line is ignored.
 
-    :return: what it asked for, with ``world where``; else nothing.
-    :raises ConfigError: it cannot be done.
+    :return: the answer to ``world where``; otherwise empty.
+    :raises ConfigError: it cannot be executed.
     """
     words = line.split()
     if not words:
         return ''
     if words[0] == WORLD and WORLD not in devices:
         if world is None:
-            raise ConfigError([f'{line!r}: there is no world: give one, see docs/world.md'])
+            raise ConfigError([f'{line!r}: there is no world: configure one, see docs/world.md'])
         if words[1:] == [WHERE]:
             return world.where()
         world.inject(words[1:])
@@ -72,17 +72,17 @@ def execute_command(line: str, devices: Mapping[str, Simulated], world: World | 
         raise ConfigError([
             f'{line!r} is not understood: write DEVICE FAULT SECONDS with one of the devices '
             f'{", ".join(devices)} and one of the faults {FAULT_HELP}'
-            + (f', or {WORLD} and what happens' if world is not None else '')]) from None
+            + (f', or {WORLD} and an event' if world is not None else '')]) from None
     device.inject(fault, duration_s)
     return ''
 
 
 class CommandSocket:
     """
-    Takes orders in a folder that only its user can enter, and answers each.
+    Receives commands on a socket in a folder that only its user can enter, and answers each.
 
     :param folder: of the devices.
-    :param handle_command: does what a line says and returns the answer, or raises ConfigError.
+    :param execute: executes a line and returns the answer, or raises ConfigError.
     """
 
     def __init__(self, folder: Path, execute_command: Callable[[str], str]) -> None:
@@ -98,11 +98,11 @@ class CommandSocket:
             raise DeviceError(f'{self._path} cannot be made: {error.strerror or error}') from error
 
     def fileno(self) -> int:
-        """Return the descriptor that is readable when an order has come."""
+        """Return the descriptor that is readable when a command has arrived."""
         return self._socket.fileno()
 
     def serve(self) -> None:
-        """Obey one order and answer it; never waits."""
+        """Execute one command and answer it; never blocks."""
         with suppress(OSError):
             line, sender = self._socket.recvfrom(_LONGEST)
             try:
@@ -113,28 +113,28 @@ class CommandSocket:
                 self._socket.sendto(answer[:_LONGEST_ANSWER], sender)
 
     def close(self) -> None:
-        """Take no more; may be called twice."""
+        """Close the socket; may be called twice."""
         self._socket.close()
         self._path.unlink(missing_ok=True)
 
 
 def send_command(folder: Path, line: str) -> str:
     """
-    Give an order to the devices of a folder, and wait until it is done.
+    Send a command to the devices of a folder, and wait until it is executed.
 
-    :return: the answer, if it asked for one.
-    :raises ConfigError: it cannot be done; the text says why.
-    :raises DeviceError: nobody takes orders there.
+    :return: the answer, if it has one.
+    :raises ConfigError: it cannot be executed; the text contains the reason.
+    :raises DeviceError: no simulator receives commands there.
     """
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as mine:
         mine.settimeout(_PATIENCE_S)
         try:
-            mine.bind('')  # Linux gives it a name, for the answer
+            mine.bind('')  # Linux assigns a name, for the answer
             mine.sendto(line.encode()[:_LONGEST], str(folder / _NAME))
             answer = mine.recv(_LONGEST_ANSWER)
         except OSError as error:
-            raise DeviceError(f'{folder}: no simulated devices take orders there '
-                              f'({error}): is the robot running, and simulated?') from error
+            raise DeviceError(f'{folder}: no simulated devices receive commands there ({error}): '
+                              'is the robot running, and simulated?') from error
     text = answer.decode('utf-8', 'replace')
     if not answer.startswith(_DONE):
         raise ConfigError([text])

@@ -16,8 +16,8 @@
 """
 A simulated device: samples on an absolute time grid, as bytes on a serial line, with faults.
 
-It has no thread and no clock: whoever owns it calls ``pump`` with the time, the server with
-CLOCK_MONOTONIC, a test with whatever it likes.
+It has no thread and no clock: its owner calls ``pump`` with the time, the server with
+CLOCK_MONOTONIC, a test with any time.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from rt_robot_os.sim.pty_port import PtyPort
 
 _BITS_PER_BYTE: Final = 10
 _MAX_FRAGMENT: Final = 3
-# After a longer stop of the whole process the device goes on at the present time.
+# After a longer suspension of the whole process the device continues at the current time.
 _MAX_CATCH_UP_NS: Final = NS_PER_S
 
 
@@ -61,9 +61,9 @@ class SimulatedStatistics:
     Counters of a simulated device.
 
     :ivar samples: samples made.
-    :ivar skipped_samples: samples left out because the line or the process was too slow.
-    :ivar bytes_sent: bytes that the pty has taken.
-    :ivar bytes_dropped: bytes that nobody took.
+    :ivar skipped_samples: samples skipped because the line or the process was too slow.
+    :ivar bytes_sent: bytes that the pty has accepted.
+    :ivar bytes_dropped: bytes without a reader, or without room.
     """
 
     samples: int
@@ -78,10 +78,10 @@ def common_settings(rate_hz: float, maximum_hz: float,
     Declare the settings that every simulated device has.
 
     :param rate_hz: default of the rate.
-    :param known: the faults that there are, its ``KNOWN_FAULTS``.
+    :param known: the possible faults, its ``KNOWN_FAULTS``.
     """
     return (
-        Field('rate_hz', float, rate_hz, 'Samples a second.', unit='Hz', minimum=0.01,
+        Field('rate_hz', float, rate_hz, 'Samples per second.', unit='Hz', minimum=0.01,
               maximum=maximum_hz),
         *fault_settings(known),
     )
@@ -91,16 +91,15 @@ class SimulatedDevice(Simulated):
     """
     One simulated device on a serial line.
 
-    :cvar SETTINGS: the settings that it has.
+    :cvar SETTINGS: its settings.
     :cvar BAUD: the usual speed of the device.
-    :cvar KNOWN_FAULTS: what can befall it, and what that does.
+    :cvar KNOWN_FAULTS: its possible faults, and their descriptions.
     :ivar name: for errors.
-    :ivar port: where it is plugged in.
-    :ivar world: that it looks at, brought up to the time with each ``pump``; None when it is by
-        itself.
-    :ivar site: where it is.
-    :ivar mounting: where it sits on the robot.
-    :ivar device: the settings of its driver, as far as they are known.
+    :ivar port: its port.
+    :ivar world: the world that it measures, advanced with each ``pump``; None without a world.
+    :ivar site: its world and mounting.
+    :ivar mounting: its mounting on the robot.
+    :ivar device: the settings of its driver, as far as known.
     """
 
     SETTINGS: ClassVar[tuple[Field, ...]] = ()
@@ -116,8 +115,8 @@ class SimulatedDevice(Simulated):
         Check the settings; nothing is plugged in yet.
 
         :param settings: some of ``SETTINGS``; the others have their default.
-        :param baud: speed of the line, None is the usual one, 0 sends at once.
-        :param site: where it is.
+        :param baud: speed of the line; None for the usual one, 0 for no limit.
+        :param site: its world and mounting.
         :raises ConfigError: a setting is wrong, or the line is too slow for the rate.
         """
         self.name = name
@@ -161,7 +160,7 @@ class SimulatedDevice(Simulated):
 
     def prepare(self) -> None:
         """
-        Make what the samples need; called once, when the settings have been checked.
+        Prepare for samples; called once, after the settings have been checked.
 
         :raises ConfigError: a setting is wrong.
         """
@@ -175,23 +174,23 @@ class SimulatedDevice(Simulated):
         """
 
     def foreign(self) -> bytes:
-        """Return what another device would send; the default is a satellite receiver."""
+        """Return the bytes of another device; the default is a satellite receiver."""
         return b'$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n'
 
     def handle_command(self, data: bytes) -> None:
-        """Take what the driver has sent; the default ignores it."""
+        """Handle bytes of the driver; the default ignores them."""
 
     def reply(self, data: bytes) -> bool:
         """
         Answer the driver, from within :meth:`handle_command`, after what is on the line already.
 
-        :return: False when the line has no room; then nothing is sent.
+        :return: False if the line has no room; then nothing is sent.
         """
         return self._line.push(data, self._now_ns)
 
     def start(self, now_ns: int) -> None:
         """
-        Plug the device in; the grid of its samples begins now.
+        Plug the device in; the grid of its samples starts now.
 
         :raises DeviceError: the port cannot be made.
         """
@@ -226,7 +225,7 @@ class SimulatedDevice(Simulated):
         else:
             self.port.plug()
         commands = self.port.read()
-        # Another device in its place does not know what the commands mean.
+        # Another device in its place does not understand the commands.
         if commands and 'wrong' not in active:
             self.handle_command(commands)
         self._make_samples(now_ns)
@@ -245,9 +244,9 @@ class SimulatedDevice(Simulated):
 
     def inject(self, fault: str, duration_s: float) -> None:
         """
-        Begin a fault with the next ``pump``.
+        Start a fault with the next ``pump``.
 
-        :raises ConfigError: no such fault, or no such duration.
+        :raises ConfigError: the fault or the duration is invalid.
         """
         check(fault, duration_s, self.KNOWN_FAULTS)
         self._injected.append((fault, duration_s))
@@ -257,16 +256,16 @@ class SimulatedDevice(Simulated):
         return fault in self._plan.active(self._now_ns)
 
     def set_rate(self, rate_hz: float) -> None:
-        """Change the rate; the grid begins anew with the time of the last ``pump``."""
+        """Change the rate; the grid restarts at the time of the last ``pump``."""
         self.rate_hz = rate_hz
         self._grid_ns = self._now_ns
         self._index = 1
 
     def check_speed(self) -> None:
         """
-        Check that the samples fit through the line.
+        Check that the line is fast enough for the samples.
 
-        :raises ConfigError: they do not.
+        :raises ConfigError: it is not.
         """
         state = self.random.getstate()
         needed = len(self.sample(0.0)) * _BITS_PER_BYTE * self.rate_hz

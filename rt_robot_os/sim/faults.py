@@ -16,7 +16,7 @@
 """
 Faults of simulated devices, by schedule or on demand.
 
-A schedule is text such as ``unplug at 5 for 2``: seconds since the start, and how long.
+A schedule is a string such as ``unplug at 5 for 2``: seconds since the start, and the duration.
 """
 
 from __future__ import annotations
@@ -35,57 +35,57 @@ from rt_robot_os.base.units import NS_PER_S
 
 FAULTS: Final = {
     'silent': 'sends nothing',
-    'garbage': 'sends random bytes in place of its own',
+    'garbage': 'sends random bytes instead of its own',
     'corrupt': 'bits flip on the line',
-    'short': 'what it sends comes in fragments of one to three bytes',
-    'unplug': 'the port goes away, and comes back under the same path',
+    'short': 'its bytes arrive in fragments of one to three bytes',
+    'unplug': 'the port disappears, and returns under the same path',
     'stuck': 'repeats its last sample',
-    'wrong': 'speaks like another device',
-    'baud': 'is heard at half of its speed, as with a wrong baud rate',
+    'wrong': 'sends the bytes of another device',
+    'baud': 'is received at half of its speed, as with a wrong baud rate',
 }
 
-# What befalls chips on an I2C bus.
+# Faults of chips on an I2C bus.
 I2C_FAULTS: Final = {
     'silent': 'answers, but measures no more',
-    'garbage': 'what is read is random bytes',
-    'corrupt': 'bits flip in what is read',
+    'garbage': 'returns random bytes',
+    'corrupt': 'bits flip in the bytes that are read',
     'nack': 'does not acknowledge, and keeps its settings',
-    'unplug': 'has no power: does not acknowledge, and comes back without its settings',
-    'stuck': 'measures the same again and again',
+    'unplug': 'has no power: does not acknowledge, and returns without its settings',
+    'stuck': 'repeats its last measurement',
     'wrong': 'answers like another chip',
-    'hold': 'holds the data line low: no transfer on the whole bus gets through',
-    'vanish': 'the whole bus goes away, as a USB adapter does, and comes back under its path',
+    'hold': 'holds the data line low: no transfer on the whole bus is possible',
+    'vanish': 'the whole bus disappears, as with a USB adapter, and returns under its path',
 }
 
-# What befalls boards that drive motors, besides what befalls every serial device.
+# Faults of motor boards, in addition to those of every serial device.
 MOTOR_FAULTS: Final = {
     **FAULTS,
-    'reset': 'has no power: its counters and what was set begin anew',
-    'loss': 'single bytes are lost on the line, both ways',
+    'reset': 'has no power: its counters and settings are reset',
+    'loss': 'single bytes are lost on the line, in both directions',
     'left_encoder': 'the counter of the left wheel stands still',
     'right_encoder': 'the counter of the right wheel stands still',
     'overcurrent': 'reports that a motor draws too much',
 }
 
-# What befalls localisers that look at marks.
+# Faults of localisers that detect marks.
 LOCALISER_FAULTS: Final = {
     **FAULTS,
     'blind': 'sees no mark',
-    'misread': 'takes each mark for another one, or sees it elsewhere if there is no other',
+    'misread': 'confuses each mark with another one, or sees it elsewhere if there is no other',
 }
 
-# What befalls sinks of sensor networks.
+# Faults of sinks of sensor networks.
 SINK_FAULTS: Final = {
     **FAULTS,
-    'reset': 'has no power: what waited in it is lost, and its routing begins anew',
+    'reset': 'has no power: its queue is lost, and its routing restarts',
 }
 
-# What befalls pulse oximeters.
+# Faults of pulse oximeters.
 OXIMETER_FAULTS: Final = {
     **FAULTS,
     'off': 'no finger is in it',
     'disconnect': 'its sensor is not plugged in',
-    'artefact': 'the finger moves: its pulses are artefacts, and then it loses track',
+    'artefact': 'the finger moves: its pulses are artefacts, then the signal is lost',
     'battery': 'its batteries are low',
 }
 
@@ -123,31 +123,31 @@ class FaultEvent:
 
 
 class FaultPlan:
-    """The faults of one device, those of the schedule and those asked for while it runs."""
+    """The faults of one device: those of the schedule and those injected while it runs."""
 
     def __init__(
         self, events: Iterable[FaultEvent], known: Mapping[str, str] = FAULTS,
     ) -> None:
         """
-        Keep the schedule.
+        Store the schedule.
 
         :param events: with times since the start of the device.
-        :param known: the faults that there are.
+        :param known: the possible faults.
         """
         self._known = known
         self._scheduled = tuple(events)
         self._events: list[FaultEvent] = []
 
     def start(self, now_ns: int) -> None:
-        """Begin: the schedule counts from now."""
+        """Start: the schedule counts from now."""
         self._events = [FaultEvent(e.fault, now_ns + e.start_ns, e.duration_ns)
                         for e in self._scheduled]
 
     def inject(self, fault: str, duration_s: float, now_ns: int) -> None:
         """
-        Begin a fault now.
+        Start a fault now.
 
-        :raises ConfigError: no such fault, or no such duration.
+        :raises ConfigError: the fault or the duration is invalid.
         """
         self._events = [e for e in self._events if e.start_ns + e.duration_ns > now_ns]
         self._events = self._events[-_MAX_EVENTS:]
@@ -158,18 +158,18 @@ class FaultPlan:
         return frozenset(e.fault for e in self._events if e.covers(moment_ns))
 
     def next_ns(self, after_ns: int) -> int | None:
-        """Return when a fault begins or ends next; None when none will."""
+        """Return when a fault begins or ends next; None if none will."""
         edges = [edge for e in self._events for edge in (e.start_ns, e.start_ns + e.duration_ns)]
         return min((edge for edge in edges if edge > after_ns), default=None)
 
 
 def check(fault: str, duration_s: float, known: Mapping[str, str] = FAULTS) -> int:
     """
-    Check a fault and how long it lasts.
+    Check a fault and its duration.
 
-    :param known: the faults that there are.
+    :param known: the possible faults.
     :return: the duration in nanoseconds.
-    :raises ConfigError: no such fault, or no such duration.
+    :raises ConfigError: the fault or the duration is invalid.
     """
     if fault not in known:
         raise ConfigError([f'there is no fault {fault!r}: use one of {", ".join(known)}'])
@@ -184,9 +184,9 @@ def parse_schedule(
     texts: Iterable[str], known: Mapping[str, str] = FAULTS,
 ) -> tuple[FaultEvent, ...]:
     """
-    Read a schedule.
+    Parse a schedule.
 
-    :param known: the faults that there are.
+    :param known: the possible faults.
     :param texts: such as ``unplug at 5 for 2``; several in one text are separated by ``;``.
     :raises ConfigError: with every problem found.
     """
@@ -230,9 +230,9 @@ def _seconds(text: str, part: str) -> float:
 
 def fault_settings(known: Mapping[str, str]) -> tuple[Field, ...]:
     """
-    Declare the settings of faults and chance that a simulated device has.
+    Declare the settings of a simulated device for faults and random numbers.
 
-    :param known: the faults that there are, and what they do.
+    :param known: the possible faults, and their descriptions.
     """
     return (
         Field('faults', list, (), 'Faults such as "unplug at 5 for 2" (seconds after the start): '
@@ -247,7 +247,7 @@ def plan_of(name: str, texts: Iterable[str], known: Mapping[str, str]) -> FaultP
     """
     Return the faults that the settings of a device schedule.
 
-    :raises ConfigError: with every problem found, under the name of the device.
+    :raises ConfigError: with every problem found, with the name of the device.
     """
     try:
         return FaultPlan(parse_schedule(texts, known), known)
@@ -256,6 +256,6 @@ def plan_of(name: str, texts: Iterable[str], known: Mapping[str, str]) -> FaultP
 
 
 def corrupted(data: bytes, probability: float, chance: random.Random) -> bytes:
-    """Return bytes in some of which a bit has flipped."""
+    """Return the bytes with random bit errors."""
     return bytes(byte ^ 1 << chance.randrange(8) if chance.random() < probability else byte
                  for byte in data)

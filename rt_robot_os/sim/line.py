@@ -24,13 +24,13 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 
 _BITS_PER_BYTE: Final = 10
-# No real port wakes for every byte: a UART buffers 16, USB adapters collect for 1 ms.
+# No real port wakes the reader for every byte: a UART buffers 16, USB adapters collect for 1 ms.
 _FIFO: Final = 16
 
 
 class LineTiming:
     """
-    Bytes on their way, bounded.
+    Bytes in transmission, bounded.
 
     :ivar byte_ns: time of a byte on the line, 0 without a speed.
     :ivar waiting: bytes that have not left yet.
@@ -40,8 +40,8 @@ class LineTiming:
         """
         Make an empty line.
 
-        :param baud: bits a second; 0 sends at once.
-        :param capacity: most bytes that wait.
+        :param baud: bits per second; 0 for no limit.
+        :param capacity: limit of the waiting bytes.
         """
         self.byte_ns = _BITS_PER_BYTE * NS_PER_S // baud if baud else 0
         self.waiting = 0
@@ -55,8 +55,8 @@ class LineTiming:
         """
         Put bytes at the end.
 
-        :param due_ns: the first leaves then, or when those before it have left.
-        :return: False when there is no room; then none of them was taken.
+        :param due_ns: the first leaves then, or after the previous bytes.
+        :return: False if there is no room; then none of them is added.
         """
         if self.waiting + len(data) > self._capacity:
             return False
@@ -68,7 +68,7 @@ class LineTiming:
         return True
 
     def take(self, now_ns: int) -> bytes:
-        """Take the bytes that have left by now."""
+        """Remove and return the bytes that have left by now."""
         parts = []
         while self._queue:
             start_ns, data = self._queue[0]
@@ -88,9 +88,9 @@ class LineTiming:
 
     def next_ns(self, chunk: int | None = None) -> int | None:
         """
-        Return when the next bytes are worth taking; None when the line is idle.
+        Return when to call :meth:`take` next; None if the line is idle.
 
-        :param chunk: bytes to wait for, if not what suits the speed.
+        :param chunk: bytes to wait for; by default a number that suits the speed.
         """
         if not self._queue:
             return None
@@ -101,11 +101,10 @@ class LineTiming:
 
 def at_wrong_speed(data: bytes, factor: float = 2.0) -> bytes:
     """
-    Return what a receiver hears that is set to another speed.
+    Return the bytes that a receiver at another speed decodes.
 
-    It waits for a start bit that is still there in its middle, then samples eight bits in theirs,
-    at its own pace; a stop bit that is none does not keep it from handing the byte over, as on
-    Linux by default.
+    It waits for a start bit that is still low in its middle, then samples eight bits in their
+    middle, at its own speed; a wrong stop bit does not suppress the byte, as on Linux by default.
 
     :param factor: length of the receiver's bit in bits of the sender; 2 is half of its speed.
     """
@@ -126,6 +125,6 @@ def at_wrong_speed(data: bytes, factor: float = 2.0) -> bytes:
         heard.append(sum(1 << i for i, place in enumerate(places)
                          if place >= size or level[place]))
         at += int(factor * 9.5)
-        # A new start bit begins with an edge from idle.
+        # A start bit begins with an edge from idle.
         while at < size and not level[at]:
             at += 1

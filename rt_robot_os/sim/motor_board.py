@@ -15,7 +15,7 @@
 """
 What simulated motor boards have in common: the robot that they move, and its encoders.
 
-The robot is that of the one world; without a world it is one of its own, on a floor without end.
+The robot is that of the world; without a world it is a separate one, on an unbounded floor.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rt_robot_os.sim.faults import MOTOR_FAULTS
 from rt_robot_os.sim.world.drive_base import DriveBase
 
 _LOSS: Final = 0.02
-# What keeps a whole count from being rounded off.
+# Keeps an integer count from being rounded down.
 _EDGE: Final = 1e-9
 _ENCODER_FAULTS: Final = ('left_encoder', 'right_encoder')
 Pair = tuple[float, float]
@@ -54,10 +54,10 @@ class SimulatedMotorBoard(SimulatedDevice):
     """
     A board that drives two wheels.
 
-    Wheels, gears and wiring are those of its device: what is swapped or inverted there is built so
-    here. All that it is told and asked is by the board's own channels, left before right.
+    Wheels, gears and wiring are those of its device: a wheel that is swapped or inverted there is
+    wired so here. All commands and answers are by the board's own channels, left before right.
 
-    :cvar TICKS: counts for one turn where the device does not say.
+    :cvar TICKS: counts for one turn, unless the device has a setting.
     :ivar base: the robot.
     """
 
@@ -65,7 +65,7 @@ class SimulatedMotorBoard(SimulatedDevice):
     TICKS: ClassVar[float] = 1440.0
 
     def prepare(self) -> None:
-        """Find the robot, or make one."""
+        """Get the robot of the world, or make one."""
         device: Mapping[str, Any] = self.device
         size = (device.get('wheel_radius_m', 0.0325), device.get('wheel_separation_m', 0.2))
         if self.world is not None:
@@ -81,11 +81,11 @@ class SimulatedMotorBoard(SimulatedDevice):
         self._missed: Pair = (0.0, 0.0)
 
     def check_speed(self) -> None:
-        """Check nothing: it speaks when it is asked."""
+        """Do nothing: it only answers requests."""
 
     def pump(self, now_ns: int) -> None:
         """
-        Let the robot go on to now, and do everything that is due.
+        Advance the robot to now, and do everything that is due.
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
@@ -94,18 +94,18 @@ class SimulatedMotorBoard(SimulatedDevice):
         super().pump(now_ns)
 
     def duty(self, left: float, right: float) -> None:
-        """Give both motors a share of the voltage, from -1 to 1; none lets them run down."""
+        """Apply a share of the voltage to both motors, from -1 to 1; with 0 they coast."""
         if left == 0.0 and right == 0.0:
             self.base.coast()
         else:
             self.base.set_duty(*self._of_wheels(left, right))
 
     def hold_speeds(self, left_rad_s: float, right_rad_s: float) -> None:
-        """Have both wheels hold a speed."""
+        """Control both wheels to a speed."""
         self.base.set_wheel_speeds(*self._of_wheels(left_rad_s, right_rad_s))
 
     def angles(self) -> Pair:
-        """Return what both encoders show, in rad from the start; a broken one stands still."""
+        """Return the angles of both encoders, in rad from the start; a broken one stands still."""
         turned, seen, missed = self.base.wheel_angles, self._seen, self._missed
         left, right = (
             missed[side] + (turned[side] - seen[side] if self.has_fault(fault) else 0.0)
@@ -114,7 +114,7 @@ class SimulatedMotorBoard(SimulatedDevice):
         return self._of_channels(turned[0] - left, turned[1] - right)
 
     def counts(self) -> tuple[int, int]:
-        """Return what both encoders count, from the start."""
+        """Return the counts of both encoders, from the start."""
         left, right = self.angles()
         return (math.floor(left * self._counts_per_rad + _EDGE),
                 math.floor(right * self._counts_per_rad + _EDGE))
@@ -124,19 +124,19 @@ class SimulatedMotorBoard(SimulatedDevice):
         return self._of_channels(*self.base.wheel_speeds)
 
     def thinned(self, data: bytes) -> bytes:
-        """Return what is left of bytes on a line that loses some while the fault says so."""
+        """Return the bytes, without those lost while the fault loss is active."""
         if not data or not self.has_fault('loss'):
             return data
         chance = self.random.random
         return bytes(byte for byte in data if chance() >= _LOSS)
 
     def _of_wheels(self, left: float, right: float) -> Pair:
-        """Turn numbers of channels into those of wheels."""
+        """Convert values of channels to those of wheels."""
         if self._swapped:
             left, right = right, left
         return left * self._signs[0], right * self._signs[1]
 
     def _of_channels(self, left: float, right: float) -> Pair:
-        """Turn numbers of wheels into those of channels."""
+        """Convert values of wheels to those of channels."""
         left, right = left * self._signs[0], right * self._signs[1]
         return (right, left) if self._swapped else (left, right)

@@ -27,11 +27,11 @@ from rt_robot_os.linux.lock_file import LockFile
 
 def hold_paths(folder: Path, names: Iterable[str]) -> list[LockFile]:
     """
-    Take the paths of some devices, and remove those that a killed simulator has left.
+    Lock the paths of some devices, and remove those of a killed simulator.
 
-    Linux gives the number of a pty anew: what is left would lead to somebody's terminal.
+    Linux reuses the numbers of ptys: an old link could lead to a terminal of the user.
 
-    :return: what to release at the end.
+    :return: the locks to release at the end.
     :raises DeviceError: another process simulates one of them, or the folder cannot be written.
     """
     held: list[LockFile] = []

@@ -14,11 +14,11 @@
 
 
 """
-Play a recorded byte log through a pty, as the device would have sent it.
+Play a recorded byte log through a pty, with the timing of the device.
 
-The bytes are those of the log. Lines that begin with ``#`` are notes of whoever recorded it and
-are left out; in a log that is not text only those at its beginning, as ``#`` may be data later on.
-A log is text although some bytes of it are not: lines are noisy, and receivers are switched on.
+The bytes are those of the log. Lines that begin with ``#`` are comments and are skipped; in a
+binary log only those at its beginning, because ``#`` may be data later. A log counts as text
+although some of its bytes are not, because of noise on the line.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ from rt_robot_os.sim.pty_port import PtyPort
 
 MAX_LOG_BYTES: Final = 256 * 1024 * 1024
 _BITS_PER_BYTE: Final = 10
-# A driver discards what comes while it opens the port; begin when it is surely done.
+# A driver discards bytes that arrive while it opens the port; start after that.
 _SETTLE_NS: Final = 200 * NS_PER_MS
 _LOOK_FOR_READER_NS: Final = 20 * NS_PER_MS
-# Unplugging throws away what the reader has not fetched yet.
+# Unplugging discards bytes that the reader has not read yet.
 _LINGER_NS: Final = NS_PER_S
 _PIECE: Final = 1024
 _TEXT: Final = bytes((*range(0x20, 0x7f), *b'\t\r\n'))
-# One byte in so many may be none of a text.
+# One byte in this number may be invalid in a text.
 _NOISE_MOST: Final = 20
 _DAY_NS: Final = 86_400 * NS_PER_S
-# Where the time of day stands in the sentences that have one.
+# Index of the time of day in the sentences that have one.
 _TIME_FIELD: Final = {b'GGA': 1, b'RMC': 1, b'GST': 1, b'ZDA': 1, b'GNS': 1, b'GBS': 1, b'GLL': 5}
 
 Piece = tuple[int, bytes]
@@ -57,14 +57,14 @@ def load_log(path: str | os.PathLike[str]) -> tuple[bytes, ...]:
     """
     Read a log.
 
-    :return: its lines with their ends, without notes.
-    :raises ConfigError: it cannot be read, is too large, or holds nothing to play.
+    :return: its lines with their ends, without comments.
+    :raises ConfigError: it cannot be read, is too large, or contains nothing to play.
     """
     try:
         size = os.stat(path).st_size
         if size > MAX_LOG_BYTES:
             raise ConfigError([
-                f'{path} has {size} bytes: at most {MAX_LOG_BYTES} can be played, so cut it'])
+                f'{path} has {size} bytes: at most {MAX_LOG_BYTES} can be played, so shorten it'])
         data = Path(path).read_bytes()
     except OSError as error:
         raise ConfigError([f'{path} cannot be read ({error.strerror}): check the path']) from error
@@ -72,22 +72,22 @@ def load_log(path: str | os.PathLike[str]) -> tuple[bytes, ...]:
     kept = ([line for line in lines if not line.startswith(b'#')] if _is_text(data) else
             list(dropwhile(lambda line: line.startswith(b'#'), lines)))
     if not kept:
-        raise ConfigError([f'{path} holds nothing to play: choose another log'])
+        raise ConfigError([f'{path} contains nothing to play: choose another log'])
     return tuple(kept)
 
 
 def at_line_speed(lines: Sequence[bytes]) -> tuple[Piece, ...]:
-    """Let all bytes follow each other as fast as the line takes them."""
+    """Send all bytes at the speed of the line."""
     data = b''.join(lines)
     return tuple((0, data[i:i + _PIECE]) for i in range(0, len(data), _PIECE))
 
 
 def by_nmea_time(lines: Sequence[bytes]) -> tuple[Piece, ...]:
     """
-    Let each NMEA epoch begin at its time.
+    Send each NMEA epoch at its time.
 
-    A sentence without a time, or with the time of the one before, follows it at once; a time that
-    goes back (other than at midnight) is not waited for.
+    A sentence without a time, or with the time of the previous one, follows it immediately; for a
+    time that goes back (other than at midnight) there is no pause.
 
     :raises ConfigError: no sentence has a time.
     """
@@ -112,9 +112,9 @@ def by_nmea_time(lines: Sequence[bytes]) -> tuple[Piece, ...]:
 
 class Player:
     """
-    Play a log through a port; has no clock and no thread, like a simulated device.
+    Plays a log through a port; has no clock and no thread, like a simulated device.
 
-    :ivar port: where the log comes out.
+    :ivar port: the port of the log.
     :ivar rounds: how often the log has been played to its end.
     """
 
@@ -123,12 +123,12 @@ class Player:
         speed: float = 1.0, wait_for_reader: bool = False,
     ) -> None:
         """
-        Keep the log; nothing is plugged in yet.
+        Store the log; nothing is plugged in yet.
 
         :param pieces: from :func:`at_line_speed` or :func:`by_nmea_time`.
-        :param baud: speed of the line; 0 has none, which only makes sense with times.
-        :param speed: how many times faster than recorded, line and times.
-        :raises ConfigError: speed or baud make no sense.
+        :param baud: speed of the line; 0 for no limit, only for a log with times.
+        :param speed: factor of the recorded speed, for line and times.
+        :raises ConfigError: speed or baud is invalid.
         """
         if not 0.001 <= speed <= 1000:
             raise ConfigError([f'speed {speed:g}: it must be from 0.001 to 1000'])
@@ -155,7 +155,7 @@ class Player:
 
     @property
     def over(self) -> bool:
-        """Return whether it may be unplugged: all has been played, and fetched or given up."""
+        """Return whether it may be unplugged: all has been played, and read or dropped."""
         return self.done and (self._now_ns - self._last_sent_ns > _LINGER_NS
                               or not self.port.has_reader())
 
@@ -211,7 +211,7 @@ class Player:
         return (self._round_ns or 0) + round(self._pieces[self._at][0] / self._speed)
 
     def _push_due(self, now_ns: int) -> bool:
-        """Put the next piece on the line if it is due; say whether there may be more."""
+        """Put the next piece on the line if it is due; return whether there may be more."""
         if self._at >= len(self._pieces):
             return False
         due_ns = self._due_ns()
@@ -237,7 +237,7 @@ def _is_text(data: bytes) -> bool:
 
 
 def _time_of_day_ns(line: bytes) -> int | None:
-    # What stands before the sentence is noise, or another protocol of the same receiver.
+    # Bytes before the sentence are noise, or another protocol of the same receiver.
     _, dollar, sentence = line.rpartition(b'$')
     fields = sentence.split(b'*')[0].split(b',')
     place = _TIME_FIELD.get(fields[0][2:]) if dollar else None

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The program `player`: recorded bytes, played as the device would have sent them.
+The program `player`: plays recorded bytes with the timing of the device.
 
 Play until all is played or SIGTERM, Ctrl-C, the end of the parent; 2 for bad arguments.
 """

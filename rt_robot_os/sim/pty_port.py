@@ -14,11 +14,11 @@
 
 
 """
-The plug end of a simulated device: a pty under a path that stays the same.
+The port of a simulated device: a pty under a constant path.
 
-The path is a symbolic link, which goes away when the device is unplugged and comes back, to
-another pty, when it is plugged in again, as udev's links do. Nobody waits for anybody: what nobody
-reads is dropped and counted, like the bytes of a UART that is not connected.
+The path is a symbolic link, which disappears when the device is unplugged and returns, to another
+pty, when it is plugged in again, as udev's links do. Nothing blocks: bytes without a reader are
+dropped and counted, like those of a UART that is not connected.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class PtyPort:
     A pty and the link to it.
 
     :ivar link: the path that the driver opens.
-    :ivar bytes_sent: bytes that the pty has taken.
-    :ivar bytes_dropped: bytes that nobody was there for, or that found no room.
+    :ivar bytes_sent: bytes that the pty has accepted.
+    :ivar bytes_dropped: bytes without a reader, or without room.
     """
 
     def __init__(self, link: str | os.PathLike[str]) -> None:
-        """Keep the path; nothing is opened."""
+        """Store the path; nothing is opened."""
         self.link = Path(link)
         self.bytes_sent = 0
         self.bytes_dropped = 0
@@ -54,25 +54,25 @@ class PtyPort:
 
     @property
     def plugged(self) -> bool:
-        """Return whether the link is there."""
+        """Return whether the link exists."""
         return self._master >= 0
 
     def fileno(self) -> int:
-        """Return the file descriptor of our end, -1 when unplugged."""
+        """Return the file descriptor of the device's end, -1 when unplugged."""
         return self._master
 
     def plug(self) -> None:
         """
         Make a pty and the link to it.
 
-        :raises DeviceError: there is no pty left, or the link cannot be made.
+        :raises DeviceError: no pty is available, or the link cannot be made.
         """
         if self.plugged:
             return
         try:
             master, slave = pty.openpty()
         except OSError as error:
-            raise DeviceError(f'{self.link}: no pty to be had ({error})') from error
+            raise DeviceError(f'{self.link}: no pty is available ({error})') from error
         try:
             tty.setraw(slave)
             self._slave_path = os.ttyname(slave)
@@ -83,13 +83,13 @@ class PtyPort:
             raise DeviceError(
                 f'{self.link} cannot be made ({error}): choose another folder') from error
         finally:
-            # Without an end of our own at the other side, POLLHUP tells whether anybody reads.
+            # With the other end closed here, POLLHUP shows whether a reader exists.
             os.close(slave)
         self._master = master
         self._poll.register(master, select.POLLIN)
 
     def unplug(self) -> None:
-        """Take the link and the pty away; who has it open reads end of file. May be repeated."""
+        """Remove the link and the pty; a reader gets end of file. May be repeated."""
         if not self.plugged:
             return
         self._remove_link()
@@ -98,35 +98,35 @@ class PtyPort:
         self._master = -1
 
     def has_reader(self) -> bool:
-        """Return whether somebody has the port open."""
+        """Return whether a program has the port open."""
         return self.plugged and not any(
             events & select.POLLHUP for _, events in self._poll.poll(0))
 
     def write(self, data: bytes) -> None:
-        """Send without blocking; what is not taken is dropped and counted."""
+        """Send without blocking; bytes that do not fit are dropped and counted."""
         sent = 0
         if self.has_reader():
             try:
                 sent = os.write(self._master, data)
-            except OSError:  # full, or closed in this moment
+            except OSError:  # full, or closed at this moment
                 sent = 0
         self.bytes_sent += sent
         self.bytes_dropped += len(data) - sent
 
     def read(self) -> bytes:
-        """Take what the driver has sent, without blocking; empty when there is nothing."""
+        """Return the bytes of the driver, without blocking; empty if there are none."""
         if not self.plugged:
             return b''
         try:
             return os.read(self._master, _MAX_READ)
-        except OSError:  # nothing there, or nobody
+        except OSError:  # no bytes, or no reader
             return b''
 
     def _make_link(self) -> None:
         self.link.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         if self.link.exists() and not self.link.is_symlink():
-            raise FileExistsError(f'{self.link} is a file of somebody')
-        # Replaced in one step: a reader sees the old link or the new one, never none.
+            raise FileExistsError(f'{self.link} is a file of another program')
+        # Replaced atomically: a reader sees the old link or the new one.
         temporary = self.link.with_name(f'.{self.link.name}.{os.getpid()}')
         temporary.unlink(missing_ok=True)
         temporary.symlink_to(self._slave_path)
@@ -137,4 +137,4 @@ class PtyPort:
             if os.readlink(self.link) == self._slave_path:
                 self.link.unlink()
         except OSError:
-            pass  # somebody was faster, or has replaced it by something else
+            pass  # another process has removed or replaced it

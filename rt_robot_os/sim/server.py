@@ -16,8 +16,8 @@
 """
 Run several simulated devices in one process and one thread.
 
-Every device says when it is due next, on an absolute time grid, and the server waits for the first
-of them, for a driver that sends something, or for a line of text that asks for a fault.
+Every device returns its next due time, on an absolute time grid. The server waits for the first of
+them, for bytes of a driver, or for a command.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.sim.base import Plug
 
-# A pty does not tell when a reader comes, so look every now and then.
+# A pty does not signal a new reader, so this is polled.
 _LONGEST_WAIT_NS: Final = 50 * NS_PER_MS
-# After a pump that failed, and as a limit to a device that is always due.
+# Pause after a pump that failed, and limit for a device that is always due.
 _SHORTEST_WAIT_NS: Final = 50_000
 _MAX_LINE: Final = 4096
 
 
 class Pumped(Protocol):
-    """What the server runs: a simulated device or a player."""
+    """Runs in the server: a simulated device or a player."""
 
     @property
     def port(self) -> Plug:
-        """Return where it is plugged in."""
+        """Return its port."""
 
     def pump(self, now_ns: int) -> None:
         """Do everything that is due by now."""
@@ -60,16 +60,16 @@ class Pumped(Protocol):
 
 
 class CommandInput(Protocol):
-    """What is served when it is readable."""
+    """Served when it is readable."""
 
     def fileno(self) -> int:
         """Return its file descriptor."""
 
     def serve(self) -> None:
-        """Take what has come; never waits."""
+        """Handle the input; never blocks."""
 
     def close(self) -> None:
-        """Take no more; may be called twice."""
+        """Close it; may be called twice."""
 
 
 class SimServer:
@@ -84,10 +84,10 @@ class SimServer:
         report: Callable[[str], None] | None = None,
     ) -> None:
         """
-        Keep the devices; nothing runs yet.
+        Store the devices; nothing runs yet.
 
-        :param clock_ns: the time, in nanoseconds.
-        :param report: is told of a device that cannot go on, once each time its problem changes.
+        :param clock_ns: returns the time in nanoseconds.
+        :param report: called when a device fails, once each time its problem changes.
         """
         self.problem_count = 0
         self._devices = tuple(devices)
@@ -96,7 +96,7 @@ class SimServer:
         self._last_problem = ''
         self._input_fd: int | None = None
         self._on_line: Callable[[str], None] | None = None
-        self._orders: CommandInput | None = None
+        self._commands: CommandInput | None = None
         self._received = b''
         self._stopped = False
         self._wake_read, self._wake_write = os.pipe()
@@ -104,24 +104,24 @@ class SimServer:
 
     def read_lines(self, fd: int, on_line: Callable[[str], None]) -> None:
         """
-        Hand over each line of text that comes from a file descriptor; its end is not an exit.
+        Pass on each line of text from a file descriptor; its end does not stop the server.
 
         :param fd: such as that of the standard input.
         """
         self._input_fd = fd
         self._on_line = on_line
 
-    def watch(self, orders: CommandInput) -> None:
-        """Serve something else, too, whenever it is readable."""
-        self._orders = orders
+    def watch(self, commands: CommandInput) -> None:
+        """Serve another input, too, whenever it is readable."""
+        self._commands = commands
 
     def run(self, *, on_start: Callable[[], None] | None = None,
             until: Callable[[], bool] | None = None) -> None:
         """
         Run until :meth:`stop`, then unplug every device.
 
-        :param on_start: called first, where a process asks to die with its parent.
-        :param until: asked after each round whether that was all.
+        :param on_start: called first, to make the process die with its parent.
+        :param until: called after each round; True ends the loop.
         """
         try:
             if on_start is not None:
@@ -144,7 +144,7 @@ class SimServer:
             try:
                 device.pump(now_ns)
             except DeviceError as error:
-                self._tell(str(error))
+                self._report(str(error))
         return min((d.next_event_ns() for d in self._devices), default=now_ns + NS_PER_S)
 
     def stop(self) -> None:
@@ -159,15 +159,15 @@ class SimServer:
         """Unplug every device; may be called twice."""
         for device in self._devices:
             device.close()
-        if self._orders is not None:
-            self._orders.close()
-            self._orders = None
+        if self._commands is not None:
+            self._commands.close()
+            self._commands = None
         if self._wake_read >= 0:
             os.close(self._wake_read)
             os.close(self._wake_write)
             self._wake_read = self._wake_write = -1
 
-    def _tell(self, problem: str) -> None:
+    def _report(self, problem: str) -> None:
         self.problem_count += 1
         if problem != self._last_problem and self._report is not None:
             self._report(problem)
@@ -180,18 +180,19 @@ class SimServer:
         watched = [self._wake_read]
         if self._input_fd is not None:
             watched.append(self._input_fd)
-        # Without a reader a pty is readable for ever (hang-up), so only the others are watched.
-        if self._orders is not None:
-            watched.append(self._orders.fileno())
+        # Without a reader a pty is always readable (hang-up), so only the others are watched.
+        if self._commands is not None:
+            watched.append(self._commands.fileno())
         watched += [d.port.fileno() for d in self._devices if d.port.has_reader()]
-        # select, because its time-out has microseconds where poll and epoll have milliseconds.
+        # select, because its time-out is in microseconds; that of poll and epoll is in
+        # milliseconds.
         readable, _, _ = select.select(watched, [], [], wait_ns / NS_PER_S)
         if self._input_fd in readable:
-            self._take_input()
-        if self._orders is not None and self._orders.fileno() in readable:
-            self._orders.serve()
+            self._read_input()
+        if self._commands is not None and self._commands.fileno() in readable:
+            self._commands.serve()
 
-    def _take_input(self) -> None:
+    def _read_input(self) -> None:
         fd, on_line = self._input_fd, self._on_line
         if fd is None or on_line is None:
             return

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The plug end of a simulated device on a network: a server for one client, instead of a pty.
+The port of a simulated device on a network: a server for one client, instead of a pty.
 
-As on a pty nobody waits for anybody: what no client takes is dropped and counted.
+As on a pty nothing blocks: bytes without a client are dropped and counted.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ _MAX_READ = 4096
 
 class TcpPlug(PtyPort):
     """
-    A port of this machine that takes connections, one at a time; it stands in for a pty.
+    A TCP port of this machine that accepts connections, one at a time; it replaces a pty.
 
-    :ivar url: what a driver has as ``port``.
+    :ivar url: the ``port`` of a driver.
     """
 
     def __init__(self, number: int) -> None:
         """
-        Keep the number; nothing is opened.
+        Store the number; nothing is opened.
 
-        :param number: of the port, on the loopback interface; 0 takes a free one, once.
+        :param number: of the port, on the loopback interface; 0 selects a free one, once.
         """
         super().__init__(os.devnull)
         self._number = number
@@ -49,12 +49,12 @@ class TcpPlug(PtyPort):
 
     @property
     def url(self) -> str:
-        """Return the port as a driver has it."""
+        """Return the ``port`` of a driver."""
         return f'tcp://127.0.0.1:{self._number}'
 
     @property
     def plugged(self) -> bool:
-        """Return whether connections are taken."""
+        """Return whether connections are accepted."""
         return self._listener is not None
 
     def fileno(self) -> int:
@@ -63,28 +63,28 @@ class TcpPlug(PtyPort):
 
     def plug(self) -> None:
         """
-        Begin to take connections.
+        Start to accept connections.
 
-        :raises DeviceError: somebody else has the port.
+        :raises DeviceError: another program has the port.
         """
         if self._listener is not None:
             return
         try:
             self._listener = socket.create_server(('127.0.0.1', self._number), backlog=1)
         except OSError as error:
-            raise DeviceError(f'{self.url} cannot be had ({error}): choose another') from error
+            raise DeviceError(f'{self.url} cannot be opened ({error}): choose another') from error
         self._listener.setblocking(False)
         self._number = self._listener.getsockname()[1]
 
     def unplug(self) -> None:
-        """Close the connection and take no more; may be repeated."""
+        """Close the connection and accept no more; may be repeated."""
         self._hang_up()
         listener, self._listener = self._listener, None
         if listener is not None:
             listener.close()
 
     def has_reader(self) -> bool:
-        """Return whether somebody is connected; takes who waits."""
+        """Return whether a client is connected; accepts a waiting one."""
         if self._client is None and self._listener is not None:
             try:
                 self._client = self._listener.accept()[0]
@@ -95,7 +95,7 @@ class TcpPlug(PtyPort):
         return self._client is not None
 
     def write(self, data: bytes) -> None:
-        """Send without blocking; what is not taken is dropped and counted."""
+        """Send without blocking; bytes that do not fit are dropped and counted."""
         sent = 0
         if self.has_reader() and self._client is not None:
             try:
@@ -108,7 +108,7 @@ class TcpPlug(PtyPort):
         self.bytes_dropped += len(data) - sent
 
     def read(self) -> bytes:
-        """Take what the driver has sent, without blocking; empty when there is nothing."""
+        """Return the bytes of the driver, without blocking; empty if there are none."""
         if not self.has_reader() or self._client is None:
             return b''
         try:

@@ -95,7 +95,7 @@ def test_a_person_steps_in_the_way_of_a_robot_that_runs(
 
 
 def test_where_nobody_takes_orders_that_is_told(tmp_path: Path) -> None:
-    with pytest.raises(DeviceError, match='no simulated devices take orders there'):
+    with pytest.raises(DeviceError, match='no simulated devices receive commands there'):
         send_command(tmp_path, 'world walk anna')
 
 

@@ -131,8 +131,8 @@ class LateConnection:
 class LateBuses(I2cBuses):
     """Buses whose answers come late."""
 
-    def take(self, path: str) -> I2cBus:
-        bus = super().take(path)
+    def acquire(self, path: str) -> I2cBus:
+        bus = super().acquire(path)
         assert isinstance(bus.connection, DirectConnection)
         bus.connection = LateConnection(bus.connection.transport)
         return bus

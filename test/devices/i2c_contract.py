@@ -192,14 +192,14 @@ class I2cContract:
     def test_a_chip_that_nobody_knows(self) -> None:
         rig = I2cRig(self.simulator, self.driver, {}, {})
         rig.device.buses = I2cBuses(lambda path: ScriptedTransport(lambda d, n: b'\x13' * n))
-        with pytest.raises(DeviceError, match='not known here: check type and address'):
+        with pytest.raises(DeviceError, match='an unknown chip: check type and address'):
             rig.device.open()
 
     @pytest.mark.parametrize('fault', ['nack', 'unplug'])
     def test_a_chip_that_is_not_there(self, fault: str) -> None:
         with self.rig({'faults': [f'{fault} at 0 for 100']}, is_open=False) as rig:
             with pytest.raises(DeviceError, match='dut: .*no device answers: check its power.*'
-                               r'\(i2cdetect -y 7 shows'):
+                               r'\(i2cdetect -y 7 lists'):
                 rig.device.open()
 
     @pytest.mark.parametrize('fault', ['nack', 'unplug'])
@@ -238,7 +238,7 @@ class I2cContract:
             rig.run(1000)
             rig.chip.inject('hold', 1.0)
             rig.chip._update(rig.now_ns)
-            assert 'something holds SDA or SCL low' in rig.run_until_error(500)
+            assert 'a device holds SDA or SCL low' in rig.run_until_error(500)
 
     def test_a_bus_that_goes_away_is_opened_anew(self) -> None:
         with self.rig() as rig:
@@ -303,7 +303,7 @@ class I2cContract:
     def test_an_adapter_that_gives_too_little(self) -> None:
         rig = I2cRig(self.simulator, self.driver, {}, {})
         rig.device.buses = I2cBuses(lambda path: ScriptedTransport(lambda d, n: b''))
-        with pytest.raises(DeviceError, match='0 bytes came where . were asked for'):
+        with pytest.raises(DeviceError, match='0 bytes arrived instead of the requested .'):
             rig.device.open()
 
     def test_any_bytes_raise_nothing_else(self) -> None:

@@ -206,5 +206,5 @@ def test_a_device_that_refuses_is_told_with_what_it_said() -> None:
 
 
 def test_a_device_that_does_not_answer_is_told() -> None:
-    with pytest.raises(DeviceError, match='dut: it does not answer the question for its chip id'):
+    with pytest.raises(DeviceError, match='dut: it does not answer the request for its chip id'):
         drive(lambda number, request: b'', range(0, 5000 * MS, 10 * MS))

@@ -206,7 +206,7 @@ def test_chips_of_another_package_are_named_too() -> None:
     assert 'probably a LIDAR-1: change type' in asked_of_the_bus({0x0F: 0x33})
     assert 'probably a MPU-6500: change type' in asked_of_the_bus({0x75: 0x70})
     assert 'probably a BMP180: change type' in asked_of_the_bus({0xD0: 0x55, 0x0F: 0x33})
-    assert 'not known here' in asked_of_the_bus({})
+    assert 'an unknown chip' in asked_of_the_bus({})
 
 
 @pytest.mark.usefixtures('other_package')

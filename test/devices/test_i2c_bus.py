@@ -91,15 +91,15 @@ def test_a_bus_is_opened_once_and_closed_by_the_last(tmp_path: Path) -> None:
         return made[-1]
 
     buses = I2cBuses(opener)
-    first, second = buses.take(str(tmp_path / 'bus')), buses.take(str(tmp_path / 'link'))
+    first, second = buses.acquire(str(tmp_path / 'bus')), buses.acquire(str(tmp_path / 'link'))
     assert len(made) == buses.open_count == 1
     assert (first.path, second.path) == (str(tmp_path / 'bus'), str(tmp_path / 'link'))
-    buses.give_back(first)
-    buses.give_back(first)  # once too often
+    buses.release(first)
+    buses.release(first)  # once too often
     assert not made[0].closed
-    buses.give_back(second)
+    buses.release(second)
     assert made[0].closed == 1 and buses.open_count == 0
-    buses.take(str(tmp_path / 'bus'))
+    buses.acquire(str(tmp_path / 'bus'))
     assert len(made) == 2
 
 
@@ -111,18 +111,18 @@ def test_a_bus_that_went_away_is_not_shared_any_more() -> None:
         return made[-1]
 
     buses = I2cBuses(opener)
-    old, other = buses.take('/dev/i2c-1'), buses.take('/dev/i2c-1')
+    old, other = buses.acquire('/dev/i2c-1'), buses.acquire('/dev/i2c-1')
     with pytest.raises(DeviceError, match='the bus is gone'):
         transact(old, 8, b'', 1)
-    new = buses.take('/dev/i2c-1')
+    new = buses.acquire('/dev/i2c-1')
     assert len(made) == buses.open_count == 2
-    buses.give_back(old)
+    buses.release(old)
     assert not made[0].closed
-    buses.give_back(other)
+    buses.release(other)
     assert made[0].closed and not made[1].closed
-    buses.take('/dev/i2c-1')
+    buses.acquire('/dev/i2c-1')
     assert len(made) == 2
-    buses.give_back(new)
+    buses.release(new)
     assert not made[1].closed
 
 
@@ -275,7 +275,7 @@ def test_what_smbus_cannot_do_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_p
     below = LinuxTransport('/dev/i2c-1')
     bus = I2cBus('/dev/i2c-1', DirectConnection(below))
     for data, size in ((b'\0', 33), (bytes(40), 0), (b'', 1)):
-        with pytest.raises(DeviceError, match='the adapter cannot do this transfer'):
+        with pytest.raises(DeviceError, match='the adapter does not support this transfer'):
             transact(bus, 0x76, data, size)
     below.close()
 
@@ -318,26 +318,26 @@ def served(tmp_path: Path) -> Iterator[I2cPort]:
 
 def test_both_paths_lead_to_one_bus(served: I2cPort) -> None:
     buses = I2cBuses()
-    one = buses.take(str(served.socket_path.with_name('baro')))
-    two = buses.take(str(served.socket_path.with_name('imu')))
+    one = buses.acquire(str(served.socket_path.with_name('baro')))
+    two = buses.acquire(str(served.socket_path.with_name('imu')))
     assert buses.open_count == 1
     assert transact(one, 0x76, b'\xd0', 1) == b'\x58'
     assert transact(two, 0x68, b'\x75', 1) == b'\x68'
     with pytest.raises(DeviceError, match='address 0x33: no device answers'):
         transact(one, 0x33, b'\0', 1)
-    buses.give_back(one)
-    buses.give_back(two)
+    buses.release(one)
+    buses.release(two)
 
 
 def test_a_transaction_within_another_gets_its_own_answer(served: I2cPort) -> None:
     buses = I2cBuses()
-    baro, imu = (buses.take(str(served.socket_path)) for _ in range(2))
+    baro, imu = (buses.acquire(str(served.socket_path)) for _ in range(2))
     for _ in range(20):
         baro.begin(Transfer(0x76, b'\xd0', 1), time.monotonic_ns())
         assert transact(imu, 0x68, b'\x75', 1) == b'\x68'
         assert answer_of(baro) == b'\x58'
-    buses.give_back(baro)
-    buses.give_back(imu)
+    buses.release(baro)
+    buses.release(imu)
 
 
 def test_a_transfer_takes_the_time_that_it_takes_on_the_wire(served: I2cPort) -> None:
@@ -353,7 +353,7 @@ def test_a_transfer_takes_the_time_that_it_takes_on_the_wire(served: I2cPort) ->
 def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(served: I2cPort) -> None:
     # Also of a job that the kernel aborted: nobody took the answer to what it had begun.
     buses = I2cBuses()
-    bus = buses.take(str(served.socket_path))
+    bus = buses.acquire(str(served.socket_path))
     now_ns = time.monotonic_ns()
     bus.begin(Transfer(0x76, b'\x88', 200), now_ns)
     with pytest.raises(DeviceError, match='no answer for 0.3 s from the process that serves'):
@@ -361,7 +361,7 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(served: I2cPort
     for _ in range(5):
         bus.begin(Transfer(0x76, b'\x88', 100), now_ns)
         assert transact(bus, 0x76, b'\xd0', 1) == b'\x58'
-    buses.give_back(bus)
+    buses.release(bus)
 
 
 @pytest.mark.parametrize('packet', [b'x', b'\x09\x76\x01\x00', bytes(5000)])
@@ -381,13 +381,13 @@ def test_nobody_behind_the_socket(tmp_path: Path) -> None:
     path = port.link('baro')
     port.plug()
     buses = I2cBuses()
-    bus = buses.take(str(path))
+    bus = buses.acquire(str(path))
     port.unplug()
     port.unplug()
     with pytest.raises(DeviceError, match='the bus is gone'):
         transact(bus, 0x76, b'\0', 1)
     assert bus.gone
-    buses.give_back(bus)
+    buses.release(bus)
     for opened in (open_transport, buses.take):
         with pytest.raises(DeviceError, match='does not exist'):
             opened(str(path))

@@ -127,11 +127,11 @@ def test_too_many_that_wait_for_a_process_is_an_error_not_a_wait(tmp_path: Path)
     listener.bind(str(tmp_path / 'bus'))
     listener.listen(1)
     buses, taken = I2cBuses(), []
-    with pytest.raises(DeviceError, match='too many wait for the process that serves it'):
+    with pytest.raises(DeviceError, match='too many connections wait for the process that serves it'):
         for _ in range(20):
-            taken.append(buses.take(str(tmp_path / 'bus')))
+            taken.append(buses.acquire(str(tmp_path / 'bus')))
     for bus in taken:
-        buses.give_back(bus)
+        buses.release(bus)
     assert buses.open_count == 0
     listener.close()
 
@@ -221,7 +221,7 @@ def real_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callab
 
 def test_a_real_bus_is_served_by_a_bridge(real_bus: Callable[[float], Any]) -> None:
     buses = real_bus(0.0)
-    one, two = buses.take('/dev/null'), buses.take('/dev/null')
+    one, two = buses.acquire('/dev/null'), buses.acquire('/dev/null')
     assert transact(one, 0x76, b'\xd0', 1) == transact(two, 0x77, b'\xd0', 1) == b'\x58'
     bridge = buses._bridges['/dev/null']
     folder, pid = bridge.socket_path.parent, bridge._process.pid
@@ -230,12 +230,12 @@ def test_a_real_bus_is_served_by_a_bridge(real_bus: Callable[[float], Any]) -> N
         transact(one, 0x76, b'\xd0', 1)
     assert one.gone
     os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
-    again = buses.take('/dev/null')
+    again = buses.acquire('/dev/null')
     assert transact(again, 0x76, b'\xd0', 1) == b'\x58'
     assert bridge._process.pid != pid and not folder.exists()
     folder, process = bridge.socket_path.parent, bridge._process
     for bus in (one, two, again):
-        buses.give_back(bus)
+        buses.release(bus)
     buses.close()
     assert process.returncode == 0 and not folder.exists()
 
@@ -272,10 +272,10 @@ def test_why_a_bus_cannot_be_opened_comes_through_the_bridge(
         'self.fd = os.open(path, os.O_RDWR)', 'raise OSError(13, "no")'))
     buses.close()
     buses.prepare('/dev/null')
-    bus = buses.take('/dev/null')
+    bus = buses.acquire('/dev/null')
     with pytest.raises(DeviceError, match='^I2C bus /dev/null may not be opened: add the user'):
         transact(bus, 0x76, b'\xd0', 1)
-    buses.give_back(bus)
+    buses.release(bus)
 
 
 def test_the_bridge_ends_with_the_process_that_started_it(tmp_path: Path) -> None:

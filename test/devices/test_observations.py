@@ -207,7 +207,7 @@ _ANY = st.one_of(st.none(), st.booleans(), st.floats(), st.integers(), st.text(m
 def test_whatever_is_ordered_is_answered(text: str) -> None:
     desk = ObservationRequests('eye', {'observe_topic': 'x', 'clip_s': 5.0})
     handed: list[dict[str, Any]] = []
-    told = desk.take(text, 1, 2, lambda order: handed.append(order) or '')  # type: ignore
+    told = desk.handle(text, 1, 2, lambda order: handed.append(order) or '')  # type: ignore
     assert (told is None) == bool(handed)
     if told is not None:
         assert told['problem'] and len(desk.answer(told)) <= OBSERVED_BYTES
@@ -225,7 +225,7 @@ def test_an_order_is_bounded() -> None:
 
 def test_an_order_of_long_ago_is_not_carried_out() -> None:
     desk = ObservationRequests('eye', {'observe_topic': 'x', 'clip_s': 5.0})
-    told = desk.take('{"order":"picture"}', 1, 11 * NS_PER_S, lambda order: pytest.fail())
+    told = desk.handle('{"order":"picture"}', 1, 11 * NS_PER_S, lambda order: pytest.fail())
     assert told is not None and 'was not there' in told['problem']
     assert desk.statistics()['orders_late'] == 1
 
@@ -257,12 +257,12 @@ class Seen:
 
 def observations(tmp_path: Path, **changes: Any) -> tuple[Observations, list[dict[str, Any]], Eye]:
     told: list[dict[str, Any]] = []
-    eye = Eye()
+    camera = Eye()
     made = Observations({
         'clip_s': 2.0, 'clip_mb': 1.0, 'clip_rate_hz': 5.0, 'output_rate_hz': 30.0, 'width': 64,
         'height': 48, 'observations_folder': str(tmp_path), 'observations_files': 9,
-        'observations_mb': 9.0, **changes}, eye, told.append)
-    return made, told, eye
+        'observations_mb': 9.0, **changes}, camera, told.append)
+    return made, told, camera
 
 
 def order(kind: str, at_s: float, before_s: float = 0.0, after_s: float = 0.0) -> dict[str, Any]:
@@ -275,7 +275,7 @@ def test_a_clip_has_the_seconds_before_and_after(tmp_path: Path, rate_hz: float)
     made, told, _ = observations(tmp_path)
     for number in range(round(10 * rate_hz)):
         at_s = number / rate_hz
-        made.take(Seen(at_s))
+        made.add(Seen(at_s))
         if abs(at_s - 5.0) < 0.4 / rate_hz:
             made.request(order('clip', at_s, 1.5, 2.0), 0)
     made.close()
@@ -290,10 +290,10 @@ def test_a_clip_has_the_seconds_before_and_after(tmp_path: Path, rate_hz: float)
 
 def test_a_clip_without_a_past_has_the_seconds_after(tmp_path: Path) -> None:
     made, told, _ = observations(tmp_path, clip_s=0.0)
-    made.take(Seen(1.0))
+    made.add(Seen(1.0))
     made.request(order('clip', 1.0, 2.0, 1.0), 0)
     for number in range(12):
-        made.take(Seen(1.0 + 0.2 * number))
+        made.add(Seen(1.0 + 0.2 * number))
     made.close()
     assert told[0]['t_ns'] >= NS_PER_S and told[0]['frames'] in (5, 6)
 
@@ -301,19 +301,19 @@ def test_a_clip_without_a_past_has_the_seconds_after(tmp_path: Path) -> None:
 def test_a_camera_that_ends_leaves_the_clip_that_it_has(tmp_path: Path) -> None:
     made, told, _ = observations(tmp_path)
     for number in range(10):
-        made.take(Seen(0.2 * number))
+        made.add(Seen(0.2 * number))
     made.request(order('clip', 1.8, 2.0, 30.0), 0)
     made.close()
     assert told[0]['frames'] == 10 and Path(told[0]['file']).exists()
 
 
 def test_what_cannot_be_is_answered_with_its_problem(tmp_path: Path) -> None:
-    made, told, eye = observations(tmp_path, observations_mb=1e-6)
+    made, told, camera = observations(tmp_path, observations_mb=1e-6)
     made.request(order('picture', 1.0), 0)
     made.request(order('dance', 1.0), 0)
     for _ in range(5):
         made.request(order('clip', 1.0, 1.0, 1.0), 0)
-    eye.broken = True
+    camera.broken = True
     made.request(order('picture', 1.0), 0)
     made.close()
     problems = ' '.join(answer['problem'] for answer in told)

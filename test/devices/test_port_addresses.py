@@ -83,7 +83,7 @@ def test_a_name_that_nobody_knows(look_up: Callable[[str], HostName]) -> None:
     host = look_up('import sys; sys.exit("Name or service not known")')
     host.prepare()
     with pytest.raises(DeviceError, match="'gps.example' is not known .Name or service not known"
-                                          '.: check the name and the network, or write its IP'):
+                                          '.: check the name and the network, or use its IP'):
         host.take()
 
 
@@ -93,7 +93,7 @@ def test_a_look_up_that_hangs_holds_up_nobody(
     host = look_up('import sys; sys.stdin.close(); import time; time.sleep(60)')
     host.prepare()
     for _ in range(3):
-        with pytest.raises(DeviceError, match='is being looked up; if that lasts, check the netw'):
+        with pytest.raises(DeviceError, match='is being looked up; if that takes long, check the netw'):
             host.take()
 
 

@@ -162,7 +162,7 @@ def test_setting_up_waits_for_each_acknowledgement_and_then_publishes() -> None:
 
 @pytest.mark.parametrize('answer, message', [
     (outputs(50), 'asked for orientation at 100 Hz it gives 50 Hz: set output_rate_hz: 50'),
-    (outputs(100, mtdata2.QUATERNION), 'gives no orientation: set orientation: false'),
+    (outputs(100, mtdata2.QUATERNION), 'has no orientation: set orientation: false'),
     (outputs(100, mtdata2.MAGNETIC_FIELD), 'gives 0 Hz: choose another product'),
     (wire.message(wire.ERROR, b'\x21'), 'refuses SetOutputConfiguration with error 0x21'),
     (wire.message(wire.ERROR), 'error 0x00')])

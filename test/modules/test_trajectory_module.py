@@ -334,7 +334,7 @@ def test_a_fault_that_came_and_went_between_two_steps_stops_the_robot(bench: Ben
     bench.at(0.5, lambda: bench.drive_to(2.0, 0.0, 0.0))
     bench.at(2.0, reset)
     bench.run(4.0)
-    assert bench.state == 'stopped: motor board: its counters started anew'
+    assert bench.state == 'stopped: motor board: its counters restarted'
 
 
 def test_lost_bytes_and_a_low_battery_do_not_end_a_drive(bench: Bench) -> None:

@@ -95,7 +95,7 @@ def test_every_problem_is_told_with_its_line(problems_of: Judge, maps: Path) -> 
         'each way point',
         "robot.yaml:9: world.people = '7up 1 2 3': must begin with a name: a letter, then "
         'letters, digits and _',
-        "robot.yaml:10: world.events = 'dance at 3': 'dance' does not happen here: write kidnap X "
+        "robot.yaml:10: world.events = 'dance at 3': 'dance' is not a known event: write kidnap X "
         'Y YAW; person NAME X Y [SECONDS]; walk NAME; fall NAME [SECONDS]; rise NAME; '
         'sit NAME [SECONDS]; sleep NAME [SECONDS]; speak NAME SECONDS; '
         'vital NAME SIGN VALUE [SECONDS]; press NAME help|fine [SECONDS]; '

@@ -315,7 +315,7 @@ def test_light_and_warmth_have_their_places() -> None:
 
 
 @pytest.mark.parametrize('line, text', [
-    ('', "'' does not happen here: write kidnap X Y YAW; person NAME X Y [SECONDS]"),
+    ('', "'' is not a known event: write kidnap X Y YAW; person NAME X Y [SECONDS]"),
     ('kidnap 1 2', 'must be one of'), ('kidnap 1 2 nan', "'nan' is no number"),
     ('person bob 1 2', 'no such person; there are anna'), ('person anna', 'must be one of'),
     ('slip 7', 'a share of 7'), ('walk anna 1', 'must be one of'), ('dance', "'dance'")])

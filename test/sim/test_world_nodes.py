@@ -77,11 +77,11 @@ def test_a_button_is_pressed_by_its_own_name_or_that_of_who_wears_it() -> None:
 
 @pytest.mark.parametrize(('line', 'text'), [
     ('node cellar off', 'node off cellar: there is no such node; there are kitchen, wrist, but'),
-    ('node kitchen dance', "'node dance' does not happen here"),
-    ('node kitchen', "'node' does not happen here: write kidnap X Y YAW"),
+    ('node kitchen dance', "'node dance' is not a known event"),
+    ('node kitchen', "'node' is not a known event: write kidnap X Y YAW"),
     ('node kitchen move 1', 'node NAME move X Y'),
     ('alarm kitchen', 'kitchen has no button'), ('alarm carl', 'carl has no button'),
-    ('calm anna', "'calm' does not happen here")])
+    ('calm anna', "'calm' is not a known event")])
 def test_what_cannot_happen_to_a_node_is_refused(line: str, text: str) -> None:
     with pytest.raises(ConfigError) as caught:
         World(HOME).inject(line.split())

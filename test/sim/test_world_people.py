@@ -140,7 +140,7 @@ def test_who_sleeps_lies_higher_and_who_sits_is_smaller() -> None:
 # ---- what a body says ---------------------------------------------------------------------------
 
 def signs(world: World, name: str = 'anna') -> dict[str, float]:
-    person = world.crowd.named(name)
+    person = world.people_model.find(name)
     assert person is not None
     return {sign: person.vitals.value(sign, person.time_s) for sign in (
         'pulse_per_min', 'respiration_per_min', 'spo2_percent', 'body_temperature',

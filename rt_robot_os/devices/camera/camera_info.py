@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Calibration of a camera: the file that ROS's camera_calibration writes, as CameraInfo."""
+"""Calibration of a camera: a file of the ROS package camera_calibration, as CameraInfo."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from rt_robot_os.linux.folders import read_file
 _REMEDY: Final = 'use a file of camera_calibration, or delete camera_info'
 _LARGEST: Final = 1e12  # also an integer may be too large for a float; NaN is not below it
 _IDENTITY: Final = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-# How many coefficients each model takes, as image_geometry and OpenCV do.
+# Number of coefficients of each model, as in image_geometry and OpenCV.
 _MODELS: Final = {'': (0,), 'plumb_bob': (4, 5), 'rational_polynomial': (8, 12, 14),
                   'equidistant': (4,), 'fisheye': (4,), 'thin_prism': (12, 14)}
 
@@ -37,9 +37,9 @@ _MODELS: Final = {'': (0,), 'plumb_bob': (4, 5), 'rational_polynomial': (8, 12, 
 @dataclass(frozen=True)
 class CameraCalibration:
     """
-    What CameraInfo tells, but for the header.
+    The content of CameraInfo, without the header.
 
-    :ivar k: 3x3 row by row; all 0 for a camera that is not calibrated.
+    :ivar k: 3x3 row by row; all 0 for an uncalibrated camera.
     """
 
     width: int
@@ -52,11 +52,11 @@ class CameraCalibration:
 
     @property
     def fixed(self) -> dict[str, object]:
-        """Return what is fixed at declaration."""
+        """Return the fields that are fixed at declaration."""
         return {'distortion_model': self.model, 'd': len(self.d)}
 
     def fill(self, message: Any) -> None:
-        """Write it into a CameraInfo; what does not change is written once."""
+        """Write it into a CameraInfo; called once, because it does not change."""
         message.height, message.width = self.height, self.width
         if self.d:
             message.d[:] = self.d
@@ -64,7 +64,7 @@ class CameraCalibration:
 
 
 def uncalibrated(width: int, height: int) -> CameraCalibration:
-    """Return what CameraInfo says of a camera without calibration: K[0] is 0."""
+    """Return the CameraInfo of an uncalibrated camera: K[0] is 0."""
     return CameraCalibration(width, height, '', (), (0.0,) * 9, (0.0,) * 9, (0.0,) * 12)
 
 
@@ -72,7 +72,7 @@ def load_calibration(url: str, width: int, height: int) -> CameraCalibration:
     """
     Read a calibration; not for the real-time loop.
 
-    :param width: of the pictures that it is for.
+    :param width: of the pictures of the camera.
     :raises ConfigError: the file is missing, damaged, or for pictures of another size.
     """
     import yaml
@@ -84,7 +84,7 @@ def load_calibration(url: str, width: int, height: int) -> CameraCalibration:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError([f'camera_info {path} is no YAML: {error}: {_REMEDY}']) from error
     if not isinstance(content, Mapping):
-        raise ConfigError([f'camera_info {path} holds no calibration: {_REMEDY}'])
+        raise ConfigError([f'camera_info {path} contains no calibration: {_REMEDY}'])
     return _checked(content, path, width, height)
 
 

@@ -15,9 +15,9 @@
 """
 Cameras: V4L2, video files, folders of pictures, streams; Image, CompressedImage and CameraInfo.
 
-The pictures are captured, converted and compressed in a process of their own; here they are only
-copied into their topics, in pieces. The stamp is the moment at which the camera's driver had the
-picture, less ``latency_s``.
+The pictures are captured, converted and compressed in a separate process; here they are only
+copied into their topics, in pieces. The stamp is the time at which the camera's Linux driver had
+the picture, less ``latency_s``.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ from rt_robot_os.topics.ports import Output
 _CHANNELS: Final = {'rgb8': 3, 'bgr8': 3, 'mono8': 1}
 # PNG of noise is a little longer than its pixels.
 _PACKED_EXTRA: Final = 8192
-# A camera is switched over for a still, and back: it is given so long before it counts as silent.
+# Extra time without pictures, for a camera that changes its resolution for a still and back.
 _STILL_S: Final = 8.0
 
 
@@ -63,47 +63,49 @@ class Camera(CaptureDevice):
 
     SOURCE = 'camera'
     SETTINGS = (
-        Field('port', str, REQUIRED, 'Device such as /dev/video0 (best one of /dev/v4l/by-id), '
-              'video file, folder of pictures, or URL of a stream; sim is a moving pattern, or '
-              'what it sees of the simulated world.'),
+        Field('port', str, REQUIRED,
+              'Device such as /dev/video0 (best one of /dev/v4l/by-id), video file, folder of '
+              'pictures, or URL of a stream; sim: a moving pattern, or its view of the simulated '
+              'world.'),
         Field('width', int, 640, 'Width of the pictures.', 'px', 32, 8192),
         Field('height', int, 480, 'Height of the pictures.', 'px', 16, 8192),
-        Field('output_rate_hz', float, 30.0, 'Pictures a second.', 'Hz', 0.1, 1000.0),
-        Field('encoding', str, 'rgb8', 'Of the pixels.', choices=tuple(_CHANNELS)),
-        Field('pixel_format', str, '', 'What a V4L2 camera is to send, such as MJPG or YUYV; '
-              'empty leaves it as it is.'),
+        Field('output_rate_hz', float, 30.0, 'Pictures per second.', 'Hz', 0.1, 1000.0),
+        Field('encoding', str, 'rgb8', 'Encoding of the pixels.', choices=tuple(_CHANNELS)),
+        Field('pixel_format', str, '',
+              'Format that a V4L2 camera sends, such as MJPG or YUYV; empty: not changed.'),
         Field('topic', str, 'camera/image_raw', 'Topic of the pixels; empty for none.'),
         Field('compressed_topic', str, '', 'Topic of compressed pictures, such as '
               'camera/image_raw/compressed; empty for none.'),
         Field('info_topic', str, 'camera/camera_info', 'Topic of the calibration; empty: '
               'none.'),
-        Field('compression', str, 'jpeg', 'Of compressed pictures.', choices=('jpeg', 'png')),
+        Field('compression', str, 'jpeg',
+              'Quality of compressed pictures.', choices=('jpeg', 'png')),
         Field('quality', int, 80, 'Of JPEG.', minimum=1, maximum=95),
         Field('camera_info', str, '', 'Calibration of camera_calibration: path, file:// or '
               'package://; empty for an uncalibrated camera.', is_file=True),
         Field('frame_id', str, 'camera_optical_frame', 'Coordinate frame: z ahead, x to the '
               'right, y down.'),
-        Field('body_frame_id', str, 'camera_link', 'Frame of its housing: x ahead, y to the left, '
-              'z up. It carries frame_id, turned as REP 103 says; empty: mounting_m and '
-              'mounting_rad are those of frame_id itself.'),
+        Field('body_frame_id', str, 'camera_link',
+              'Frame of its housing: x ahead, y to the left, z up. It carries frame_id, rotated '
+              'as in REP 103; empty: mounting_m and mounting_rad are those of frame_id itself.'),
         *mounting_settings(whose='body_frame_id', more='; 0, 0, 0 in mounting_rad looks ahead'),
         Field('depth', int, 4, 'Pictures that each topic keeps.', choices=(2, 4, 8, 16)),
-        Field('loop', bool, True, 'Begin a file or folder anew at its end.'),
-        Field('latency_s', float, 0.0, 'Time from exposure to arrival, taken off the stamp.', 's',
-              0.0, 1.0),
+        Field('loop', bool, True, 'Repeat a file or folder at its end.'),
+        Field('latency_s', float, 0.0,
+              'Time from exposure to arrival, subtracted from the stamp.', 's', 0.0, 1.0),
         *OBSERVATION_SETTINGS,
     )
     observe = Input('', wake=True, message='std_msgs/msg/String')
     observed = Output('', 'std_msgs/msg/String', tail=OBSERVED_BYTES, depth=8)
     description = 'camera (V4L2), video file, folder of pictures or stream'
-    IF_SILENT = ('its process runs and gives no picture: check the cable, and the light if it '
+    IF_SILENT = ('its process runs but captures no picture: check the cable, and the light if it '
                  'lowers its rate in the dark')
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings and read the calibration; nothing is opened.
+        Store the settings and read the calibration; nothing is opened.
 
-        :raises ConfigError: nothing is published, or the calibration is of no use.
+        :raises ConfigError: nothing is published, or the calibration is unusable.
         """
         super().__init__(name, settings)
         s = settings
@@ -113,7 +115,7 @@ class Camera(CaptureDevice):
             raise ConfigError([f'{name}: observe_topic and observed_topic go together: name both, '
                                'or none'])
         self._requests = ObservationRequests(name, s)
-        # Stills that were ordered and not answered; and whether no picture has come since.
+        # Requested stills without an answer; and whether no picture has arrived since.
         self._stills, self._held_up = 0, False
         self._bytes_per_row = s['width'] * _CHANNELS[s['encoding']]
         self._raw_bytes = s['height'] * self._bytes_per_row if s['topic'] else 0
@@ -127,7 +129,7 @@ class Camera(CaptureDevice):
         self._calibration: SamplePublisher | None = None
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return the publications: Image, CompressedImage, CameraInfo, each if it is wanted."""
+        """Return the publications: Image, CompressedImage, CameraInfo, those with a topic."""
         s = self.settings
         head = {'header.frame_id': s['frame_id']}
         found = []
@@ -151,12 +153,12 @@ class Camera(CaptureDevice):
         return tuple(found)
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic."""
+        """Return whether a topic is used: one with an empty name is not."""
         return bool(self.topic_of(attribute))
 
     @classmethod
     def mountings(cls, settings: Mapping[str, Any]) -> Mapping[str, Mounting]:
-        """Return where its housing is, and the frame of its pictures in that."""
+        """Return the mounting of its housing, and of the frame of its pictures on that."""
         body = settings.get('body_frame_id', '')
         if not body or body == settings['frame_id']:
             return super().mountings(settings)
@@ -164,7 +166,7 @@ class Camera(CaptureDevice):
                 settings['frame_id']: replace(OPTICAL, parent=body)}
 
     def bind(self, publishers: Any) -> None:
-        """Take the publishers and write what never changes."""
+        """Bind the publishers and write the constant fields."""
         super().bind(publishers)
         s, rest = self.settings, list(self._publishers)
         if s['topic']:
@@ -179,14 +181,14 @@ class Camera(CaptureDevice):
             self._info.fill(self._calibration.msg)
 
     def slot_bytes(self) -> int:
-        """Return the most bytes of a picture, both kinds of it."""
+        """Return the largest size of a picture in bytes, raw and compressed together."""
         return self._raw_bytes + self._packed_bytes
 
     def check(self) -> None:
         """
-        Look at the path, so that the message says what is wrong with it.
+        Check the path, so that the error message is specific.
 
-        :raises DeviceError: there is nothing, or it may not be opened.
+        :raises DeviceError: it does not exist, or may not be opened.
         """
         port = self.settings['port']
         if '://' in port:
@@ -200,21 +202,21 @@ class Camera(CaptureDevice):
 
     def read(self, now_ns: int) -> int:
         """
-        Hand on orders, and publish the pictures that are there; does not block.
+        Forward requests, and publish the available pictures; does not block.
 
-        :raises DeviceError: the process has ended, or says what does not work.
+        :raises DeviceError: the process has ended, or reports a problem.
         """
         if self._requests.enabled:
             while self.observe.take():
-                told = self._requests.take(str(self.observe.msg.data), self.observe.stamp_ns,
-                                           now_ns, self.request)
+                told = self._requests.handle(str(self.observe.msg.data), self.observe.stamp_ns,
+                                             now_ns, self.request)
                 if told is not None:
                     self.observe_ended(told, now_ns)
         return super().read(now_ns)
 
     def open(self) -> None:  # noqa: A003
         """
-        Have a process capture; what it finds comes later, with :meth:`read`.
+        Start the capture process; its problems are reported later, by :meth:`read`.
 
         :raises DeviceError: the process cannot be started.
         """
@@ -222,14 +224,14 @@ class Camera(CaptureDevice):
         super().open()
 
     def quiet_s(self) -> float:
-        """Return how long it may be silent: a still holds its pictures up."""
+        """Return how long pictures may be missing: a still delays them."""
         return _STILL_S if self._held_up else 0.0
 
     def request(self, request: dict[str, Any]) -> str:
         """
-        Hand an order to the process; safe in the loop.
+        Send a request to the process; safe in the loop.
 
-        :return: why it cannot be; empty when it was.
+        :return: why it cannot be sent; empty if it was.
         """
         problem = super().request(request)
         if not problem and request['order'] == PICTURE:
@@ -238,7 +240,7 @@ class Camera(CaptureDevice):
         return problem
 
     def observe_ended(self, told: dict[str, Any], now_ns: int) -> None:
-        """Publish what has become of an order."""
+        """Publish the result of a request."""
         if told.get('kind') == PICTURE:
             self._stills = max(0, self._stills - 1)
         if self._requests.enabled:
@@ -246,7 +248,7 @@ class Camera(CaptureDevice):
             self.observed.publish(now_ns)
 
     def statistics(self) -> DeviceStatistics:
-        """Return the current counters; with orders, also what became of them."""
+        """Return the current counters, including those of requests."""
         found = super().statistics()
         return replace(found, more={**found.more, **self._requests.statistics()})
 

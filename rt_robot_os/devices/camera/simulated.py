@@ -34,12 +34,12 @@ _LOOK_NS: Final = 20 * NS_PER_MS
 
 
 class SimulatedCamera(SimulatedCapture):
-    """A camera that shows the world from where it is mounted, or else a moving pattern."""
+    """A camera that shows the world from its mounting, or without a world a moving pattern."""
 
     def __init__(self, name: str, settings: Mapping[str, Any], path: Path,
                  site: Site = NOWHERE) -> None:
         """
-        Keep the settings; nothing is plugged in.
+        Store the settings; nothing is plugged in.
 
         :raises ConfigError: a setting is wrong.
         """
@@ -50,7 +50,7 @@ class SimulatedCamera(SimulatedCapture):
 
     def pump(self, now_ns: int) -> None:
         """
-        Show its process what is before it, and start the process.
+        Pass the scene to its process, and start the process.
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
@@ -73,7 +73,7 @@ class SimulatedCamera(SimulatedCapture):
             self.port.scene = None
 
     def scene(self) -> Mapping[str, Any]:
-        """Return what is before it, as a ``RoomView`` takes it."""
+        """Return the scene for a ``RoomView``."""
         world = self.world
         if world is None:
             return {}
@@ -88,7 +88,7 @@ class SimulatedCamera(SimulatedCapture):
                 'people': [(person.x, person.y, *person.figure()) for person in world.people]}
 
     def _axis(self) -> Vector:
-        """Return where it looks, in the axes of the frame that is mounted."""
+        """Return its optical axis, in the axes of the mounted frame."""
         device = self.site.device
         housing = device.get('body_frame_id', 'camera_link')
         optical = not housing or housing == device.get('frame_id')

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Cameras and microphones: captured in processes of their own, which hand over frames in slots.
+Cameras and microphones: captured in separate processes, which pass frames in shared memory.
 
-Grabbing, converting and encoding are native calls of milliseconds, in which nothing is preempted.
-So none of them happens in the core. ``packets`` is what is said, ``device`` the core's side,
-``worker`` the process that captures, ``host`` what starts it.
+Grabbing, converting and encoding are native calls of milliseconds that cannot be preempted, so
+none of them happens in the core. ``packets`` is the protocol, ``device`` the core's side,
+``worker`` the capture process, ``host`` the process that starts workers.
 """

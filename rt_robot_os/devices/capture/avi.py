@@ -15,9 +15,9 @@
 """
 Moving pictures as a file: JPEGs one after another in an AVI (Motion JPEG).
 
-The pictures go in as the camera gave them, with nothing lost and nothing to compute, and as every
-player shows them. AVI has one rate for a whole file; where a picture was missing an empty frame
-stands, which players take as "the last one still", so that the times are right to a frame.
+The JPEGs of the camera are stored unmodified, and every player supports the format. AVI has one
+rate for a whole file; a missing picture is an empty frame, for which players repeat the previous
+one, so that times are correct to a frame.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_S
 
-#: Sizes in a RIFF file are of 32 bits, and players are safe below half of that.
+#: Sizes in a RIFF file have 32 bits, and all players support half of that.
 LONGEST_BYTES: Final = 1 << 30
 
 _MAIN_HEADER: Final = struct.Struct('<IIIIIIIIII16x')
@@ -53,9 +53,9 @@ class AviFrame(NamedTuple):
 
 def laid_out(frames: Sequence[AviFrame], rate_hz: float) -> list[bytes]:
     """
-    Return a picture, or nothing, for each moment of a rate, from the first to the last frame.
+    Return a picture, or nothing, for each period of a rate, from the first to the last frame.
 
-    Of several pictures of one moment the last is taken.
+    Of several pictures in one period the last is used.
     """
     if not frames:
         return []
@@ -72,8 +72,8 @@ def write_avi(file: BinaryIO, frames: Sequence[AviFrame], width: int, height: in
     Write a file.
 
     :param frames: at least one, in the order of their stamps.
-    :param rate_hz: frames a second that the file is to have.
-    :return: how many frames it has, empty ones too.
+    :param rate_hz: frame rate of the file.
+    :return: number of its frames, including empty ones.
     :raises OSError: it cannot be written.
     :raises ValueError: there is no picture, or more than :data:`LONGEST_BYTES`.
     """
@@ -81,7 +81,7 @@ def write_avi(file: BinaryIO, frames: Sequence[AviFrame], width: int, height: in
     longest = max(map(len, pictures), default=0)
     movie = 4 + sum(_CHUNK.size + _padded(each) for each in pictures)
     if not longest or movie > LONGEST_BYTES:
-        raise ValueError(f'{len(pictures)} pictures of {movie} bytes make no AVI')
+        raise ValueError(f'{len(pictures)} pictures of {movie} bytes cannot be stored as AVI')
     header = _header(len(pictures), longest, width, height, rate_hz)
     index = _INDEX.size * len(pictures)
     file.write(b'RIFF' + struct.pack(

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The frames of a camera: the pictures of a source, in the size and encoding that are asked for.
+The frames of a camera: the pictures of a source, in the configured size and encoding.
 
 Pillow compresses them; it is imported where it is needed.
 """
@@ -38,7 +38,7 @@ from rt_robot_os.devices.capture.scene_memory import SceneMemory
 
 @dataclass(frozen=True)
 class CameraPicture:
-    """A picture that is wanted."""
+    """A captured picture."""
 
     pixels: Pixels
     stamp_ns: int
@@ -46,7 +46,7 @@ class CameraPicture:
     maker: CameraFrames
 
     def store(self, slot: memoryview) -> tuple[int, int]:
-        """Write pixels and compressed picture, as far as they are wanted."""
+        """Write the pixels and the compressed picture, as configured."""
         first = second = 0
         if self.maker.raw:
             first = self.pixels.nbytes
@@ -59,19 +59,19 @@ class CameraPicture:
         return first, second
 
     def jpeg(self) -> bytes:
-        """Return it as a JPEG, the one that was stored if it is one."""
+        """Return it as a JPEG; the stored one if it is a JPEG."""
         return self.maker.jpeg(self.seq, self.pixels)
 
     def levels(self) -> tuple[float, float]:
-        """Return nothing: it is silent."""
+        """Return 0: a picture has no sound."""
         return 0.0, 0.0
 
 
 class CameraFrames:
     """
-    The pictures of a source in the size and encoding that the settings say.
+    The pictures of a source in the configured size and encoding.
 
-    :ivar overruns: 0; what a camera's driver drops it does not tell.
+    :ivar overruns: 0, because a camera's Linux driver does not report dropped pictures.
     """
 
     def __init__(self, source: PictureSource, settings: Mapping[str, Any]) -> None:
@@ -100,15 +100,15 @@ class CameraFrames:
             grabbed = self._source.grab()
             if grabbed is None:
                 if not settings['loop']:
-                    raise DeviceError(f'{settings["port"]} is at its end: set loop: true to begin '
-                                      'anew')
+                    raise DeviceError(f'{settings["port"]} is at its end: set loop: true to '
+                                      'repeat it')
                 self._source.rewind()
                 continue
             pixels, stamp_ns = grabbed
             if pixels.shape[:2] != wanted:
                 raise DeviceError(f'{settings["port"]} gives {pixels.shape[1]}x{pixels.shape[0]} '
                                   f'pixels, not {wanted[1]}x{wanted[0]}: set width and height, '
-                                  'and the size in the calibration, to what it gives')
+                                  'and the size in the calibration, to that size')
             yield CameraPicture(self._encoded(pixels), stamp_ns, seq, self)
             seq += 1
 
@@ -126,7 +126,7 @@ class CameraFrames:
         return np.ascontiguousarray(pixels)
 
     def compressed(self, pixels: Pixels, seq: int) -> bytes:
-        """Compress a picture for its topic; the last JPEG is remembered for :meth:`jpeg`."""
+        """Compress a picture for its topic; the last JPEG is kept for :meth:`jpeg`."""
         if self.compression == 'jpeg':
             return self.jpeg(seq, pixels)
         packed = io.BytesIO()
@@ -150,9 +150,9 @@ class CameraFrames:
 
     def still(self) -> tuple[Pixels, int]:
         """
-        Take a picture at full resolution, between two of the usual ones.
+        Take a picture at full resolution, between two periodic ones.
 
-        :return: red, green, blue, or grey; and its moment.
+        :return: red, green, blue, or grey; and its time.
         :raises DeviceError: it cannot.
         """
         settings = self._settings
@@ -169,9 +169,9 @@ class CameraFrames:
 
 def open_camera(settings: Mapping[str, Any], scene: SceneMemory | None = None) -> CameraFrames:
     """
-    Open what a camera's settings ask for.
+    Open the source of a camera's settings.
 
-    :param scene: what a simulated one is before.
+    :param scene: the scene of a simulated camera.
     :raises DeviceError: it cannot be opened, or a library is missing.
     """
     return CameraFrames(open_source(settings, scene), settings)

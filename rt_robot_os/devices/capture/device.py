@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The core's side of a camera or a microphone: a device like the others, whose port is a process.
+The core's side of a camera or a microphone: a device like others, whose port is a process.
 
-It never captures itself. ``read`` takes the packets that say which slot holds a new frame, copies
-the frame into its topic in pieces of 64 KiB, and gives the slot back. A process that hangs, dies,
-or finds that its camera was unplugged is a fault like any other: the next ``open`` begins anew.
+It never captures itself. ``read`` receives the packets that name the slot of a new frame, copies
+the frame into its topic in pieces of 64 KiB, and releases the slot. A process that hangs or dies,
+or whose camera was unplugged, is a fault like any other: the next ``open`` starts another.
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ from rt_robot_os.linux.memory_file import send_with_fd
 SLOTS: Final = 3
 SYNTHETIC: Final = 'synthetic'
 _PACKETS_PER_READ: Final = 8
-_ENDED: Final = ('its capture process ended without a word (a library crashed, or somebody killed '
-                 'it); it is started anew')
+_ENDED: Final = ('its capture process ended without a message (a library crashed, or it was '
+                 'killed); it is restarted')
 
 
 def connect(path: str | os.PathLike[str]) -> socket.socket:
     """
-    Connect to what starts workers.
+    Connect to the host of the workers.
 
-    :raises DeviceError: nothing listens there.
+    :raises DeviceError: no process listens there.
     """
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     connection.setblocking(False)
@@ -63,13 +63,14 @@ def connect(path: str | os.PathLike[str]) -> socket.socket:
     except OSError as error:
         connection.close()
         raise DeviceError(f'{os.fspath(path)}: {error.strerror or error}: the process that starts '
-                          'captures is not there; is it plugged in, or restart the robot'
+                          'captures is not running; check that the device is plugged in, or '
+                          'restart the robot'
                           ) from error
     return connection
 
 
 def is_socket(port: str) -> bool:
-    """Return whether a port is a socket that somebody serves, such as a simulated camera."""
+    """Return whether a port is a socket, such as that of a simulated camera."""
     try:
         return stat.S_ISSOCK(os.stat(port).st_mode)
     except (OSError, ValueError):
@@ -78,13 +79,13 @@ def is_socket(port: str) -> bool:
 
 class CaptureDevice(Device):
     """
-    A device that is captured in a process of its own.
+    A device that is captured in a separate process.
 
-    :cvar SOURCE: what the worker has to capture, ``camera`` or ``sound``.
+    :cvar SOURCE: what the worker captures, ``camera`` or ``sound``.
 
-    It asks for a service, the path of the socket of a
-    :class:`~rt_robot_os.devices.capture.host.CaptureHost`; without that ``open`` starts the
-    process itself, which takes a native call of up to 1 ms.
+    It uses a service, the path of the socket of a
+    :class:`~rt_robot_os.devices.capture.host.CaptureHost`; without it ``open`` starts the process
+    itself, which takes a native call of up to 1 ms.
     """
 
     SOURCE: ClassVar[str] = ''
@@ -101,12 +102,12 @@ class CaptureDevice(Device):
         self._view = memoryview(self._buffer)
         self._ready = False
         self._bytes = self._frames = self._samples = self._rejected = self._last_ns = 0
-        # Those of earlier workers, and of the present one.
+        # Overruns of earlier workers, and of the current one.
         self._lost_before = self._lost = 0
 
     @abstractmethod
     def slot_bytes(self) -> int:
-        """Return the most bytes of a frame, all parts of it."""
+        """Return the largest size of a frame in bytes, all parts together."""
 
     @abstractmethod
     def handle(self, frame: CapturedFrame, data: memoryview) -> int:
@@ -118,35 +119,35 @@ class CaptureDevice(Device):
         """
 
     def observe_ended(self, told: dict[str, Any], now_ns: int) -> None:
-        """Take what the process says of an order; in the loop."""
+        """Handle the answer of the process to a request; in the loop."""
 
     def request(self, request: dict[str, Any]) -> str:
         """
-        Hand an order to the process; safe in the loop.
+        Send a request to the process; safe in the loop.
 
-        :return: why it cannot be; empty when it was.
+        :return: why it cannot be sent; empty if it was.
         """
         connection = self._connection
         if connection is None or not self._ready:
-            return 'the camera is not open: look at /diagnostics'
+            return 'the camera is not open: see /diagnostics'
         try:
             connection.send(packets.encode_json(PacketKind.REQUEST, request))
         except BlockingIOError:
-            return 'its process takes no orders: it hangs'
+            return 'its process accepts no requests: it hangs'
         except OSError as error:
             return f'its process has ended: {error.strerror or error}'
         return ''
 
     def check(self) -> None:
         """
-        Look at the port before a process is started for it.
+        Check the port before a process is started for it.
 
         :raises DeviceError: it cannot work.
         """
 
     def open(self) -> None:  # noqa: A003
         """
-        Have a process capture; what it finds comes later, with :meth:`read`.
+        Start the capture process; its problems are reported later, by :meth:`read`.
 
         :raises DeviceError: the process cannot be started.
         """
@@ -163,7 +164,7 @@ class CaptureDevice(Device):
             send_with_fd(self._connection, packets.encode_json(PacketKind.OPEN, {
                 'source': self.SOURCE, 'name': self.name, 'slots': SLOTS,
                 'slot_bytes': self.slot_bytes(),
-                # A core that is pinned wants its CPU for itself.
+                # The process must not run on the CPU of a pinned core.
                 'avoid_cpus': sorted(allowed) if len(allowed) == 1 else [],
                 'settings': {**self.settings, 'port': SYNTHETIC if synthetic else port},
             }), self._memory.fd)
@@ -172,7 +173,7 @@ class CaptureDevice(Device):
             raise DeviceError(f'{self.name}: {error}') from error
         except OSError as error:
             self.close()
-            raise DeviceError(f'{self.name}: no process can be started to capture: '
+            raise DeviceError(f'{self.name}: its capture process cannot be started: '
                               f'{error.strerror or error}') from error
 
     def _start(self, path: str | Path | None) -> socket.socket:
@@ -182,7 +183,7 @@ class CaptureDevice(Device):
         return connection
 
     def close(self) -> None:
-        """Let the process end; may be called twice and does not raise."""
+        """End the process; may be called twice and does not raise."""
         connection, self._connection = self._connection, None
         if connection is not None:
             connection.close()
@@ -202,13 +203,13 @@ class CaptureDevice(Device):
 
     def read(self, now_ns: int) -> int:
         """
-        Publish the frames that are there; does not block, and is preempted between pieces.
+        Publish the available frames; does not block, and can be preempted between pieces.
 
-        :raises DeviceError: the process has ended, or says what does not work.
+        :raises DeviceError: the process has ended, or reports a problem.
         """
         connection = self._connection
         if connection is None:
-            raise DeviceError(f'{self.name}: it is not open: call open() first')
+            raise DeviceError(f'{self.name} is not open: call open() first')
         samples = 0
         for _ in range(_PACKETS_PER_READ):
             try:
@@ -216,7 +217,7 @@ class CaptureDevice(Device):
             except BlockingIOError:
                 break
             except ConnectionResetError:
-                continue  # told once, ahead of why the process has ended
+                continue  # reported once, before the reason why the process has ended
             except OSError as error:
                 raise DeviceError(f'{self.name}: {_ENDED}') from error
             if not length:
@@ -252,14 +253,14 @@ class CaptureDevice(Device):
         try:
             connection.send(packets.encode_release(frame.slot))
         except BlockingIOError:
-            pass  # it reads nothing: it will be silent, and started anew
+            pass  # it reads nothing: its timeout will restart it
         except OSError as error:
-            # What it said last may still be there to read; if not, the next read tells.
+            # Its last message may still be readable; if not, the next read reports the end.
             self._rejected += not isinstance(error, (BrokenPipeError, ConnectionError))
         return samples
 
     def statistics(self) -> DeviceStatistics:
-        """Return the current counters; lost are frames without a slot, and overruns."""
+        """Return the current counters; lost samples are frames without a slot, and overruns."""
         return DeviceStatistics(
             bytes_read=self._bytes, frames=self._frames, samples=self._samples,
             rejected_frames=self._rejected, last_frame_ns=self._last_ns,

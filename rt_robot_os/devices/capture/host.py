@@ -16,8 +16,8 @@
 The host of the capture processes: it starts one for each connection to its socket.
 
 The core cannot start a process while it runs: that is a native call of up to a millisecond, and
-the child would begin with the core's priority and on its CPU. So this small process is started
-before the core asks for real time. A worker ends with its connection, or with this process.
+the child would start with the core's priority and on its CPU. So this small process is started
+before the core enters real-time mode. A worker ends with its connection, or with this process.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ class CaptureHost:
     A listening socket and the workers that were started for its connections.
 
     :param path: of the socket.
-    :param scene: what a simulated camera is before.
+    :param scene: the scene of a simulated camera.
     :param worker: the module of the workers.
-    :ivar workers: those that run.
+    :ivar workers: the running workers.
     """
 
     def __init__(self, path: Path, scene: SceneMemory | None = None,
@@ -66,7 +66,7 @@ class CaptureHost:
         self._inode = -1
 
     def fileno(self) -> int:
-        """Return the descriptor that is readable when somebody connects; -1 while it is closed."""
+        """Return the descriptor that is readable when a client connects; -1 while it is closed."""
         return -1 if self._listener is None else self._listener.fileno()
 
     def open(self) -> None:  # noqa: A003
@@ -78,7 +78,7 @@ class CaptureHost:
         if self._listener is not None:
             return
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        # Made under another name first: who sees the path can connect.
+        # Bound under another name first, so that a client that sees the path can connect.
         made = self.path.with_name(f'.{self.path.name}')
         try:
             self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -106,16 +106,17 @@ class CaptureHost:
                         self.workers.append(start_worker(connection, self.scene, self._worker))
             except BlockingIOError:
                 return
-            except OSError as error:  # no descriptors, no memory: the device tries again
+            except OSError as error:  # no descriptors or no memory: the device tries again
                 warn(self._worker, f'cannot be started: {error.strerror or error}')
-                time.sleep(_FAILED_PAUSE_S)  # the connection may still wait: not at once again
+                # The connection may still be pending: not again immediately.
+                time.sleep(_FAILED_PAUSE_S)
                 return
 
     def close(self) -> None:
-        """Listen no more and end all workers; may be called twice."""
+        """Stop listening and end all workers; may be called twice."""
         if self._listener is not None:
-            # A core that follows one that was killed may have its own host there by now. While
-            # ours listens its number is nobody else's.
+            # A core that replaces a killed one may have its own host at this path by now. While
+            # this socket listens its inode number is unique.
             with suppress(OSError):
                 if self.path.stat().st_ino == self._inode:
                     self.path.unlink()

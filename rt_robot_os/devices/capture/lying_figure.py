@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Somebody who lies, as a camera sees them: slices of a body, from the lowest to the highest.
+A lying person in the view of a camera: slices of a body, from the lowest to the highest.
 
-Each line of sight meets each slice in one point, and that point is a part of the body or not.
+Each line of sight meets each slice in one point, which belongs to the body or not.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from rt_robot_os.devices.capture.pattern import Pixels
 Floats = npt.NDArray[np.floating[Any]]
 Colour = tuple[int, int, int]
 
-# A body that lies is some 0.25 m high; slices that are much farther apart than the rows of the
-# picture one would see as such.
+# A lying body is about 0.25 m high; slices much farther apart than the rows of the picture would
+# be visible.
 _LOWEST_M: Final = 0.01
 _HIGHEST_M: Final = 0.244
 _SLICES: Final = 14
@@ -48,12 +48,12 @@ _CELL_M: Final = 0.01
 
 class Lying(NamedTuple):
     """
-    Where somebody lies, as the camera has it.
+    A lying person, relative to the camera.
 
-    :ivar ahead_m: of the camera, to the middle of the body.
-    :ivar left_m: as ahead.
+    :ivar ahead_m: from the camera to the middle of the body.
+    :ivar left_m: the same to the left.
     :ivar heading_rad: from the feet to the head; 0 is away from the camera.
-    :ivar floor_m: what they lie on, above the camera.
+    :ivar floor_m: height of the surface below the person, above the camera.
     """
 
     ahead_m: float
@@ -75,13 +75,13 @@ class Clothes(NamedTuple):
 def draw_lying(picture: Pixels, lying: Lying, clothes: Clothes, left: Floats, up: Floats,
                walls: Floats, shade: float, fine: bool = False) -> None:
     """
-    Draw somebody over a picture, where no wall is before them.
+    Draw a person over a picture, where no wall hides them.
 
-    :param left: of each column, to the left for one m ahead.
-    :param up: of each row, upwards for one m ahead.
-    :param walls: how far ahead the wall of each column is, in m.
-    :param shade: what the light leaves of a colour.
-    :param fine: with as many slices as the picture deserves, which takes its time.
+    :param left: of each column, metres to the left per metre ahead.
+    :param up: of each row, metres upwards per metre ahead.
+    :param walls: distance ahead of the wall of each column, in m.
+    :param shade: applies the light to a colour.
+    :param fine: as many slices as the resolution needs, which is slow.
     """
     cosine, sine = math.cos(lying.heading_rad), math.sin(lying.heading_rad)
     colours = np.array([[round(shade * value) for value in colour] for colour in (
@@ -96,7 +96,7 @@ def draw_lying(picture: Pixels, lying: Lying, clothes: Clothes, left: Floats, up
         ahead = away[rows][:, None]
         columns = np.nonzero(np.abs(left * lying.ahead_m - lying.left_m) < 2 * _HALF_M)[0]
         beside = ahead * left[columns][None, :] - lying.left_m
-        # Round, as bodies are: wide in the middle of their height.
+        # A round body: widest in the middle of its height.
         width = math.sqrt(1.0 - ((slice_m - _MIDDLE_M) / 0.15) ** 2)
         along = (ahead - lying.ahead_m) * cosine + beside * sine
         across = (beside * cosine - (ahead - lying.ahead_m) * sine) / width
@@ -107,13 +107,15 @@ def draw_lying(picture: Pixels, lying: Lying, clothes: Clothes, left: Floats, up
 
 
 def _cells(place: Floats, first_m: float, count: int) -> Any:
-    """Return the cells of the body's plan; what is beyond it is in the last, which is empty."""
+    """Return the cells of the body's plan; positions outside are in the last, which is empty."""
     cells = ((place + first_m) / _CELL_M).astype(np.int16)
     return np.where((cells < 0) | (cells >= count), count - 1, cells)
 
 
 def _plan() -> npt.NDArray[np.uint8]:
-    """Return which part of ``Clothes`` is where, counted from 1: along the body, and beside it."""
+    """
+    Return the index of the part of ``Clothes`` in each cell, from 1: along the body, and across.
+    """
     along = (np.arange(round(2 * _HALF_M / _CELL_M)) + 0.5)[:, None] * _CELL_M - _HALF_M
     across = (np.arange(round(_BESIDE_M / _CELL_M)) + 0.5)[None, :] * _CELL_M
     head = ((along - 0.72) / 0.145) ** 2 + (across / 0.10) ** 2 < 1.0

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The folder of what was observed: pictures and clips, so many and so large, the oldest make room.
+The folder of observations: pictures and clips, limited in number and size; the oldest are deleted.
 
-A file appears under its name when it is whole and on the disk, never before. Only files of our own
-names are ever deleted. They are readable by their owner alone, for they show people.
+A file appears under its name only when it is complete and on the disk. Only files with names of
+this class are deleted. They are readable only by their owner, because they show people.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _LONGEST_WORD: Final = 32
 
 
 class StoredObservation(NamedTuple):
-    """A file that is on the disk: where, how long, and how many older ones made room."""
+    """A stored file: path, size, and the number of older ones deleted for it."""
 
     path: Path
     bytes: int  # noqa: A003
@@ -51,18 +51,18 @@ class StoredObservation(NamedTuple):
 
 def default_folder() -> Path:
     """
-    Return the folder of somebody who names none: ``observations`` among ROS 2's files.
+    Return the default folder: ``observations`` in the ROS home.
 
-    :raises StartError: a user without a home has none.
+    :raises StartError: the user has no home.
     """
     return ros_home() / 'observations'
 
 
 def file_name(words: tuple[str, ...], suffix: str, moment: datetime) -> str:
     """
-    Name a file; names in alphabetical order are in the order of time.
+    Return the name of a file; alphabetical order is the order of time.
 
-    :param words: such as subject, alarm and kind; what has no place in a name becomes ``_``.
+    :param words: such as subject, alarm and kind; characters not allowed in a name become ``_``.
     :param moment: in UTC.
     """
     plain = [_ODD.sub('_', word)[:_LONGEST_WORD].strip('_') for word in words]
@@ -74,10 +74,10 @@ class ObservationFolder:
     """
     A folder with a limit.
 
-    :param folder: it is made when the first file is kept.
-    :param most_files: so many are kept.
-    :param most_bytes: and so much of them.
-    :ivar deleted: files that made room so far.
+    :param folder: created with the first file.
+    :param most_files: largest number of files.
+    :param most_bytes: largest total size.
+    :ivar deleted: number of files deleted so far.
     """
 
     def __init__(self, folder: Path, most_files: int, most_bytes: int) -> None:
@@ -89,15 +89,17 @@ class ObservationFolder:
     def store(self, words: tuple[str, ...], suffix: str, size: int,
               write: Callable[[BinaryIO], object]) -> StoredObservation:
         """
-        Write a file, and delete the oldest ones that are too many.
+        Write a file, and delete the oldest ones above the limits.
 
-        :param size: how long it will be, in bytes, to a little.
+        :param size: its approximate size in bytes.
         :param write: writes it.
-        :raises DeviceError: it cannot be; the text says why and what to do. Nothing is left.
+        :raises DeviceError: it cannot be written; the text contains the remedy. No part of it
+            remains.
         """
         if size > self._most_bytes:
-            raise DeviceError(f'it has {size} bytes and the folder may have {self._most_bytes}: '
-                              'raise observations_mb, or lower clip_s or clip_rate_hz')
+            raise DeviceError(f'it has {size} bytes, the limit of the folder is '
+                              f'{self._most_bytes}: raise observations_mb, or lower clip_s or '
+                              'clip_rate_hz')
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             self._remove_parts()
@@ -106,8 +108,8 @@ class ObservationFolder:
             written = self._write(path, write)
         except OSError as error:
             raise DeviceError(
-                f'{self.folder} takes no file: {error.strerror or error}; make room on the disk, '
-                'or set observations_folder to one that can be written') from error
+                f'{self.folder}: a file cannot be written: {error.strerror or error}; free space '
+                'on the disk, or set observations_folder to a writable one') from error
         return StoredObservation(path, written, deleted)
 
     def _free_path(self, words: tuple[str, ...], suffix: str) -> Path:
@@ -154,10 +156,10 @@ class ObservationFolder:
         return deleted
 
     def _remove_parts(self) -> None:
-        """Remove what a process that was killed has left; each camera has a writer of its own."""
+        """Remove incomplete files of a killed process; each camera has its own writer."""
         for part in self.folder.glob(f'.{_PREFIX}*{_PART}'):
             try:
-                # Another camera may be writing it now.
+                # Another camera may currently be writing it.
                 if part.stat().st_mtime < datetime.now().timestamp() - 600.0:
                     part.unlink(missing_ok=True)
             except OSError:

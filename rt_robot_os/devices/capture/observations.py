@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What a camera's process keeps of what it sees: the last seconds in a ring, stills, and clips.
+Observations of a camera's process: the last seconds in a ring, stills, and clips.
 
-The process that captures calls :meth:`Observations.take` with each picture and
-:meth:`Observations.request` with each order. Compressing for a file, writing and ``fsync`` happen
-in a thread of their own, so that the pictures go on meanwhile.
+The capture thread calls :meth:`Observations.add` with each picture and
+:meth:`Observations.request` with each request. Compressing for a file, writing and ``fsync``
+happen in a separate thread, so that capturing continues meanwhile.
 """
 
 from __future__ import annotations
@@ -54,24 +54,24 @@ _MB: Final = 1_000_000
 
 
 class CapturedPicture(Protocol):
-    """A picture that a camera has given."""
+    """A picture of a camera."""
 
     @property
     def stamp_ns(self) -> int:
-        """Return the moment of its capture on CLOCK_MONOTONIC."""
+        """Return the time of its capture on CLOCK_MONOTONIC."""
 
     def jpeg(self) -> bytes:
         """Return it compressed."""
 
 
 class StillCamera(Protocol):
-    """A camera, from the thread that captures."""
+    """A camera, used by the capture thread."""
 
     def still(self) -> tuple[Pixels, int]:
         """
         Take a picture at full resolution.
 
-        :return: red, green, blue, or grey; and its moment on CLOCK_MONOTONIC.
+        :return: red, green, blue, or grey; and its time on CLOCK_MONOTONIC.
         :raises DeviceError: it cannot.
         """
 
@@ -81,22 +81,22 @@ class StillCamera(Protocol):
 
 class ClipRing:
     """
-    The pictures of the last seconds; what is too old, or too much, goes.
+    The pictures of the last seconds, within a limit of bytes; the oldest are dropped.
 
-    :param seconds: as many are kept.
-    :param most_bytes: and no more than this.
-    :ivar crowded: pictures that went early, for want of bytes.
+    :param seconds: how long a picture is kept.
+    :param most_bytes: limit of the total size.
+    :ivar dropped_early: pictures dropped because of the limit of bytes.
     """
 
     def __init__(self, seconds: float, most_bytes: int) -> None:
-        self.crowded = 0
+        self.dropped_early = 0
         self._keep_ns = round(seconds * NS_PER_S)
         self._most_bytes = most_bytes
         self._frames: deque[AviFrame] = deque()
         self._bytes = 0
 
     def add(self, frame: AviFrame) -> None:
-        """Take a picture, the newest."""
+        """Add the newest picture."""
         if self._keep_ns <= 0:
             return
         frames = self._frames
@@ -106,10 +106,10 @@ class ClipRing:
             self._bytes -= len(frames.popleft().jpeg)
         while self._bytes > self._most_bytes:
             self._bytes -= len(frames.popleft().jpeg)
-            self.crowded += 1
+            self.dropped_early += 1
 
     def since(self, from_ns: int) -> list[AviFrame]:
-        """Return the pictures from a moment on."""
+        """Return the pictures from a time on."""
         return [frame for frame in self._frames if frame.stamp_ns >= from_ns]
 
 
@@ -126,18 +126,18 @@ class _Clip:
 
 class Observations:
     """
-    Keep what is ordered.
+    Store requested pictures and clips.
 
     :param settings: of the camera.
-    :param eye: takes stills.
-    :param answer: is called, from the thread that writes or from the one that captures, with what
-        has become of an order.
+    :param camera: takes stills.
+    :param answer: called with the result of a request, from the writing thread or from the capture
+        thread.
     """
 
-    def __init__(self, settings: Mapping[str, Any], eye: StillCamera,
+    def __init__(self, settings: Mapping[str, Any], camera: StillCamera,
                  answer: Callable[[dict[str, Any]], object]) -> None:
         self._settings = settings
-        self._eye = eye
+        self._camera = camera
         self._answer = answer
         self._most_bytes = round(settings['clip_mb'] * _MB)
         self._ring = ClipRing(settings['clip_s'], self._most_bytes)
@@ -150,12 +150,12 @@ class Observations:
         self._thread = threading.Thread(target=self._work, daemon=True)
         self._thread.start()
 
-    # ---- the thread that captures ------------------------------------------------------------
+    # ---- the capture thread -----------------------------------------------------------------
 
-    def take(self, seen: CapturedPicture) -> None:
-        """Take a picture for the ring, and for the clips that go on."""
+    def add(self, seen: CapturedPicture) -> None:
+        """Add a picture to the ring, and to the clips in progress."""
         stamp_ns = seen.stamp_ns
-        # A little early is in time: pictures and clips have rates of their own.
+        # A little early is accepted: pictures and clips have different rates.
         late_ns = stamp_ns - self._next_ns + self._period_ns // 4
         if late_ns >= 0 and (self._settings['clip_s'] > 0 or self._clips):
             grid_ns = self._next_ns if late_ns < self._period_ns else stamp_ns
@@ -171,17 +171,17 @@ class Observations:
             self._wait(clip.request, functools.partial(self._write_clip, clip))
 
     def request(self, request: Mapping[str, Any], now_ns: int) -> None:
-        """Carry an order out, or begin to: ``request``, ``alarm``, ``subject``, times in s."""
+        """Execute a request, or start to: ``order``, ``alarm``, ``subject``, times in s."""
         if request.get('order') == PICTURE:
             try:
-                pixels, stamp_ns = self._eye.still()
+                pixels, stamp_ns = self._camera.still()
             except DeviceError as error:
                 self._fail(request, str(error))
                 return
             self._wait(request, functools.partial(self._write_still, request, pixels, stamp_ns))
         elif request.get('order') == CLIP:
             if len(self._clips) >= _CLIPS_MOST:
-                self._fail(request, f'{_CLIPS_MOST} clips are being taken already')
+                self._fail(request, f'{_CLIPS_MOST} clips are being recorded already')
                 return
             before_ns, after_ns = (round(request[key] * NS_PER_S)
                                    for key in ('before_s', 'after_s'))
@@ -189,10 +189,10 @@ class Observations:
             self._clips.append(_Clip(request, begun_ns + after_ns,
                                      self._ring.since(begun_ns - before_ns)))
         else:
-            self._fail(request, f'nobody knows the order {str(request.get("order"))[:20]!r}')
+            self._fail(request, f'unknown request {str(request.get("order"))[:20]!r}')
 
     def close(self) -> None:
-        """End: clips that go on are written as they are; waits a little for the disk."""
+        """End: clips in progress are written up to now; waits briefly for the disk."""
         for clip in self._clips:
             self._wait(clip.request, functools.partial(self._write_clip, clip))
         self._clips.clear()
@@ -206,12 +206,12 @@ class Observations:
         try:
             self._jobs.put_nowait((request, job))
         except queue.Full:
-            self._fail(request, f'{_WAITING_MOST} files wait for the disk already')
+            self._fail(request, f'{_WAITING_MOST} files are waiting to be written already')
 
     def _fail(self, request: Mapping[str, Any], problem: str) -> None:
         self._answer({**_identity_of(request), 'problem': problem[:300]})
 
-    # ---- the thread that writes --------------------------------------------------------------
+    # ---- the writing thread ------------------------------------------------------------------
 
     def _work(self) -> None:
         while (waiting := self._jobs.get()) is not None:
@@ -220,7 +220,7 @@ class Observations:
                 found = job()
             except (RtRobotError, ValueError) as error:
                 self._fail(request, str(error))
-            except Exception as error:  # of a library: the next order may fare better
+            except Exception as error:  # an error of a library: the next request may succeed
                 self._fail(request, f'{type(error).__name__}: {error}')
             else:
                 self._answer({**_identity_of(request), **found})
@@ -241,22 +241,22 @@ class Observations:
 
     def _write_still(self, request: Mapping[str, Any], pixels: Pixels, stamp_ns: int
                      ) -> dict[str, Any]:
-        packed = self._eye.packed(pixels, _STILL_QUALITY)
+        packed = self._camera.packed(pixels, _STILL_QUALITY)
         found = self._store(request, '.jpg', len(packed), lambda file: file.write(packed))
         return {**found, 'width': pixels.shape[1], 'height': pixels.shape[0], 't_ns': stamp_ns}
 
     def _write_clip(self, clip: _Clip) -> dict[str, Any]:
         frames, settings = clip.frames, self._settings
         if not frames:
-            raise DeviceError('no picture has come for the clip: look whether the camera gives '
-                              'any, and whether clip_s is above 0')
+            raise DeviceError('no picture has arrived for the clip: check that the camera sends '
+                              'pictures, and that clip_s is above 0')
         width, height = settings['width'], settings['height']
         rate_hz = min(settings['clip_rate_hz'], settings['output_rate_hz'])
         found = self._store(clip.request, '.avi', clip.size, lambda file: write_avi(
             file, frames, width, height, rate_hz))
         return {**found, 'width': width, 'height': height, 't_ns': frames[0].stamp_ns,
                 'end_ns': frames[-1].stamp_ns, 'frames': len(frames),
-                'crowded': self._ring.crowded}
+                'crowded': self._ring.dropped_early}
 
 
 def _identity_of(request: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-The protocol between a device of the core and the process that captures for it.
+The protocol between a device of the core and its capture process.
 
-A SOCK_SEQPACKET socket; the first byte of a packet is its kind. The core begins with ``OPEN``:
-what is wanted, as JSON, and the memory file for the frames (SCM_RIGHTS). The worker answers
-``READY``, then sends a ``FRAME`` for each slot that it has filled, and gets the slot back in a
-``RELEASE``. A ``PROBLEM`` is its last packet: the reason, as text. An ``REQUEST`` asks for a
-picture or a clip in a file, an ``OBSERVED`` says what has become of one; both are JSON.
+A SOCK_SEQPACKET socket; the first byte of a packet is its kind. The core begins with ``OPEN``: the
+settings, as JSON, and the memory file for the frames (SCM_RIGHTS). The worker answers ``READY``,
+then sends a ``FRAME`` for each slot that it has filled; the core returns the slot with a
+``RELEASE``. A ``PROBLEM`` is the worker's last packet: the reason, as text. A ``REQUEST`` demands
+a picture or a clip in a file, an ``OBSERVED`` is its result; both are JSON.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ class PacketKind(IntEnum):
 @dataclass(frozen=True)
 class CapturedFrame:
     """
-    An image or a block of sound, as it lies in a slot.
+    An image or a block of sound in a slot.
 
     :ivar stamp_ns: when it was captured, on CLOCK_MONOTONIC.
-    :ivar seq: its number, counted by the worker; what is missing in between was lost.
+    :ivar seq: its number, counted by the worker; missing numbers were lost.
     :ivar first: bytes of the first part in the slot: the image or the block itself.
     :ivar second: bytes of the part after it: the compressed image.
-    :ivar dropped: frames so far that found no free slot.
-    :ivar overruns: times so far that the source itself lost something.
+    :ivar dropped: number of frames so far without a free slot.
+    :ivar overruns: number of losses so far in the source itself.
     :ivar rms_db: level of sound below full scale.
     :ivar peak_db: of its highest peak.
     """
@@ -81,19 +81,19 @@ class CapturedFrame:
 
 
 def parse_frame(packet: bytes | memoryview) -> CapturedFrame | None:
-    """Read a ``FRAME``; None when it is none."""
+    """Decode a ``FRAME``; None if it is another packet."""
     if len(packet) != _FRAME.size or packet[0] != PacketKind.FRAME:
         return None
     return CapturedFrame(*_FRAME.unpack(packet)[1:])
 
 
 def encode_release(slot: int) -> bytes:
-    """Make the packet that gives a slot back."""
+    """Encode the release of a slot."""
     return _RELEASE.pack(PacketKind.RELEASE, slot)
 
 
 def parse_release(packet: bytes | memoryview) -> int | None:
-    """Read which slot is given back; None when the packet is something else."""
+    """Decode the released slot; None if it is another packet."""
     if len(packet) != _RELEASE.size or packet[0] != PacketKind.RELEASE:
         return None
     slot: int = _RELEASE.unpack(packet)[1]
@@ -101,22 +101,22 @@ def parse_release(packet: bytes | memoryview) -> int | None:
 
 
 def encode_json(kind: PacketKind, content: dict[str, Any]) -> bytes:
-    """Make a packet that carries JSON."""
+    """Encode a packet with JSON."""
     return bytes([kind]) + json.dumps({**content, 'version': VERSION}).encode()
 
 
 def parse_json(packet: bytes | memoryview) -> dict[str, Any]:
     """
-    Read the JSON of a packet.
+    Decode the JSON of a packet.
 
-    :raises ValueError: there is none, or it is of another version.
+    :raises ValueError: there is none, or its version is another.
     """
     content = json.loads(bytes(packet[1:]))
     if not isinstance(content, dict) or content.get('version') != VERSION:
-        raise ValueError(f'no packet of version {VERSION}')
+        raise ValueError(f'not a packet of version {VERSION}')
     return content
 
 
 def problem(text: str) -> bytes:
-    """Make the packet with the reason why nothing can be captured."""
+    """Encode the reason why nothing can be captured."""
     return bytes([PacketKind.PROBLEM]) + text.encode('utf-8', 'replace')[:4000]

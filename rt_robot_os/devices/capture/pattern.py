@@ -16,7 +16,7 @@
 The synthetic picture: colour bars that move, and the number of the frame in its pixels.
 
 The number is 32 squares along the upper edge, black or white, the highest bit first. It survives
-JPEG, so that a test, or a person, can tell which frame a picture is and whether one is missing.
+JPEG, so that a test, or a person, can identify each frame and detect missing ones.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ class Pattern:
     def __init__(self, width: int, height: int) -> None:
         self.width = width
         self.square = width // BITS
-        # Twice as wide: each picture is a part of it, further along with each frame.
+        # Twice as wide: each picture is a part of it, shifted with each frame.
         row = _BARS[np.arange(2 * width) * len(_BARS) // width % len(_BARS)]
         shade = np.linspace(1.0, 0.4, height)[:, None, None]
         self._wide = (row[None] * shade).astype(np.uint8)
 
     def frame(self, number: int) -> Pixels:
-        """Make a picture of red, green and blue bytes."""
+        """Return a picture of red, green and blue bytes."""
         start = number * _STEP % self.width
         picture: Pixels = self._wide[:, start:start + self.width].copy()
         bits = (number >> np.arange(BITS - 1, -1, -1)) & 1
@@ -63,7 +63,7 @@ class Pattern:
 
 def number_of(picture: Pixels) -> int:
     """
-    Read the number of a picture, of any encoding.
+    Decode the number of a picture, of any encoding.
 
     :param picture: height x width, with or without channels.
     """

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Where pictures come from: a pattern, a folder, or what OpenCV can open.
+Sources of pictures: a pattern, a folder, or a source of OpenCV.
 
 Pillow reads pictures; OpenCV opens cameras, video files and streams. Both are imported where they
 are needed: a robot without a camera needs neither.
@@ -41,14 +41,14 @@ from rt_robot_os.devices.capture.pattern import Pixels
 from rt_robot_os.devices.capture.scene_memory import SceneMemory
 
 NS_PER_S: Final = 1_000_000_000
-# Pictures until a camera that was switched over shows what it is to.
+# Pictures until a camera has changed its resolution.
 _SETTLING: Final = 4
 _SUFFIXES: Final = ('.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff')
 
 
 class PictureSource(Protocol):
     """
-    Where pictures come from.
+    A source of pictures.
 
     :ivar bgr: its pictures are blue, green, red.
     """
@@ -59,33 +59,33 @@ class PictureSource(Protocol):
         """
         Wait for the next picture.
 
-        :return: it and its moment on CLOCK_MONOTONIC; None after the last one.
-        :raises DeviceError: there is none any more, or it cannot be read.
+        :return: it and its time on CLOCK_MONOTONIC; None after the last one.
+        :raises DeviceError: no more picture arrives, or one cannot be read.
         """
 
     def still(self, width: int, height: int) -> tuple[Pixels, int]:
         """
-        Take one picture of another size, or the nearest that there is, and go on as before.
+        Take one picture of another size, or of the nearest possible one, and continue as before.
 
-        :raises DeviceError: there is none.
+        :raises DeviceError: no picture arrives.
         """
 
     def rewind(self) -> None:
-        """Begin anew; only a source with an end is asked to."""
+        """Restart; called only for a source with an end."""
 
     def close(self) -> None:
         """Close it."""
 
 
 class FrameTimer:
-    """The moments of a source that has no rate of its own."""
+    """The periodic times of a source without a rate of its own."""
 
     def __init__(self, rate_hz: float) -> None:
         self._period_ns = round(NS_PER_S / rate_hz)
         self._next_ns = time.monotonic_ns()
 
     def wait(self) -> int:
-        """Wait for the next moment; those that are over are left out."""
+        """Wait for the next time; missed ones are skipped."""
         now_ns = time.monotonic_ns()
         late = max(0, now_ns - self._next_ns) // self._period_ns
         self._next_ns += late * self._period_ns
@@ -106,16 +106,16 @@ class SyntheticPictures:
         self._numbers = itertools.count()
 
     def grab(self) -> tuple[Pixels, int] | None:
-        """Make the next picture at its moment."""
+        """Return the next picture at its time."""
         moment_ns = self._timer.wait()
         return self._pattern.frame(next(self._numbers)), moment_ns
 
     def still(self, width: int, height: int) -> tuple[Pixels, int]:
-        """Make the pattern in that size."""
+        """Return the pattern in that size."""
         return Pattern(width, height).frame(next(self._numbers)), time.monotonic_ns()
 
     def rewind(self) -> None:
-        """Go on: it has no end."""
+        """Do nothing: it has no end."""
 
     def close(self) -> None:
         """Nothing is open."""
@@ -141,7 +141,7 @@ class RoomPictures:
         self._timer = FrameTimer(settings['output_rate_hz'])
 
     def grab(self) -> tuple[Pixels, int] | None:
-        """Draw what is before the camera at its moment."""
+        """Draw the view of the camera at its time."""
         moment_ns = self._timer.wait()
         return self._view.picture(self._shown()), moment_ns
 
@@ -157,18 +157,18 @@ class RoomPictures:
     def _shown(self) -> Mapping[str, Any]:
         scene = self._scene.read()
         if scene is None:
-            raise DeviceError('the simulated world has not shown itself: start the robot anew')
+            raise DeviceError('the simulator has written no scene: restart the robot')
         return scene
 
     def rewind(self) -> None:
-        """Go on: it has no end."""
+        """Do nothing: it has no end."""
 
     def close(self) -> None:
         """Nothing is open."""
 
 
 class PictureFolder:
-    """The pictures of a folder in the order of their names, numbers in them counted as such."""
+    """The pictures of a folder in the order of their names, with numbers in numerical order."""
 
     bgr = False
 
@@ -182,14 +182,14 @@ class PictureFolder:
         except OSError as error:
             raise DeviceError(f'{folder}: {error.strerror}: check its permissions') from error
         if not found:
-            raise DeviceError(f'{folder} holds no pictures: it takes files that end with '
+            raise DeviceError(f'{folder} contains no pictures: their names must end with '
                               f'{", ".join(_SUFFIXES)}')
         self._paths = sorted(found, key=_natural)
         self._place = 0
         self._timer = FrameTimer(settings['output_rate_hz'])
 
     def grab(self) -> tuple[Pixels, int] | None:
-        """Read the next picture at its moment."""
+        """Read the next picture at its time."""
         if self._place == len(self._paths):
             return None
         path = self._paths[self._place]
@@ -197,19 +197,19 @@ class PictureFolder:
         return self._read(path), self._timer.wait()
 
     def still(self, width: int, height: int) -> tuple[Pixels, int]:
-        """Read the last picture once more: it has the size that it has."""
+        """Read the last picture once more, in its own size."""
         return self._read(self._paths[max(0, self._place - 1)]), time.monotonic_ns()
 
     def _read(self, path: Path) -> Pixels:
         try:
             with self._open(path) as picture:
                 return np.asarray(picture.convert('RGB'))
-        except Exception as error:  # a corrupt file raises whatever its reader stumbles over
-            raise DeviceError(f'{path} is no picture that can be read ({error}): mend it or take '
-                              'it out of the folder') from error
+        except Exception as error:  # the reader may raise anything for a corrupt file
+            raise DeviceError(f'{path} is not a readable picture ({error}): repair it or remove '
+                              'it from the folder') from error
 
     def rewind(self) -> None:
-        """Begin with the first picture."""
+        """Restart with the first picture."""
         self._place = 0
 
     def close(self) -> None:
@@ -231,7 +231,7 @@ class OpenCvCapture:
         require(f'{port}: this picture source', 'opencv-python-headless', error=DeviceError)
         try:
             import cv2
-        except ImportError as error:  # a library of the system that it needs
+        except ImportError as error:  # a missing library of the system
             raise DeviceError(f'{port}: OpenCV cannot be imported: {error}') from error
         self._port = port
         self._settings = settings
@@ -255,11 +255,11 @@ class OpenCvCapture:
         capture.set(cv2.CAP_PROP_FRAME_WIDTH, settings['width'])
         capture.set(cv2.CAP_PROP_FRAME_HEIGHT, settings['height'])
         capture.set(cv2.CAP_PROP_FPS, settings['output_rate_hz'])
-        # The newest picture, not one that waited.
+        # The newest picture, not a buffered one.
         capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
 
     def grab(self) -> tuple[Pixels, int] | None:
-        """Wait for the next picture; its moment is when the driver had it."""
+        """Wait for the next picture; its time is when the Linux driver had it."""
         good = self._capture.grab()
         moment_ns = time.monotonic_ns()
         picture = None
@@ -277,10 +277,10 @@ class OpenCvCapture:
 
     def still(self, width: int, height: int) -> tuple[Pixels, int]:
         """
-        Take a picture of another size: a camera is switched over for it and back, others are not.
+        Take a picture of another size, for which a camera changes its resolution and back.
 
-        A camera that cannot gives the size that it can; one that then gives nothing is opened anew
-        by whoever finds that out.
+        A camera that does not support it uses another size; one that then sends nothing is
+        reopened after its timeout.
         """
         if not self._live or (width, height) == (self._settings['width'],
                                                  self._settings['height']):
@@ -295,9 +295,9 @@ class OpenCvCapture:
                 good, picture = self._capture.read()
                 moment_ns = time.monotonic_ns()
             if not good or picture is None:
-                raise DeviceError(f'{self._port} gives no picture of {width}x{height}: set '
-                                  'still_width and still_height to what it can do '
-                                  '(v4l2-ctl --list-formats-ext)')
+                raise DeviceError(f'{self._port} sends no picture of {width}x{height}: set '
+                                  'still_width and still_height to a supported size (v4l2-ctl '
+                                  '--list-formats-ext)')
             return np.asarray(picture, np.uint8), moment_ns
         finally:
             usual = self._settings['width'], self._settings['height']
@@ -312,7 +312,7 @@ class OpenCvCapture:
         self._capture.set(self._cv2.CAP_PROP_FRAME_HEIGHT, height)
 
     def rewind(self) -> None:
-        """Begin with the first picture of the file."""
+        """Restart with the first picture of the file."""
         self._capture.set(self._cv2.CAP_PROP_POS_FRAMES, 0)
         self._any = False
 
@@ -331,23 +331,24 @@ def is_camera(port: str) -> bool:
 
 def _why_closed(live: bool) -> str:
     if live:
-        return ('cannot be opened for capture: another program has it (fuser -v shows which), or '
-                'it is no capture device (v4l2-ctl --list-devices; a camera often has two)')
-    return 'is no video that OpenCV can read: is it whole, and is its codec known (ffprobe)?'
+        return ('cannot be opened for capture: another program uses it (fuser -v shows which), or '
+                'it is not a capture device (v4l2-ctl --list-devices; a camera often has two)')
+    return ('is not a video that OpenCV can read: is it complete, and is its codec supported '
+            '(ffprobe)?')
 
 
 def _why_nothing(live: bool) -> str:
     if live:
-        return ('gives no picture: it was unplugged, another program has it, or it cannot do this '
-                'size and rate (v4l2-ctl --list-formats-ext)')
-    return 'holds no picture that OpenCV can read: is it whole?'
+        return ('sends no picture: it was unplugged, another program uses it, or it does not '
+                'support this size and rate (v4l2-ctl --list-formats-ext)')
+    return 'contains no picture that OpenCV can read: is it complete?'
 
 
 def open_source(settings: Mapping[str, Any], scene: SceneMemory | None = None) -> PictureSource:
     """
-    Open what the port names.
+    Open the source that the port names.
 
-    :param scene: what a simulated camera is before.
+    :param scene: the scene of a simulated camera.
     :raises DeviceError: it cannot be opened.
     """
     port = settings['port']

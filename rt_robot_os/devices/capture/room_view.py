@@ -15,8 +15,8 @@
 """
 The room of the simulated world as a camera sees it: walls, floor, ceiling and people, drawn.
 
-The line of sight of each column meets the walls of the map; what is nearer is larger and brighter.
-Furniture is as high as the walls, for a map does not say how high it is.
+The line of sight of each column meets the walls of the map; nearer ones are larger and brighter.
+Furniture is as high as the walls, because a map does not contain its height.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ from rt_robot_os.motion.walls import Walls
 
 Floats = npt.NDArray[np.floating[Any]]
 
-# Across the whole picture, of a camera that is not calibrated.
+# Horizontal field of view of an uncalibrated camera.
 FIELD_OF_VIEW_RAD: Final = math.radians(62.0)
 
 _TILE_M: Final = 0.5
 _STRIPE_M: Final = 0.25
 _NEAREST_M: Final = 0.05
-# Where half of the light of a thing has got lost on its way to the eye.
+# Distance at which half of the light of an object is lost.
 _DIM_M: Final = 9.0
 _FULL_LUX: Final = 400.0
 _DARKEST: Final = 0.12
@@ -59,7 +59,7 @@ _SHOES: Final[Colour] = (40, 36, 34)
 _SHIRTS: Final[tuple[Colour, ...]] = ((196, 52, 48), (48, 92, 176), (52, 140, 84), (204, 150, 40))
 _TROUSERS: Final[tuple[Colour, ...]] = ((44, 54, 86), (70, 66, 60), (96, 84, 64), (40, 44, 48))
 _HEIGHT_M: Final = 1.75
-# Highest point, what is below, lies, direction.
+# Highest point, height of the surface below, lying, direction.
 _UPRIGHT: Final = (_HEIGHT_M, 0.0, 0.0, 0.0)
 
 
@@ -69,8 +69,8 @@ class RoomView:
 
     :param width: in pixels.
     :param height: in pixels.
-    :param k: the 9 numbers of the calibration; all 0 for a camera that is not calibrated.
-    :param fine: draw with care: for a still, at several times the cost.
+    :param k: the 9 numbers of the calibration; all 0 for an uncalibrated camera.
+    :param fine: draw in detail, for a still, at several times the cost.
     """
 
     def __init__(self, width: int, height: int, k: tuple[float, ...] = (0.0,) * 9,
@@ -80,7 +80,7 @@ class RoomView:
         usual = width / 2 / math.tan(FIELD_OF_VIEW_RAD / 2)
         self._focal_x, self._focal_y = (k[0], k[4]) if k[0] else (usual, usual)
         self._centre_x, self._centre_y = (k[2], k[5]) if k[0] else (width / 2, height / 2)
-        # To the left and upwards, for one m ahead.
+        # Metres to the left and upwards per metre ahead.
         self._left = ((self._centre_x - np.arange(width) - 0.5) / self._focal_x)
         self._up = ((self._centre_y - np.arange(height) - 0.5) / self._focal_y)
         self._map = ''
@@ -88,12 +88,12 @@ class RoomView:
 
     def picture(self, scene: Mapping[str, Any]) -> Pixels:
         """
-        Draw a picture of red, green and blue bytes; the same scene gives the same bytes.
+        Draw a picture of red, green and blue bytes; equal scenes give equal bytes.
 
         :param scene: ``map`` (its path, or nothing), ``camera`` (x, y, height, yaw, and pitch,
             positive downwards), ``ceiling`` (height), ``lux``, ``people`` (x, y of each, and of
-            who does not stand upright: highest point, height of what is below them, 1 for who
-            lies, direction of the head).
+            those not standing upright: highest point, height of the surface below, 1 if lying,
+            direction of the head).
         """
         if scene['map'] != self._map:
             self._map = scene['map']
@@ -119,7 +119,7 @@ class RoomView:
 
     def _room(self, x: float, y: float, yaw: float, up: Floats, height_m: float, ceiling_m: float,
               light: float) -> tuple[Pixels, Floats]:
-        """Return the picture without people, and how far ahead the wall of each column is."""
+        """Return the picture without people, and the distance ahead of the wall of each column."""
         angles = np.arctan(self._left) + yaw
         ranges = self._walls.cast(x, y, angles)
         ahead = np.maximum(ranges * np.cos(angles - yaw), _NEAREST_M).astype(np.float32)
@@ -170,14 +170,14 @@ class RoomView:
     @staticmethod
     def _seen_from(x: float, y: float, yaw: float, there_x: float, there_y: float
                    ) -> tuple[float, float]:
-        """Return how far ahead and how far to the left somebody is."""
+        """Return the distance of a person ahead and to the left."""
         dx, dy = there_x - x, there_y - y
         cosine, sine = math.cos(yaw), math.sin(yaw)
         return cosine * dx + sine * dy, cosine * dy - sine * dx
 
     def _person(self, picture: Pixels, away: float, left: float, index: int, up: Floats,
                 height_m: float, ahead: Floats, light: float, size: float) -> None:
-        """Draw a figure over the picture, where no wall is before it."""
+        """Draw a figure over the picture, where no wall hides it."""
         beside = self._left * away - left
         columns = np.nonzero((np.abs(beside) < 0.35) & (ahead > away))[0]
         level = (up * away + height_m) / size

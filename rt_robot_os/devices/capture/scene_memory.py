@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What a simulated camera is before: small facts that one process writes and others read, in memory.
+The scene of a simulated camera: a small text in memory that one process writes and others read.
 
-The writer never waits, and a reader sees one state, never half of two.
+The writer never blocks, and a reader always sees one consistent state.
 """
 
 from __future__ import annotations
@@ -30,14 +30,15 @@ from typing import Final
 
 SCENE_BYTES: Final = 16 * 1024
 
-# Counted up before and after each change, so odd meanwhile; then how long the text is.
+# A counter, incremented before and after each change, so odd meanwhile; then the length of the
+# text.
 _HEAD: Final = struct.Struct('<QI')
 _TRIES: Final = 1000
 
 
 class SceneMemory:
     """
-    A page of text in a file without a name, which ends with the last process that holds it.
+    A page of text in an anonymous file, which exists until the last process closes it.
 
     :param fd: of the file; it is closed with :meth:`close`.
     """
@@ -49,9 +50,9 @@ class SceneMemory:
     @classmethod
     def create(cls) -> SceneMemory:
         """
-        Make an empty one.
+        Create an empty one.
 
-        :raises OSError: there are no more descriptors.
+        :raises OSError: no more descriptors are available.
         """
         fd = os.memfd_create('rt_robot_os.scene', os.MFD_CLOEXEC)
         os.ftruncate(fd, SCENE_BYTES)
@@ -59,7 +60,7 @@ class SceneMemory:
 
     def write(self, scene: Mapping[str, Any]) -> None:
         """
-        Replace what is there; one process may do that.
+        Replace the text; only one process may call this.
 
         :raises ValueError: it is too long.
         """
@@ -72,7 +73,7 @@ class SceneMemory:
         _HEAD.pack_into(self._map, 0, count + 2, len(text))
 
     def read(self) -> dict[str, Any] | None:
-        """Return what was written last; None when there is nothing, or no end of writing."""
+        """Return the text; None if there is none, or it is being written all the time."""
         for _ in range(_TRIES):
             count, length = _HEAD.unpack_from(self._map)
             text = self._map[_HEAD.size:_HEAD.size + length]

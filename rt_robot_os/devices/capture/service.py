@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What starts the host of the capture processes (cameras, microphones), as a service."""
+"""The service that starts the host of the capture processes (cameras, microphones)."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class CaptureService(Service):
     """
     The child process that starts capture processes; it ends with this process.
 
-    :cvar WORKER: the module of what it starts.
-    :cvar FOR: what it starts it for, for people.
+    :cvar WORKER: the module of the started processes.
+    :cvar FOR: their purpose, for messages.
     """
 
     WORKER: ClassVar[str] = CAPTURE
@@ -53,7 +53,7 @@ class CaptureService(Service):
         :return: the path.
         :raises DeviceError: it ended or hangs.
         """
-        path.unlink(missing_ok=True)  # a leftover of a core that was killed
+        path.unlink(missing_ok=True)  # an old socket of a killed core
         self._child = SupervisedChild(f'the process that starts {self.FOR}', lambda: start_child(
             'rt_robot_os.devices.capture.host', os.getpid(), path, self.WORKER))
         process = self._child.start()
@@ -67,7 +67,7 @@ class CaptureService(Service):
         return path
 
     def check(self) -> str:
-        """Start it again when it has ended; its devices connect to it when they are reopened."""
+        """Restart it if it has ended; its devices connect to it when they are reopened."""
         return '' if self._child is None else self._child.check()
 
     def stop(self) -> None:

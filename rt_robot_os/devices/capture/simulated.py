@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Simulated cameras and microphones: a socket that gives each driver a process with the real thing.
+Simulated cameras and microphones: a socket that starts a real capture process for each driver.
 
-The process is that of a real camera, and only what it captures is made up: a moving pattern with
-the number of the frame in its pixels, a tone. So what goes wrong with processes goes wrong here.
+The process is that of a real camera; only its source is simulated: a moving pattern with the
+number of the frame in its pixels, or a tone. So faults of processes occur here as well.
 """
 
 from __future__ import annotations
@@ -42,17 +42,17 @@ from rt_robot_os.sim.faults import parse_schedule
 
 CAPTURE_FAULTS: Final = {
     'silent': 'its process hangs',
-    'crash': 'its process dies, as in a library that crashes; again while it lasts',
-    'unplug': 'the port goes away, and comes back under the same path',
+    'crash': 'its process dies, as with a crashing library; repeatedly until the fault ends',
+    'unplug': 'the port disappears, and returns under the same path',
 }
 _ROUND_NS: Final = 50 * NS_PER_MS
 
 
 class CapturePlug(CaptureHost):
-    """Where a simulated camera is plugged in."""
+    """The port of a simulated camera."""
 
     def has_reader(self) -> bool:
-        """Return whether somebody can connect."""
+        """Return whether a driver can connect."""
         return self.fileno() >= 0
 
     def plug(self) -> None:
@@ -64,7 +64,7 @@ class CapturePlug(CaptureHost):
         self.open()
 
     def unplug(self) -> None:
-        """Take the path and the processes away."""
+        """Remove the path and end the processes."""
         self.close()
 
     def signal(self, signo: int) -> None:
@@ -77,9 +77,9 @@ class SimulatedCapture(Simulated):
     """
     A camera or a microphone.
 
-    :cvar FAULTS: what can befall it.
+    :cvar FAULTS: its possible faults.
     :cvar WORKER: the module of its process.
-    :ivar faults: what befalls it.
+    :ivar faults: its schedule of faults.
     """
 
     SETTINGS: ClassVar[tuple[Field, ...]] = (
@@ -91,9 +91,9 @@ class SimulatedCapture(Simulated):
     def __init__(self, name: str, settings: Mapping[str, Any], path: Path,
                  site: Site = NOWHERE) -> None:
         """
-        Keep the settings; nothing is plugged in.
+        Store the settings; nothing is plugged in.
 
-        :param site: where it is.
+        :param site: its world and mounting.
         :raises ConfigError: a setting is wrong.
         """
         values = complete(self.SETTINGS, settings, name)
@@ -122,11 +122,11 @@ class SimulatedCapture(Simulated):
         return path
 
     def check_speed(self) -> None:
-        """Find nothing wrong: memory is fast enough."""
+        """Do nothing: memory is fast enough."""
 
     def pump(self, now_ns: int) -> None:
         """
-        Start what is asked for, and what befalls it.
+        Start the requested processes, and apply the faults that are due.
 
         :raises DeviceError: the port cannot be made again after a fault.
         """

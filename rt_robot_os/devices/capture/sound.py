@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What a microphone's process captures: a tone, a simulated room, a WAV file, PortAudio.
+The sources of a microphone's process: a tone, a simulated room, a WAV file, PortAudio.
 
-Blocks are 16 bit samples, channels side by side. The stamp is that of the first sample.
+Blocks are 16 bit samples, channels interleaved. The stamp is that of the first sample.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ Samples = np.ndarray[Any, np.dtype[np.int16]]
 
 class BlockSource(Protocol):
     """
-    Where blocks come from.
+    A source of blocks.
 
-    :ivar overruns: times that sound was lost.
+    :ivar overruns: number of losses of sound.
     """
 
     overruns: int
@@ -60,19 +60,19 @@ class BlockSource(Protocol):
         """
         Wait for the next block.
 
-        :return: frames x channels and the moment of the first on CLOCK_MONOTONIC; None at the end.
+        :return: frames x channels and the time of the first on CLOCK_MONOTONIC; None at the end.
         :raises DeviceError: it is gone.
         """
 
     def rewind(self) -> None:
-        """Begin anew; only a source with an end is asked to."""
+        """Restart; called only for a source with an end."""
 
     def close(self) -> None:
         """Close it."""
 
 
 class Tone:
-    """A sine of 440 Hz, its phase unbroken from block to block."""
+    """A sine of 440 Hz, continuous in phase from block to block."""
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
         self.overruns = 0
@@ -84,10 +84,10 @@ class Tone:
         self._place = 0
 
     def read(self) -> tuple[Samples, int] | None:
-        """Make the next block when its last sample would be there."""
+        """Return the next block at the time of its last sample."""
         end_ns = self._grid.wait()
         turns = (self._place + self._step) * (TONE_HZ / self._rate_hz)
-        # A level is that of the root mean square, which a sine has 3 dB below its peak.
+        # A level is a root mean square, which for a sine is 3 dB below its peak.
         amplitude = FULL_SCALE * 10 ** (TONE_DB / 20) * math.sqrt(2)
         wanted = np.round(amplitude * np.sin(2 * math.pi * turns)).astype(np.int16)
         self._place += self._block
@@ -95,14 +95,14 @@ class Tone:
         return np.repeat(wanted[:, None], self._channels, axis=1), first_ns
 
     def rewind(self) -> None:
-        """Go on: it has no end."""
+        """Do nothing: it has no end."""
 
     def close(self) -> None:
         """Nothing is open."""
 
 
 class RoomSound:
-    """Noise as loud as it is in the simulated world."""
+    """Noise with the level of the simulated world."""
 
     def __init__(self, settings: Mapping[str, Any], scene: SceneMemory) -> None:
         self.overruns = 0
@@ -113,17 +113,17 @@ class RoomSound:
         self._chance = np.random.default_rng(1)
 
     def read(self) -> tuple[Samples, int] | None:
-        """Make the next block when its last sample would be there."""
+        """Return the next block at the time of its last sample."""
         end_ns = self._grid.wait()
         scene = self._scene.read()
         if scene is None:
-            raise DeviceError('the simulated world has not been heard: start the robot anew')
+            raise DeviceError('the simulator has written no level: restart the robot')
         deviation = FULL_SCALE * 10 ** (scene['level_db'] / 20)
         sound = self._chance.normal(0.0, deviation, self._shape).clip(-FULL_SCALE, FULL_SCALE - 1)
         return sound.astype(np.int16), end_ns - self._shape[0] * NS_PER_S // self._rate_hz
 
     def rewind(self) -> None:
-        """Go on: it has no end."""
+        """Do nothing: it has no end."""
 
     def close(self) -> None:
         """Nothing is open."""
@@ -139,8 +139,8 @@ class WavFile:
         try:
             self._file = wave.open(port, 'rb')
         except (wave.Error, EOFError) as error:
-            raise DeviceError(f'{port} is no WAV file of PCM samples ({error}): convert it, for '
-                              'instance with sox or ffmpeg -c:a pcm_s16le') from error
+            raise DeviceError(f'{port} is not a WAV file of PCM samples ({error}): convert it, '
+                              'for instance with sox or ffmpeg -c:a pcm_s16le') from error
         except OSError as error:
             raise DeviceError(f'{port}: {error.strerror}: check the path') from error
         found = (self._file.getframerate(), self._file.getnchannels(), self._file.getsampwidth())
@@ -155,7 +155,7 @@ class WavFile:
         self._grid = FrameTimer(self._rate_hz / self._block)
 
     def read(self) -> tuple[Samples, int] | None:
-        """Read the next block when its last sample would be there; the last one is padded."""
+        """Read the next block at the time of its last sample; the last one is padded."""
         data = self._file.readframes(self._block)
         samples = np.frombuffer(data[:len(data) // 2 * 2], '<i2')
         samples = samples[:len(samples) // self._channels * self._channels]
@@ -166,7 +166,7 @@ class WavFile:
         return whole, self._grid.wait() - self._block * NS_PER_S // self._rate_hz
 
     def rewind(self) -> None:
-        """Begin with the first sample."""
+        """Restart with the first sample."""
         self._file.rewind()
 
     def close(self) -> None:
@@ -197,9 +197,9 @@ class PortAudioInput:
             self._stream.start()
         except (self._error, ValueError) as error:
             raise DeviceError(
-                f'sound input {port!r}: {error}: python3 -m sounddevice lists what there is; your '
-                'user has to be in the group audio; another program may have it, or it cannot do '
-                f'{self._rate_hz} Hz with {settings["channels"]} channels') from error
+                f'sound input {port!r}: {error}: python3 -m sounddevice lists the inputs; your '
+                'user must be in the group audio; another program may use it, or it does not '
+                f'support {self._rate_hz} Hz with {settings["channels"]} channels') from error
 
     def read(self) -> tuple[Samples, int] | None:
         """Wait for the next block."""
@@ -214,7 +214,7 @@ class PortAudioInput:
         return data, now_ns - (self._block + behind) * NS_PER_S // self._rate_hz
 
     def rewind(self) -> None:
-        """Go on: it has no end."""
+        """Do nothing: it has no end."""
 
     def close(self) -> None:
         """Stop recording."""
@@ -256,7 +256,7 @@ class SoundBlocks:
 
     @property
     def overruns(self) -> int:
-        """How often sound was lost before it came here."""
+        """Number of losses in the source."""
         return self._source.overruns
 
     def frames(self) -> Iterator[Block]:
@@ -267,7 +267,7 @@ class SoundBlocks:
             if read is None:
                 if not self._settings['loop']:
                     raise DeviceError(f'{self._settings["port"]} is at its end: set loop: true to '
-                                      'begin anew')
+                                      'repeat it')
                 self._source.rewind()
                 continue
             yield Block(read[0], read[1], seq)
@@ -280,9 +280,9 @@ class SoundBlocks:
 
 def open_sound(settings: Mapping[str, Any], scene: SceneMemory | None = None) -> SoundBlocks:
     """
-    Open what a microphone's settings ask for.
+    Open the source of a microphone's settings.
 
-    :param scene: what a simulated one is before.
+    :param scene: the scene of a simulated microphone.
     :raises DeviceError: it cannot be opened, or a library is missing.
     """
     port = settings['port']

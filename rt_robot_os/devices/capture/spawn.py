@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Start a process that captures, and end it."""
+"""Start a capture process, and end it."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from rt_robot_os.devices.capture.scene_memory import SceneMemory
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
 
-# More than all packets that can be on their way.
+# More than all packets that can be in flight.
 _BUFFER_BYTES = 1 << 17
 _PATIENCE_S = 0.5
 
 
-#: The worker that captures; another takes its connection in the same way.
+#: The default worker; another one inherits its connection in the same way.
 CAPTURE: Final = 'rt_robot_os.devices.capture.worker'
 
 
@@ -41,7 +41,7 @@ def start_worker(connection: socket.socket, scene: SceneMemory | None = None,
     """
     Start a worker on a connection; the caller may close its own copy of that.
 
-    :param scene: what a simulated camera is before.
+    :param scene: the scene of a simulated camera.
     :param worker: its module.
     :raises OSError: it cannot be started.
     """
@@ -49,7 +49,7 @@ def start_worker(connection: socket.socket, scene: SceneMemory | None = None,
     return start_child(
         worker, os.getpid(), *fds, pass_fds=fds,
         stdout=subprocess.DEVNULL,
-        # The worker says itself what is wrong; OpenCV says much more, and on the terminal.
+        # The worker reports its problems itself; OpenCV would print much more to the terminal.
         env={**os.environ, 'OPENCV_LOG_LEVEL': 'SILENT', **ONE_BLAS_THREAD})
 
 
@@ -63,8 +63,8 @@ def spawn_worker(worker: str = CAPTURE) -> tuple[socket.socket, Callable[[], Non
     Start a worker without a host.
 
     :param worker: its module.
-    :return: our end of the connection, non-blocking, and what ends the worker once that is closed:
-        it has a moment to do so in order.
+    :return: the caller's end of the connection, non-blocking, and a function that ends the worker
+        after that is closed: the worker has a moment to end by itself.
     :raises OSError: it cannot be started.
     """
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The process that captures for one device, on a connection that it inherits.
+The capture process of one device, on an inherited connection.
 
 It has ordinary priority and does not run on the CPU of a pinned core. It ends when the core closes
-the connection, also while a library hangs: a thread waits for that alone.
+the connection, also while a library hangs: a separate thread waits for that.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ from rt_robot_os.linux.process import use_ordinary_scheduling
 
 
 class Captured(Protocol):
-    """One image or block of sound, not in its slot yet."""
+    """One image or block of sound that is not in a slot yet."""
 
     @property
     def stamp_ns(self) -> int:
-        """Return the moment of its capture on CLOCK_MONOTONIC."""
+        """Return the time of its capture on CLOCK_MONOTONIC."""
 
     @property
     def seq(self) -> int:
@@ -58,7 +58,7 @@ class Captured(Protocol):
 
     def store(self, slot: memoryview) -> tuple[int, int]:
         """
-        Write it into a slot, compressed if that is wanted.
+        Write it into a slot, compressed if configured.
 
         :return: bytes of the first part and of the second.
         """
@@ -68,17 +68,17 @@ class Captured(Protocol):
 
 
 class FrameSource(Protocol):
-    """What is captured."""
+    """A source of frames."""
 
     @property
     def overruns(self) -> int:
-        """Return how often it lost something."""
+        """Return the number of losses in the source."""
 
     def frames(self) -> Iterator[Captured]:
         """
-        Yield frame after frame; waits for each.
+        Yield frame after frame; blocks until each.
 
-        :raises DeviceError: it is gone, at its end, or sends nonsense.
+        :raises DeviceError: it is gone, at its end, or sends invalid data.
         """
 
     def close(self) -> None:
@@ -86,21 +86,21 @@ class FrameSource(Protocol):
 
 
 class ObservationStore(Protocol):
-    """What keeps pictures in files."""
+    """Stores pictures in files."""
 
-    def take(self, seen: Any) -> None:
-        """Take a picture."""
+    def add(self, seen: Any) -> None:
+        """Add a picture."""
 
     def request(self, request: dict[str, Any], now_ns: int) -> None:
-        """Carry an order out."""
+        """Execute a request."""
 
     def close(self) -> None:
-        """End, and finish what was begun."""
+        """Finish the started files, and end."""
 
 
 def observation_store(kind: str, settings: dict[str, Any], source: Any,
                       answer: Any) -> ObservationStore | None:
-    """Return what keeps pictures, if it is a camera that is to."""
+    """Return the store of a camera with observations; otherwise None."""
     if kind != 'camera' or not settings.get('observe_topic'):
         return None
     from rt_robot_os.devices.capture.observations import Observations
@@ -110,27 +110,27 @@ def observation_store(kind: str, settings: dict[str, Any], source: Any,
 def frame_source(kind: str, settings: dict[str, Any],
                  scene: SceneMemory | None = None) -> FrameSource:
     """
-    Open what the settings ask for.
+    Open the source of the settings.
 
-    :param scene: what a simulated device is before.
+    :param scene: the scene of a simulated device.
     :raises DeviceError: it cannot be opened, or a library is missing.
     """
-    # Only what is needed is imported: OpenCV alone takes a third of a second.
+    # Imports are local: OpenCV alone takes a third of a second.
     if kind == 'camera':
         from rt_robot_os.devices.capture.camera import open_camera
         return open_camera(settings, scene)
     if kind == 'sound':
         from rt_robot_os.devices.capture.sound import open_sound
         return open_sound(settings, scene)
-    raise DeviceError(f'nobody can capture {kind!r}')
+    raise DeviceError(f'unknown kind of source {kind!r}')
 
 
 class CaptureWorker:
     """
-    A connection, the memory that came with it, and a source.
+    A capture process: a connection, the memory received with it, and a source.
 
     :param connection: to the core.
-    :param scene: what a simulated device is before.
+    :param scene: the scene of a simulated device.
     """
 
     def __init__(self, connection: socket.socket, scene: SceneMemory | None = None) -> None:
@@ -141,12 +141,12 @@ class CaptureWorker:
                                                           socket.MSG_CMSG_CLOEXEC)
         fds = received_fds(ancillary)
         if not length or buffer[0] != PacketKind.OPEN or len(fds) != 1:
-            raise DeviceError('the core said something else than what to open')
+            raise DeviceError('the core sent another packet than OPEN')
         try:
             self.wanted = packets.parse_json(memoryview(buffer)[:length])
         except ValueError as error:
-            raise DeviceError(f'the core and its capture process do not fit together: {error}; '
-                              'restart the robot') from error
+            raise DeviceError(f'the core and its capture process do not match: {error}; restart '
+                              'the robot') from error
         self._memory = MemoryFile.received(fds[0], self.wanted['slots'],
                                            self.wanted['slot_bytes'])
         self._loans = Loans(self.wanted['slots'])
@@ -154,7 +154,7 @@ class CaptureWorker:
         self.dropped = 0
 
     def place(self) -> None:
-        """Take ordinary priority, and leave the CPU of a pinned core alone."""
+        """Set ordinary priority, and avoid the CPU of a pinned core."""
         use_ordinary_scheduling(self.wanted['avoid_cpus'])
 
     def run(self) -> None:
@@ -172,18 +172,18 @@ class CaptureWorker:
                 self._take_back()
                 self._hand_over(captured, source.overruns)
                 if self._store is not None:
-                    self._store.take(captured)
+                    self._store.add(captured)
         finally:
             if self._store is not None:
                 self._store.close()
             source.close()
 
     def _tell(self, observed: dict[str, Any]) -> None:
-        """Say what has become of an order; any thread may."""
+        """Send the result of a request; any thread may call this."""
         try:
             self._connection.send(packets.encode_json(PacketKind.OBSERVED, observed))
         except OSError:
-            pass  # the main thread finds that out
+            pass  # the main thread detects it
 
     def _hand_over(self, captured: Captured, overruns: int) -> None:
         slot = self._loans.acquire()
@@ -218,7 +218,7 @@ class CaptureWorker:
 
 
 def _end_with(connection: socket.socket) -> None:
-    """End the process when the other side closes, whatever the main thread hangs in."""
+    """End the process when the other side closes, even if the main thread hangs."""
     poll = select.poll()
     poll.register(connection, select.POLLRDHUP)
     poll.poll()
@@ -229,7 +229,7 @@ def main(arguments: Sequence[str]) -> int:
     """
     Capture until the core closes the connection.
 
-    :param arguments: its descriptor; of a simulated device in a world also that of its scene.
+    :param arguments: its descriptor; for a simulated device in a world also that of its scene.
     """
     connection = socket.socket(fileno=int(arguments[0]))
     scene = SceneMemory(int(arguments[1])) if len(arguments) > 1 else None
@@ -242,14 +242,14 @@ def main(arguments: Sequence[str]) -> int:
         text = str(error)
     except (BrokenPipeError, ConnectionResetError):
         return 0
-    except Exception as error:  # of a library; whatever it is, the core has to tell it
+    except Exception as error:  # an error of a library, for the report of the core
         text = f'capturing failed: {type(error).__name__}: {error}'
     else:
         text = 'its source ended'
     try:
         connection.send(packets.problem(text))
     except OSError:
-        pass  # nobody listens any more
+        pass  # the connection is closed
     return 1
 
 

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The bridge to a real I2C bus: a process that waits for the bus, so that the core need not.
+The bridge to a real I2C bus: a separate process that blocks on the bus, so that the core need not.
 
-It is the program ``i2c_bridge``, started with the core and, should it end, again when a device is
-opened. It ends by itself when this process does: its standard input is a pipe from here.
+It is the program ``i2c_bridge``, started with the core and, if it has ended, again when a device
+is opened. It ends with this process, because its standard input is a pipe from here.
 """
 
 from __future__ import annotations
@@ -43,21 +43,20 @@ class I2cBridge:
     The bridge of one bus.
 
     :ivar path: of the bus.
-    :ivar socket_path: where it serves, in a folder that only this user can enter; new with each
-        start.
+    :ivar socket_path: its socket, in a folder that only this user can enter; new with each start.
     """
 
     def __init__(self, path: str) -> None:
-        """Keep the path; nothing is started."""
+        """Store the path; nothing is started."""
         self.path = path
         self.socket_path = Path()
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, *, wait: bool = False) -> None:
         """
-        Start it unless it runs; without waiting that takes a native call of about 1 ms.
+        Start it unless it runs; without ``wait`` this takes a native call of about 1 ms.
 
-        :param wait: until it serves; not for the loop.
+        :param wait: block until it serves; not for the loop.
         :raises OSError: it cannot be started.
         """
         if self._process is not None and self._process.poll() is None:
@@ -65,7 +64,7 @@ class I2cBridge:
         self._let_go()
         self._clean_up()
         self.socket_path = Path(tempfile.mkdtemp(prefix='rt_robot_os-i2c-')) / 'bus'
-        # Made here, so that devices can connect, and ask, before it serves.
+        # Made here, so that devices can connect and send requests before it serves.
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
             listener.bind(str(self.socket_path))
             listener.listen(_BACKLOG)
@@ -86,7 +85,7 @@ class I2cBridge:
         self._clean_up()
 
     def _clean_up(self) -> None:
-        """Remove what one that was killed has left; one that ends by itself does so."""
+        """Remove the socket of a killed bridge; one that ends by itself does so."""
         if self.socket_path != Path():
             shutil.rmtree(self.socket_path.parent, ignore_errors=True)
         self.socket_path = Path()

@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-The I2C bus: transactions with a chip at an address, begun now and answered later.
+The I2C bus: transactions with a chip at an address, started now and answered later.
 
-A transaction is one call that nobody gets in between: on a real bus one ``ioctl``. Linux waits for
-that without letting signals through, so it is never made in the real-time process: a real bus is
-served by a bridge, a process of its own (``command.py``), and an emulated one by the simulator.
-Both are behind a Unix socket (``socket_bus.py``). A driver's transaction is one packet that is
-sent, and its answer one that is there or is not. Nothing waits, whatever the bus or its process
-does. Tests hand over a bus of their own process, which answers at once.
+A transaction is one indivisible call: on a real bus one ``ioctl``. Linux blocks in it without
+handling signals, so it is never made in the real-time process: a real bus is served by a bridge, a
+separate process (``command.py``), and an emulated one by the simulator. Both are behind a Unix
+socket (``socket_bus.py``). A driver's transaction is one packet that is sent, and its answer one
+packet that has arrived or not. Nothing blocks, whatever the bus or its process does. Tests use a
+bus in their own process, which answers immediately.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from rt_robot_os.devices.i2c.socket_bus import SocketConnection
 FIRST_ADDRESS: Final = 0x08
 LAST_ADDRESS: Final = 0x77
 
-# Longer than the time-out of an adapter, since several devices may wait for one bus.
+# Longer than the time-out of an adapter, because several devices may wait for one bus.
 ANSWER_TIMEOUT_NS: Final = 300 * NS_PER_MS
 
 
@@ -56,8 +56,8 @@ class Transfer:
     One transaction: write, then after a repeated start read.
 
     :ivar address: of the chip.
-    :ivar data: written first; empty only reads.
-    :ivar size: bytes to read; 0 only writes.
+    :ivar data: written first; empty for a transaction that only reads.
+    :ivar size: bytes to read; 0 for a transaction that only writes.
     """
 
     address: int
@@ -66,7 +66,7 @@ class Transfer:
 
 
 class I2cTransport(Protocol):
-    """A bus of the same process, which answers at once; errors are those of Linux."""
+    """A bus in the same process, which answers immediately; errors are those of Linux."""
 
     def transfer(self, address: int, data: bytes, size: int) -> bytes:
         """
@@ -76,48 +76,50 @@ class I2cTransport(Protocol):
         """
 
     def close(self) -> None:
-        """Let go; does not raise."""
+        """Release the bus; does not raise."""
 
 
 class I2cConnection(Protocol):
-    """What carries the transactions of one device; it has at most one under way."""
+    """Transports the transactions of one device, at most one at a time."""
 
     @property
     def gone(self) -> bool:
-        """Return whether it is of no use any more, and has to be opened anew."""
+        """Return whether it has failed, and must be reopened."""
 
     def begin(self, address: int, data: bytes, size: int) -> None:
         """
-        Begin a transaction, without waiting; one that was under way is forgotten.
+        Start a transaction, without blocking; an unfinished one is discarded.
 
         :raises OSError: with the errno that Linux has for it.
         """
 
     def answer(self) -> bytes | None:
         """
-        Return the answer to the last transaction, None while there is none; does not wait.
+        Return the answer to the last transaction, None while there is none; does not block.
 
         :raises OSError: it failed, with the errno that Linux has for it.
         """
 
     def fileno(self) -> int | None:
-        """Return the descriptor that becomes readable with an answer; None when it is at once."""
+        """
+        Return the descriptor that becomes readable with an answer; None if answers are immediate.
+        """
 
     def close(self) -> None:
-        """Let go; does not raise."""
+        """Release the bus; does not raise."""
 
 
 class DirectConnection:
-    """A device's access to a bus of the same process."""
+    """A device's access to a bus in the same process."""
 
     def __init__(self, transport: I2cTransport) -> None:
-        """Keep the bus, which others may share."""
+        """Store the bus, which others may share."""
         self.gone = False
         self.transport = transport
         self._answer: bytes | OSError | None = None
 
     def begin(self, address: int, data: bytes, size: int) -> None:
-        """Do the transaction; how it went comes with :meth:`answer`."""
+        """Perform the transaction; :meth:`answer` returns its result."""
         try:
             self._answer = self.transport.transfer(address, data, size)
         except OSError as error:
@@ -136,7 +138,7 @@ class DirectConnection:
         return answer
 
     def fileno(self) -> int | None:
-        """Return nothing to wait for."""
+        """Return None: there is nothing to wait for."""
         return None
 
     def close(self) -> None:
@@ -145,19 +147,19 @@ class DirectConnection:
 
 class I2cBus:
     """
-    One bus as one device sees it; safe in the real-time loop, nothing in it waits.
+    One bus for one device; safe in the real-time loop, never blocks.
 
-    :ivar path: where it is, as the device's configuration says.
-    :ivar transfers: transactions that went well.
-    :ivar failures: transactions that did not.
-    :ivar connection: what carries them.
+    :ivar path: the path in the device's configuration.
+    :ivar transfers: successful transactions.
+    :ivar failures: failed transactions.
+    :ivar connection: transports them.
     """
 
     def __init__(self, path: str, connection: I2cConnection) -> None:
         """
-        Take over what carries the transactions.
+        Store the connection.
 
-        :param path: for the errors.
+        :param path: for errors.
         """
         self.path = path
         self.transfers = 0
@@ -168,7 +170,7 @@ class I2cBus:
         self._refused: OSError | None = None
 
     def begin(self, transfer: Transfer, now_ns: int) -> None:
-        """Begin a transaction; whether that worked comes with :meth:`answer`."""
+        """Start a transaction; :meth:`answer` raises its errors."""
         self._under_way = transfer
         self._begun_ns = now_ns
         self._refused = None
@@ -179,10 +181,10 @@ class I2cBus:
 
     def answer(self, now_ns: int) -> bytes | None:
         """
-        Take the answer to the transaction that was begun.
+        Return the answer to the started transaction.
 
-        :return: as many bytes as were asked for; None while there is no answer.
-        :raises DeviceError: it failed; the message says what to do.
+        :return: the requested number of bytes; None while there is no answer.
+        :raises DeviceError: it failed; the message contains the remedy.
         """
         transfer = self._under_way
         if transfer is None:
@@ -198,20 +200,20 @@ class I2cBus:
                 raise self._failed(transfer, DeviceError(
                     f'{place(self.path, transfer.address)}: no answer for '
                     f'{ANSWER_TIMEOUT_NS / NS_PER_S:g} s from the process that serves the bus '
-                    '(i2c_bridge, or the simulator): it hangs, was stopped, or has no time to '
-                    'run; it will be tried again'))
+                    '(i2c_bridge, or the simulator): it hangs, was stopped, or is starved; it '
+                    'will be tried again'))
             return None
         if len(answer) != transfer.size:
             raise self._failed(transfer, DeviceError(
-                f'{place(self.path, transfer.address)}: {len(answer)} bytes came where '
-                f'{transfer.size} were asked for: the I2C adapter is defective'))
+                f'{place(self.path, transfer.address)}: {len(answer)} bytes arrived instead of '
+                f'the requested {transfer.size}: the I2C adapter is defective'))
         self._under_way = None
         self.transfers += 1
         return answer
 
     @property
     def gone(self) -> bool:
-        """Return whether the bus itself went away; it has to be opened anew."""
+        """Return whether the bus itself is gone; it must be reopened."""
         return self.connection.gone
 
     def _failed(self, transfer: Transfer, error: OSError) -> DeviceError:
@@ -222,7 +224,7 @@ class I2cBus:
 
 @dataclass
 class _Open:
-    """An open bus of this process and who is on it."""
+    """An open bus of this process and its users."""
 
     transport: I2cTransport | None
     users: list[I2cBus] = field(default_factory=list)
@@ -230,18 +232,18 @@ class _Open:
 
 class I2cBuses:
     """
-    The buses that are open, each once however many devices are on it.
+    The open buses, each opened once for all its devices.
 
-    A device takes its bus when it is opened and gives it back when it is closed. What it gets is
-    its own, so that errors name the port as it is in its configuration, and a time-out of one
-    device leaves the others alone; what is below is shared.
+    A device acquires its bus when it is opened and releases it when it is closed. Each device gets
+    its own :class:`I2cBus`, so that errors name the port as in its configuration, and a time-out
+    of one device does not affect the others; the connection below is shared.
     """
 
     def __init__(self, opener: Callable[[str], I2cTransport] | None = None) -> None:
         """
-        Begin with none.
+        Start without an open bus.
 
-        :param opener: opens a bus of this process; by default what the path is decides.
+        :param opener: opens a bus in this process; by default the kind of the path decides.
         """
         self._opener = opener
         self._open: dict[str, _Open] = {}
@@ -250,23 +252,23 @@ class I2cBuses:
 
     def prepare(self, path: str) -> None:
         """
-        Start the bridge of a real bus and wait until it serves; not for the loop.
+        Start the bridge of a real bus and block until it serves; not for the loop.
 
-        What does not work is said when the bus is taken.
+        Errors are reported when the bus is acquired.
         """
         if self._opener is None and _mode(path) == stat.S_IFCHR:
             self._bridge(path).start(wait=True)
 
-    def take(self, path: str) -> I2cBus:
+    def acquire(self, path: str) -> I2cBus:
         """
-        Open a bus, or share it when it is open; does not wait.
+        Open a bus, or share it if it is open; does not block.
 
-        :raises DeviceError: it cannot be opened; the message says what to do.
+        :raises DeviceError: it cannot be opened; the message contains the remedy.
         """
         real = os.path.realpath(path)
         found = self._open.get(real)
         if found is not None and any(bus.gone for bus in found.users):
-            # Those who are still on it will notice, and open the new one.
+            # Devices that still use it detect this, and open the new one.
             self._left.append(self._open.pop(real))
             found = None
         opener = self._opener
@@ -282,8 +284,8 @@ class I2cBuses:
         self._open[real] = found
         return bus
 
-    def give_back(self, bus: I2cBus) -> None:
-        """Say that a device needs its bus no more; the last one closes what is below."""
+    def release(self, bus: I2cBus) -> None:
+        """Release the bus of a device; the last release closes the connection."""
         for each in (*self._open.values(), *self._left):
             if bus in each.users:
                 each.users.remove(bus)
@@ -328,7 +330,7 @@ BUSES: Final = I2cBuses()
 
 
 def _mode(path: str) -> int:
-    """Return what kind of file it is; 0 when it is not there."""
+    """Return the type of a file; 0 if it does not exist."""
     try:
         return stat.S_IFMT(os.stat(path).st_mode)
     except (OSError, ValueError):

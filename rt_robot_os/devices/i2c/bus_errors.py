@@ -25,12 +25,12 @@ from rt_robot_os.base.errors import DeviceError
 
 _BUS_NUMBER: Final = re.compile(r'/dev/i2c-(\d+)').fullmatch
 _NO_ANSWER: Final = (errno.ENXIO, errno.EREMOTEIO)
-# After these the open file is of no use any more.
+# Errors after which the open file is unusable.
 _GONE: Final = (errno.ENODEV, errno.EBADF, errno.EPIPE, errno.ECONNRESET, errno.ESHUTDOWN)
 
 
 def is_gone(error: OSError) -> bool:
-    """Return whether the open bus is of no use any more after this error."""
+    """Return whether the open bus is unusable after this error."""
     return error.errno in _GONE
 
 
@@ -62,21 +62,21 @@ def _remedy(path: str, address: int, error: OSError) -> str:
     number = error.errno
     if number in _NO_ANSWER:
         match = _BUS_NUMBER(path)
-        who = f' (i2cdetect -y {match[1]} shows who is there)' if match else ''
+        who = f' (i2cdetect -y {match[1]} lists the devices)' if match else ''
         return (f'no device answers: check its power, SDA, SCL and pull-up resistors, and the '
                 f'address{who}')
     if number in _GONE:
         return f'the bus is gone ({_cause(error)}): check the adapter; it will be opened again'
     if number == errno.ETIMEDOUT:
-        return ('the transfer timed out, something holds SDA or SCL low: switch the power of the '
+        return ('the transfer timed out, a device holds SDA or SCL low: switch the power of the '
                 'devices off and on, check the wiring and the pull-up resistors')
     if number == errno.EBUSY:
-        return (f'busy ({error.strerror}): a driver of Linux that has the device must be unloaded '
-                f'or taken out of the device tree (/sys/bus/i2c/devices/*-{address:04x}/driver)')
+        return (f'busy ({error.strerror}): the Linux driver of the device must be unloaded or '
+                f'removed from the device tree (/sys/bus/i2c/devices/*-{address:04x}/driver)')
     if number == errno.EAGAIN:
         return 'arbitration was lost: another master is on the bus, or noise; shorten the wires'
     if number in (errno.EOPNOTSUPP, errno.EINVAL):
-        return f'the adapter cannot do this transfer ({_cause(error)}): use another adapter'
+        return f'the adapter does not support this transfer ({_cause(error)}): use another adapter'
     return f'the transfer failed ({_cause(error)}): check the wiring and the pull-up resistors'
 
 

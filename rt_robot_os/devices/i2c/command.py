@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the program `i2c_bridge` does: serve a real I2C bus on a socket.
+The program `i2c_bridge`: serve a real I2C bus on a socket.
 
-Linux lets no signal through while an I2C adapter works. Here that wait is in another process. The
-core starts one for each real bus by itself; by hand it serves a bus to several robots.
+Linux handles no signal while an I2C adapter works, so this happens in a separate process. The core
+starts one for each real bus; started by hand it serves a bus to several robots.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument('--socket', type=Path, help='where; by default in the runtime folder')
     parser.add_argument('--priority', type=int, default=70, choices=range(100), metavar='0..99',
                         help='SCHED_FIFO priority, 0: none (default %(default)s)')
-    # Of the core that started it: its process, and the socket that it made. The bridge ends when
-    # its standard input is closed.
+    # From the core that started it: its process id, and the socket that it made. The bridge ends
+    # when its standard input is closed.
     parser.add_argument('--with-parent', type=int, default=0, help=argparse.SUPPRESS)
     parser.add_argument('--listener', type=int, help=argparse.SUPPRESS)
     return parser.parse_args(argv)
@@ -73,7 +73,7 @@ def run(argv: Sequence[str]) -> int:
     bus = RealBus(arguments.bus)
     stopped: list[int] = []
     with ended_by_signals(stopped.append):
-        # One that a running core starts again begins with the signals that are blocked there.
+        # A bridge that is restarted by a running core inherits its blocked signals.
         signal.pthread_sigmask(signal.SIG_SETMASK, ())
         try:
             port = _port(bus, arguments)
@@ -97,7 +97,7 @@ def _port(bus: RealBus, arguments: argparse.Namespace) -> I2cPort:
     """
     Make the socket.
 
-    :raises RtRobotError: it cannot be made, or the bus not be opened by hand.
+    :raises RtRobotError: it cannot be made, or, when started by hand, the bus cannot be opened.
     """
     if not arguments.with_parent:
         bus.open()
@@ -110,9 +110,9 @@ def _port(bus: RealBus, arguments: argparse.Namespace) -> I2cPort:
 
 
 def _prepare(arguments: argparse.Namespace) -> None:
-    """Have the CPU and the priority that the program is to have."""
+    """Set the CPU and the priority of the program."""
     if arguments.with_parent:
-        # One that is started again inherits what the core has: its CPU and its priority.
+        # A restarted bridge inherits the CPU and the priority of the core.
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         _leave_cpu(arguments.with_parent)
     if arguments.priority:
@@ -122,22 +122,22 @@ def _prepare(arguments: argparse.Namespace) -> None:
 
 
 def _leave_cpu(parent: int) -> None:
-    """Leave the CPU of a core that is pinned to it alone, if there is another."""
+    """Avoid the CPU of a pinned core, if there is another."""
     try:
         of_core = os.sched_getaffinity(parent)
         others = set(range(os.cpu_count() or 1)) - of_core
         if len(of_core) == 1 and others:
             os.sched_setaffinity(0, others)
     except OSError:
-        pass  # it has ended, or these are not ours: then it stays where it is
+        pass  # it has ended, or belongs to another user: nothing is changed
 
 
 def _serve(port: I2cPort, parent: int, stopped: Sequence[int]) -> None:
     """
     Serve until a signal comes.
 
-    :param parent: the core that started it, or 0. The end of the standard input is then the end,
-        too.
+    :param parent: the core that started it, or 0. With a core, the end of the standard input also
+        ends the program.
     """
     lifeline = sys.stdin.fileno() if parent else -1
     watched = [port.fileno()] + [lifeline] * bool(parent)

@@ -15,13 +15,13 @@
 """
 The I2C device: everything between a bus and the registers of a chip.
 
-A driver says how its chip is recognised and then works in steps. A step does one or two short
-transactions and says when the next one is due; until then a poll costs a comparison. So nothing
-ever waits for a chip: a conversion is started in one poll and fetched in a later one.
+A driver identifies its chip and then works in steps. A step performs one or two short transactions
+and returns when the next one is due; until then a poll costs one comparison. So nothing ever
+blocks on a chip: a conversion is started in one poll and fetched in a later one.
 
-Nor does anything wait for the bus: ``data = yield self.fetch(register, size)`` begins a
-transaction, and the job ends. When the answer is there the step goes on behind the ``yield``, in
-the job that the answer released, or in that of the next poll.
+Nothing blocks on the bus either: ``data = yield self.fetch(register, size)`` starts a transaction,
+and the job ends. When the answer has arrived the step continues after the ``yield``, in the job
+released by the answer, or in that of the next poll.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ from rt_robot_os.devices.i2c.bus import I2cBuses
 from rt_robot_os.devices.i2c.bus import Transfer
 from rt_robot_os.devices.signatures import known_chips
 
-# One bad reading may be noise on the wires; so many one after the other are not.
+# One bad reading may be noise on the wires; this many in succession are an error.
 _BAD_IN_A_ROW: Final = 3
 
 T = TypeVar('T')
 
-# What a step is that has transactions: it yields each, and gets the bytes read for it.
+# A step with transactions: it yields each, and receives the bytes read.
 Transactions = Generator[Transfer, bytes, T]
 Step = Callable[[int], 'int | Transactions[int]']
 
@@ -66,9 +66,9 @@ def i2c_settings(
     """
     Declare the settings that every I2C device has, with the defaults of one chip.
 
-    :param addresses: all that the chip can have.
+    :param addresses: all possible addresses of the chip.
     :param rate_hz: default of the rate of the samples.
-    :param rates_hz: the only rates it has; empty allows all.
+    :param rates_hz: the only possible rates; empty allows all.
     """
     named = ' or '.join(f'{each} (0x{each:02x})' for each in addresses)
     return (
@@ -79,7 +79,7 @@ def i2c_settings(
         Field('topic', str, topic, 'Topic of the samples.'),
         Field('depth', int, 16, 'Samples that each topic keeps.',
               choices=(2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)),
-        Field('output_rate_hz', float, rate_hz, 'Samples a second.', unit='Hz', minimum=0.05,
+        Field('output_rate_hz', float, rate_hz, 'Samples per second.', unit='Hz', minimum=0.05,
               maximum=maximum_hz, choices=rates_hz),
     )
 
@@ -88,8 +88,8 @@ class I2cDevice(Device):
     """
     A chip on an I2C bus.
 
-    :ivar period_ns: between two samples.
-    :ivar buses: where the bus is taken from; a test may put others in its place.
+    :ivar period_ns: time between two samples.
+    :ivar buses: the open buses; a test may replace them.
     """
 
     SHARES_PORT: ClassVar[bool] = True
@@ -129,15 +129,15 @@ class I2cDevice(Device):
     @abstractmethod
     def begin(self, now_ns: int) -> int | Transactions[int]:
         """
-        Do the first step after the chip was recognised; it and each other calls :meth:`then`.
+        Run the first step after the chip was identified; each step calls :meth:`then`.
 
-        :return: number of samples published; a step that yields returns it in the end.
+        :return: number of samples published; a step that yields returns it at its end.
         :raises DeviceError: the bus failed.
         """
 
     def then(self, step: Step, due_ns: int) -> int:
         """
-        Return what is done next, and not before when.
+        Schedule the next step, and its earliest time.
 
         :return: 0, the number of samples published.
         """
@@ -147,9 +147,9 @@ class I2cDevice(Device):
 
     def bind(self, publishers: Sequence[SamplePublisher]) -> None:
         """
-        Take the publishers, and prepare what serves the bus and tells chips from each other.
+        Bind the publishers, and prepare the bridge and the table of chips.
 
-        :raises TopicError: there are more or fewer of them than publications.
+        :raises TopicError: their number is not that of the publications.
         """
         super().bind(publishers)
         known_chips()
@@ -157,14 +157,14 @@ class I2cDevice(Device):
 
     def open(self) -> None:  # noqa: A003
         """
-        Take the bus and ask whether the chip is there; the answer comes with :meth:`read`.
+        Acquire the bus and check for the chip; :meth:`read` receives the answer.
 
-        :raises DeviceError: the bus cannot be opened, or answered already that the chip is not
-            there.
+        :raises DeviceError: the bus cannot be opened, or has answered already that the chip is
+            missing.
         """
         self.close()
         try:
-            self._bus = self.buses.take(self.settings['port'])
+            self._bus = self.buses.acquire(self.settings['port'])
         except DeviceError as error:
             raise DeviceError(f'{self.name}: {error}') from error
         self._bad_in_a_row = 0
@@ -181,7 +181,7 @@ class I2cDevice(Device):
         self._under_way = self._not_yielded = None
         bus, self._bus = self._bus, None
         if bus is not None:
-            self.buses.give_back(bus)
+            self.buses.release(bus)
 
     def fileno(self) -> int | None:
         """Return the descriptor that becomes readable with an answer; None when it is at once."""
@@ -189,11 +189,11 @@ class I2cDevice(Device):
 
     def read(self, now_ns: int) -> int:
         """
-        Go on with the step that is under way, or do the one that is due; safe in the loop.
+        Continue the current step, or run the one that is due; safe in the loop.
 
-        :raises DeviceError: the bus failed, or the chip is not what it was.
+        :raises DeviceError: the bus failed, or the chip has changed.
         """
-        # Taken out: when the kernel aborts the job in the middle of a step, that is over.
+        # Removed first: if the kernel aborts the job within a step, the step has ended.
         step, self._under_way = self._under_way, None
         if step is not None:
             return self._go_on(step, now_ns)
@@ -210,7 +210,7 @@ class I2cDevice(Device):
         return self._go_on(begun, now_ns)
 
     def _go_on(self, step: Transactions[int], now_ns: int) -> int:
-        """Hand a step its answers, as long as they are there."""
+        """Pass a step its answers, as far as they have arrived."""
         bus = self._opened()
         try:
             while True:
@@ -250,7 +250,7 @@ class I2cDevice(Device):
 
     def fetch(self, register: int, size: int) -> Transfer:
         """
-        Make a transfer that reads registers, to be yielded.
+        Return a transfer that reads registers, to be yielded.
 
         ``data = yield self.fetch(0xD0, 1)``. The ``yield`` raises DeviceError when the bus fails.
         """
@@ -258,18 +258,18 @@ class I2cDevice(Device):
 
     def put(self, register: int, *data: int) -> Transfer:
         """
-        Make a transfer that writes registers, to be yielded; without data it is a command.
+        Return a transfer that writes registers, to be yielded; without data it is a command.
 
         The ``yield`` raises DeviceError when the bus fails.
         """
         return self._made(bytes((register, *data)), 0)
 
     def start_grid(self, now_ns: int) -> None:
-        """Let the grid of the samples begin now."""
+        """Start the grid of the samples now."""
         self._grid_ns = now_ns
 
     def advance(self, now_ns: int, step: Step) -> None:
-        """Do a step at the next moment of the grid; those that were missed count as lost."""
+        """Run a step at the next time of the grid; missed times count as lost samples."""
         self._grid_ns += self.period_ns
         late_ns = now_ns - self._grid_ns
         if late_ns >= self.period_ns:
@@ -286,10 +286,10 @@ class I2cDevice(Device):
 
     def reject(self, reason: str) -> int:
         """
-        Count a reading that cannot be right.
+        Count an impossible reading.
 
         :return: 0, the number of samples published.
-        :raises DeviceError: it was not the first one.
+        :raises DeviceError: too many in succession.
         """
         self._rejected_frames += 1
         self._bad_in_a_row += 1
@@ -299,11 +299,11 @@ class I2cDevice(Device):
 
     def expect_chip(self, register: int, wanted: Sequence[int], chip: str) -> Transactions[int]:
         """
-        Read the register that tells the chip, with ``yield from``.
+        Check the register with the chip id, with ``yield from``.
 
         :param chip: its name, for the error.
-        :return: what it holds.
-        :raises DeviceError: it is another chip; the message says which it probably is.
+        :return: its value.
+        :raises DeviceError: it is another chip; the message names the probable one.
         """
         found = (yield self.fetch(register, 1))[0]
         if found in wanted:
@@ -315,12 +315,14 @@ class I2cDevice(Device):
             f'{chip} has {ids}: {probably}')
 
     def probably(self) -> Transactions[str]:
-        """Yield which chip it probably is and what to do; asks the bus."""
+        """
+        Identify the chip by transactions on the bus; return its probable name and the remedy.
+        """
         for register, names in known_chips().items():
             name = names.get((yield self.fetch(register, 1))[0])
             if name is not None:
                 return f'it is probably a {name}: change type or address'
-        return 'a chip that is not known here: check type and address'
+        return 'an unknown chip: check type and address'
 
     @property
     def place(self) -> str:

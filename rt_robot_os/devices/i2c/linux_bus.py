@@ -13,12 +13,13 @@
 # limitations under the License.
 
 """
-A real I2C bus, ``/dev/i2c-1`` and the like, through smbus2.
+A real I2C bus, such as ``/dev/i2c-1``, through smbus2.
 
-Where the adapter can, each transaction is one ``I2C_RDWR`` call with the address in it. Adapters
-that know only SMBus (those of PC boards, and the kernel's i2c-stub) get SMBus block transfers of
-at most 32 bytes. Those need the address set beforehand, which is a property of the open file; so
-there every address has a file of its own. Only the bridge opens one: each call waits for the wire.
+If the adapter supports it, each transaction is one ``I2C_RDWR`` call that contains the address.
+Adapters with SMBus only (those of PC boards, and the kernel's i2c-stub) use SMBus block transfers
+of at most 32 bytes. Those need the address set beforehand, which is a property of the open file,
+so every address has its own file. Only the bridge opens one, because each call blocks until the
+transfer has ended.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ from typing import Final
 import smbus2
 
 SMBUS_BLOCK: Final = 32
-# Linux waits one second for a bus that is held low, in which no other device would be heard. The
-# longest transfer of a driver takes 12 ms at 100 kHz; the rest is for chips that hold the clock.
+# Linux waits one second for a bus that is held low, during which no other device could be read.
+# The longest transfer of a driver takes 12 ms at 100 kHz; the rest is for chips that stretch the
+# clock.
 _TIMEOUT_MS: Final = 50
 _I2C_TIMEOUT: Final = 0x0702  # its unit is 10 ms
 _SYSFS: Final = '/sys/bus/i2c/devices'
@@ -55,10 +57,10 @@ class LinuxTransport:
 
     def transfer(self, address: int, data: bytes, size: int) -> bytes:
         """
-        Do one transaction.
+        Perform one transaction.
 
-        :raises OSError: with the errno that Linux has for it; EBUSY when a driver of Linux has the
-            device, which I2C_RDWR would not say.
+        :raises OSError: with the errno of Linux; EBUSY if a Linux driver has the device, which
+            I2C_RDWR would not report.
         """
         bus = self._by_address.get(address)
         if bus is None:
@@ -79,7 +81,7 @@ class LinuxTransport:
             try:
                 bus.close()
             except OSError:
-                pass  # it has been unplugged: there is nothing left to close
+                pass  # it was unplugged: there is nothing to close
         self._by_address.clear()
 
     def _meet(self, address: int) -> Any:
@@ -97,18 +99,18 @@ def _open(path: str) -> Any:
     try:
         bus.open(path)
     except OSError:
-        bus.close()  # it was opened and found to be no bus
+        bus.close()  # the opened file is not a bus
         raise
     descriptor: Any = bus.fd
     try:
         fcntl.ioctl(descriptor, _I2C_TIMEOUT, _TIMEOUT_MS // 10)
     except OSError:
-        pass  # then it is the one second
+        pass  # the default of one second remains
     return bus
 
 
 def _smbus(bus: Any, address: int, data: bytes, size: int) -> bytes:
-    """Make the same transfer with SMBus calls."""
+    """Perform the same transfer with SMBus calls."""
     if size > SMBUS_BLOCK or len(data) > SMBUS_BLOCK + 1 or (size and len(data) != 1):
         raise OSError(errno.EOPNOTSUPP, os.strerror(errno.EOPNOTSUPP))
     if size:
@@ -123,7 +125,7 @@ def _smbus(bus: Any, address: int, data: bytes, size: int) -> bytes:
 
 
 def _kernel_driver(path: str, address: int) -> str:
-    """Name the driver of Linux that has a device, if there is one."""
+    """Return the name of the Linux driver that has a device, if any."""
     number = os.path.basename(os.path.realpath(path)).rpartition('-')[2]
     try:
         return os.path.basename(os.readlink(f'{_SYSFS}/{number}-{address:04x}/driver'))

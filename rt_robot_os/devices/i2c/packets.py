@@ -16,9 +16,9 @@
 Transactions of an I2C bus as packets of a Unix socket.
 
 A request is ``version address size number data``: the bytes to write, then ``size`` bytes to read.
-The answer is ``number errno data``: 0 and the bytes read, or the error that Linux gave with what
-there is to say about it. ``NO_BUS`` in place of an errno: the bus itself cannot be opened, and the
-data is the whole message for people.
+The answer is ``number errno data``: 0 and the bytes read, or the error of Linux with an
+explanation. ``NO_BUS`` instead of an errno: the bus itself cannot be opened, and the data is the
+complete error message.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ def request(number: int, address: int, data: bytes, size: int) -> bytes:
 
 def parse_request(packet: bytes) -> tuple[int, int, bytes, int] | None:
     """
-    Take a request apart.
+    Decode a request.
 
-    :return: its number, address, bytes to write, number of bytes to read; None when it is no
+    :return: its number, address, bytes to write, number of bytes to read; None if it is not a
         request.
     """
     if len(packet) < _REQUEST.size:
@@ -56,19 +56,19 @@ def parse_request(packet: bytes) -> tuple[int, int, bytes, int] | None:
 
 def answer(number: int, code: int, data: bytes = b'') -> bytes:
     """
-    Make an answer.
+    Encode an answer.
 
     :param number: of the request.
-    :param code: errno, 0 when all went well.
+    :param code: errno, 0 on success.
     """
     return _ANSWER.pack(number, code) + data[:MAXIMUM - _ANSWER.size]
 
 
 def parse_answer(packet: bytes) -> tuple[int, int, bytes] | None:
     """
-    Take an answer apart.
+    Decode an answer.
 
-    :return: number of the request, errno and the bytes read; None when it is no answer.
+    :return: number of the request, errno and the bytes read; None if it is not an answer.
     """
     if len(packet) < _ANSWER.size:
         return None

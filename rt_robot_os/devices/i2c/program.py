@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The program `i2c_bridge`: a real I2C bus behind a socket; the core never waits for it.
+The program `i2c_bridge`: a real I2C bus behind a socket; the core never blocks on it.
 
 Serve until SIGTERM or Ctrl-C; the exit code is 2 when the bus cannot be opened.
 """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The transactions of the bridge on a real I2C bus: one after the other; waits for the bus."""
+"""The transactions of the bridge on a real I2C bus: one after the other; blocks on the bus."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from rt_robot_os.devices.i2c.socket_bus import SocketTransport
 
 class RealBus:
     """
-    Does the transactions of a socket on a real bus, and opens that again when it was gone.
+    Performs the transactions of a socket on a real bus, and reopens that when it was gone.
 
-    :ivar transfers: transactions that went well.
-    :ivar failures: transactions that did not.
+    :ivar transfers: successful transactions.
+    :ivar failures: failed transactions.
     """
 
     def __init__(self, path: str) -> None:
-        """Keep the path; the bus is opened with the first transaction, or :meth:`open`."""
+        """Store the path; the bus is opened with the first transaction, or by :meth:`open`."""
         self.transfers = 0
         self.failures = 0
         self._path = path
@@ -46,9 +46,9 @@ class RealBus:
 
     def open(self) -> I2cTransport:  # noqa: A003
         """
-        Open the bus unless it is.
+        Open the bus unless it is open.
 
-        :raises DeviceError: it cannot be opened; the message says what to do.
+        :raises DeviceError: it cannot be opened; the message contains the remedy.
         """
         if self._transport is None:
             self._transport = open_transport(self._path)
@@ -58,10 +58,10 @@ class RealBus:
         self, address: int, data: bytes, size: int, now_ns: int,
     ) -> tuple[int, bytes, int]:
         """
-        Do one transaction.
+        Perform one transaction.
 
-        :return: errno (0 when it went well), the bytes read or what is to be said of the error,
-            and 0: they may go at once.
+        :return: errno (0 on success), the bytes read or the text of the error, and 0: no delay of
+            the answer.
         """
         try:
             answer = self.open().transfer(address, data, size)
@@ -77,7 +77,7 @@ class RealBus:
         return 0, answer, 0
 
     def close(self) -> None:
-        """Let go of the bus; may be called twice."""
+        """Release the bus; may be called twice."""
         transport, self._transport = self._transport, None
         if transport is not None:
             transport.close()
@@ -85,9 +85,9 @@ class RealBus:
 
 def open_transport(path: str) -> I2cTransport:
     """
-    Open a bus to wait on: a real one, or one that another process serves.
+    Open a blocking bus: a real one, or one that another process serves.
 
-    :raises DeviceError: it cannot be opened; the message says what to do.
+    :raises DeviceError: it cannot be opened; the message contains the remedy.
     """
     try:
         mode = os.stat(path).st_mode

@@ -15,9 +15,9 @@
 """
 An emulated I2C bus with emulated chips.
 
-It has no thread and no clock: every transaction is told the time. :class:`LocalTransport` puts it
-under a driver of the same process, in tests on virtual time; ``simulated_port.py`` puts a socket in
-front of it, for a driver in another process.
+It has no thread and no clock: every transaction receives the time. :class:`LocalTransport` puts it
+under a driver of the same process, in tests on virtual time; ``simulated_port.py`` puts a socket
+in front of it, for a driver in another process.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 
 CLOCK_HZ: Final = 400_000
-_BITS: Final = 9  # eight and the acknowledgement
-_HELD_NS: Final = 50 * NS_PER_MS  # the time-out that the driver sets on a real adapter
+_BITS: Final = 9  # eight bits and the acknowledgement
+_HELD_NS: Final = 50 * NS_PER_MS  # the time-out that the bridge sets on a real adapter
 
 
 class Chip(Protocol):
@@ -43,7 +43,7 @@ class Chip(Protocol):
 
     :ivar name: for errors.
     :ivar address: on the bus.
-    :ivar clock_hz: clock of the transfers with it.
+    :ivar clock_hz: clock frequency of the transfers with it.
     """
 
     name: str
@@ -52,24 +52,24 @@ class Chip(Protocol):
 
     def transfer(self, data: bytes, size: int, now_ns: int) -> bytes:
         """
-        Take what is written, then give what is read.
+        Receive the written bytes, then return the read ones.
 
         :raises OSError: it does not acknowledge.
         """
 
     def holds_bus(self, now_ns: int) -> bool:
-        """Return whether it holds the bus, so that nobody can use it."""
+        """Return whether it blocks the bus."""
 
-    def takes_bus(self, now_ns: int) -> bool:
-        """Return whether the bus goes away with it."""
+    def removes_bus(self, now_ns: int) -> bool:
+        """Return whether the bus is gone with it."""
 
 
 def transfer_ns(written: int, read: int, clock_hz: int = CLOCK_HZ) -> int:
     """
-    Compute how long a transaction takes on the wire.
+    Compute the duration of a transaction on the wire.
 
     :param written: bytes, without the address.
-    :param read: bytes, without the address; 0 only writes.
+    :param read: bytes, without the address; 0 for a transaction that only writes.
     """
     bits = 2 + (_BITS * (1 + written) if written or not read else 0)
     if read:
@@ -81,8 +81,8 @@ class EmulatedBus:
     """
     The chips by address.
 
-    :ivar transfers: transactions that were acknowledged.
-    :ivar failures: transactions that were not.
+    :ivar transfers: acknowledged transactions.
+    :ivar failures: transactions without acknowledgement.
     """
 
     def __init__(self) -> None:
@@ -100,19 +100,19 @@ class EmulatedBus:
         other = self._chips.setdefault(chip.address, chip)
         if other is not chip:
             raise ConfigError([f'{chip.name}: address 0x{chip.address:02x} is that of '
-                               f'{other.name}: give each its own'])
+                               f'{other.name}: give each chip its own'])
 
     def absent(self, now_ns: int) -> bool:
-        """Return whether the bus itself is away."""
-        return any(chip.takes_bus(now_ns) for chip in self._chips.values())
+        """Return whether the bus itself is gone."""
+        return any(chip.removes_bus(now_ns) for chip in self._chips.values())
 
     def transfer(
         self, address: int, data: bytes, size: int, now_ns: int,
     ) -> tuple[int, bytes, int]:
         """
-        Do one transaction.
+        Perform one transaction.
 
-        :return: errno (0 when it went well), the bytes read, and how long it takes.
+        :return: errno (0 on success), the bytes read, and the duration.
         """
         chip = self._chips.get(address)
         clock_hz = CLOCK_HZ if chip is None else chip.clock_hz
@@ -124,7 +124,7 @@ class EmulatedBus:
             return errno.ETIMEDOUT, b'', _HELD_NS
         try:
             if chip is None:
-                raise OSError(errno.EREMOTEIO, 'nobody has this address')
+                raise OSError(errno.EREMOTEIO, 'no chip has this address')
             answer = chip.transfer(data, size, now_ns)
         except OSError as error:
             self.failures += 1
@@ -134,17 +134,17 @@ class EmulatedBus:
 
 
 class LocalTransport:
-    """An emulated bus in this process; see :class:`rt_robot_os.devices.i2c.bus.I2cTransport`."""
+    """An emulated bus in this process, a :class:`rt_robot_os.devices.i2c.bus.I2cTransport`."""
 
     def __init__(
         self, bus: EmulatedBus, clock_ns: Callable[[], int],
         spend: Callable[[int], None] | None = None,
     ) -> None:
         """
-        Keep bus and clock.
+        Store bus and clock.
 
-        :param clock_ns: the time, such as that of a virtual clock.
-        :param spend: lets the time of a transfer pass; by default it takes none.
+        :param clock_ns: returns the time, such as that of a virtual clock.
+        :param spend: lets the time of a transfer pass; by default none passes.
         """
         self._bus = bus
         self._clock_ns = clock_ns
@@ -152,9 +152,9 @@ class LocalTransport:
 
     def transfer(self, address: int, data: bytes, size: int) -> bytes:
         """
-        Do one transaction.
+        Perform one transaction.
 
-        :raises OSError: with the errno that Linux has for it.
+        :raises OSError: with the errno of Linux.
         """
         number, answer, duration_ns = self._bus.transfer(address, data, size, self._clock_ns())
         if self._spend is not None:
@@ -164,4 +164,4 @@ class LocalTransport:
         return answer
 
     def close(self) -> None:
-        """Do nothing: the bus is somebody else's."""
+        """Do nothing: the bus belongs to the caller."""

@@ -15,7 +15,7 @@
 """
 A simulated chip on an emulated I2C bus, with faults.
 
-Its time is the one that each transaction and each ``pump`` is given.
+Its time is that of each transaction and each ``pump``.
 """
 
 from __future__ import annotations
@@ -50,9 +50,10 @@ _IDLE_NS: Final = 50 * NS_PER_MS
 
 
 def common_settings() -> tuple[Field, ...]:
-    """Declare the settings that every simulated chip has."""
+    """Declare the settings of every simulated chip."""
     return (
-        Field('clock_hz', int, CLOCK_HZ, 'Clock of the bus in transfers with it.', unit='Hz',
+        Field('clock_hz', int, CLOCK_HZ,
+              'Clock frequency of the bus in transfers with it.', unit='Hz',
               minimum=1000, maximum=3_400_000),
         *fault_settings(I2C_FAULTS),
     )
@@ -63,15 +64,16 @@ class SimulatedChip(Simulated):
     One simulated chip.
 
     :cvar ADDRESS: its usual address.
-    :cvar FOREIGN: register -> value of the chip that it is taken for while the fault wrong is on.
-    :ivar clock_hz: clock of the transfers with it.
+    :cvar FOREIGN: register -> value of another chip, which answers while the fault wrong is
+        active.
+    :ivar clock_hz: clock frequency of the transfers with it.
     :ivar random: for noise.
-    :ivar measuring: False while the fault silent is on.
-    :ivar world: that it looks at, brought up to the time of each transfer; None when it is by
-        itself.
-    :ivar site: where it is.
-    :ivar mounting: where it sits on the robot.
-    :ivar device: the settings of its driver, as far as they are known.
+    :ivar measuring: False while the fault silent is active.
+    :ivar world: the world that it measures, updated to the time of each transfer; None without a
+        world.
+    :ivar site: its world and mounting.
+    :ivar mounting: its mounting on the robot.
+    :ivar device: the settings of its driver, as far as known.
     """
 
     ADDRESS: ClassVar[int] = 0x76
@@ -83,8 +85,8 @@ class SimulatedChip(Simulated):
         """
         Check the settings and put the chip on the bus.
 
-        :param address: None is the usual one.
-        :param site: where it is.
+        :param address: None for the usual one.
+        :param site: its world and mounting.
         :raises ConfigError: a setting is wrong, or the address is taken.
         """
         self.name = name
@@ -120,11 +122,11 @@ class SimulatedChip(Simulated):
         port = place.shared_port('i2c-sim', I2cPort)
         return cls(name, settings, port, device.get('address'), place.site(device))
 
-    # ---- what a chip brings ------------------------------------------------------------------
+    # ---- to be defined by a chip--------------------------------------------------------------
 
     def prepare(self) -> None:
         """
-        Make what the chip needs; called once, when the settings have been checked.
+        Prepare the chip; called once, after the settings have been checked.
 
         :raises ConfigError: a setting is wrong.
         """
@@ -135,7 +137,7 @@ class SimulatedChip(Simulated):
 
     @abstractmethod
     def advance(self, now_ns: int) -> None:
-        """Do what the chip has done by now: finish conversions, fill its FIFO."""
+        """Advance the chip to this time: finish conversions, fill its FIFO."""
 
     @abstractmethod
     def exchange(self, data: bytes, size: int, now_ns: int) -> bytes:
@@ -145,7 +147,7 @@ class SimulatedChip(Simulated):
 
     def transfer(self, data: bytes, size: int, now_ns: int) -> bytes:
         """
-        Do one transaction, with the faults that are active.
+        Perform one transaction, with the active faults.
 
         :raises OSError: it does not acknowledge.
         """
@@ -167,16 +169,16 @@ class SimulatedChip(Simulated):
         """Return whether it holds the bus, so that nobody can use it."""
         return self._started and 'hold' in self._plan.active(now_ns)
 
-    def takes_bus(self, now_ns: int) -> bool:
+    def removes_bus(self, now_ns: int) -> bool:
         """Return whether the bus goes away with it."""
         return self._started and 'vanish' in self._plan.active(now_ns)
 
     def time_s(self, now_ns: int) -> float:
-        """Return the time since the start; it stands still while the fault stuck is on."""
+        """Return the time since the start; it stands still while the fault stuck is active."""
         return (now_ns - self._start_ns) / NS_PER_S if self._stuck_at is None else self._stuck_at
 
     def start(self, now_ns: int) -> None:
-        """Begin: the schedule of the faults counts from now."""
+        """Start: the schedule of the faults counts from now."""
         self._started = True
         self._start_ns = self._now_ns = now_ns
         self._plan.start(now_ns)
@@ -204,7 +206,7 @@ class SimulatedChip(Simulated):
             self.advance(now_ns)
         return active
 
-    # ---- who runs it -------------------------------------------------------------------------
+    # ---- the simulator -----------------------------------------------------------------------
 
     @property
     def path(self) -> Path:
@@ -212,7 +214,7 @@ class SimulatedChip(Simulated):
         return self._path
 
     def check_speed(self) -> None:
-        """Find nothing: how much goes over the bus is up to the driver."""
+        """Do nothing: the load of the bus depends on the driver."""
 
     def pump(self, now_ns: int) -> None:
         """
@@ -249,11 +251,11 @@ class SimulatedChip(Simulated):
 
 class RegisterChip(SimulatedChip):
     """
-    A chip with a map of registers and a pointer that moves on by itself.
+    A chip with a map of registers and an auto-incrementing pointer.
 
-    :cvar PAIRS: several bytes written are pairs of register and value, as Bosch has it; otherwise
-        they go to one register after the other.
-    :cvar FIXED: registers at which the pointer stays, such as that of a FIFO.
+    :cvar PAIRS: several bytes written are pairs of register and value, as with Bosch chips;
+        otherwise they go to consecutive registers.
+    :cvar FIXED: registers without auto-increment, such as that of a FIFO.
     """
 
     PAIRS: ClassVar[bool] = False
@@ -265,7 +267,7 @@ class RegisterChip(SimulatedChip):
         self._pointer = 0
 
     def exchange(self, data: bytes, size: int, now_ns: int) -> bytes:
-        """Take register and values, then give registers."""
+        """Receive register and values, then return registers."""
         if data:
             self._pointer = data[0]
         if self.PAIRS:
@@ -282,11 +284,11 @@ class RegisterChip(SimulatedChip):
         return bytes(found)
 
     def write(self, register: int, value: int, now_ns: int) -> None:
-        """Write a register; a chip overrides it where that has an effect."""
+        """Write a register; a chip overrides it for registers with an effect."""
         self.registers[register] = value
 
     def read(self, register: int, now_ns: int) -> int:
-        """Read a register; a chip overrides it where that has an effect."""
+        """Read a register; a chip overrides it for registers with an effect."""
         return self.registers[register]
 
     def _move(self) -> None:

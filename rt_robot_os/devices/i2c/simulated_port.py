@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The plug end of an emulated I2C bus: a Unix socket that a driver of another process opens.
+The port of an emulated I2C bus: a Unix socket that a driver of another process opens.
 
-Each device has a path of its own that leads to the one socket, as links lead to ``/dev/i2c-1``.
-An answer is sent when the transfer would be over on the wire, so a driver waits as long as it
-would on a real bus.
+Each device has its own path to the shared socket, like links to ``/dev/i2c-1``. An answer is sent
+at the time at which the transfer would end on the wire, so a driver waits as long as on a real
+bus.
 """
 
 from __future__ import annotations
@@ -41,34 +41,35 @@ _HUNG_UP: Final = select.EPOLLHUP | select.EPOLLERR
 
 
 class Carrier(Protocol):
-    """What does the transactions."""
+    """Performs the transactions."""
 
     def transfer(
         self, address: int, data: bytes, size: int, now_ns: int,
     ) -> tuple[int, bytes, int]:
         """
-        Do one transaction.
+        Perform one transaction.
 
-        :return: errno (0 when it went well), the bytes read or what is to be said of the error,
-            and for how long to hold them back.
+        :return: errno (0 on success), the bytes read or the text of the error, and the delay of
+            the answer.
         """
 
 
 class I2cPort:
     """
-    A bus and the socket that leads to it.
+    A bus and its socket.
 
     :ivar bus: the emulated chips.
-    :ivar socket_path: of the socket.
+    :ivar socket_path: path of the socket.
     """
 
     def __init__(self, socket_path: Path, carrier: Carrier | None = None,
                  listener: socket.socket | None = None) -> None:
         """
-        Keep the path; nothing is opened.
+        Store the path; nothing is opened.
 
-        :param carrier: does the transactions; by default the emulated chips.
-        :param listener: is at the path already, since clients are to be there before the server.
+        :param carrier: performs the transactions; by default the emulated chips.
+        :param listener: a socket that exists already, so that clients can connect before the
+            server runs.
         """
         self.bus = EmulatedBus()
         self._carrier: Carrier = carrier or self.bus
@@ -82,7 +83,7 @@ class I2cPort:
         self._busy_until_ns = 0
 
     def link(self, name: str) -> Path:
-        """Return the path of a device; it is made when the bus is plugged in."""
+        """Return the path of a device; it is created when the bus is plugged in."""
         path = self.socket_path.with_name(name)
         if path not in self._links:
             self._links.append(path)
@@ -90,11 +91,11 @@ class I2cPort:
 
     @property
     def plugged(self) -> bool:
-        """Return whether the socket is there."""
+        """Return whether the socket exists."""
         return self._listener is not None
 
     def fileno(self) -> int:
-        """Return a file descriptor that is readable when somebody wants something; or -1."""
+        """Return a file descriptor that is readable when a client sends something; or -1."""
         return -1 if self._poll is None else self._poll.fileno()
 
     def has_reader(self) -> bool:
@@ -103,7 +104,7 @@ class I2cPort:
 
     def plug(self) -> None:
         """
-        Make the socket and the paths that lead to it.
+        Make the socket and the paths to it.
 
         :raises DeviceError: they cannot be made.
         """
@@ -117,7 +118,7 @@ class I2cPort:
             self._make_link(path)
 
     def unplug(self) -> None:
-        """Take the socket and the connections away; may be repeated."""
+        """Remove the socket and the connections; may be repeated."""
         if self._listener is None or self._poll is None:
             return
         for path in filter(self._is_ours, self._links):
@@ -132,7 +133,7 @@ class I2cPort:
         self._answers.clear()
 
     def serve(self, now_ns: int) -> None:
-        """Do what is wanted and send the answers that are due; does not block."""
+        """Serve requests and send the answers that are due; does not block."""
         for _ in range(_MAX_ROUNDS):
             events = self._poll.poll(0) if self._poll is not None else []
             if not events:
@@ -142,7 +143,7 @@ class I2cPort:
                 if connection is None:
                     self._accept()
                 elif what & _HUNG_UP:
-                    # The client has given up, and perhaps asked again: nobody wants it done.
+                    # The client has abandoned the request, and may have sent another.
                     self._drop(descriptor)
                 else:
                     self._take(connection, now_ns)
@@ -153,7 +154,7 @@ class I2cPort:
                 self._send(descriptor, packet)
 
     def next_ns(self) -> int | None:
-        """Return when the next answer is due; None when none is."""
+        """Return when the next answer is due; None if there is none."""
         return min((each[0] for each in self._answers), default=None)
 
     def _make_listener(self) -> socket.socket:
@@ -175,7 +176,7 @@ class I2cPort:
         try:
             connection, _ = self._listener.accept()
         except OSError:
-            return  # it has gone again
+            return  # the client has disconnected already
         if len(self._connections) >= _MAX_CONNECTIONS:
             connection.close()
             return
@@ -220,7 +221,7 @@ class I2cPort:
         try:
             return os.readlink(path) == self.socket_path.name
         except OSError:
-            return False  # it is not there, or no link
+            return False  # it does not exist, or is not a link
 
     def _make_link(self, path: Path) -> None:
         try:
@@ -228,7 +229,7 @@ class I2cPort:
                 return
             if os.path.lexists(path):
                 if not path.is_symlink():
-                    raise FileExistsError(f'{path} is a file of somebody')
+                    raise FileExistsError(f'{path} is a file of another program')
                 path.unlink()
             path.symlink_to(self.socket_path.name)
         except OSError as error:

@@ -15,8 +15,8 @@
 """
 An I2C bus in another process, behind a Unix socket: the simulator's, or a bridge to a real one.
 
-Every device has a connection of its own, so what one waits for is nothing to another. Nothing here
-waits: a request is one packet that goes or does not, the answer one that is there or is not.
+Every device has its own connection, so devices do not wait for each other. Nothing here blocks: a
+request is one packet that is sent or fails, the answer one that has arrived or not.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rt_robot_os.devices.i2c.packets import parse_answer
 from rt_robot_os.devices.i2c.packets import request
 
 _NUMBERS: Final = 1 << 16
-# Answers to requests that were given up, of which one call passes over at most so many.
+# Limit of the answers to abandoned requests that one call skips.
 _LATE_ANSWERS: Final = 8
 _PATIENCE_S: Final = 0.3
 
@@ -46,15 +46,15 @@ class SocketConnection:
 
     See :class:`~rt_robot_os.devices.i2c.bus.I2cConnection`.
 
-    Requests are numbered: when one was given up, by a time-out or because the kernel aborted the
-    task in the middle of it, its answer may come later, and is not that of the next one.
+    Requests are numbered: when one was abandoned, by a time-out or because the kernel aborted the
+    task within it, its answer may arrive later, and must not be used for the next one.
     """
 
     def __init__(self, path: str) -> None:
         """
         Connect.
 
-        :raises OSError: nobody is there.
+        :raises OSError: no process serves it.
         """
         self.gone = False
         self._number = 0
@@ -67,8 +67,9 @@ class SocketConnection:
             if error.errno == errno.ECONNREFUSED:
                 raise OSError(errno.ENODEV, os.strerror(errno.ENODEV)) from error
             if error.errno == errno.EAGAIN:
-                raise DeviceError(f'I2C bus {path}: too many wait for the process that serves it: '
-                                  'it hangs or was stopped; it will be tried again') from error
+                raise DeviceError(f'I2C bus {path}: too many connections wait for the process '
+                                  'that serves it: it hangs or was stopped; it will be tried '
+                                  'again') from error
             raise
 
     def begin(self, address: int, data: bytes, size: int) -> None:
@@ -88,9 +89,9 @@ class SocketConnection:
 
     def answer(self) -> bytes | None:
         """
-        Take the answer if it is there; safe in the loop.
+        Return the answer if it has arrived; safe in the loop.
 
-        :raises OSError: the transaction failed, or nobody is there any more.
+        :raises OSError: the transaction failed, or the process has ended.
         """
         for _ in range(_LATE_ANSWERS):
             try:
@@ -124,21 +125,21 @@ class SocketConnection:
 
 
 class SocketTransport:
-    """The same for programs that may wait, never in the loop."""
+    """The same for programs that may block; never in the loop."""
 
     def __init__(self, path: str) -> None:
         """
         Connect.
 
-        :raises OSError: nobody is there.
+        :raises OSError: no process serves it.
         """
         self._connection = SocketConnection(path)
 
     def transfer(self, address: int, data: bytes, size: int) -> bytes:
         """
-        Do one transaction, and wait for it.
+        Perform one transaction, and block until it has ended.
 
-        :raises OSError: it failed, with the errno that Linux has for it.
+        :raises OSError: it failed, with the errno of Linux.
         """
         connection = self._connection
         connection.begin(address, data, size)

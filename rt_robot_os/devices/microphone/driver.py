@@ -15,8 +15,8 @@
 """
 Microphones and WAV files: level, peak, and the samples themselves.
 
-Sound is captured in a process of its own, which also computes the levels. Here a block is copied
-into its topic. The stamp of all topics is that of the first sample of the block.
+Sound is captured in a separate process, which also computes the levels. The driver copies each
+block into its topic. The stamp of all topics is that of the first sample of the block.
 """
 
 from __future__ import annotations
@@ -47,26 +47,27 @@ class Microphone(CaptureDevice):
     SETTINGS = (
         Field('port', str, REQUIRED, 'Sound input: default, its number, or a part of its name '
               '(python3 -m sounddevice lists them), or a file that ends with .wav; sim: a tone.'),
-        Field('sample_rate_hz', int, 48000, 'Samples a second of each channel.', 'Hz', 8000,
+        Field('sample_rate_hz', int, 48000, 'Samples per second of each channel.', 'Hz', 8000,
               192000),
-        Field('channels', int, 1, 'Channels, side by side in each block.', minimum=1, maximum=16),
+        Field('channels', int, 1, 'Channels, interleaved in each block.', minimum=1, maximum=16),
         Field('block', int, 960, 'Samples of each channel in a block; 960 are 20 ms at 48 kHz.',
               minimum=16, maximum=48000),
         Field('topic', str, 'sound/samples', 'Topic of the samples; empty for none.'),
         Field('level_topic', str, 'sound/level', 'Topic of the level (root mean square); empty '
               'for none.'),
         Field('peak_topic', str, 'sound/peak', 'Topic of the highest peak; empty for none.'),
-        Field('time_topic', str, 'sound/time', 'Topic that tells when the first sample of each '
-              'block was taken; empty for none.'),
-        Field('frame_id', str, 'microphone_link', 'Coordinate frame, told as the source of the '
-              'time.'),
+        Field('time_topic', str, 'sound/time',
+              'Topic of the time of the first sample of each block; empty for none.'),
+        Field('frame_id', str, 'microphone_link',
+              'Coordinate frame, published as the source of the time.'),
         Field('depth', int, 16, 'Blocks that each topic keeps.', choices=(2, 4, 8, 16, 32, 64)),
-        Field('loop', bool, True, 'Begin a file anew at its end.'),
-        Field('latency_s', float, 0.0, 'Time from the air to the sound card, taken off the stamp.',
+        Field('loop', bool, True, 'Repeat a file at its end.'),
+        Field('latency_s', float, 0.0,
+              'Time from the air to the sound card, subtracted from the stamp.',
               's', 0.0, 1.0),
     )
     description = 'microphone (PortAudio) or WAV file'
-    IF_SILENT = 'its process runs and records nothing: check that the input is plugged in'
+    IF_SILENT = 'its process runs but records nothing: check that the input is plugged in'
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
@@ -111,9 +112,9 @@ class Microphone(CaptureDevice):
 
     def check(self) -> None:
         """
-        Look at the file, if it is one.
+        Check the path, if the port is a file.
 
-        :raises DeviceError: there is none.
+        :raises DeviceError: it does not exist.
         """
         port = self.settings['port']
         if ('/' in port or port.lower().endswith(('.wav', '.wave'))) and not os.path.exists(port):
@@ -129,7 +130,7 @@ class Microphone(CaptureDevice):
             if key == 'topic':
                 publisher.fill(data)
             elif key == 'time_topic':
-                # Where in the stream the block begins, as the sound card counts it.
+                # The position of the block in the stream, as counted by the sound card.
                 second, rest = divmod(frame.seq * self.settings['block'], self._rate_hz)
                 publisher.msg.time_ref.sec = second & 0x7FFFFFFF
                 publisher.msg.time_ref.nanosec = rest * NS_PER_S // self._rate_hz

@@ -29,7 +29,7 @@ from rt_robot_os.sim.base import NOWHERE
 from rt_robot_os.sim.base import Site
 
 _LISTEN_NS: Final = 50 * NS_PER_MS
-# A quiet room; a voice 1 m away; what a wall between takes away.
+# Levels of a quiet room, of a voice 1 m away, and the attenuation of a wall.
 _ROOM_DB: Final = -60.0
 _VOICE_DB: Final = -20.0
 _WALL_DB: Final = 15.0
@@ -37,12 +37,12 @@ _NEAREST_M: Final = 0.3
 
 
 class SimulatedMicrophone(SimulatedCapture):
-    """A microphone that hears who speaks in the world, or else a tone of 440 Hz at -12 dB."""
+    """A microphone that records speaking people of the world, or a tone of 440 Hz at -12 dB."""
 
     def __init__(self, name: str, settings: Mapping[str, Any], path: Path,
                  site: Site = NOWHERE) -> None:
         """
-        Keep the settings; nothing is plugged in.
+        Store the settings; nothing is plugged in.
 
         :raises ConfigError: a setting is wrong.
         """
@@ -53,7 +53,7 @@ class SimulatedMicrophone(SimulatedCapture):
 
     def pump(self, now_ns: int) -> None:
         """
-        Tell its process how loud it is, and start the process.
+        Pass the level to its process, and start the process.
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
@@ -76,7 +76,7 @@ class SimulatedMicrophone(SimulatedCapture):
             self.port.scene = None
 
     def level_db(self) -> float:
-        """Return how loud it is where the microphone is, in dB below full scale."""
+        """Return the level at the microphone, in dB below full scale."""
         power: float = 10 ** (_ROOM_DB / 10)
         if self.world is None:
             return _ROOM_DB

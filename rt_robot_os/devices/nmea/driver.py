@@ -14,19 +14,19 @@
 
 
 """
-Satellite receivers that speak NMEA 0183, as nearly all do.
+Satellite receivers with NMEA 0183, which nearly all support.
 
-One ``sensor_msgs/msg/NavSatFix`` per epoch, from GGA, else GNS, else RMC, else GLL, and one
+One ``sensor_msgs/msg/NavSatFix`` per epoch, from GGA, otherwise GNS, RMC or GLL, and one
 ``sensor_msgs/msg/TimeReference`` per RMC sentence that has date and time and does not warn (status
-``A``). Which sentence it is is decided in ``source.py``; how position, status, service and
-covariance come about is in ``fix.py``.
+``A``). ``fix_source.py`` selects the sentence; ``fix.py`` derives position, status, service and
+covariance.
 
 A fix is published when its sentence arrives. Receivers that send RMC later may then contradict it
-with the status ``V`` for the same time. The first such fix cannot be taken back; it is counted,
-and from then on this receiver's fixes wait for the RMC of their time (half a second at most).
+with the status ``V`` for the same time. The first such fix cannot be withdrawn; it is counted, and
+from then on this receiver's fixes wait for the RMC of their time (half a second at most).
 
-The stamps are arrivals of sentences. The position is older by what the receiver computed and sent
-before it, usually 50 to 500 ms; TimeReference tells UTC and stamp of the same epoch.
+The stamps are arrivals of sentences. The position is older by the time of computing and sending,
+usually 50 to 500 ms; TimeReference contains UTC and stamp of the same epoch.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from rt_robot_os.devices.serial.device import serial_settings
 from rt_robot_os.devices.serial.device import SerialDevice
 
 _MAX_WAIT_NS: Final = 500 * NS_PER_MS
-# Addresses of sentences without use that are kept, to name them.
+# Limit of the addresses of unused sentences that are kept, to report them.
 _MOST_ADDRESSES: Final = 6
 
 
@@ -67,9 +67,9 @@ class NmeaGps(SerialDevice[NmeaFrame]):
     ) + (
         Field('time_topic', str, 'gps/time', 'Topic of the UTC time; empty publishes none.'),
         Field('uere_m', float, 5.0,
-              'Error of one satellite range, times the dilution of precision where the receiver '
-              'sends no GST. 3 to 6 m is usual for one frequency under open sky; between houses '
-              'it is more.', unit='m', minimum=0.001, maximum=1000.0),
+              'Error of one satellite range, which is multiplied by the dilution of precision if '
+              'the receiver sends no GST. 3 to 6 m is usual for one frequency under open sky; '
+              'between houses it is more.', unit='m', minimum=0.001, maximum=1000.0),
     )
     description = 'Satellite receiver with NMEA 0183 output (GPS, GLONASS, Galileo, BeiDou)'
 
@@ -97,7 +97,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
                                {**frame, 'source': 'gps'}, depth, rate_hz))
 
     def restart(self) -> None:
-        """Forget what the receiver said before it was opened again."""
+        """Reset the state from before it was reopened."""
         self._builder.restart()
         self._source.restart()
         self._waiting = None
@@ -129,17 +129,17 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         return samples + sum(self._take_position(*each) for each in chosen)
 
     def idle(self, now_ns: int) -> int:
-        """Publish a fix whose RMC does not come, and what was held while nothing better came."""
+        """Publish a fix whose RMC is missing, and sentences that were held for a better one."""
         samples = sum(self._take_position(*each) for each in self._source.idle(now_ns))
         if self._waiting is not None and now_ns - self._waiting[1] > _MAX_WAIT_NS:
             samples += self._release()
         return samples
 
     def unused(self) -> str:
-        """Return which sentences came."""
+        """Return which sentences arrived."""
         return (f'it sends {", ".join(sorted(self._others)) or "nothing"} but none of GGA, GNS, '
-                'RMC and GLL, which hold a position: let the receiver send one of them; if it is '
-                'another device, choose its driver')
+                'RMC and GLL, which contain a position: enable one of them in the receiver; if it '
+                'is another device, choose its driver')
 
     def statistics(self) -> DeviceStatistics:
         """Return the current counters."""
@@ -172,7 +172,7 @@ class NmeaGps(SerialDevice[NmeaFrame]):
         return samples
 
     def _take_utc(self, rmc: PositionSentence, arrival_ns: int) -> int:
-        """Publish the time, once where two talkers tell it."""
+        """Publish the time, once if two talkers send it."""
         utc = utc_of(rmc)
         if utc is None:
             return 0

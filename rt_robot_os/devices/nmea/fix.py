@@ -14,25 +14,25 @@
 
 
 """
-What a satellite receiver's sentences say about position, accuracy and systems.
+Position, accuracy and systems from a satellite receiver's sentences.
 
 Rules, in the order in which they were decided:
 
-- Quality 1 and 3 are a fix, 2 and 9 SBAS, 4 and 5 GBAS. Quality 6 (dead reckoning) is no fix: the
-  position is extrapolated, with an error that nobody reports; 7 (typed in) and 8 (simulator)
-  likewise. The mode letters of GNS, RMC and GLL say the same and count as these. Without a fix
+- Quality 1 and 3 are a fix, 2 and 9 SBAS, 4 and 5 GBAS. Quality 6 (dead reckoning) is not a fix:
+  the position is extrapolated, with an unknown error; 7 (typed in) and 8 (simulator) likewise. The
+  mode letters of GNS, RMC and GLL have the same meanings and are treated alike. Without a fix
   position and altitude are NaN, even where the receiver repeats its last position.
-- With no satellite used there is no fix, whatever the quality: a position is computed from
-  ranges, so a receiver that says 0 repeats or extrapolates one. An empty count says nothing, and
-  neither does a 0 where GSA names at least three satellites and RMC does not warn.
-- A fix of a time for which RMC warned (``V``), or was dead reckoning, typed in or simulated
-  (mode ``E``, ``M``, ``S``, ``N``), is no fix.
+- With no satellite used there is no fix, whatever the quality: a position is computed from ranges,
+  so a receiver that reports 0 repeats or extrapolates one. An empty count is ignored, and so is a
+  0 if GSA lists at least three satellites and RMC does not warn.
+- A fix of a time for which RMC warned (``V``), or was dead reckoning, typed in or simulated (mode
+  ``E``, ``M``, ``S``, ``N``), is not a fix.
 - Altitude is above the ellipsoid: height above sea level plus separation. Without the separation
-  it is NaN, as the message asks: sea level is up to 100 m away from the ellipsoid.
+  it is NaN, as the message specifies: sea level is up to 100 m from the ellipsoid.
 - Covariance, east, north, up: from GST of the same or the previous epoch (known); else from the
   dilution of precision (of the sentence itself, else of GSA) times ``uere_m`` (approximated), with
-  twice the horizontal deviation for up when VDOP is not known; else unknown. A dilution or
-  deviation of 0, or 99 and more, is what receivers send for none.
+  twice the horizontal deviation for up if VDOP is unknown; else unknown. A dilution or deviation
+  of 0, or 99 and more, means none.
 - Services are the systems whose sentences were seen: by talker, and for the talker GN by the
   satellites in GSA.
 """
@@ -69,18 +69,18 @@ _STATUS: Final = {
     sentences.RTK_FLOAT: STATUS_GBAS_FIX, sentences.SBAS: STATUS_SBAS_FIX}
 _TALKER_SERVICE: Final = {'GP': SERVICE_GPS, 'GL': SERVICE_GLONASS, 'GA': SERVICE_GALILEO,
                           'GB': SERVICE_COMPASS, 'BD': SERVICE_COMPASS}
-# NMEA 4.10 system ids in GSA, and the satellite numbers by which older receivers tell them.
+# NMEA 4.10 system ids in GSA, and the satellite numbers that identify systems of older receivers.
 _SYSTEM_SERVICE: Final = {'1': SERVICE_GPS, '2': SERVICE_GLONASS, '3': SERVICE_GALILEO,
                           '4': SERVICE_COMPASS}
 _SATELLITE_SERVICE: Final = ((range(1, 33), SERVICE_GPS), (range(65, 97), SERVICE_GLONASS),
                              (range(301, 337), SERVICE_GALILEO),
                              (range(401, 438), SERVICE_COMPASS))
 _NO_DILUTION: Final = 99.0
-# GSA comes less often than GGA from some receivers (every third second from a SiRF-II).
+# Some receivers send GSA less often than GGA (a SiRF-II every third second).
 _GSA_EPOCHS: Final = 5
-# A position in two dimensions needs three.
+# A two-dimensional position needs three satellites.
 _FEWEST_SATELLITES: Final = 3
-# Talkers and systems of GSA; more are noise.
+# Limit of talkers and systems of GSA; more are noise.
 _MOST_SYSTEMS: Final = 16
 _INT32_MAX: Final = 2**31 - 1
 _EPOCH: Final = date(1970, 1, 1)
@@ -94,9 +94,9 @@ class GnssFix:
 
     :ivar status: of ``NavSatStatus``.
     :ivar service: bits of ``NavSatStatus``.
-    :ivar time_ns: UTC time of day that the receiver gave, None if it gave none.
+    :ivar time_ns: UTC time of day of the receiver, None if unknown.
     :ivar latitude_deg: north positive; NaN without a fix, as longitude and altitude.
-    :ivar altitude_m: above the WGS 84 ellipsoid, NaN when not known.
+    :ivar altitude_m: above the WGS 84 ellipsoid, NaN if unknown.
     :ivar variances_m2: east, north, up.
     :ivar covariance_type: of ``NavSatFix``.
     """
@@ -116,19 +116,19 @@ class GnssFix:
 
 
 class FixBuilder:
-    """Collect what the sentences of an epoch say; safe in the loop, keeps the last of each."""
+    """Collect the data of the sentences of an epoch; safe in the loop, keeps the last of each."""
 
     def __init__(self, uere_m: float) -> None:
         """
-        Start with nothing known.
+        Start without data.
 
-        :param uere_m: error of one range, which the dilutions of precision multiply.
+        :param uere_m: error of one range, which is multiplied by the dilutions of precision.
         """
         self._uere_m = uere_m
         self.restart()
 
     def restart(self) -> None:
-        """Forget everything: the stream starts anew."""
+        """Reset everything: the stream restarts."""
         self._service = 0
         self._gst: GstSentence | None = None
         self._previous_ns: int | None = None
@@ -140,15 +140,15 @@ class FixBuilder:
         self._rmc_is_valid = False
 
     def see_talker(self, talker: str) -> None:
-        """Take the first two letters of an address that is used."""
+        """Add the talker (the first two characters) of a used address."""
         self._service |= _TALKER_SERVICE.get(talker, 0)
 
     def see_gst(self, gst: GstSentence) -> None:
-        """Take the standard deviations."""
+        """Add the standard deviations."""
         self._gst = gst
 
     def see_gsa(self, gsa: GsaSentence) -> None:
-        """Take the dilutions, and which systems are used."""
+        """Add the dilutions, and the systems in use."""
         self._gsa = gsa
         self._gsa_epochs = 0
         self._count_used(gsa)
@@ -164,9 +164,9 @@ class FixBuilder:
 
     def see_rmc(self, rmc: PositionSentence) -> bool:
         """
-        Take whether the receiver takes its position back.
+        Check whether the receiver withdraws its position.
 
-        :return: True when it does not.
+        :return: True if it does not.
         """
         valid = rmc.quality in _STATUS
         self._void_ns = None if valid else rmc.time_ns
@@ -174,7 +174,7 @@ class FixBuilder:
         return valid
 
     def without_false_count(self, sentence: PositionSentence) -> PositionSentence:
-        """Return a sentence without its count of 0 satellites where GSA and RMC deny that."""
+        """Return a sentence without its count of 0 satellites if GSA and RMC contradict it."""
         if sentence.satellites != 0 or not self._rmc_is_valid:
             return sentence
         oldest = self._epoch - _GSA_EPOCHS
@@ -182,7 +182,7 @@ class FixBuilder:
         return sentence._replace(satellites=None) if used >= _FEWEST_SATELLITES else sentence
 
     def _count_used(self, gsa: GsaSentence) -> None:
-        """Count the satellites of all systems; one GSA for each may come in an epoch."""
+        """Count the satellites of all systems; an epoch may contain one GSA for each."""
         key = gsa.talker, gsa.system
         before, epoch = self._used.get(key, (0, -1))
         if key in self._used or len(self._used) < _MOST_SYSTEMS:
@@ -203,7 +203,7 @@ class FixBuilder:
         return fix
 
     def is_void(self, time_ns: int | None) -> bool:
-        """Return whether the last RMC takes back what is of this time of day."""
+        """Return whether the last RMC withdraws the position of this time of day."""
         return time_ns is not None and time_ns == self._void_ns
 
     def _covariance(
@@ -226,12 +226,12 @@ class FixBuilder:
 
 
 def is_quality_of_fix(quality: int) -> bool:
-    """Return whether a quality is one of a position computed from ranges."""
+    """Return whether a quality is that of a position computed from ranges."""
     return quality in _STATUS
 
 
 def claims_fix(sentence: PositionSentence) -> bool:
-    """Return whether the quality is one of a fix, and the count of satellites is not 0."""
+    """Return whether the quality is that of a fix, and the count of satellites is not 0."""
     return sentence.quality in _STATUS and sentence.satellites != 0
 
 

@@ -13,25 +13,25 @@
 # limitations under the License.
 
 """
-Which sentence of a satellite receiver becomes the fix, for many give the position, several times.
+Selects the sentence of a satellite receiver that becomes the fix: several contain the position.
 
-Sentences are merged by epoch, which their UTC time of day names, and each epoch gives one fix. GGA
-says most, then GNS, RMC and GLL; the best kind that the receiver sends is the *source*:
+Sentences are merged by epoch, identified by their UTC time of day, and each epoch gives one fix.
+GGA contains most, then GNS, RMC and GLL; the best kind that the receiver sends is the *source*:
 
 - The sentence of the source is published when it arrives. So is a sentence of a better kind, and
-  one of a talker that was not there in the epoch before. All others are held.
+  one of a talker that was absent in the previous epoch. All others are held.
 - An epoch without its source ends when the next one begins, or after two seconds. Then the best
-  sentence that was held is published, late but with its own moment, and its kind becomes the
-  source. So no epoch is lost when a receiver changes its sentences or its talker.
-- A better kind becomes the source when two epochs in a row have it. One that comes once a minute
-  gives the fix of its epoch only.
-- What was held before the first GGA is dropped: the port was opened in the middle of an epoch.
-- Of two talkers (``GPGGA``, ``GLGGA``) the first is the source. Where it has no fix and the other
-  has one, the other takes over; so does GNS where GGA denies its own fix by counting 0 satellites.
-- The same sentence again is a new epoch even where the clock stands still, as it does in some
-  receivers before they know the time. A sentence of the epoch before is late and not used.
+  held sentence is published, late but with its own stamp, and its kind becomes the source. So no
+  epoch is lost when a receiver changes its sentences or its talker.
+- A better kind becomes the source when two consecutive epochs have it. One that arrives once a
+  minute gives the fix of its epoch only.
+- Sentences held before the first GGA are dropped: the port was opened in the middle of an epoch.
+- Of two talkers (``GPGGA``, ``GLGGA``) the first is the source. If it has no fix and the other has
+  one, the other becomes the source; so does GNS if GGA contradicts its own fix with 0 satellites.
+- The same kind of sentence again starts a new epoch, even if the clock does not advance, as in
+  some receivers before they know the time. A sentence of the previous epoch is late and not used.
 
-gpsd merges the sentences of a cycle in the same manner, by their time stamps.
+gpsd also merges the sentences of a cycle by their time stamps.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from rt_robot_os.devices.nmea.sentences import PositionSentence
 
 _RANKS: Final = {'GGA': 0, 'GNS': 1, 'RMC': 2, 'GLL': 3}
 _LONGEST_CYCLE_NS: Final = 2 * NS_PER_S
-# Talkers and kinds of an epoch; more are noise.
+# Limit of talkers and kinds of an epoch; more are noise.
 _MOST_HELD: Final = 16
 
 # Talker and kind.
@@ -59,7 +59,7 @@ class NmeaFixSource:
 
     def __init__(self) -> None:
         self._source: _Key | None = None
-        # Of the epoch before, and of this one.
+        # Of the previous epoch, and of this one.
         self._before: frozenset[_Key] = frozenset()
         self._before_ns: int | None = None
         self._time_ns: int | None = None
@@ -68,7 +68,7 @@ class NmeaFixSource:
         self._given: PositionSentence | None = None
 
     def restart(self) -> None:
-        """Forget everything: the stream begins again."""
+        """Reset everything: the stream restarts."""
         self._source = None
         self._before = frozenset()
         self._before_ns = None
@@ -76,14 +76,14 @@ class NmeaFixSource:
 
     @property
     def is_known(self) -> bool:
-        """Return whether the receiver has shown what it sends."""
+        """Return whether the source is known."""
         return self._source is not None
 
     def take(self, sentence: PositionSentence, arrival_ns: int) -> list[Timed]:
         """
         Receive the next sentence.
 
-        :return: what becomes a fix now, in order; empty when it is held or not used.
+        :return: the sentences that become fixes now, in order; empty if it is held or not used.
         """
         key = (sentence.talker, sentence.kind)
         time_ns = sentence.time_ns
@@ -112,7 +112,7 @@ class NmeaFixSource:
         return [*found, (sentence, arrival_ns)]
 
     def idle(self, now_ns: int) -> list[Timed]:
-        """Return what was held when neither the source nor the next epoch comes."""
+        """Return the held sentence if neither the source nor the next epoch arrives."""
         if self._held and now_ns - self._held[0][1] > _LONGEST_CYCLE_NS:
             return self._end()
         return []
@@ -135,11 +135,11 @@ class NmeaFixSource:
             return key == self._source
         rank, of_source = _RANKS[key[1]], _RANKS[self._source[1]]
         if rank == of_source and key in self._before:
-            return False  # one of two talkers; the source is still to come
+            return False  # one of two talkers; the source may still arrive
         return rank <= of_source and claims_fix(sentence)
 
     def _corrects(self, sentence: PositionSentence) -> bool:
-        """Return whether a sentence has the fix that the one of its epoch had not."""
+        """Return whether a sentence has a fix and the published one of its epoch has none."""
         given = self._given
         if given is None or claims_fix(given) or not claims_fix(sentence):
             return False
@@ -148,7 +148,7 @@ class NmeaFixSource:
         return is_quality_of_fix(given.quality) and bool(sentence.satellites)
 
     def _end(self) -> list[Timed]:
-        """End an epoch: publish what was held if nothing was, and choose the source."""
+        """End an epoch: publish the held sentence if none was published, and choose the source."""
         found: list[Timed] = []
         if self._given is None and self._held:
             found = [min(self._held, key=lambda each: (

@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-What the sentences of a satellite receiver say: GGA, GNS, RMC, GLL, GSA and GST.
+Parse the sentences of a satellite receiver: GGA, GNS, RMC, GLL, GSA and GST.
 
-Fields are empty where the receiver knows nothing, and a number that is none counts as empty: what
-is not written in plain decimal digits (``nan``, ``inf``, ``1_0``, ``1e9``) is no number. A
-sentence that lacks its fields, or whose quality is no number, is none.
+Unknown fields are empty, and an invalid number counts as empty: only plain decimal digits are a
+number (not ``nan``, ``inf``, ``1_0``, ``1e9``). A sentence without its fields, or with an invalid
+quality, is rejected.
 
-The four that hold a position say in four ways how it came about. All are told here by the quality
-of GGA, which the mode letters of the others (NMEA 2.3 and later) translate to.
+The four that contain a position state its origin in four ways. The result always has the quality
+of GGA; the mode letters of the others (NMEA 2.3 and later) are translated to it.
 """
 
 from __future__ import annotations
@@ -44,15 +44,15 @@ RTK_FLOAT: Final = 5
 DEAD_RECKONING: Final = 6
 TYPED_IN: Final = 7
 SIMULATED: Final = 8
-# Of some receivers: corrections of a satellite-based system.
+# Some receivers: corrections of a satellite-based system.
 SBAS: Final = 9
 
-# The mode letters of the other sentences, the one that says most first.
+# The mode letters of the other sentences, the best first.
 _QUALITY_OF_MODE: Final = {
     'R': RTK_FIXED, 'F': RTK_FLOAT, 'P': PRECISE, 'D': DIFFERENTIAL, 'A': AUTONOMOUS,
     'E': DEAD_RECKONING, 'M': TYPED_IN, 'S': SIMULATED, 'N': NO_FIX}
 
-# Bounded, so that no number takes long or overflows.
+# Bounded, so that parsing a number is fast and cannot overflow.
 _NUMBER: Final = re.compile(r'[+-]?(?:\d{1,12}(?:\.\d{0,12})?|\.\d{1,12})', re.ASCII).fullmatch
 _INTEGER: Final = re.compile(r'[+-]?\d{1,6}', re.ASCII).fullmatch
 _CLOCK: Final = re.compile(r'(\d\d)(\d\d)(\d\d)(?:\.(\d{0,12}))?', re.ASCII).fullmatch
@@ -61,21 +61,21 @@ _DATE: Final = re.compile(r'(\d\d)(\d\d)(\d\d)', re.ASCII).fullmatch
 _ANGLE: Final = re.compile(r'(\d{1,3})(\d\d(?:\.\d{0,12})?)', re.ASCII).fullmatch
 # Some receivers round 59.99999 minutes to 60.
 _MOST_MINUTES: Final = 60.0
-# Two digits of the year from here on are of the last century: GPS began in 1980.
+# Two-digit years from here on are in the last century: GPS began in 1980.
 _CENTURY: Final = 80
 _SATELLITES: Final = 12
 
 
 class PositionSentence(NamedTuple):
     """
-    A sentence that says where the receiver is; None for what is empty.
+    A sentence with a position; None for empty fields.
 
     :ivar kind: ``GGA``, ``GNS``, ``RMC`` or ``GLL``.
-    :ivar talker: the two letters before that.
-    :ivar time_ns: UTC time of day, which names the epoch.
+    :ivar talker: the two characters before that.
+    :ivar time_ns: UTC time of day, which identifies the epoch.
     :ivar position_deg: latitude and longitude, north and east positive.
     :ivar quality: as in GGA, whatever the kind.
-    :ivar satellites: how many were used.
+    :ivar satellites: number used.
     :ivar hdop: horizontal dilution of precision.
     :ivar height_m: above mean sea level.
     :ivar separation_m: of the geoid from the ellipsoid.
@@ -134,7 +134,7 @@ def parse(content: str) -> Sentence | None:
     fields = content.split(',')
     address = fields[0]
     reader = _READERS.get(address[2:])
-    # An address that begins with P is a maker's own.
+    # An address that begins with P is proprietary.
     if reader is None or len(address) != 5 or address[0] == 'P':
         return None
     shortest, read = reader
@@ -152,7 +152,7 @@ def _gga(talker: str, fields: _Fields) -> PositionSentence | None:
 
 
 def _gns(talker: str, fields: _Fields) -> PositionSentence | None:
-    # One letter for each system; the best of them made the position.
+    # One letter for each system; the best one determines the quality.
     modes = fields[6]
     quality = next((q for letter, q in _QUALITY_OF_MODE.items() if letter in modes), NO_FIX)
     return PositionSentence(
@@ -187,7 +187,7 @@ def _gst(talker: str, fields: _Fields) -> GstSentence | None:
                        _number(_field(fields, 8)))
 
 
-# Kind -> fields that it must have, the address included, and what reads them.
+# Kind -> number of its fields, including the address, and its parser.
 _READERS: Final[dict[str, tuple[int, Callable[[str, _Fields], Sentence | None]]]] = {
     'GGA': (7, _gga), 'GNS': (7, _gns), 'RMC': (7, _rmc), 'GLL': (5, _gll), 'GSA': (18, _gsa),
     'GST': (8, _gst)}
@@ -213,12 +213,12 @@ def _integer(text: str) -> int | None:
 
 
 def _metres(fields: _Fields, index: int) -> float | None:
-    """Read a length, behind which its unit stands; another unit than metres is not known."""
+    """Parse a length, followed by its unit; only metres are valid."""
     return _number(_field(fields, index)) if _field(fields, index + 1) == 'M' else None
 
 
 def _position(fields: _Fields) -> tuple[float, float] | None:
-    """Read latitude, N or S, longitude, E or W."""
+    """Parse latitude, N or S, longitude, E or W."""
     latitude = _degrees(fields[0], fields[1], 'NS', 90.0)
     longitude = _degrees(fields[2], fields[3], 'EW', 180.0)
     return None if latitude is None or longitude is None else (latitude, longitude)
@@ -236,7 +236,7 @@ def _degrees(text: str, letter: str, letters: str, limit: float) -> float | None
 
 
 def _time_ns(text: str) -> int | None:
-    """Read ``hhmmss.s``; a leap second, 60, is no time of day."""
+    """Parse ``hhmmss.s``; a leap second, 60, is not a time of day."""
     match = _CLOCK(text)
     if match is None:
         return None

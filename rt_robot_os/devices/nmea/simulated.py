@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A simulated satellite receiver, on the robot or going round in a circle."""
+"""A simulated satellite receiver, on the robot or moving on a circle."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _SATELLITES: Final = (2, 5, 7, 13, 15, 18, 20, 30)
 _PDOP, _HDOP, _VDOP = 1.7, 0.9, 1.4
 _SEMI_MAJOR_M: Final = 6378137.0
 _ECCENTRICITY_2: Final = 0.00669437999014
-# How long an error lasts.
+# Correlation time of the error.
 _ERROR_S: Final = 40.0
 
 
@@ -63,11 +63,12 @@ class SimulatedNmea(SimulatedDevice):
               'still.', unit='m/s', minimum=0.0, maximum=100.0),
         Field('sentences', list, ('GGA', 'GSA', 'RMC', 'GST'), 'NMEA sentences of each epoch, in '
               'this order.', choices=('GGA', 'GNS', 'RMC', 'GLL', 'GSA', 'GST')),
-        Field('noise', float, 1.0, 'Error of its position in a world, as a multiple of the '
-              'deviations that it tells; it changes slowly.', minimum=0.0, maximum=1000.0),
+        Field('noise', float, 1.0,
+              'Error of its position in a world, as a multiple of the reported deviations; it '
+              'changes slowly.', minimum=0.0, maximum=1000.0),
     )
     BAUD = 9600
-    # In standard deviations; drawn anew after a long time, such as at first.
+    # In standard deviations; drawn again after a long time, and at first.
     _wandered: Sequence[float] = (0.0, 0.0, 0.0)
     _erred_s = -math.inf
 
@@ -93,7 +94,7 @@ class SimulatedNmea(SimulatedDevice):
         return b''.join(made[kind]() for kind in settings['sentences'])
 
     def foreign(self) -> bytes:
-        """Return what an inertial measurement unit sends."""
+        """Return bytes of an inertial measurement unit."""
         return witmotion.acceleration_frame(0.0, 0.0, 9.8)
 
     def position(self, time_s: float) -> tuple[float, float, float]:
@@ -109,7 +110,7 @@ class SimulatedNmea(SimulatedDevice):
                         radius_m * math.cos(angle), radius_m * math.sin(angle)), course_deg)
 
     def speed_and_altitude(self) -> tuple[float, float]:
-        """Return how fast it goes, in m/s, and how high it is, in m."""
+        """Return its speed in m/s and its height in m."""
         if self.world is None:
             return self.settings['speed_m_s'], ALTITUDE_M
         return (abs(self.world.base.velocity[0]),
@@ -125,7 +126,7 @@ class SimulatedNmea(SimulatedDevice):
         return north, east, up
 
     def _err(self, time_s: float) -> None:
-        """Let the error wander as a Gauss-Markov process of first order."""
+        """Advance the error, a Gauss-Markov process of first order."""
         if time_s == self._erred_s:
             return
         kept = math.exp(-max(time_s - self._erred_s, 0.0) / _ERROR_S)
@@ -146,7 +147,7 @@ class SimulatedNmea(SimulatedDevice):
 
 def _moved(latitude_deg: float, longitude_deg: float, east_m: float, north_m: float
            ) -> tuple[float, float]:
-    """Return latitude and longitude of a place that is a little beside another."""
+    """Return latitude and longitude of a position at a small offset from another."""
     latitude = math.radians(latitude_deg)
     flat = 1 - _ECCENTRICITY_2 * math.sin(latitude) ** 2
     meridian_m = _SEMI_MAJOR_M * (1 - _ECCENTRICITY_2) / flat ** 1.5

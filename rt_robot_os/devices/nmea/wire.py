@@ -16,11 +16,11 @@
 """
 NMEA 0183 framing: ``$``, at most 200 characters, ``*``, the XOR of what is between, a line end.
 
-The standard ends a line with CR LF and limits it to 82 characters. Receivers in use send longer
-ones, recordings often have lost their CR, and some programs make CR CR LF of it: all three end a
-line.
+The standard ends a line with CR LF and limits it to 82 characters. Some receivers send longer
+ones, recordings often have lost their CR, and some programs write CR CR LF: all three are
+accepted.
 
-Sentences from values, for simulated receivers and tests, are made here as well.
+Sentences for simulated receivers and tests are encoded here as well.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ from rt_robot_os.devices.framing import FrameDecoder
 MIN_SENTENCE: Final = 6
 MAX_SENTENCE: Final = 200
 
-# A sentence, or what the end of the buffer has left of one.
+# A sentence, or its part before the end of the buffer.
 SENTENCE: Final = rb'\$(?:[ -#%-)+-~]+(?:\*(?:[0-9A-Fa-f]{2}(?:\r{0,2}(?:\n|\Z))|' \
                   rb'[0-9A-Fa-f]?\Z)|\Z)|\Z)'
 _MATCH: Final = re.compile(SENTENCE).match
 _LINE_FEED: Final = 10
-# What satellite receivers send; other devices, such as VectorNav's, speak in sentences too.
+# Sentences of satellite receivers; other devices, such as VectorNav's, send sentences too.
 _OF_RECEIVERS: Final = frozenset(('GGA', 'GNS', 'RMC', 'GLL', 'GSA', 'GSV', 'GST', 'VTG', 'ZDA',
                                   'TXT', 'GBS', 'DTM'))
 
 
 class NmeaFrame(NamedTuple):
     """
-    One sentence with a good checksum.
+    One sentence with a valid checksum.
 
     :ivar sentence: its bytes, from ``$`` to the line end.
-    :ivar content: what stands between ``$`` and ``*``.
+    :ivar content: the characters between ``$`` and ``*``.
     :ivar end: index just after its last byte in the chunk that completed it.
     """
 
@@ -64,7 +64,7 @@ class NmeaFrame(NamedTuple):
 
     @property
     def address(self) -> str:
-        """Return what stands before the first comma, such as ``GPGGA``."""
+        """Return the characters before the first comma, such as ``GPGGA``."""
         return self.content.partition(',')[0]
 
 
@@ -72,8 +72,8 @@ def sentence_end(buffer: bytes, at: int) -> int:
     """
     Return where the sentence that begins at an index ends.
 
-    :return: index just after its line end, one behind the buffer while it may go on, or 0 when
-        none begins here. Too long a sentence is for the caller to notice.
+    :return: index just after its line end, one behind the buffer while it may continue, or 0 if
+        none begins here. The caller checks the length.
     """
     match = _MATCH(buffer, at)
     if match is None:
@@ -85,13 +85,13 @@ def sentence_end(buffer: bytes, at: int) -> int:
 
 
 def checked(sentence: bytes) -> bytes | None:
-    """Return what is between ``$`` and ``*``, None when the checksum behind it is another."""
+    """Return the characters between ``$`` and ``*``; None if the checksum is wrong."""
     content, _, checksum = sentence[1:].partition(b'*')
     return content if xor(content) == int(checksum[:2], 16) else None
 
 
 def xor(content: bytes) -> int:
-    """Return the NMEA checksum of what stands between ``$`` and ``*``."""
+    """Return the NMEA checksum of the characters between ``$`` and ``*``."""
     return reduce(operator.xor, content, 0)
 
 
@@ -106,7 +106,7 @@ class NmeaDecoder(FrameDecoder[NmeaFrame]):
     end = staticmethod(sentence_end)
 
     def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> NmeaFrame | None:
-        """Read a sentence with a good checksum."""
+        """Decode a sentence with a valid checksum."""
         sentence = buffer[at:end]
         content = checked(sentence)
         if content is None:
@@ -117,7 +117,7 @@ class NmeaDecoder(FrameDecoder[NmeaFrame]):
 # ---- encoding ---------------------------------------------------------------------------------
 
 def sentence(content: str) -> bytes:
-    """Frame what stands between ``$`` and ``*``."""
+    """Encode a sentence from the characters between ``$`` and ``*``."""
     data = content.encode('ascii')
     return b'$%s*%02X\r\n' % (data, xor(data))
 
@@ -127,7 +127,7 @@ def gga(
     satellites: int = 8, hdop: float = 0.9, altitude_m: float = 0.0, separation_m: float = 0.0,
 ) -> bytes:
     """
-    Make a position sentence.
+    Encode a position sentence.
 
     :param altitude_m: above mean sea level.
     :param separation_m: of the geoid above the ellipsoid.
@@ -141,7 +141,7 @@ def rmc(
     time: datetime, latitude_deg: float, longitude_deg: float, *, valid: bool = True,
     speed_m_s: float = 0.0, course_deg: float = 0.0,
 ) -> bytes:
-    """Make a sentence of time, date, speed and course (clockwise from north)."""
+    """Encode a sentence of time, date, speed and course (clockwise from north)."""
     knots = speed_m_s * 3600 / 1852
     return sentence(
         f'GPRMC,{_time(time)},{"A" if valid else "V"},{_position(latitude_deg, longitude_deg)},'
@@ -153,7 +153,7 @@ def gns(
     satellites: int = 8, hdop: float = 0.9, altitude_m: float = 0.0, separation_m: float = 0.0,
 ) -> bytes:
     """
-    Make a position sentence of several systems.
+    Encode a position sentence of several systems.
 
     :param mode: a letter for each system, such as ``A`` (alone), ``D`` (corrected), ``N`` (none).
     """
@@ -163,20 +163,20 @@ def gns(
 
 
 def gll(time: datetime, latitude_deg: float, longitude_deg: float, *, valid: bool = True) -> bytes:
-    """Make a sentence of position and time alone."""
+    """Encode a sentence with only position and time."""
     status = 'A,A' if valid else 'V,N'
     return sentence(f'GPGLL,{_position(latitude_deg, longitude_deg)},{_time(time)},{status}')
 
 
 def gsa(satellites: tuple[int, ...], pdop: float, hdop: float, vdop: float) -> bytes:
-    """Make the sentence of the satellites used, at most twelve, in a three-dimensional fix."""
+    """Encode the sentence of the satellites used, at most twelve, in a three-dimensional fix."""
     used = [f'{number:02d}' for number in satellites[:12]]
     used += [''] * (12 - len(used))
     return sentence(f'GPGSA,A,3,{",".join(used)},{pdop:.1f},{hdop:.1f},{vdop:.1f}')
 
 
 def gst(time: datetime, rms_m: float, north_m: float, east_m: float, up_m: float) -> bytes:
-    """Make the sentence of the standard deviations of the position, without error ellipse."""
+    """Encode the sentence of the standard deviations of the position, without error ellipse."""
     return sentence(f'GPGST,{_time(time)},{rms_m:.1f},,,,{north_m:.2f},{east_m:.2f},{up_m:.2f}')
 
 
@@ -198,10 +198,10 @@ def _degrees_minutes(degrees: float, digits: int) -> str:
 
 
 def is_sentences(data: bytes) -> bool:
-    """Return whether there is a sentence in some bytes."""
+    """Return whether some bytes contain a sentence."""
     return bool(NmeaDecoder().feed(data))
 
 
 def is_of_receiver(data: bytes) -> bool:
-    """Return whether there is a sentence of a satellite receiver in some bytes."""
+    """Return whether some bytes contain a sentence of a satellite receiver."""
     return any(frame.address[2:] in _OF_RECEIVERS for frame in NmeaDecoder().feed(data))

@@ -17,16 +17,16 @@ RoboClaw motor controllers with two encoders, in packet serial mode, on USB or a
 
 A ``geometry_msgs/msg/Twist`` becomes the speeds of both motors; the counters of the encoders
 become ``sensor_msgs/msg/JointState``, voltage and currents ``sensor_msgs/msg/BatteryState``, the
-status bits of the unit bits of ``motor_faults``. At opening the unit is asked what it is and its
-own watchdog is set, so that it stops by itself when this computer does not speak any more. Its
-velocity control is left as it was tuned with the maker's program unless the settings have gains.
+status bits of the unit become bits of ``motor_faults``. At opening the version of the unit is read
+and its own watchdog is set, so that it stops by itself when this computer stops sending. Its
+velocity control keeps the gains tuned with the maker's program unless the settings have others.
 
-In each turn, at ``output_rate_hz``, it is told its speeds (or to stand, when no command is in
-force), asked for its counters, and asked for one more thing in turn. One request is in flight at a
-time; one that gets no good answer is repeated and counted, and a stop waits for nothing.
+In each turn, at ``output_rate_hz``, the driver sends the speeds (or a stop, without an active
+command), requests the counters, and requests one further value in rotation. One request is in
+flight at a time; one without a valid answer is repeated and counted, and a stop is never delayed.
 
-The counters are set far from zero. A unit that lost its power counts from zero again, and is known
-by that at once, wherever it had been: it is set up anew, and costs no wrong odometry.
+The counters are set far from zero. A unit that lost its power counts from zero again, and is
+detected by that immediately: it is set up again, without wrong odometry.
 """
 
 from __future__ import annotations
@@ -55,22 +55,22 @@ from rt_robot_os.devices.roboclaw.wire import RoboClawReply
 from rt_robot_os.devices.roboclaw.wire import RoboClawRequest
 from rt_robot_os.motion.differential import tick_difference
 
-# Asked for in turn, one a turn.
+# Requested in rotation, one per turn.
 _IN_TURN: Final = (wire.STATUS, wire.MAIN_BATTERY, wire.STATUS, wire.CURRENTS, wire.STATUS,
                    wire.TEMPERATURE, wire.STATUS, wire.READ_TIMEOUT)
-# How often a request of the set-up, itself repeated, may be given up.
+# How often a request of the set-up, which is itself repeated, may fail.
 _ATTEMPTS: Final = 3
 _NAMES: Final = {
     wire.VERSION: 'firmware version', wire.SET_TIMEOUT: 'set serial timeout',
     wire.READ_TIMEOUT: 'read serial timeout', wire.SET_PID_1: 'set velocity PID of M1',
     wire.SET_PID_2: 'set velocity PID of M2', wire.ENCODERS: 'read encoders',
     wire.SET_ENCODER_1: 'set encoder 1', wire.SET_ENCODER_2: 'set encoder 2'}
-# The voltage is looked at more often than it is told.
+# The voltage is read more often than it is published.
 _BATTERY_NS: Final = round(0.9 * NS_PER_S)
-# Where the counters begin; a unit whose counters are far from it has lost its power.
+# Initial value of the counters; a unit whose counters are far from it has lost its power.
 _BEGINNING: Final = 1 << 30
 _FAR: Final = 1 << 29
-# Of the status: errors, which are told as they are, and warnings, which have two bits.
+# Bits of the status: errors, which are published unmodified, and warnings, which have two bits.
 _ERRORS: Final = 0x3FFF
 _OVERCURRENTS: Final = 0x3_0000
 _WARNINGS: Final = 0x3FC_0000
@@ -85,20 +85,27 @@ class RoboClaw(MotorBoard[RoboClawReply]):
     SETTINGS = motor_settings(baud=38400, rate_hz=30.0, coast_s=0.2) + (
         Field('address', int, wire.FIRST_ADDRESS, 'Address of the unit in packet serial mode, 128 '
               '(0x80) to 135.', '', wire.FIRST_ADDRESS, wire.LAST_ADDRESS),
-        Field('identity', str, '', 'Part of what it says when it is asked for its version, such '
-              'as 2x15a; any other unit is refused. Empty takes all.'),
-        Field('watchdog_s', float, 0.3, 'The unit stops by itself when it hears nothing for so '
-              'long; in steps of 0.1 s.', 's', 0.1, 25.5),
-        Field('acceleration_m_s2', float, 0.0, 'The unit changes the speed of a wheel by so much '
-              'and no more, stops excepted; 0: at once.', 'm/s^2', 0.0, 100.0),
-        Field('answer_timeout_s', float, 0.03, 'An answer that is not complete after so long is '
-              'lost; on a network or at 9600 baud it takes more.', 's', 0.005, 1.0),
-        Field('velocity_p', float, 0.0, 'Gain P of the velocity control of both motors; with 0 '
-              'all are left as they are stored in the unit.', '', 0.0, 65535.0),
+        Field('identity', str, '',
+              'Part of its version string, such as 2x15a; any other unit is refused. Empty: all '
+              'are accepted.'),
+        Field('watchdog_s', float, 0.3,
+              'The unit stops by itself when it receives nothing for this '
+              'time; in steps of 0.1 s.',
+              's', 0.1, 25.5),
+        Field('acceleration_m_s2', float, 0.0,
+              'Limit of the acceleration of a wheel in the unit, except for stops; 0: none.',
+              'm/s^2', 0.0, 100.0),
+        Field('answer_timeout_s', float, 0.03,
+              'An answer that is not complete after this time is lost; a network or 9600 baud '
+              'needs more.', 's', 0.005, 1.0),
+        Field('velocity_p', float, 0.0,
+              'Gain P of the velocity control of both motors; with 0 all gains remain as stored '
+              'in the unit.', '', 0.0, 65535.0),
         Field('velocity_i', float, 0.0, 'Gain I, if velocity_p is set.', '', 0.0, 65535.0),
         Field('velocity_d', float, 0.0, 'Gain D, if velocity_p is set.', '', 0.0, 65535.0),
-        Field('velocity_qpps', int, 0, 'Pulses a second of a motor at full duty, if velocity_p is '
-              'set.', 'pulses/s', 0, wire.MAX_SPEED),
+        Field('velocity_qpps', int, 0,
+              'Pulses per second of a motor at full duty, if velocity_p is set.',
+              'pulses/s', 0, wire.MAX_SPEED),
     )
     description = 'RoboClaw motor controller, packet serial'
     ANSWERS = True
@@ -106,8 +113,8 @@ class RoboClaw(MotorBoard[RoboClawReply]):
     COUNTS_SURVIVE = True
     IF_SILENT = ('check its power and its wiring, that it is in packet serial mode with this '
                  'address, and the baud rate')
-    IF_GARBAGE = ('check the baud rate and the address, and that it is the device that the '
-                  'configuration says')
+    IF_GARBAGE = ('check the baud rate and the address, and that the connected device is the '
+                  'configured one')
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
@@ -123,7 +130,7 @@ class RoboClaw(MotorBoard[RoboClawReply]):
         self._address: int = settings['address']
         self._exchange = RequestQueue(decoder, round(settings['answer_timeout_s'] * NS_PER_S))
         self._pulses_rad = settings['ticks_per_revolution'] / math.tau
-        # 0 would be without a limit.
+        # 0 would mean no limit.
         self._acceleration = math.ceil(
             settings['acceleration_m_s2'] / settings['wheel_radius_m'] * self._pulses_rad)
         self._watchdog = wire.serial_timeout(self._address, settings['watchdog_s'])
@@ -152,12 +159,12 @@ class RoboClaw(MotorBoard[RoboClawReply]):
     # --- commands --------------------------------------------------------------------------------
 
     def actuate(self, now_ns: int) -> None:
-        """Carry out the command in force, within the limits."""
+        """Execute the active command, within the limits."""
         self._now_ns = now_ns
         super().actuate(now_ns)
 
     def drive(self, left_rad_s: float, right_rad_s: float) -> None:
-        """Tell the unit the speeds of M1 and M2; a command to stand goes before all else."""
+        """Send the speeds of M1 and M2; a command to stop is sent before everything else."""
         moved, before = self._moves, self._orders
         speeds = round(left_rad_s * self._pulses_rad), round(right_rad_s * self._pulses_rad)
         self._moves = speeds != (0, 0)
@@ -165,12 +172,12 @@ class RoboClaw(MotorBoard[RoboClawReply]):
             self._address, *speeds, self._acceleration if self._moves else 0)
         if moved and not self._moves:
             self._interrupt()
-        elif self._orders != before:  # the same is told again in each turn
+        elif self._orders != before:  # it is repeated in each turn
             self._exchange.put_first(self._current_orders)
             self._send_what_is_due()
 
     def halt(self) -> None:
-        """Take the current off both motors: no velocity control can wind itself up then."""
+        """Switch off both motors: then no velocity control can wind up."""
         self._moves = False
         self._orders = self._stop
         self._interrupt()
@@ -195,7 +202,7 @@ class RoboClaw(MotorBoard[RoboClawReply]):
         self._set_up()
 
     def _set_up(self) -> None:
-        """Begin the set-up, which everything but commands to stand waits for."""
+        """Start the set-up; everything except commands to stop waits for it."""
         ask = functools.partial(wire.ask, self._address)
         self._set_ups += 1
         self._attempts = 0
@@ -208,14 +215,14 @@ class RoboClaw(MotorBoard[RoboClawReply]):
         return wire.timeout_tenths(settings['watchdog_s']) / 10.0
 
     def is_set_up(self) -> bool:
-        """Return whether the unit has been asked what it is, and its watchdog is set."""
+        """Return whether the version of the unit is known, and its watchdog is set."""
         return not self._setup
 
     def write(self, now_ns: int) -> None:
         """
-        Begin the turn that is due, or go on with the set-up.
+        Start the turn that is due, or continue the set-up.
 
-        :raises DeviceError: the port is gone, or it is not the unit that the settings say.
+        :raises DeviceError: the port is gone, or the unit does not match the settings.
         """
         if self._problem:
             raise DeviceError(f'{self.name}: {self._problem}')
@@ -234,9 +241,9 @@ class RoboClaw(MotorBoard[RoboClawReply]):
 
     def _try_set_up(self) -> None:
         """
-        Send what comes next of the set-up, again if it has been given up.
+        Send the next request of the set-up, again if it has failed.
 
-        :raises DeviceError: it never answers that, although it answers other things.
+        :raises DeviceError: it never answers that request, although it answers others.
         """
         self._attempts += 1
         if self._attempts > _ATTEMPTS and self._decoder.frames > self._frames_before:
@@ -259,7 +266,7 @@ class RoboClaw(MotorBoard[RoboClawReply]):
         return self._setup[0] if self._setup else self._orders
 
     def idle(self, now_ns: int) -> int:
-        """Send what waited for the answer that has just come, and see to what got none."""
+        """Send the requests that waited for an answer, and handle missing answers."""
         self._now_ns = now_ns
         self._send_what_is_due()
         exchange = self._exchange
@@ -327,7 +334,7 @@ class RoboClaw(MotorBoard[RoboClawReply]):
             self.log.warn('it has lost its power: brought to rest and set up again',
                           throttle_s=1.0)
             self.rest()
-            self._watch(arrival_ns)  # what its wheels did meanwhile says nothing of them
+            self._watch(arrival_ns)  # the motion meanwhile says nothing about the wheels
             self._set_up()
             return 0
         return self.update_counts(*wire.encoder_counts(data), arrival_ns)
@@ -367,7 +374,7 @@ class RoboClaw(MotorBoard[RoboClawReply]):
         return 0
 
     def motor_counters(self) -> dict[str, Value]:
-        """Return what ``/diagnostics`` shows."""
+        """Return the values for ``/diagnostics``."""
         counters, exchange = super().motor_counters(), self._exchange
         status = wire.status_text(self._status)
         return {
@@ -381,7 +388,7 @@ class RoboClaw(MotorBoard[RoboClawReply]):
 
 
 def _gains(address: int, settings: Mapping[str, Any]) -> tuple[RoboClawRequest, ...]:
-    """Return the commands of the velocity control; none when it is to be left as it is."""
+    """Return the commands of the velocity control; none if it is not changed."""
     if not settings['velocity_p']:
         return ()
     return tuple(wire.gains(

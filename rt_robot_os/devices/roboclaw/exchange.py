@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-The dialogue with a RoboClaw: one request in flight, the others wait for their turn.
+The request queue of a RoboClaw: one request in flight, the others wait for their turn.
 
-It never waits: whoever owns it asks what is to be sent, and tells what came. A request without an
-answer is sent again, and given up after a few times. Before anything follows a failure the line is
-left alone for longer than the unit remembers half a request, so that what comes late is not taken
-for the next answer. Only what cannot wait is sent while an answer is on its way; the unit answers
-in the order in which it was asked.
+It never blocks: the driver asks for the next request to send, and reports answers. A request
+without an answer is repeated, and fails after a few times. After a failure nothing is sent for
+longer than the unit keeps a partial request, so that a late answer is not used for the next
+request. Only urgent requests are sent while an answer is in flight; the unit answers in the order
+of the requests.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from rt_robot_os.devices.roboclaw.wire import RoboClawDecoder
 from rt_robot_os.devices.roboclaw.wire import RoboClawRequest
 
 TRIES: Final = 3
-# Several are made for each turn; more than that waits only for a unit that answers nothing.
+# Each turn adds several; more than this wait only if the unit does not answer.
 MOST_WAITING: Final = 16
-# One, and some that interrupted it.
+# One, and some urgent ones.
 _MOST_FLYING: Final = 4
 
-# When a request was sent that did not know the time.
+# Time of a request that was sent before the time was known.
 _NOW: Final = -1
 _QUIET_NS: Final = round(1.5 * GAP_S * NS_PER_S)
 
@@ -50,14 +50,14 @@ class RequestQueue:
     """
     The requests for one unit; safe in the real-time loop.
 
-    :ivar timeouts: requests that nothing, or too little, came upon in time.
-    :ivar retries: requests that were sent again, for a time-out or a wrong answer.
-    :ivar given_up: requests that were given up.
+    :ivar timeouts: requests without a complete answer in time.
+    :ivar retries: requests that were repeated, after a time-out or a wrong answer.
+    :ivar given_up: requests that failed finally.
     """
 
     def __init__(self, decoder: RoboClawDecoder, answer_ns: int) -> None:
         """
-        Begin with nothing to send.
+        Start with nothing to send.
 
         :param answer_ns: how long an answer may take to be complete.
         """
@@ -65,7 +65,7 @@ class RequestQueue:
         self._decoder = decoder
         self._answer_ns = answer_ns
         self._waiting: deque[Make] = deque()
-        # With the number of times that they have been sent.
+        # With the number of times that each has been sent.
         self._flying: deque[tuple[Make, int]] = deque()
         self._again: deque[tuple[Make, int]] = deque()
         self._last: Make | None = None
@@ -78,7 +78,7 @@ class RequestQueue:
         return not (self._flying or self._again or self._waiting)
 
     def clear(self) -> None:
-        """Forget everything: the port has just been opened."""
+        """Reset everything: the port was just opened."""
         self._decoder.reset()
         self._waiting.clear()
         self._flying.clear()
@@ -87,9 +87,9 @@ class RequestQueue:
 
     def add(self, make: Make) -> None:
         """
-        Let a request wait for its turn.
+        Add a request to the queue.
 
-        :param make: makes it when it is sent, each time anew.
+        :param make: called to make it each time it is sent.
         """
         if len(self._waiting) < MOST_WAITING:
             self._waiting.append(make)
@@ -98,9 +98,9 @@ class RequestQueue:
 
     def put_first(self, make: Make) -> None:
         """
-        Let a request be the next one; if it waits already, it moves ahead.
+        Put a request first; if it waits already, it moves ahead.
 
-        After itself another one has its turn first, so that it starves nothing.
+        After it another one is sent first, so that it starves no other.
         """
         if make in self._waiting:
             self._waiting.remove(make)
@@ -108,9 +108,9 @@ class RequestQueue:
 
     def interrupt(self, make: Make) -> bytes:
         """
-        Return a request that cannot wait: it is sent at once, whatever is in flight.
+        Return an urgent request: the caller sends it immediately, whatever is in flight.
 
-        Its time begins with the next :meth:`due`.
+        Its time-out starts with the next :meth:`due`.
         """
         if self._decoder.failed:
             self._put_back()
@@ -121,7 +121,7 @@ class RequestQueue:
         return self._send(make, 0, _NOW)
 
     def due(self, now_ns: int) -> bytes:
-        """Return what is to be sent now, as a rule nothing."""
+        """Return the bytes to send now, usually none."""
         if self._flying:
             if self._sent_ns == _NOW:
                 self._sent_ns = now_ns
@@ -143,7 +143,7 @@ class RequestQueue:
         return self._send(make, 0, now_ns)
 
     def answered(self) -> None:
-        """Take note that the answer to the request that was sent first came."""
+        """Record the answer to the request that was sent first."""
         if self._flying:
             self._flying.popleft()
 
@@ -155,7 +155,7 @@ class RequestQueue:
         return request.data
 
     def _put_back(self) -> None:
-        """Have all that is in flight sent again, what was sent last before the others."""
+        """Repeat all requests in flight, the last one first."""
         self._decoder.abandon()
         while self._flying:
             make, tries = self._flying.popleft()

@@ -27,7 +27,7 @@ from rt_robot_os.sim.motor_board import motor_simulation_settings
 from rt_robot_os.sim.motor_board import SimulatedMotorBoard
 
 _OVERCURRENT: Final = 0x1_0000
-# Of a motor that turns, and of one that is blocked.
+# Currents of a motor that turns, and of one that is blocked.
 _CURRENT_A: Final = 1.2
 _OVERCURRENT_A: Final = 31.0
 _ENCODERS: Final = ('left_encoder', 'right_encoder')
@@ -36,22 +36,23 @@ _ALL_RAD_S: Final = 1e6
 
 class SimulatedRoboClaw(SimulatedMotorBoard):
     """
-    A unit; it obeys what the driver sends, with its watchdog and its 10 ms between bytes.
+    A unit; it executes requests, with its watchdog and its limit of 10 ms between bytes.
 
-    :ivar unit: what is inside.
+    :ivar unit: its state and protocol.
     """
 
     SETTINGS = motor_simulation_settings(50.0, 1000.0) + (
-        Field('address', int, wire.FIRST_ADDRESS, 'Its address, as the driver has it, if that is '
-              'known.', '', wire.FIRST_ADDRESS, wire.LAST_ADDRESS),
-        Field('version', str, 'USB Roboclaw 2x15a v4.2.4', 'What it says that it is.'),
+        Field('address', int, wire.FIRST_ADDRESS,
+              'Its address; that of the driver, if known.',
+              '', wire.FIRST_ADDRESS, wire.LAST_ADDRESS),
+        Field('version', str, 'USB Roboclaw 2x15a v4.2.4', 'Its version string.'),
         Field('old_status', bool, False, 'Its status has 16 bits, as in firmware of 2018.'),
     )
     BAUD = 38400
 
     def prepare(self) -> None:
         """
-        Begin as after power on.
+        Start in the state after power-on.
 
         :raises ConfigError: a setting is wrong.
         """
@@ -61,7 +62,7 @@ class SimulatedRoboClaw(SimulatedMotorBoard):
         self.unit = SimulatedUnit(address, settings['version'], settings['old_status'])
         self.unit.battery_v = settings['battery_v']
         self._pulse_rad = math.tau / float(device.get('ticks_per_revolution', self.TICKS))
-        # Speeds on their way to what was told, in pulses a second.
+        # Current speeds on their ramp to the commanded ones, in pulses per second.
         self._speeds = (0.0, 0.0)
         self._moved_ns = 0
         self._has_power = True
@@ -86,11 +87,11 @@ class SimulatedRoboClaw(SimulatedMotorBoard):
         super().pump(now_ns)
 
     def sample(self, time_s: float) -> bytes:
-        """Return nothing: it speaks when it is asked."""
+        """Return nothing: it only answers requests."""
         return b''
 
     def handle_command(self, data: bytes) -> None:
-        """Do what it is told, and answer."""
+        """Execute requests, and answer."""
         if not self._has_power:
             return
         unit = self.unit
@@ -106,7 +107,7 @@ class SimulatedRoboClaw(SimulatedMotorBoard):
             self.reply(answers)
 
     def _turn(self, now_ns: int) -> None:
-        """Have the motors do what the unit was told last; a duty of 0 brakes them."""
+        """Drive the motors by the last command; a duty of 0 brakes them."""
         took_s, self._moved_ns = (now_ns - self._moved_ns) / NS_PER_S, now_ns
         drive = self.unit.drive
         if not drive.closed and drive.moves:
@@ -119,7 +120,9 @@ class SimulatedRoboClaw(SimulatedMotorBoard):
         self.hold_speeds(self._seen_speed(0, first), self._seen_speed(1, second))
 
     def _seen_speed(self, channel: int, pulses_s: float) -> float:
-        """Return the speed that comes of one in pulses a second: a blind control gives all."""
+        """
+        Return the wheel speed for a commanded one in pulses per second; full if it sees no counts.
+        """
         if pulses_s and self.has_fault(_ENCODERS[channel]):
             return math.copysign(_ALL_RAD_S, pulses_s)
         return pulses_s * self._pulse_rad

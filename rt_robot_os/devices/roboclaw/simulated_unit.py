@@ -13,10 +13,9 @@
 # limitations under the License.
 
 """
-What is inside a simulated RoboClaw: what it makes of bytes, what it remembers, what it loses.
+The state and protocol of a simulated RoboClaw: parsing, memory, loss of power.
 
-It knows nothing of time and wheels but what it is told, so that it is the same on a line of its
-own and in a world.
+It receives time and wheel motion from outside, so that it is the same on a line and in a world.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from typing import NamedTuple
 
 from rt_robot_os.devices.roboclaw import wire
 
-# Bytes of data of each command that sets something.
+# Size of the data of each command that sets a value.
 _ARGUMENTS: Final = {
     wire.SET_TIMEOUT: 1, wire.SET_ENCODER_1: 4, wire.SET_ENCODER_2: 4, wire.SET_PID_1: 16,
     wire.SET_PID_2: 16, wire.DUTY: 4, wire.SPEED: 8, wire.SPEED_ACCEL: 12}
@@ -39,10 +38,10 @@ _TENTH_NS: Final = 100_000_000
 
 class MotorOutput(NamedTuple):
     """
-    What the motors are told.
+    The commanded outputs of the motors.
 
-    :ivar closed: ``first`` and ``second`` are speeds in pulses a second; otherwise duty cycles.
-    :ivar acceleration: in pulses a second squared; 0 = at once.
+    :ivar closed: ``first`` and ``second`` are speeds in pulses per second; otherwise duty cycles.
+    :ivar acceleration: in pulses per second squared; 0 = no limit.
     """
 
     closed: bool = False
@@ -52,7 +51,7 @@ class MotorOutput(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Return whether a motor is told to turn."""
+        """Return whether a motor is commanded to turn."""
         return bool(self.first or self.second)
 
 
@@ -60,11 +59,11 @@ class SimulatedUnit:
     """
     One unit.
 
-    :ivar drive: what it was told last, or its watchdog made of it.
+    :ivar drive: the last command, or the stop of its watchdog.
     :ivar timeout_tenths: of its watchdog, in 0.1 s; 0 = none.
-    :ivar offsets: what the counters of the encoders showed before the wheels turned.
+    :ivar offsets: values of the counters at zero angle of the wheels.
     :ivar gains: data of the last command of each velocity control, by command.
-    :ivar dropped: requests that it could not read.
+    :ivar dropped: invalid requests.
     """
 
     def __init__(self, address: int, version: str, old_status: bool) -> None:
@@ -80,7 +79,7 @@ class SimulatedUnit:
         self.power_on()
 
     def power_on(self) -> None:
-        """Begin without anything that was set."""
+        """Reset all settings."""
         self.drive = MotorOutput()
         self.timeout_tenths = 0
         self.offsets = [0, 0]
@@ -90,16 +89,16 @@ class SimulatedUnit:
         self._told_ns = 0
 
     def watch(self, now_ns: int) -> None:
-        """Stop when nothing has come for longer than the watchdog allows."""
+        """Stop when nothing has arrived for longer than the watchdog allows."""
         limit_ns = self.timeout_tenths * _TENTH_NS
         if limit_ns and now_ns - self._told_ns > limit_ns:
             self.drive = MotorOutput()
 
     def handle_command(self, data: bytes, now_ns: int) -> bytes:
         """
-        Take bytes, and return the answers.
+        Receive bytes, and return the answers.
 
-        :param data: what came at once; half a request is remembered for 10 ms.
+        :param data: bytes that arrived together; a partial request is kept for 10 ms.
         """
         if now_ns - self._heard_ns > _GAP_NS:
             self._held = b''
@@ -117,7 +116,7 @@ class SimulatedUnit:
         return answers
 
     def _size(self, buffer: bytes) -> int:
-        """Return the size of the request; 0 when that is not there yet, -1 when it is none."""
+        """Return the size of the request; 0 if incomplete, -1 if invalid."""
         if buffer[0] != self.address:
             return -1
         if len(buffer) < 2:

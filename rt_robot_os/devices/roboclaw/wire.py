@@ -13,15 +13,15 @@
 # limitations under the License.
 
 """
-RoboClaw packet serial: requests ``address command data CRC``, each answered on its own.
+RoboClaw packet serial: requests ``address command data CRC``, each with its own answer.
 
-The CRC is CRC-16/XMODEM, big-endian as all numbers are. A request that sets something carries one
-and is answered by one byte, 0xFF; a request that asks for something carries none, and the answer
-has one over address, command and data. Nothing in an answer tells what it answers, so the decoder
-has to be told what has been asked; the CRC then tells an answer to something else.
+The CRC is CRC-16/XMODEM, big-endian as all numbers are. A request that sets a value has a CRC and
+is answered by one byte, 0xFF; a request that reads a value has none, and its answer has one over
+address, command and data. An answer does not identify its request, so the decoder must know the
+requests; the CRC then detects an answer to another one.
 
-The unit drops a request whose bytes come more than 10 ms apart. Answers of simulated units and of
-tests are made here as well.
+The unit drops a request whose bytes arrive more than 10 ms apart. Answers for simulated units and
+tests are encoded here as well.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from rt_robot_os.devices.framing import StreamDecoder
 FIRST_ADDRESS: Final = 0x80
 LAST_ADDRESS: Final = 0x87
 ACKNOWLEDGED: Final = b'\xff'
-# A unit forgets what it has of a request after such a gap.
+# A unit drops a partial request after such a gap.
 GAP_S: Final = 0.01
 
 SET_TIMEOUT: Final = 14
@@ -56,7 +56,7 @@ ENCODERS: Final = 78
 TEMPERATURE: Final = 82
 STATUS: Final = 90
 
-# What the bits of the status mean.
+# Meaning of the status bits.
 STATUS_WORDS: Final = {
     0x1: 'emergency stop', 0x2: 'temperature error', 0x4: 'temperature 2 error',
     0x8: 'main voltage too high', 0x10: 'logic voltage too high', 0x20: 'logic voltage too low',
@@ -68,7 +68,7 @@ STATUS_WORDS: Final = {
     0x40_0000: 'S4 triggered', 0x80_0000: 'S5 triggered', 0x100_0000: 'speed error limit',
     0x200_0000: 'position error limit'}
 
-# Of PID gains.
+# Scale of PID gains.
 GAIN_ONE: Final = 65536
 BATTERY_V: Final = 0.1
 CURRENT_A: Final = 0.01
@@ -77,19 +77,19 @@ FULL_DUTY: Final = 32767
 MAX_SPEED: Final = 2**31 - 1
 
 _CRC: Final = 2
-# Of a version, its NUL included.
+# Longest version, including its NUL.
 _LONGEST_TEXT: Final = 48
 _SIZES: Final = {READ_TIMEOUT: 1, MAIN_BATTERY: 2, CURRENTS: 4, ENCODERS: 8, TEMPERATURE: 2}
 _STATUS: Final = 4
 _OLD_STATUS: Final = 2
-# Bits of the status of old firmware, in the order of theirs, as they are in the new one.
+# Bits of the status of old firmware, in their order, as bits of the new one.
 _OLD_BITS: Final = (0x10000, 0x20000, 0x1, 0x2, 0x4, 0x8, 0x10, 0x20, 0x40, 0x80, 0x40000, 0x80000,
                     0x100000, 0x200000, 0, 0)
 
 
 class RoboClawRequest(NamedTuple):
     """
-    What is sent to a unit.
+    A request to a unit.
 
     :ivar data: its bytes.
     """
@@ -111,8 +111,8 @@ class RoboClawReply(NamedTuple):
     """
     The answer to a request.
 
-    :ivar request: what was asked.
-    :ivar data: without the CRC; of an acknowledgement nothing.
+    :ivar request: the answered request.
+    :ivar data: without the CRC; empty for an acknowledgement.
     :ivar size: bytes on the line.
     :ivar end: index just after its last byte in the chunk that completed it.
     """
@@ -127,11 +127,11 @@ class RoboClawDecoder(StreamDecoder[RoboClawReply]):
     """
     Find the answers to the requests that were sent; safe in the loop, keeps at most 50 bytes.
 
-    An answer begins with the first byte after the request, or after the answer before. When one is
-    wrong nothing is used of what comes up to the next request.
+    An answer begins with the first byte after the request, or after the previous answer. After a
+    wrong one all bytes up to the next request are rejected.
 
-    :ivar failed: the bytes that came were no answer to the request; it is to be sent again.
-    :ivar status_bytes: size of a status: 4, of old firmware 2.
+    :ivar failed: the bytes were not the answer to the request, which must be repeated.
+    :ivar status_bytes: size of a status: 4, with old firmware 2.
     """
 
     def __init__(self) -> None:
@@ -142,22 +142,22 @@ class RoboClawDecoder(StreamDecoder[RoboClawReply]):
 
     def expect(self, request: RoboClawRequest, behind: bool = False) -> None:
         """
-        Wait for the answer to a request.
+        Expect the answer to a request.
 
-        :param behind: it comes behind those that are waited for; else what is pending is rejected.
+        :param behind: it follows other expected answers; otherwise pending bytes are rejected.
         """
         if not behind:
             self.abandon()
         self._expected.append(request)
 
     def abandon(self) -> None:
-        """Expect nothing any more; what comes is rejected."""
+        """Expect nothing; bytes are rejected."""
         super().reset()
         self.failed = False
         self._expected.clear()
 
     def reset(self) -> None:
-        """Reject what is pending: the stream starts anew, perhaps that of another unit."""
+        """Reject the pending bytes: the stream restarts, perhaps that of another unit."""
         self.abandon()
         self.status_bytes = _STATUS
 
@@ -192,9 +192,10 @@ class RoboClawDecoder(StreamDecoder[RoboClawReply]):
 
     def learn(self) -> bool:
         """
-        Look whether what is pending is the shorter status of old firmware; the next is read so.
+        Check whether the pending bytes are the shorter status of old firmware; later ones are
+        decoded so.
 
-        To be asked when nothing more has come for a while: only then is it known to be all.
+        To be called when no more bytes have arrived for a while: only then is it complete.
         """
         if not self._expected or self.status_bytes == _OLD_STATUS:
             return False
@@ -207,7 +208,7 @@ class RoboClawDecoder(StreamDecoder[RoboClawReply]):
         return True
 
     def _size(self, request: RoboClawRequest, buffer: bytes) -> int:
-        """Return the bytes of the answer in a buffer; 0 = not all there, -1 = it is none."""
+        """Return the size of the answer in a buffer; 0 = incomplete, -1 = invalid."""
         if not request.asks:
             return 0 if not buffer else 1 if buffer[:1] == ACKNOWLEDGED else -1
         if request.command == VERSION:
@@ -223,7 +224,7 @@ class RoboClawDecoder(StreamDecoder[RoboClawReply]):
 
 
 def crc(data: bytes) -> int:
-    """Return the CRC-16/XMODEM; 0 of bytes with their own CRC behind them."""
+    """Return the CRC-16/XMODEM; 0 for bytes followed by their own CRC."""
     return crc_hqx(data, 0)
 
 
@@ -235,17 +236,17 @@ def ask(address: int, command: int) -> RoboClawRequest:
 
 
 def order(address: int, command: int, data: bytes) -> RoboClawRequest:
-    """Make a request that sets something."""
+    """Encode a request that sets a value."""
     content = bytes((address, command)) + data
     return RoboClawRequest(content + crc(content).to_bytes(_CRC, 'big'))
 
 
 def speeds(address: int, first: int, second: int, acceleration: int = 0) -> RoboClawRequest:
     """
-    Make the command of both speeds.
+    Encode the command for both speeds.
 
-    :param first: of motor M1, in quadrature pulses a second; limited to 32 bits, as the others.
-    :param acceleration: in quadrature pulses a second squared; 0 goes there at once.
+    :param first: of motor M1, in quadrature pulses per second; limited to 32 bits, as the others.
+    :param acceleration: in quadrature pulses per second squared; 0 = no limit.
     """
     both = _limited(first), _limited(second)
     if acceleration:
@@ -255,23 +256,23 @@ def speeds(address: int, first: int, second: int, acceleration: int = 0) -> Robo
 
 
 def duty(address: int, first: int, second: int) -> RoboClawRequest:
-    """Make the command of both duty cycles, full at 32767; it leaves speed control."""
+    """Encode the command for both duty cycles, full at 32767; it leaves speed control."""
     return order(address, DUTY, struct.pack('>hh', first, second))
 
 
 def timeout_tenths(seconds: float) -> int:
-    """Return the steps of 0.1 s that the unit's own watchdog is set to; 0 = none."""
+    """Return the time of the unit's own watchdog in steps of 0.1 s; 0 = none."""
     return min(max(round(seconds * 10), 0), 255)
 
 
 def serial_timeout(address: int, seconds: float) -> RoboClawRequest:
-    """Make the command of the unit's own watchdog: in steps of 0.1 s, 0 = none."""
+    """Encode the command for the unit's own watchdog: in steps of 0.1 s, 0 = none."""
     return order(address, SET_TIMEOUT, bytes((timeout_tenths(seconds),)))
 
 
 def encoder(address: int, command: int, count: int) -> RoboClawRequest:
     """
-    Make the command that sets the counter of an encoder; it is lost with the power.
+    Encode the command that sets the counter of an encoder; it is lost with the power.
 
     :param command: ``SET_ENCODER_1`` or ``SET_ENCODER_2``.
     """
@@ -280,7 +281,7 @@ def encoder(address: int, command: int, count: int) -> RoboClawRequest:
 
 def gains(address: int, command: int, p: float, i: float, d: float, qpps: int) -> RoboClawRequest:
     """
-    Make the command of the velocity control of a motor; it is lost with the power.
+    Encode the command for the velocity control of a motor; it is lost with the power.
 
     :param command: ``SET_PID_1`` (M1) or ``SET_PID_2`` (M2).
     :param qpps: speed of the motor at full duty.
@@ -296,28 +297,28 @@ def _limited(speed: int) -> int:
 # ---- answers ------------------------------------------------------------------------------------
 
 def answer(address: int, command: int, data: bytes) -> bytes:
-    """Make the answer to a request for data."""
+    """Encode the answer to a request for data."""
     return data + crc(bytes((address, command)) + data).to_bytes(_CRC, 'big')
 
 
 def old_status(bits: int) -> bytes:
-    """Make the data of the status of old firmware, of the bits of a new one."""
+    """Encode a new status as the data of old firmware."""
     return sum(1 << place for place, bit in enumerate(_OLD_BITS) if bits & bit).to_bytes(2, 'big')
 
 
 def encoder_counts(data: bytes) -> tuple[int, int]:
-    """Read the answer to ``ENCODERS``: counts of M1 and M2, 32 bits that wrap."""
+    """Decode the answer to ``ENCODERS``: counts of M1 and M2, 32 bits that wrap."""
     first, second = struct.unpack('>II', data)
     return first, second
 
 
 def unsigned(data: bytes) -> int:
-    """Read the answer to ``MAIN_BATTERY``, ``TEMPERATURE`` or ``READ_TIMEOUT``."""
+    """Decode the answer to ``MAIN_BATTERY``, ``TEMPERATURE`` or ``READ_TIMEOUT``."""
     return int.from_bytes(data, 'big')
 
 
 def status_bits(data: bytes) -> int:
-    """Read the answer to ``STATUS``; that of old firmware becomes the bits of the new one."""
+    """Decode the answer to ``STATUS``; that of old firmware is converted to the new bits."""
     bits = int.from_bytes(data, 'big')
     if len(data) > _OLD_STATUS:
         return bits
@@ -325,16 +326,16 @@ def status_bits(data: bytes) -> int:
 
 
 def status_text(bits: int) -> str:
-    """Return a status in words; empty when all is well."""
+    """Return a status as text; empty without an error."""
     return ', '.join(words for bit, words in STATUS_WORDS.items() if bits & bit)
 
 
 def currents_a(data: bytes) -> tuple[float, float]:
-    """Read the answer to ``CURRENTS``: of M1 and M2."""
+    """Decode the answer to ``CURRENTS``: of M1 and M2."""
     first, second = struct.unpack('>hh', data)
     return first * CURRENT_A, second * CURRENT_A
 
 
 def version_text(data: bytes) -> str:
-    """Read the answer to ``VERSION``, such as ``USB Roboclaw 2x15a v4.2.4``."""
+    """Decode the answer to ``VERSION``, such as ``USB Roboclaw 2x15a v4.2.4``."""
     return ''.join(chr(c) for c in data if 0x20 <= c < 0x7F).strip()

@@ -16,9 +16,9 @@
 """
 The serial device: everything between a port and the frames of a protocol.
 
-The port is a serial line, or what carries the same bytes over a network (``ports.py``).
+The port is a serial line, or carries the same bytes over a network (``network.py``).
 
-A driver for a serial device adds a decoder and says what a frame means; see ``devices/witmotion``.
+A driver for a serial device adds a decoder and handles the frames; see ``devices/witmotion``.
 """
 
 from __future__ import annotations
@@ -52,19 +52,19 @@ from rt_robot_os.devices.signatures import SIGNATURES
 
 # Start bit, eight data bits, stop bit.
 BITS_PER_BYTE: Final = 10
-# Bytes that one job decodes; what else has come waits for the next ones. Enough for 80 kB/s at ten
-# jobs a second, and so few that the worst of bytes take some milliseconds.
+# Limit of the bytes that one job decodes; further bytes wait for the next jobs. Enough for 80 kB/s
+# at ten jobs per second; the worst possible bytes take some milliseconds.
 JOB_BYTES: Final = 8192
-# Bytes that show whose they are: some sentences, or some dozen frames.
+# Bytes kept to identify the sender: some sentences, or some dozen frames.
 _STRANGE: Final = 512
 
 
 class StampedFrame(Protocol):
     """
-    What a decoder gives.
+    A decoded frame.
 
     :ivar end: index just after the last byte of the frame in the chunk that completed it; 0 or
-        less when it had arrived before, hidden in what looked like the beginning of a longer one.
+        less if it arrived in an earlier chunk, within the false start of a longer frame.
     """
 
     @property
@@ -78,7 +78,7 @@ FrameOutT = TypeVar('FrameOutT', bound=StampedFrame, covariant=True)
 
 class SerialDecoder(Protocol[FrameOutT]):
     """
-    What turns bytes into frames, bounded in memory and never raising.
+    Decodes bytes to frames, with bounded memory, and never raises.
 
     Each byte fed is in one of the frames, or rejected, or pending.
 
@@ -93,10 +93,10 @@ class SerialDecoder(Protocol[FrameOutT]):
 
     @property
     def pending_bytes(self) -> int:
-        """Return the number of bytes that wait for the rest of their frame."""
+        """Return the number of bytes kept until the rest of their frame arrives."""
 
     def feed(self, data: bytes) -> Sequence[FrameOutT]:
-        """Decode the next bytes of the stream and give the frames that they complete."""
+        """Decode the next bytes of the stream and return the frames that they complete."""
 
     def reset(self) -> None:
         """Reject the pending bytes: the stream restarts."""
@@ -108,24 +108,24 @@ def serial_settings(
     """
     Declare the settings that every serial device has, with the defaults of one device.
 
-    :param baud: default speed in bits a second.
+    :param baud: default speed in bits per second.
     :param frame_id: default of ``header.frame_id``.
     :param topic: default name of the main topic.
     :param rate_hz: default of the rate at which the device sends.
-    :param rates_hz: the only rates it can send at; empty allows all.
+    :param rates_hz: the only possible rates; empty allows all.
     """
     return (
         Field('port', str, REQUIRED, 'Serial port, best one of /dev/serial/by-id; or '
               'tcp://host:port, udp://host:port, udp-listen://:port, gpsd://host; '
               'sim is a simulated device.'),
-        Field('baud', int, baud, 'Speed of the serial line; 0 for a pty. '
-              'Nothing on a network.', unit='bit/s',
+        Field('baud', int, baud,
+              'Speed of the serial line; 0 for a pty. Ignored on a network.', unit='bit/s',
               minimum=0, maximum=4_000_000),
         Field('frame_id', str, frame_id, 'Coordinate frame of the samples.'),
         Field('topic', str, topic, 'Topic of the samples.'),
         Field('depth', int, 16, 'Samples that each topic keeps.',
               choices=(2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)),
-        Field('output_rate_hz', float, rate_hz, 'Samples a second that the device sends.',
+        Field('output_rate_hz', float, rate_hz, 'Samples per second that the device sends.',
               unit='Hz', minimum=0.05, maximum=10_000.0, choices=rates_hz),
     )
 
@@ -134,9 +134,9 @@ class SerialDevice(Device, Generic[FrameT]):
     """
     A device on a serial port.
 
-    The arrival of a frame is back-dated by the bytes that followed it in the same read, since
-    those took their time on the line; it never lies before the arrival of the frame before. One
-    job decodes ``JOB_BYTES`` at most.
+    The arrival of a frame is back-dated by the transmission time of the bytes that followed it in
+    the same read; it is never before the arrival of the previous frame. One job decodes at most
+    ``JOB_BYTES``.
 
     :cvar make_port: opens its port.
     :cvar TAKES_FORWARDER: its port may be a serial forwarder of motes, ``sf://host:port``.
@@ -152,11 +152,11 @@ class SerialDevice(Device, Generic[FrameT]):
         """
         Store settings and decoder; nothing is opened.
 
-        :param decoder: what turns the bytes into frames.
+        :param decoder: decodes the bytes to frames.
         :raises ConfigError: the port is neither a path nor an address.
         """
         super().__init__(name, settings)
-        # Bytes of a network do not come one by one, so their frames are not dated back.
+        # Bytes of a network do not arrive one by one, so their frames are not back-dated.
         networked = address_of(
             name, 'port', settings['port'], self.TAKES_FORWARDER) is not None
         baud: int = 0 if networked else settings['baud']
@@ -172,7 +172,7 @@ class SerialDevice(Device, Generic[FrameT]):
         self._previous_read_ns = 0
         self._ignored_frames = 0
         self._strange = b''
-        # What came with the last read of the port, at `_came_ns`, and waits for a later job.
+        # Bytes of the last read of the port, at `_came_ns`, that wait for a later job.
         self._left = b''
         self._came_ns = 0
         self._deferred_bytes = 0
@@ -186,15 +186,15 @@ class SerialDevice(Device, Generic[FrameT]):
         """
 
     def restart(self) -> None:
-        """Forget what belongs to the stream so far: the port has just been opened."""
+        """Reset the state of the stream: the port was just opened."""
 
     def is_set_up(self) -> bool:
-        """Return whether the device works; frames before that are no sign of life."""
+        """Return whether the set-up is complete; frames before do not make the device ACTIVE."""
         return True
 
     def idle(self, now_ns: int) -> int:
         """
-        Do what is due without a frame; called at the end of every read.
+        Handle time-outs without a frame; called at the end of every read.
 
         :return: number of samples published.
         """
@@ -202,9 +202,9 @@ class SerialDevice(Device, Generic[FrameT]):
 
     def bind(self, publishers: Sequence[SamplePublisher]) -> None:
         """
-        Take the publishers, and prepare what opening and diagnosing a port need.
+        Bind the publishers, and prepare opening and diagnosing the port.
 
-        :raises TopicError: there are more or fewer of them than publications.
+        :raises TopicError: their number is not that of the publications.
         """
         super().bind(publishers)
         if self.is_live:
@@ -213,7 +213,7 @@ class SerialDevice(Device, Generic[FrameT]):
 
     def open(self) -> None:  # noqa: A003
         """
-        Open the port for us alone; what it had received before is discarded.
+        Open the port exclusively; bytes received before are discarded.
 
         :raises DeviceError: the port cannot be opened.
         """
@@ -243,7 +243,7 @@ class SerialDevice(Device, Generic[FrameT]):
 
     def read(self, now_ns: int) -> int:
         """
-        Read, decode and publish what is there; safe in the loop, does not block.
+        Read, decode and publish the available bytes; safe in the loop, does not block.
 
         :raises DeviceError: the port is gone or was not opened.
         """
@@ -256,7 +256,7 @@ class SerialDevice(Device, Generic[FrameT]):
                 raise DeviceError(f'{self.name}: {error}') from error
             if self.tap is not None:
                 self.tap.read(now_ns, data)
-            # After a gap nobody knows when it came: it may be as old as the gap.
+            # After a gap the arrival is unknown: bytes may be as old as the gap.
             self._came_ns = self.unread_since_ns or now_ns
             if len(data) > JOB_BYTES:
                 data, self._left = data[:JOB_BYTES], data[JOB_BYTES:]
@@ -269,7 +269,7 @@ class SerialDevice(Device, Generic[FrameT]):
         return samples
 
     def _next_part(self, now_ns: int) -> bytes:
-        """Return what this job decodes of what waits; the port is left alone."""
+        """Return the waiting bytes that this job decodes; the port is not read."""
         if self.tap is not None:
             self.tap.read(now_ns, b'')
         left = self._left
@@ -277,11 +277,11 @@ class SerialDevice(Device, Generic[FrameT]):
         return left[:JOB_BYTES]
 
     def _decode(self, data: bytes) -> int:
-        """Use the frames of what came at ``_came_ns``; behind it is what waits."""
+        """Handle the frames of the bytes that arrived at ``_came_ns``; the rest waits."""
         behind = len(data) + len(self._left)
         samples = 0
         frames = self._decoder.feed(data)
-        # Kept for the diagnosis while nothing valid comes.
+        # Kept for the diagnosis while no valid frame arrives.
         self._strange = b'' if frames else (self._strange + data)[-_STRANGE:]
         for frame in frames:
             arrival_ns = self._came_ns - (behind - frame.end) * self._byte_ns
@@ -305,11 +305,11 @@ class SerialDevice(Device, Generic[FrameT]):
             raise DeviceError(f'{self.name}: {error}') from error
 
     def diagnosis(self) -> str:
-        """Return whose bytes those are that came and made no frame."""
+        """Return which device sent the bytes without a valid frame."""
         return SIGNATURES.identify(self._strange, self._baud)
 
     def silence(self) -> str:
-        """Return what to check when nothing comes."""
+        """Return what to check when no bytes arrive."""
         return silence_of(self._port) or self.IF_SILENT
 
     def statistics(self) -> DeviceStatistics:
@@ -337,12 +337,12 @@ class SerialDevice(Device, Generic[FrameT]):
 
     @property
     def is_live(self) -> bool:
-        """Return whether its bytes are those of the world, not of a recording or a test."""
+        """Return whether its bytes come from a port, not from a recording or a test."""
         return self.make_port is open_port
 
     @property
     def pending_bytes(self) -> int:
-        """Return the number of bytes that wait for the rest of their frame."""
+        """Return the number of bytes kept until the rest of their frame arrives."""
         return self._decoder.pending_bytes
 
     @property

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Handshakes: commands that a device has to acknowledge, one after the other; never waits."""
+"""Handshakes: commands that a device must acknowledge, one after the other; never blocks."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class HandshakeStep(NamedTuple):
     One command.
 
     :ivar name: for errors.
-    :ivar data: what is sent.
-    :ivar key: what the driver knows the acknowledgement by.
-    :ivar pause_ns: the device needs this long after the acknowledgement.
+    :ivar data: the bytes to send.
+    :ivar key: identifies the acknowledgement for the driver.
+    :ivar pause_ns: time that the device needs after the acknowledgement.
     """
 
     name: str
@@ -44,18 +44,18 @@ class Handshake:
     """
     A sequence of commands; safe in the real-time loop.
 
-    Each is repeated until it is acknowledged, a few times. The driver asks in its ``write`` what
-    to send, and tells in its ``handle`` that the acknowledgement came.
+    Each is repeated a few times until it is acknowledged. The driver calls :meth:`due` in its
+    ``write`` to send, and :meth:`acknowledged` in its ``handle``.
     """
 
     def __init__(self, name: str, steps: Sequence[HandshakeStep], remedy: str, *,
                  retry_ns: int = 200 * NS_PER_MS, tries: int = 5) -> None:
         """
-        Begin with the first command, which is due at once.
+        Start with the first command, which is due immediately.
 
         :param name: of the device, for errors.
-        :param remedy: what to do when the device does not answer.
-        :param retry_ns: time that it has for an answer.
+        :param remedy: what to do if the device does not answer.
+        :param retry_ns: time-out of an answer.
         """
         self._name = name
         self._steps = list(steps)
@@ -68,7 +68,7 @@ class Handshake:
 
     @property
     def step(self) -> HandshakeStep | None:
-        """Return the command that is not acknowledged yet, None when all are."""
+        """Return the current command; None when all are acknowledged."""
         return self._steps[0] if self._steps else None
 
     @property
@@ -77,14 +77,14 @@ class Handshake:
         return not self._steps
 
     def ready(self, now_ns: int) -> bool:
-        """Return whether all commands are acknowledged, and the pause after the last is over."""
+        """Return whether all commands are acknowledged, and the last pause has passed."""
         return not self._steps and now_ns >= self._due_ns
 
     def due(self, now_ns: int) -> bytes | None:
         """
-        Return what is to be sent now, None when there is nothing.
+        Return the bytes to send now; None if there are none.
 
-        :raises DeviceError: the device has not answered any of the tries.
+        :raises DeviceError: the device has answered none of the tries.
         """
         if not self._steps or now_ns < self._due_ns:
             return None
@@ -101,7 +101,7 @@ class Handshake:
         """
         Repeat the command with the next ``due``.
 
-        :param answer: what the device said, for the error when it never does it.
+        :param answer: the refusal of the device, for the error if it never succeeds.
         """
         self._answer = answer
         self._due_ns = now_ns

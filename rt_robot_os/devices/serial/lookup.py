@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Look up the names of hosts in another process, since the system's resolver blocks.
+Look up the names of hosts in another process, because the system's resolver blocks.
 
-The first look-up is begun when the device is made and mostly over when its port is opened. Later
-ones keep the answer fresh; nobody waits for them. Who writes IP addresses needs none of it.
+The first look-up starts when the device is made and has usually ended when its port is opened.
+Later ones refresh the answer in the background. An IP address needs no look-up.
 """
 
 from __future__ import annotations
@@ -58,13 +58,13 @@ class HostAddress(NamedTuple):
     host: str
 
     def sockaddr(self, port: int) -> tuple[Any, ...]:
-        """Return what socket functions want; asks nobody."""
+        """Return the address for socket functions; needs no look-up."""
         return socket.getaddrinfo(self.host, port, self.family, socket.SOCK_STREAM, 0,
                                   socket.AI_NUMERICHOST)[0][4]
 
 
 def numeric(host: str) -> HostAddress | None:
-    """Read an IP address; empty is any address of this machine, None when it is a name."""
+    """Parse an IP address; empty is any address of this machine; None if it is a name."""
     if not host:
         return HostAddress(socket.AF_INET, '0.0.0.0')
     try:
@@ -75,10 +75,10 @@ def numeric(host: str) -> HostAddress | None:
 
 
 class HostName:
-    """The name of a host and where that was last."""
+    """The name of a host and its last known addresses."""
 
     def __init__(self, name: str) -> None:
-        """Keep the name; nothing is looked up."""
+        """Store the name; nothing is looked up."""
         self._name = name
         self._process: subprocess.Popen[str] | None = None
         self._found: list[HostAddress] = []
@@ -87,7 +87,7 @@ class HostName:
         self._next = 0
 
     def prepare(self) -> None:
-        """Look it up and wait for that, for a short while; not for the loop."""
+        """Look it up and wait briefly for the answer; not for the loop."""
         self._begin()
         process = self._process
         if process is not None and process.stdout is not None:
@@ -96,9 +96,9 @@ class HostName:
 
     def take(self) -> HostAddress:
         """
-        Return an address, with each call the next one of those that the host has; does not wait.
+        Return an address, with each call the next one of the host; does not block.
 
-        :raises DeviceError: the name is not known, or still being looked up.
+        :raises DeviceError: the name is unknown, or still being looked up.
         """
         self._finish(None)
         if self._process is None and time.monotonic() - self._begun_s > (
@@ -112,12 +112,12 @@ class HostName:
             return self._found[(self._next - 1) % len(self._found)]
         if problem:
             raise DeviceError(f'host {self._name!r} is not known ({problem}): check the name and '
-                              'the network, or write its IP address')
-        raise DeviceError(f'host {self._name!r} is being looked up; if that lasts, check the '
-                          'network, or write its IP address')
+                              'the network, or use its IP address')
+        raise DeviceError(f'host {self._name!r} is being looked up; if that takes long, check the '
+                          'network, or use its IP address')
 
     def close(self) -> None:
-        """End a look-up that is under way; without this it ends by itself."""
+        """End a running look-up; otherwise it ends by itself."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()
@@ -134,7 +134,7 @@ class HostName:
                 self._problem = str(error)
 
     def _finish(self, seconds: float | None) -> None:
-        """Take the answer of a look-up that is over; of one that is not after some seconds too."""
+        """Use the answer of a look-up that has ended, or that has taken some seconds."""
         process = self._process
         if process is None:
             return
@@ -154,7 +154,7 @@ class HostName:
             self._found, self._next = found, 0
 
 
-# Names of hosts are as global as the network is.
+# Names of hosts are global, like the network.
 HOSTS: Final[dict[str, HostName]] = {}
 
 

@@ -13,15 +13,15 @@
 # limitations under the License.
 
 """
-Ports on a network: what a serial driver reads may come over TCP and UDP as well.
+Ports on a network: a serial driver can also read from TCP and UDP.
 
-``tcp://host:port`` connects to a device or a serial server, ``gpsd://host`` to a GPSD, which is
-asked for the bytes of its receiver. ``udp://host:port`` exchanges datagrams with one device;
-``udp-listen://[address]:port`` takes what is sent to this machine, from whoever sends first.
-``sf://host:port`` is a serial forwarder of TinyOS, for drivers that speak its protocol.
+``tcp://host:port`` connects to a device or a serial server, ``gpsd://host`` to a GPSD, from which
+the bytes of its receiver are requested. ``udp://host:port`` exchanges datagrams with one device;
+``udp-listen://[address]:port`` receives datagrams sent to this machine, from the first sender.
+``sf://host:port`` is a serial forwarder of TinyOS, for drivers that support its protocol.
 
-Nothing waits: a connection is begun in ``open`` and comes about while the device is read; names of
-hosts are looked up in another process (``lookup.py``).
+Nothing blocks: a connection is started in ``open`` and established while the device is read; names
+of hosts are looked up in another process (``lookup.py``).
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ _FORMS: Final = {
     UDP_LISTEN: 'udp-listen://:port'}
 _FORMS_OF_MOTES: Final = {**_FORMS, FORWARDER: 'sf://host:port'}
 _GPSD_PORT: Final = 2947
-# Raw 2: the bytes as the receiver sent them.
+# Raw 2: the unmodified bytes of the receiver.
 _GPSD_WATCH: Final = b'?WATCH={"enable":true,"raw":2};\n'
-# A device whose cable was pulled neither closes nor answers; unanswered bytes end the connection.
+# A device with a pulled cable neither closes nor answers; unanswered bytes end the connection.
 _UNANSWERED_MS: Final = 5000
 _MAX_DATAGRAM: Final = 65536
 _MAX_READ: Final = 65536
@@ -58,10 +58,10 @@ _RECEIVE_BUFFER: Final = 1 << 18
 @dataclass(frozen=True)
 class NetworkAddress:
     """
-    A port as it is written in the configuration.
+    A port from the configuration.
 
-    :ivar text: as it is written.
-    :ivar host: name or address; empty listens on all addresses.
+    :ivar text: as written.
+    :ivar host: name or address; empty: listen on all addresses.
     """
 
     text: str
@@ -72,11 +72,11 @@ class NetworkAddress:
 
 def network_address(text: str, forwarder: bool = False) -> NetworkAddress | None:
     """
-    Read the port of a device.
+    Parse the port of a device.
 
-    :param forwarder: it may be a serial forwarder.
-    :return: None when it is none of a network, such as the path of a serial port.
-    :raises ValueError: it is meant as one and is wrong; the message says what is right.
+    :param forwarder: a serial forwarder is allowed.
+    :return: None if it is not a network port, such as the path of a serial port.
+    :raises ValueError: it is an invalid network port; the message contains the valid form.
     """
     scheme, separator, _ = text.partition('://')
     if not separator:
@@ -100,14 +100,14 @@ def network_address(text: str, forwarder: bool = False) -> NetworkAddress | None
 
 
 class TcpPort(StreamPort):
-    """A connection, which comes about while it is read; what is written before waits for it."""
+    """A connection, established while it is read; bytes written before wait for it."""
 
     def __init__(self, address: NetworkAddress, found: HostAddress) -> None:
         """
-        Begin to connect.
+        Start to connect.
 
-        :param found: where the host is.
-        :raises DeviceError: that is not possible at all; the message names cause and remedy.
+        :param found: address of the host.
+        :raises DeviceError: that is not possible; the message names cause and remedy.
         """
         super().__init__()
         self._address = address
@@ -119,7 +119,7 @@ class TcpPort(StreamPort):
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNANSWERED_MS)
             self._socket.connect(found.sockaddr(address.port))
         except BlockingIOError:
-            pass  # it comes about later
+            pass  # it is established later
         except OSError as error:
             self._socket.close()
             raise self._gone(error) from error
@@ -128,7 +128,7 @@ class TcpPort(StreamPort):
             self.write(_GPSD_WATCH)
 
     def silence(self) -> str:
-        """Return what to check when it is not connected; then it is up to the device."""
+        """Return what to check when it is not connected; empty once it is."""
         try:
             self._socket.getpeername()
         except OSError:
@@ -144,29 +144,29 @@ class TcpPort(StreamPort):
     def _gone(self, error: OSError | None) -> DeviceError:
         place = self._address.text
         if error is None:
-            return DeviceError(f'{place}: the other side closed the connection: look whether it '
+            return DeviceError(f'{place}: the other side closed the connection: check whether it '
                                'serves another client; it will be connected again')
         if error.errno == errno.ECONNREFUSED:
-            return DeviceError(f'{place}: the connection was refused: check the number of the '
-                               'port, and that something listens there')
+            return DeviceError(f'{place}: the connection was refused: check the port number, and '
+                               'that a program listens there')
         return DeviceError(f'{place}: {_cause(error)}: check address, cable and network; it will '
                            'be connected again')
 
 
 class UdpPort:
     """
-    Datagrams, each taken whole.
+    Datagrams, each read completely.
 
-    :ivar bytes_read: bytes taken since it was opened.
+    :ivar bytes_read: bytes read since it was opened.
     :ivar dropped_write_bytes: bytes that could not be sent.
-    :ivar foreign_datagrams: of others than the device that was heard first; not used.
+    :ivar foreign_datagrams: datagrams of others than the first sender; not used.
     """
 
     def __init__(self, address: NetworkAddress, found: HostAddress) -> None:
         """
         Open it; nothing is sent.
 
-        :param found: where the host is, or the address to listen on.
+        :param found: address of the host, or the address to listen on.
         :raises DeviceError: that is not possible; the message names cause and remedy.
         """
         self.bytes_read = self.dropped_write_bytes = self.foreign_datagrams = 0
@@ -191,7 +191,7 @@ class UdpPort:
 
     def read(self) -> bytes:
         """
-        Take the datagrams that are there; safe in the loop, at most some 128 KiB a call.
+        Read the available datagrams; safe in the loop, at most about 128 KiB per call.
 
         :raises DeviceError: the device cannot be reached.
         """
@@ -204,7 +204,7 @@ class UdpPort:
                 break
             except OSError as error:
                 if parts:
-                    break  # the next read says so, and these are not lost
+                    break  # the next read reports the error, and these bytes are not lost
                 raise self._problem(error) from error
             if self._listens:
                 if self._peer is None or sender[0] == self._peer[0]:
@@ -221,7 +221,7 @@ class UdpPort:
 
     def write(self, data: bytes) -> None:
         """
-        Send a datagram without blocking; safe in the loop. What cannot be sent is counted.
+        Send a datagram without blocking; safe in the loop. A failure is counted.
 
         :raises DeviceError: the device cannot be reached.
         """
@@ -240,16 +240,16 @@ class UdpPort:
             raise self._problem(error) from error
 
     def more(self) -> dict[str, Value]:
-        """Return what only this kind of port has to tell."""
+        """Return the counters of this kind of port."""
         return {'foreign_datagrams': self.foreign_datagrams} if self._listens else {}
 
     def silence(self) -> str:
         """Return what to check when nothing comes."""
         if self._listens:
-            return (f'nothing comes to {self._address.text}: check that the device sends to the '
+            return (f'nothing arrives at {self._address.text}: check that the device sends to the '
                     'address of this machine and to this port, and firewalls')
         return (f'{self._address.text} sends nothing: check the address, and that the device '
-                'answers to who writes to it; for one that sends by itself use udp-listen://')
+                'answers to the sender; for one that sends by itself use udp-listen://')
 
     def close(self) -> None:
         """Close it; may be called twice and does not raise."""
@@ -273,10 +273,10 @@ class UdpPort:
     def _problem(self, error: OSError) -> DeviceError:
         place = self._address.text
         if error.errno == errno.ECONNREFUSED:
-            return DeviceError(f'{place}: nothing listens there: check the number of the port')
+            return DeviceError(f'{place}: no program listens there: check the port number')
         if error.errno == errno.EADDRINUSE:
-            return DeviceError(f'{place}: another program listens there: stop it, or let the '
-                               'device send to another port')
+            return DeviceError(f'{place}: another program listens there: stop it, or set the '
+                               'device to another port')
         if error.errno == errno.EADDRNOTAVAIL:
             return DeviceError(f'{place}: this machine does not have that address: leave it out '
                                'to listen on all')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The port of a serial driver, whatever carries its bytes: a line, a connection, datagrams."""
+"""The port of a serial driver, on any transport: a line, a connection, datagrams."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ from rt_robot_os.devices.serial.transport import SerialPort
 
 class Port(Protocol):
     """
-    What a serial device needs; a replay puts recorded bytes in place.
+    The interface of a port; a replay implements it with recorded bytes.
 
-    :ivar bytes_read: bytes taken since it was opened.
-    :ivar dropped_write_bytes: bytes that found no room.
+    :ivar bytes_read: bytes read since it was opened.
+    :ivar dropped_write_bytes: bytes dropped for lack of room.
     """
 
     bytes_read: int
     dropped_write_bytes: int
 
     def fileno(self) -> int:
-        """Return the descriptor that becomes readable with what arrives."""
+        """Return the descriptor that becomes readable when bytes arrive."""
 
     def read(self) -> bytes:
-        """Take what is there without blocking, empty when that is nothing."""
+        """Read the available bytes without blocking; empty if there are none."""
 
     def write(self, data: bytes) -> None:
         """Send without blocking."""
@@ -59,12 +59,12 @@ class Port(Protocol):
 
 def address_of(name: str, key: str, port: str, forwarder: bool = False) -> NetworkAddress | None:
     """
-    Read the port of a device.
+    Parse the port of a device.
 
     :param key: of the setting, for the error.
-    :param forwarder: it may be a serial forwarder.
-    :return: None when it is a path.
-    :raises ConfigError: it is neither a path nor an address; the message says what is right.
+    :param forwarder: a serial forwarder is allowed.
+    :return: None if it is a path.
+    :raises ConfigError: it is neither a path nor an address; the message contains the valid forms.
     """
     try:
         return network_address(port, forwarder)
@@ -73,7 +73,7 @@ def address_of(name: str, key: str, port: str, forwarder: bool = False) -> Netwo
 
 
 def prepare_port(port: str) -> None:
-    """Look up the host of a port, if it has one; waits for a moment, so not for the loop."""
+    """Look up the host of a port, if it has one; blocks for a moment, so not for the loop."""
     try:
         address = network_address(port, forwarder=True)
     except ValueError:
@@ -84,9 +84,9 @@ def prepare_port(port: str) -> None:
 
 def open_port(port: str, baud: int | None) -> Port:
     """
-    Open a port: a path is a serial line, the others are those of :mod:`.network`.
+    Open a port: a path is a serial line, other forms are those of :mod:`.network`.
 
-    :param baud: bits a second of a serial line; None or 0 for a pty.
+    :param baud: bits per second of a serial line; None or 0 for a pty.
     :raises DeviceError: it cannot be opened; the message names cause and remedy.
     """
     try:
@@ -102,12 +102,12 @@ def open_port(port: str, baud: int | None) -> Port:
 
 
 def silence_of(port: Port | None) -> str:
-    """Return what a port says about nothing coming; empty when it says nothing."""
+    """Return the port's own remedy when no bytes arrive; empty if it has none."""
     silence = getattr(port, 'silence', None)
     return str(silence()) if silence is not None else ''
 
 
 def more_of(port: Port | None) -> dict[str, Value]:
-    """Return what only this kind of port has to tell, by name."""
+    """Return the counters of this kind of port, by name."""
     more = getattr(port, 'more', None)
     return dict(more()) if more is not None else {}

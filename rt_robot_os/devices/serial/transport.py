@@ -14,11 +14,12 @@
 
 
 """
-The serial port: open it for us alone, then read and write without ever blocking.
+The serial port: opened exclusively, then read and written without ever blocking.
 
-pyserial does what it is good at, setting up the line. After that the bytes go through ``os.read``
-and ``os.write`` on its file descriptor: ``Serial.read`` needs the number of waiting bytes and then
-calls ``select`` before it reads, 4.3 us against 1.1 us for the same 55 bytes (measured on a pty).
+pyserial sets up the line. After that the bytes go through ``os.read``
+and ``os.write`` on its file descriptor: ``Serial.read`` reads the number of waiting bytes and
+calls ``select`` first, which takes 4.3 us instead of 1.1 us for the same 55 bytes (measured on a
+pty).
 """
 
 from __future__ import annotations
@@ -38,15 +39,16 @@ from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.linux.terminal import unread_bytes
 import serial  # type: ignore[import-untyped]
 
-# The line discipline hands over at most 4095 bytes a call, so fewer means that no more are there.
+# The line discipline returns at most 4095 bytes per call, so fewer mean that no more are
+# available.
 _READ_SIZE: Final = 4096
 _FULL_READ: Final = 4095
 _MAX_READS: Final = 16
 _MAX_UNSENT: Final = 4096
 _PTY_SLAVE_MAJORS: Final = range(136, 144)
-# Any speed does for a pty; pyserial wants one.
+# A pty accepts any speed; pyserial requires one.
 _UNPACED_BAUD: Final = 9600
-# What was sent last has so long to go out before the port is closed; then it is discarded.
+# Time for the last bytes to be sent before the port is closed; then they are discarded.
 DRAIN_S: Final = 0.05
 _DRAIN_STEP_S: Final = 0.001
 
@@ -55,8 +57,8 @@ class StreamPort(ABC):
     """
     A stream of bytes in both directions on a file descriptor that never blocks.
 
-    :ivar bytes_read: bytes taken from the port since it was opened.
-    :ivar dropped_write_bytes: bytes that found no room, since the port was opened.
+    :ivar bytes_read: bytes read from the port since it was opened.
+    :ivar dropped_write_bytes: bytes dropped for lack of room since the port was opened.
     """
 
     def __init__(self) -> None:
@@ -66,7 +68,7 @@ class StreamPort(ABC):
         self._fd = -1
 
     def silence(self) -> str:
-        """Return what to check when nothing comes; empty when that is up to the device."""
+        """Return what to check when no bytes arrive; empty for the remedy of the device."""
         return ''
 
     def fileno(self) -> int:
@@ -75,9 +77,9 @@ class StreamPort(ABC):
 
     def read(self) -> bytes:
         """
-        Take the bytes that are there; safe in the loop, at most 64 KiB a call.
+        Read the available bytes; safe in the loop, at most 64 KiB per call.
 
-        :return: the bytes, empty when there are none.
+        :return: the bytes, empty if there are none.
         :raises DeviceError: the port is gone.
         """
         try:
@@ -97,8 +99,9 @@ class StreamPort(ABC):
         """
         Send bytes without blocking; safe in the loop.
 
-        What the port does not take now goes with the next call. When too much is waiting the whole
-        of ``data`` is dropped and counted, never a part of it: half a command is worse than none.
+        Bytes that the port does not accept now are sent with the next call. When too many wait the
+        whole of ``data`` is dropped and counted, never a part of it: half a command is worse than
+        none.
 
         :raises DeviceError: the port is gone.
         """
@@ -126,7 +129,7 @@ class StreamPort(ABC):
             try:
                 data = self._receive()
             except OSError:
-                break  # none left, or gone: then the next read says so, and these are not lost
+                break  # an error is reported by the next read, and these bytes are not lost
             if data:
                 parts.append(data)
             if len(data) < _FULL_READ:
@@ -134,31 +137,32 @@ class StreamPort(ABC):
         return b''.join(parts)
 
     def _receive(self) -> bytes:
-        """Read once; BlockingIOError when there is nothing."""
+        """Read once; raises BlockingIOError if there are no bytes."""
         return os.read(self._fd, _READ_SIZE)
 
     @abstractmethod
     def _gone(self, error: OSError | None) -> DeviceError:
-        """Make the error of a port that is gone; None is the end of the stream."""
+        """Return the error of a port that is gone; None is the end of the stream."""
 
 
 class SerialPort(StreamPort):
     """
-    A serial port or a pty, raw, non-blocking and ours alone.
+    A serial port or a pty, raw, non-blocking and exclusive.
 
-    Two locks keep others off. ``flock`` (what pyserial calls exclusive) is seen by programs that
-    ask for it, root included, and ends with the process. ``TIOCEXCL`` makes every later open fail,
-    but on a pty it outlives a killed process, so it is set on real ports only.
+    Two locks exclude other programs. ``flock`` (called exclusive in pyserial) is seen by programs
+    that check it, including those of root, and ends with the process. ``TIOCEXCL`` makes every
+    later open fail, but on a pty it remains after a killed process, so it is set on real ports
+    only.
 
     :ivar path: the port.
     """
 
     def __init__(self, path: str, baud: int | None) -> None:
         """
-        Open the port and discard what had been received before.
+        Open the port and discard bytes received before.
 
         :param path: such as ``/dev/ttyUSB0``; a symbolic link is followed.
-        :param baud: bits a second; None or 0 for a pty, which has no speed.
+        :param baud: bits per second; None or 0 for a pty, which has no speed.
         :raises DeviceError: the port cannot be opened; the message names cause and remedy.
         """
         super().__init__()
@@ -180,7 +184,7 @@ class SerialPort(StreamPort):
         """
         Close the port; may be called twice and does not raise.
 
-        What was sent last, such as the order to stop, has ``DRAIN_S`` to go out.
+        The last bytes, such as a command to stop, have ``DRAIN_S`` to be sent.
         """
         if self._fd < 0:
             return
@@ -191,7 +195,7 @@ class SerialPort(StreamPort):
             if self._real:
                 fcntl.ioctl(self._fd, termios.TIOCNXCL)
         except (OSError, termios.error, DeviceError):
-            pass  # it has been unplugged: there is nothing left to undo
+            pass  # it was unplugged: there is nothing to undo
         self._fd = -1
         try:
             self._serial.close()
@@ -204,7 +208,7 @@ class SerialPort(StreamPort):
         return super()._receive()
 
     def _drained(self) -> bool:
-        """Wait a little until all has gone out; return whether it has."""
+        """Wait briefly until all bytes are sent; return whether they are."""
         end_s = time.monotonic() + DRAIN_S
         while True:
             self.write(b'')
@@ -224,7 +228,8 @@ class SerialPort(StreamPort):
         os.set_blocking(self._fd, False)
         if self._real:
             fcntl.ioctl(self._fd, termios.TIOCEXCL)
-        termios.tcflush(self._fd, termios.TCIFLUSH)  # also what is on its way, as no read would
+        # Also discards bytes in transfer, which a read would not.
+        termios.tcflush(self._fd, termios.TCIFLUSH)
 
     def _gone(self, error: OSError | None) -> DeviceError:
         cause = os.strerror(error.errno) if error is not None and error.errno else 'end of file'
@@ -261,14 +266,14 @@ def _is_tty(path: str) -> bool:
 
 
 def _holder(path: str) -> str:
-    """Name the programs that have the port open, as far as we may see."""
+    """Return the programs that have the port open, as far as visible to this user."""
     target = os.path.realpath(path)
     found = []
     for pid in filter(str.isdigit, os.listdir('/proc')):
         try:
             descriptors = os.listdir(f'/proc/{pid}/fd')
         except OSError:
-            continue  # of another user, or over by now
+            continue  # of another user, or ended already
         if any(_points_to(f'/proc/{pid}/fd/{fd}', target) for fd in descriptors):
             if int(pid) == os.getpid():
                 found.append('another device of this program')

@@ -17,17 +17,17 @@
 Xsens (Movella) MTi motion trackers with MTData2 output: MTi-1 to 3, 10 to 30, 100 to 300, 600.
 
 One ``sensor_msgs/msg/Imu`` for each MTData2 message, in SI units and along the axes of the device;
-orientation relative to east, north, up, whichever of ENU, NED and NWU the device was set to. It
-has covariance[0] = -1 while the device says that its filter is not valid. Magnetic field, where a
-message has it, goes to its own topic: the device gives multiples of the field of the place where
-it was calibrated, ``mag_unit_t`` makes tesla of them.
+orientation is relative to east, north, up, whether the device is set to ENU, NED or NWU. It has
+covariance[0] = -1 while the device reports that its filter is not valid. A magnetic field is
+published on its own topic: the device sends multiples of the field at its place of calibration,
+which ``mag_unit_t`` converts to tesla.
 
 With ``configure`` the device is set up each time it is opened: GoToConfig,
 SetOutputConfiguration, GoToMeasurement, each acknowledged before the next. Nothing else is ever
-sent, and a device that is left as it is works as well, with whatever items it sends.
+sent, and a device that is not set up works as well, with the items that it sends.
 
-The packet counter tells how many messages are lost. The stamp is the arrival of the message; its
-transport took 10 bits a byte (8 ms for 92 bytes at 115200 baud), so choose a fast line.
+The packet counter shows how many messages are lost. The stamp is the arrival of the message; its
+transport takes 10 bits per byte (8 ms for 92 bytes at 115200 baud), so choose a fast line.
 """
 
 from __future__ import annotations
@@ -57,9 +57,9 @@ from rt_robot_os.devices.xsens.mtdata2 import MtSample
 from rt_robot_os.devices.xsens.wire import XbusDecoder
 from rt_robot_os.devices.xsens.wire import XbusFrame
 
-# Far from length 1 a quaternion is no rotation.
+# Tolerance of the length of a quaternion.
 _LENGTH_TOLERANCE: Final = 0.1
-# A counter that jumps further than this began anew.
+# A counter that jumps further than this was restarted.
 _LARGEST_GAP: Final = 1000
 _REMEDY: Final = ('check the wire to its receive pin, or set configure: false and set it up with '
                   "the maker's MT Manager")
@@ -75,7 +75,8 @@ _MESSAGE_OVERHEAD: Final = 5
 class Xsens(SerialDevice[XbusFrame]):
     """An Xsens motion tracker."""
 
-    IF_UNUSED = ('its messages hold no acceleration, rate of turn, orientation or magnetic field: '
+    IF_UNUSED = ('its messages contain no acceleration, rate of turn, orientation or magnetic '
+                 'field: '
                  "set configure: true, or set it up with the maker's MT Manager")
 
     SETTINGS = serial_settings(
@@ -84,12 +85,12 @@ class Xsens(SerialDevice[XbusFrame]):
         acceleration=0.012, angular_velocity=0.001, roll_pitch=0.005, yaw=0.02, mag_t=2e-7,
     ) + (
         Field('mag_unit_t', float, 4.9e-5,
-              'Magnetic field that the device calls 1: that of the place where it was calibrated '
-              '(4.9e-5 is Enschede, where it comes from).', unit='T', minimum=1e-6, maximum=1e-3),
+              'Magnetic field of the value 1: that at its place of calibration (4.9e-5 is that of '
+              'Enschede, where it is made).', unit='T', minimum=1e-6, maximum=1e-3),
         Field('configure', bool, False,
-              'Set items and rate at opening. Off: the device is left as it is.'),
+              'Set items and rate at opening. Off: the device is not changed.'),
         Field('orientation', bool, True,
-              'With configure: ask for the orientation, which an MTi-1, 10 or 100 does not have.'),
+              'With configure: enable the orientation, which an MTi-1, 10 or 100 does not have.'),
     )
     description = 'Xsens MTi motion tracker, MTData2: acceleration, rate, attitude, field'
 
@@ -114,7 +115,7 @@ class Xsens(SerialDevice[XbusFrame]):
         return imu_publications(self.settings)
 
     def restart(self) -> None:
-        """Forget the counter, and begin the set-up if it is wanted."""
+        """Reset the counter, and start the set-up if it is configured."""
         self._counter = None
         self._problem = ''
         steps = [
@@ -133,7 +134,7 @@ class Xsens(SerialDevice[XbusFrame]):
 
     def write(self, now_ns: int) -> None:
         """
-        Send the command of the set-up that is due, if any.
+        Send the next command of the set-up, if due.
 
         :raises DeviceError: the port is gone, or the device does not answer or refuses.
         """
@@ -147,7 +148,7 @@ class Xsens(SerialDevice[XbusFrame]):
         """Handle one message; in the loop."""
         if frame.mid == mtdata2.MTDATA2:
             sample = self._parser.parse(frame.payload)
-            # What comes before the set-up is done may be of other items and rates.
+            # Messages before the end of the set-up may have other items and rates.
             if sample is not None and self._setup.done:
                 return self._publish(sample, arrival_ns)
         step = self._setup.step
@@ -201,7 +202,7 @@ class Xsens(SerialDevice[XbusFrame]):
                 self._lost += gap
 
     def _difference(self, payload: bytes) -> str:
-        """Return how what the device will send differs from what it was asked for."""
+        """Return how the accepted outputs of the device differ from the requested ones."""
         answer = dict(wire.read_output_configuration(payload))
         if not answer:
             return ''
@@ -211,18 +212,18 @@ class Xsens(SerialDevice[XbusFrame]):
                 continue
             what = _NAMES[identifier]
             if identifier == mtdata2.QUATERNION and not given:
-                return 'this product gives no orientation: set orientation: false'
+                return 'this product has no orientation: set orientation: false'
             remedy = f'set output_rate_hz: {given}' if given else 'choose another product'
-            return f'asked for {what} at {rate} Hz it gives {given} Hz: {remedy}'
+            return f'of {what} at {rate} Hz it sends {given} Hz: {remedy}'
         return ''
 
     def _wanted(self) -> tuple[tuple[int, int], ...]:
-        """Return identifiers and rates, after a look at rate and line."""
+        """Return identifiers and rates, after a check of rate and line."""
         settings = self.settings
         rate_hz: float = settings['output_rate_hz']
         if rate_hz != round(rate_hz) or not 1 <= rate_hz <= 2000:
             raise ConfigError([f'{self.name}: output_rate_hz {rate_hz:g} cannot be configured: '
-                               'it must be a whole number from 1 to 2000 that divides 2000'])
+                               'it must be an integer from 1 to 2000 that divides 2000'])
         measured = [mtdata2.ACCELERATION, mtdata2.RATE_OF_TURN]
         if settings['orientation']:
             measured.insert(0, mtdata2.QUATERNION)
@@ -241,17 +242,17 @@ class Xsens(SerialDevice[XbusFrame]):
 
 
 def _finite(numbers: tuple[float, ...] | None) -> tuple[float, ...] | None:
-    """Return the numbers, None when there are none or one of them is not finite."""
+    """Return the numbers; None if there are none or one of them is not finite."""
     return numbers if numbers is not None and math.isfinite(sum(numbers)) else None
 
 
 def _rotation(sample: MtSample) -> tuple[float, float, float, float] | None:
-    """Return the orientation as x, y, z, w; None when there is none to rely on."""
+    """Return the orientation as x, y, z, w; None if there is no valid one."""
     q = sample.quaternion
     if q is None or (sample.status is not None and not sample.status & mtdata2.FILTER_VALID):
         return None
     w, x, y, z = q
     length = math.sqrt(w * w + x * x + y * y + z * z)
-    if not abs(length - 1.0) < _LENGTH_TOLERANCE:  # not so for NaN either
+    if not abs(length - 1.0) < _LENGTH_TOLERANCE:  # also false for NaN
         return None
     return x / length, y / length, z / length, w / length

@@ -18,8 +18,8 @@ MTData2, the measurement message of Xsens motion trackers: items of identifier, 
 
 An identifier is group and type, and in its low four bits the number format (single, fixed 12.20,
 fixed 16.32, double) and, for orientations, the frame of reference (ENU, NED, NWU). A device sends
-the same items in each message, so the layout of a message is worked out once and kept; after that
-a message costs one ``unpack`` and a comparison of its identifiers.
+the same items in each message, so the layout of a message is computed once and kept; after that a
+message costs one ``unpack`` and a comparison of its identifiers.
 """
 
 from __future__ import annotations
@@ -63,21 +63,21 @@ _FORMATS: Final = (('f', 4), ('i', 4), ('Ih', 6), ('d', 8))
 _FIXED_12_20: Final = 1
 _FIXED_16_32: Final = 2
 _HALF_ROOT: Final = math.sqrt(0.5)
-# What turns each frame of reference into east, north, up: w, x, y, z.
+# The rotation of each frame of reference to east, north, up: w, x, y, z.
 _TO_ENU: Final[dict[int, Quaternion]] = {
     NED: (0.0, _HALF_ROOT, _HALF_ROOT, 0.0), NWU: (_HALF_ROOT, 0.0, 0.0, _HALF_ROOT)}
 
 
 class MtSample(NamedTuple):
     """
-    What one message says; None for what is not in it.
+    The content of one message; None for missing items.
 
     :ivar counter: packet counter, 16 bits.
     :ivar time_fine: in units of 0.1 ms, 32 bits.
     :ivar quaternion: w, x, y, z from the device's axes to east, north, up.
     :ivar acceleration: m/s^2.
     :ivar rate: rad/s.
-    :ivar field: magnetic field as multiple of that of the place where it was calibrated.
+    :ivar field: magnetic field as a multiple of that at its place of calibration.
     :ivar temperature_c: of the device.
     :ivar status: the status word, or its lowest byte, which some devices send instead.
     """
@@ -104,15 +104,15 @@ class _Layout(NamedTuple):
     unpack: Callable[[bytes], tuple[Any, ...]]
     headers: Callable[[tuple[Any, ...]], Any]
     expected: Any
-    # Place in the sample, first and last of the numbers, what is done with them.
+    # Index in the sample, first and last of the numbers, their conversion.
     parts: tuple[tuple[int, int, int, Finish | None], ...]
 
 
 class MtData2Parser:
     """
-    Read the payloads of MTData2; safe in the loop, remembers the last few layouts.
+    Decode the payloads of MTData2; safe in the loop, keeps the last few layouts.
 
-    :ivar malformed: payloads whose items did not add up.
+    :ivar malformed: payloads whose items have wrong sizes.
     """
 
     def __init__(self) -> None:
@@ -121,9 +121,9 @@ class MtData2Parser:
 
     def parse(self, payload: bytes) -> MtSample | None:
         """
-        Read a payload.
+        Decode a payload.
 
-        :return: None when its items do not add up.
+        :return: None if its items have wrong sizes.
         """
         layout = self._layouts.get(len(payload))
         if layout is not None:
@@ -147,7 +147,7 @@ class MtData2Parser:
 
 
 def _compile(payload: bytes) -> _Layout | None:
-    """Work out the layout of a payload; None when the items do not add up."""
+    """Compute the layout of a payload; None if its items have wrong sizes."""
     text = ['>']
     parts = []
     headers = []
@@ -173,7 +173,7 @@ def _compile(payload: bytes) -> _Layout | None:
 
 
 def _item(identifier: int, size: int) -> tuple[str, int, Finish | None]:
-    """Return the format of an item, the count of its numbers (0: unused), what they become."""
+    """Return the format of an item, the count of its numbers (0: unused), their conversion."""
     kind = identifier & 0xFFF0
     word = _WORDS.get(kind)
     if word is not None and struct.calcsize('>' + word) == size:
@@ -218,12 +218,12 @@ def _from_12_20(numbers: tuple[int, ...]) -> tuple[float, ...]:
 
 
 def _from_16_32(numbers: tuple[int, ...]) -> tuple[float, ...]:
-    # The 32 bits of the fraction come first, then the 16 of the whole part.
+    # The 32 bits of the fraction come first, then the 16 of the integer part.
     return tuple(whole + part / 4294967296 for part, whole in zip(numbers[::2], numbers[1::2]))
 
 
 def _from_euler(degrees: tuple[float, ...]) -> Quaternion:
-    """Turn roll, pitch and yaw, applied in the order yaw, pitch, roll, into w, x, y, z."""
+    """Convert roll, pitch and yaw, applied in the order yaw, pitch, roll, to w, x, y, z."""
     halves = [math.radians(math.fmod(d, 720.0)) / 2 if math.isfinite(d) else math.nan
               for d in degrees]
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(h), math.sin(h)) for h in halves)
@@ -232,7 +232,7 @@ def _from_euler(degrees: tuple[float, ...]) -> Quaternion:
 
 
 class _Turn:
-    """Turn an orientation into another frame of reference."""
+    """Convert an orientation to another frame of reference."""
 
     def __init__(self, by: Quaternion) -> None:
         self._by = by

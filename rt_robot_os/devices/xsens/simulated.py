@@ -43,13 +43,14 @@ _FINE_HZ: Final = 10_000
 
 
 class SimulatedXsens(SimulatedDevice):
-    """A motion tracker; it obeys GoToConfig, SetOutputConfiguration and GoToMeasurement."""
+    """A motion tracker; it executes GoToConfig, SetOutputConfiguration and GoToMeasurement."""
 
     SETTINGS = common_settings(100.0, 2000.0) + (
         world.NOISE_SETTING,
         ON_SETTING,
-        Field('product', str, 'MTi-300', 'What it is: an MTi-100 gives no orientation, an MTi-3 '
-              'at most 100 Hz.', choices=('MTi-3', 'MTi-100', 'MTi-300')),
+        Field('product', str, 'MTi-300',
+              'Its model: an MTi-100 has no orientation, an MTi-3 at most 100 Hz.',
+              choices=('MTi-3', 'MTi-100', 'MTi-300')),
         Field('settling_s', float, 0.0, 'Time until its filter is valid.', unit='s', minimum=0.0,
               maximum=1e6),
     )
@@ -74,7 +75,7 @@ class SimulatedXsens(SimulatedDevice):
             (identifier, self._item(identifier, time_s)) for identifier in self._outputs)
 
     def handle_command(self, data: bytes) -> None:
-        """Take commands and acknowledge them."""
+        """Execute commands and acknowledge them."""
         for frame in self._decoder.feed(data):
             answer = b''
             if frame.mid == wire.GO_TO_CONFIG:
@@ -89,7 +90,7 @@ class SimulatedXsens(SimulatedDevice):
             self.reply(wire.message(frame.mid + 1, answer))
 
     def _configure(self, payload: bytes) -> bytes:
-        """Take the outputs that this product has, at the rates that it has."""
+        """Set the outputs that this product supports, at its rates."""
         limit = 100 if self._product == 'MTi-3' else 2000
         given = [(identifier, rate if rate == wire.EVERY_MESSAGE else min(rate, limit))
                  for identifier, rate in wire.read_output_configuration(payload)

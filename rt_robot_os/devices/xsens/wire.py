@@ -14,13 +14,13 @@
 
 
 """
-Xbus messages, which Xsens (Movella) motion trackers speak: ``FA FF MID LEN payload CS``.
+Xbus messages of Xsens (Movella) motion trackers: ``FA FF MID LEN payload CS``.
 
 LEN 0xFF means that the length follows in two bytes. The sum of all bytes after the preamble 0xFA,
-CS included, is 0 modulo 256. 0xFA may appear in the payload, so a message counts only with a good
-sum, otherwise the decoder slides on by one byte.
+CS included, is 0 modulo 256. 0xFA may appear in the payload, so a message is accepted only with a
+valid sum; otherwise the decoder advances by one byte.
 
-Commands, and messages for simulated trackers and tests, are made here as well.
+Commands, and messages for simulated trackers and tests, are encoded here as well.
 """
 
 from __future__ import annotations
@@ -38,24 +38,24 @@ from rt_robot_os.devices.xsens.mtdata2 import MTDATA2
 
 PREAMBLE: Final = b'\xfa\xff'
 EXTENDED: Final = 0xFF
-# A header found by chance holds up what follows until its length is there: keep that short.
+# A false header delays the bytes behind it by its length, so that is limited.
 MAX_PAYLOAD: Final = 2048
 
 _BUS: Final = PREAMBLE[1]
 _HEADER: Final = 4
 _LONG_HEADER: Final = 6
 _MOST_HIGH: Final = MAX_PAYLOAD >> 8
-# The header, or what the end of the buffer has left of it; no length is above MAX_PAYLOAD.
+# The header, or its part before the end of the buffer; no length is above MAX_PAYLOAD.
 _MESSAGE: Final = (
     rb'\xfa(?:\xff(?:.(?:[\x00-\xfe]|\xff(?:[\x00-\x%02x]|\Z)|\Z)|\Z)|\Z)' % _MOST_HIGH)
 
 
 class XbusFrame(NamedTuple):
     """
-    One message with a good sum.
+    One message with a valid sum.
 
     :ivar mid: its identifier.
-    :ivar payload: what it holds.
+    :ivar payload: its content.
     :ivar size: bytes of the whole message.
     :ivar end: index just after its last byte in the chunk that completed it.
     """
@@ -79,13 +79,13 @@ class XbusDecoder(FrameDecoder[XbusFrame]):
         self._sums = PartialSums()
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Return where a message ends, 0 when none begins here."""
+        """Return where a message ends, 0 if none begins here."""
         if buffer[at + 1] != _BUS:
             return 0
         length = buffer[at + 3]
         if length < EXTENDED:
             return at + _HEADER + length + 1
-        # SHORTEST bytes are there, and with them the high byte of the length.
+        # SHORTEST bytes are available, including the high byte of the length.
         if buffer[at + 4] > _MOST_HIGH:
             return 0
         if len(buffer) - at < _LONG_HEADER:
@@ -93,7 +93,7 @@ class XbusDecoder(FrameDecoder[XbusFrame]):
         return at + _LONG_HEADER + (buffer[at + 4] << 8 | buffer[at + 5]) + 1
 
     def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> XbusFrame | None:
-        """Read a message with a good sum."""
+        """Decode a message with a valid sum."""
         if self._sums.sum8(buffer, at + 1, end):
             return None
         begin = at + (_HEADER if buffer[at + 3] < EXTENDED else _LONG_HEADER)
@@ -106,7 +106,7 @@ GO_TO_MEASUREMENT: Final = 0x10
 GO_TO_CONFIG: Final = 0x30
 ERROR: Final = 0x42
 SET_OUTPUT_CONFIGURATION: Final = 0xC0
-# For items that come with every message, such as the packet counter.
+# Rate of items in every message, such as the packet counter.
 EVERY_MESSAGE: Final = 0xFFFF
 
 ERRORS: Final = {
@@ -120,7 +120,7 @@ Item = tuple[int, bytes]
 
 def message(mid: int, payload: bytes = b'') -> bytes:
     """
-    Make a message.
+    Encode a message.
 
     :param payload: at most 2048 bytes.
     """
@@ -134,21 +134,21 @@ def message(mid: int, payload: bytes = b'') -> bytes:
 
 
 def mtdata2(items: Iterable[Item]) -> bytes:
-    """Make a measurement message of items: identifier and data."""
+    """Encode a measurement message of items: identifier and data."""
     return message(MTDATA2, b''.join(
         struct.pack('>HB', identifier, len(data)) + data for identifier, data in items))
 
 
 def reals(values: Sequence[float], precision: int = 0) -> bytes:
     """
-    Encode numbers as an item has them.
+    Encode the numbers of an item.
 
     :param precision: 0 single, 1 fixed 12.20, 2 fixed 16.32, 3 double.
     """
     if precision == 1:
         return struct.pack(f'>{len(values)}i', *(round(v * 1048576) for v in values))
     if precision == 2:
-        # Whole and fraction change places.
+        # Integer part and fraction are exchanged.
         return b''.join(
             struct.pack('>Ih', number & 0xFFFFFFFF, number >> 32)
             for number in (round(v * 4294967296) for v in values))
@@ -156,15 +156,15 @@ def reals(values: Sequence[float], precision: int = 0) -> bytes:
 
 
 def output_configuration(wanted: Iterable[tuple[int, int]]) -> bytes:
-    """Make the payload of SetOutputConfiguration from identifiers and rates in Hz."""
+    """Encode the payload of SetOutputConfiguration from identifiers and rates in Hz."""
     return b''.join(struct.pack('>HH', identifier, rate) for identifier, rate in wanted)
 
 
 def read_output_configuration(payload: bytes) -> tuple[tuple[int, int], ...]:
-    """Read identifiers and rates; what is left over is passed over."""
+    """Decode identifiers and rates; incomplete data are ignored."""
     return tuple(struct.iter_unpack('>HH', payload[:len(payload) // 4 * 4]))
 
 
 def is_xbus(data: bytes) -> bool:
-    """Return whether there is a message with a payload in some bytes."""
+    """Return whether some bytes contain a message with a payload."""
     return any(frame.payload for frame in XbusDecoder().feed(data))

@@ -15,8 +15,8 @@
 """
 The world that simulated devices measure.
 
-:class:`World` is the one that all devices of a robot share; without it each measures a little
-world of its own (:mod:`rt_robot_os.sim.world.bodies`).
+:class:`World` is shared by all devices of a robot; without it each device measures a small
+separate one (:mod:`rt_robot_os.sim.world.bodies`).
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import the world when it is asked for: it needs NumPy, and most simulated devices do not."""
+    """Import the world on first use: it needs NumPy, and most simulated devices do not."""
     if name != 'World':
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     from rt_robot_os.sim.world.world import World

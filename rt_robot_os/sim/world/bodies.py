@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The world that simulated devices measure: a body that is turned by hand, the air, a wall.
+The world of simulated devices without a shared one: a body turned by hand, the air, a wall.
 
-Each is a function of the time since the start, so that several devices of a robot agree: the
-angular velocity is the derivative of the attitude, the acceleration is gravity seen in the axes of
+Each is a function of the time since the start, so that several devices of a robot are consistent:
+the angular velocity is the derivative of the attitude, the acceleration is gravity in the axes of
 the body, the magnetic field is the earth's, and the air is the standard atmosphere.
 """
 
@@ -41,10 +41,10 @@ from rt_robot_os.sim.device import SimulatedDevice
 T = TypeVar('T')
 Vector = tuple[float, float, float]
 
-NOISE_SETTING: Final = Field('noise', float, 1.0, 'Noise, as a multiple of what is usual.',
+NOISE_SETTING: Final = Field('noise', float, 1.0, 'Noise, as a multiple of the usual one.',
                              minimum=0.0, maximum=1000.0)
 
-# East, north, up: the field of central Europe.
+# East, north, up: the field in central Europe.
 EARTH_FIELD_T: Final = (0.0, 2.0e-5, -4.4e-5)
 GRAVITY_M_S2: Final = (0.0, 0.0, STANDARD_GRAVITY_M_S2)
 
@@ -54,13 +54,13 @@ _TURN_RAD_S: Final = math.radians(15)
 
 
 def noisy(vector: Vector, deviation: float, chance: random.Random) -> Vector:
-    """Return a vector with noise of a standard deviation on top."""
+    """Return a vector with added noise of a standard deviation."""
     x, y, z = vector
     gauss = chance.gauss
     return x + gauss(0.0, deviation), y + gauss(0.0, deviation), z + gauss(0.0, deviation)
 
 
-# --- a body that is turned by hand: roll and pitch swing, yaw goes round -------------------------
+# --- a body that is turned by hand: roll and pitch swing, yaw rotates ---------------------------
 
 def attitude(time_s: float) -> Vector:
     """Return roll, pitch and yaw in rad, yaw from -pi to pi; east, north, up."""
@@ -88,7 +88,7 @@ def quaternion(time_s: float) -> tuple[float, float, float, float]:
 
 
 def body_vector(time_s: float, world: Vector) -> Vector:
-    """Turn a vector of east, north, up into the device's axes."""
+    """Rotate a vector from east, north, up to the device's axes."""
     roll, pitch, yaw = attitude(time_s)
     east, north, up = world
     cr, sr = math.cos(roll), math.sin(roll)
@@ -108,12 +108,11 @@ def air_settings(noise_pa: float) -> tuple[Field, ...]:
     :param noise_pa: of the chip, at its usual settings.
     """
     return (
-        Field('altitude_m', float, 34.0, 'Altitude about which it is moved, without a '
-              'world.', unit='m',
+        Field('altitude_m', float, 34.0, 'Mean altitude of its motion, without a world.', unit='m',
               minimum=-500.0, maximum=9000.0),
-        Field('swing_m', float, 1.0, 'How far it is moved up and down.', unit='m', minimum=0.0,
+        Field('swing_m', float, 1.0, 'Amplitude of its motion.', unit='m', minimum=0.0,
               maximum=500.0),
-        Field('swing_s', float, 20.0, 'How long up and down takes.', unit='s', minimum=0.1,
+        Field('swing_s', float, 20.0, 'Period of its motion.', unit='s', minimum=0.1,
               maximum=1e5),
         Field('temperature_c', float, 22.0, 'Temperature.', unit='C', minimum=-40.0, maximum=85.0),
         Field('noise_pa', float, noise_pa, 'Standard deviation of the pressure.', unit='Pa',
@@ -127,10 +126,10 @@ class Air:
     def __init__(self, settings: Mapping[str, Any], chance: random.Random,
                  site: Site = NOWHERE) -> None:
         """
-        Keep the settings.
+        Store the settings.
 
-        :param chance: for the noise.
-        :param site: where the barometer is; in a world it is as high and as warm as there.
+        :param chance: random numbers for the noise.
+        :param site: its world and mounting, which determine altitude and temperature.
         """
         self._settings = settings
         self._random = chance
@@ -166,7 +165,7 @@ def raw_readings(
         pressure and temperature.
     :param measured: pressure in Pa and temperature in degrees C.
     :param lowest: the smallest raw reading; no pressure is that low.
-    :return: raw pressure and raw temperature, the nearest that there are.
+    :return: the nearest raw pressure and raw temperature.
     """
     pressure, temperature = measured
     raw_t = _invert(lambda raw: compensate(trimming, 0, raw)[1], temperature, lowest, highest)
@@ -178,8 +177,8 @@ def _invert(function: Callable[[int], float], value: float, low: int, high: int)
     """
     Find the argument whose result is nearest to a value.
 
-    :param function: rises or falls all the way from ``low`` to ``high``.
-    :return: an argument within the limits; one of them when the value lies beyond.
+    :param function: monotonic from ``low`` to ``high``.
+    :return: an argument within the limits; one of them if the value is beyond.
     """
     sign = 1.0 if function(high) >= function(low) else -1.0
     wanted = sign * value
@@ -193,36 +192,36 @@ def _invert(function: Callable[[int], float], value: float, low: int, high: int)
     return min((below, above), key=lambda each: abs(sign * function(each) - wanted))
 
 
-# --- a wall that comes and goes ------------------------------------------------------------------
+# --- a wall that moves --------------------------------------------------------------------------
 
 RANGE_NOISE_M: Final = 0.003
 
 
 def wall_settings(minimum_m: float, maximum_m: float) -> tuple[Field, ...]:
-    """Declare the wall: how near and how far it comes, at first."""
+    """Declare the motion of the wall: its nearest and farthest distance."""
     return (
-        Field('nearest_m', float, minimum_m, 'Where the wall turns back, without a world.', 'm',
-              0.01, 20.0),
-        Field('farthest_m', float, maximum_m, 'Where the wall turns back, without a world.', 'm',
-              0.01, 20.0),
-        Field('period_s', float, 10.0, 'Time for there and back.', 's', 0.1, 1e4),
+        Field('nearest_m', float, minimum_m,
+              'Limit of the motion of the wall, without a world.', 'm', 0.01, 20.0),
+        Field('farthest_m', float, maximum_m,
+              'Limit of the motion of the wall, without a world.', 'm', 0.01, 20.0),
+        Field('period_s', float, 10.0, 'Period of its motion.', 's', 0.1, 1e4),
     )
 
 
 class SimulatedRange(SimulatedDevice):
     """
-    A range finder in the world, or before a wall.
+    A range finder in the world, or in front of a wall.
 
-    :cvar RAYS: how many rays its beam has in the world; the nearest thing counts.
+    :cvar RAYS: number of rays of its beam in the world; the nearest object is measured.
     """
 
     RAYS: ClassVar[int] = 1
 
     def distance_m(self, time_s: float, index: int = 0) -> float:
         """
-        Return how far the nearest thing in its beam is, inf when there is nothing.
+        Return the distance of the nearest object in its beam, inf if there is none.
 
-        :param index: of a device with several sensors, which one.
+        :param index: index of the sensor, for a device with several.
         """
         if self.world is not None:
             mounting = self.site.mounting(index)

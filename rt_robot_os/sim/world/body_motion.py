@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-What an inertial sensor at the waist feels while a person stands, walks, sits, falls, gets up.
+The motion of an inertial sensor at the waist while a person stands, walks, sits, falls, gets up.
 
-A model for simulated persons, not of anyone's body; its sizes and times are those of recorded
-falls of volunteers. A fall is a loss of balance, a descent of a third
-of a second in which little is felt, an impact of some 4 g, a rebound, then the stillness of
-somebody who breathes. The axes are those of the person (REP 103: x ahead, y left, z up along the
-trunk); a sensor that is mounted otherwise turns them.
+A model for simulated persons, not of a particular body; its magnitudes and times are those of
+recorded falls of volunteers. A fall is a loss of balance, a descent of a third of a second with
+little specific force, an impact of some 4 g, a rebound, then stillness with breathing. The axes
+are those of the person (REP 103: x ahead, y left, z up along the trunk); the mounting of a sensor
+rotates them.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from typing import TypeAlias
 
 from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
 
-#: How long the change takes with which an activity begins, in s; what follows goes on for ever.
+#: Duration of the transition to an activity, in s; the activity itself has no end.
 ACTIVITIES: Final = {'stand': 0.8, 'walk': 0.8, 'sit': 1.6, 'lie': 4.0, 'fall': 1.5, 'rise': 3.0}
-#: Whither somebody falls or lies down: the signs of roll and pitch.
+#: Direction of a fall or of lying down: the signs of roll and pitch.
 DIRECTIONS: Final = {'forward': (0.0, 1.0), 'backward': (0.0, -1.0),
                      'left': (-1.0, 0.0), 'right': (1.0, 0.0)}
 #: A roll and a pitch, in rad.
 Turn: TypeAlias = tuple[float, float]
-#: The moment of a fall's impact since it began, in s, and how much is felt then, in g.
+#: Time of the impact of a fall since its beginning, in s, and its force, in g.
 IMPACT_S: Final = 0.72
 IMPACT_G: Final = 4.0
 
@@ -56,11 +56,11 @@ _LYING: Final = ('lie', 'fall')
 
 class FeltMotion(NamedTuple):
     """
-    What a sensor at the waist feels.
+    The motion of a sensor at the waist.
 
     :ivar force_m_s2: the specific force along x, y, z, in m/s^2: at rest gravity, upwards.
-    :ivar rate_rad_s: the turning rate about x, y, z, in rad/s.
-    :ivar roll_rad: the tilt to the right side, in rad.
+    :ivar rate_rad_s: the angular velocity about x, y, z, in rad/s.
+    :ivar roll_rad: the tilt to the right, in rad.
     :ivar pitch_rad: the tilt ahead, in rad.
     """
 
@@ -73,13 +73,13 @@ class FeltMotion(NamedTuple):
 def body_motion(activity: str, time_s: float, *, before: str = 'stand',
                 direction: str = 'forward') -> FeltMotion:
     """
-    Return what is felt some time after an activity began; a pure function.
+    Return the motion some time after the beginning of an activity; a pure function.
 
     :param activity: one of :data:`ACTIVITIES`.
-    :param time_s: since it began; before that nothing but the standing is felt.
-    :param before: the activity until then, whose posture it begins with.
-    :param direction: one of :data:`DIRECTIONS`, whither somebody falls or lies, or lay before.
-    :raises KeyError: one of these is none of those.
+    :param time_s: since its beginning; standing before that.
+    :param before: the previous activity, with whose posture it begins.
+    :param direction: one of :data:`DIRECTIONS`, of the fall or of lying, also of lying before.
+    :raises KeyError: one of these is unknown.
     """
     begin, end = _posture(before, direction), _posture(activity, direction)
     time_s = max(0.0, time_s)
@@ -117,7 +117,7 @@ def _bump(time_s: float, begin_s: float, lasts_s: float) -> float:
     return math.sin(math.pi * part) if 0.0 < part < 1.0 else 0.0
 
 
-# ---- how far the trunk is tilted ----------------------------------------------------------------
+# ---- tilt of the trunk --------------------------------------------------------------------------
 
 def _between(begin: Turn, end: Turn, part: float) -> Turn:
     return begin[0] + (end[0] - begin[0]) * part, begin[1] + (end[1] - begin[1]) * part
@@ -144,14 +144,14 @@ _TILTS: Final[dict[str, Callable[[float, Turn, Turn], Turn]]] = {
     'rise': _steady('rise'), 'fall': _falling, 'lie': _lying_down}
 
 
-# ---- small turns on top: roll, pitch ------------------------------------------------------------
+# ---- small added rotations: roll, pitch---------------------------------------------------------
 
 def _breathing(time_s: float) -> Turn:
     return 0.0, 0.008 * math.sin(2.0 * math.pi * _BREATHS_HZ * time_s)
 
 
 def _leaning(time_s: float) -> Turn:
-    # Who sits down leans ahead on the way.
+    # A person leans ahead while sitting down.
     return 0.0, 0.45 * math.sin(math.pi * _smooth(time_s / ACTIVITIES['sit']))
 
 
@@ -171,7 +171,7 @@ def _sum(one: Turn, two: Turn) -> Turn:
     return one[0] + two[0], one[1] + two[1]
 
 
-# ---- how much is felt, in g: along what is up, ahead, to the left -------------------------------
+# ---- specific force in g: upwards, ahead, to the left -------------------------------------------
 
 def _resting(time_s: float) -> tuple[float, float, float]:
     return 1.0 + 0.004 * math.sin(2.0 * math.pi * _BREATHS_HZ * time_s), 0.0, 0.0

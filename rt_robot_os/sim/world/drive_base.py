@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The body of the robot: two driven wheels with motors, and what stops it.
+The body of the robot: two driven wheels with motors, and its collisions.
 
 Source: the equations of the differential drive; each wheel follows its motor with a lag of first
 order and a limit of its acceleration.
@@ -35,20 +35,20 @@ from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.sim.world_settings import WorldSettings
 
-# All simulation is done on this grid of time.
+# Step of the whole simulation.
 STEP_NS: Final = 2_000_000
 STEP_S: Final = STEP_NS / 1e9
-# After a longer stop of the whole process, ten minutes, it goes on at the present time.
+# After a longer suspension of the whole process it continues at the current time.
 LONGEST_STEPS: Final = 300_000
 
 Pair: TypeAlias = tuple[float, float]
-# Finds the points of whatever stands within a distance of a place.
+# Finds the points of obstacles within a distance of a position.
 Obstacles: TypeAlias = Callable[[float, float, float], list[Pair]]
 
 _SLIP_STEPS: Final = 50
-# An accelerometer on a real body feels no single step of 2 ms.
+# Time constant: an accelerometer on a real body does not resolve a single step of 2 ms.
 _SMOOTH: Final = 0.1
-# Less of a way since it pushed last is rounding: it is the same contact.
+# After less travel since the last contact it is the same contact.
 _APART_M: Final = 1e-3
 _WHEEL_RADIUS_M: Final = 0.05
 _SEPARATION_M: Final = 0.3
@@ -63,7 +63,7 @@ class Motor(Enum):
 
 
 def nothing_near(x: float, y: float, reach_m: float) -> list[Pair]:
-    """Find nothing: the floor is empty."""
+    """Return no obstacle: the floor is empty."""
     return []
 
 
@@ -71,8 +71,8 @@ class DriveBase:
     """
     A robot on two wheels.
 
-    A simulated motor board commands it and reads its wheels. The angles and speeds of wheels
-    are rad and rad/s, left before right, positive ahead.
+    A simulated motor board commands it and reads its wheels. The angles and speeds of wheels are
+    in rad and rad/s, left before right, positive ahead.
 
     :ivar wheel_radius_m: as configured; the true wheels differ by ``wheel_radius_error``.
     :ivar wheel_separation_m: between the wheels.
@@ -82,11 +82,11 @@ class DriveBase:
     :ivar velocity: of ``base_link``: ahead in m/s, turning in rad/s.
     :ivar acceleration: of ``base_link``: ahead and to the left, in m/s^2.
     :ivar angular_acceleration: in rad/s^2.
-    :ivar contact_rad: direction from the robot of what it pushes against; None when it does not
-        push. What stands beside it tells :meth:`touched`.
-    :ivar contacts: how often it has begun to push against something, from the start.
-    :ivar impact_m_s: the largest speed into what it pushed against, from the start.
-    :ivar slip: share of the way of the wheels that is lost.
+    :ivar contact_rad: direction from the robot of the obstacle that it pushes against; None if it
+        does not push. :meth:`touched` returns obstacles next to it.
+    :ivar contacts: number of collisions from the start.
+    :ivar impact_m_s: the largest speed of a collision from the start.
+    :ivar slip: share of the wheels' travel that is lost.
     """
 
     def __init__(
@@ -96,8 +96,9 @@ class DriveBase:
         """
         Put the robot at its start.
 
-        :param settings: those of the world; without them the floor is open and the wheels true.
-        :param obstacles: finds what is near.
+        :param settings: those of the world; without them the floor is open and the wheels are
+            exact.
+        :param obstacles: finds obstacles nearby.
         """
         self._settings = s = settings or WorldSettings()
         self._obstacles = obstacles
@@ -127,26 +128,26 @@ class DriveBase:
         self.wheel_radius_m, self.wheel_separation_m = wheel_radius_m, wheel_separation_m
         self._true_radius = (wheel_radius_m * (1.0 + left), wheel_radius_m * (1.0 + right))
 
-    # ---- what the motors are told --------------------------------------------------------------
+    # ---- commands of the motors ----------------------------------------------------------------
 
     def set_wheel_speeds(self, left_rad_s: float, right_rad_s: float) -> None:
-        """Have the board hold speeds, as far as the motors can; NaN counts as 0."""
+        """Control the wheels to speeds, as far as the motors can; NaN counts as 0."""
         most = self._settings.motor_speed_rad_s
         self._mode = Motor.SPEED
         self._target = (_within(left_rad_s, most), _within(right_rad_s, most))
 
     def set_duty(self, left: float, right: float) -> None:
-        """Give the motors a share of the full voltage, from -1 to 1; NaN counts as 0."""
+        """Apply a share of the full voltage to the motors, from -1 to 1; NaN counts as 0."""
         most = self._settings.motor_speed_rad_s
         self._mode = Motor.DUTY
         self._target = (_within(left, 1.0) * most, _within(right, 1.0) * most)
 
     def coast(self) -> None:
-        """Take the voltage away: the robot runs down."""
+        """Switch off the voltage: the robot coasts."""
         self._mode = Motor.COAST
         self._target = (0.0, 0.0)
 
-    # ---- where it is ---------------------------------------------------------------------------
+    # ---- position ------------------------------------------------------------------------------
 
     @property
     def pose(self) -> Pose:
@@ -154,7 +155,7 @@ class DriveBase:
         return self._x, self._y, wrapped(self._yaw)
 
     def teleport(self, x: float, y: float, yaw: float) -> None:
-        """Lift it and put it down elsewhere; its wheels notice nothing."""
+        """Lift it and put it down elsewhere; its wheels do not turn."""
         self._x, self._y, self._yaw = x, y, yaw
         self.velocity: Pair = (0.0, 0.0)
         self.acceleration: Pair = (0.0, 0.0)
@@ -163,7 +164,7 @@ class DriveBase:
 
     def touched(self, margin_m: float) -> list[float]:
         """
-        Return the directions, from the robot, of what stands beside it.
+        Return the directions, from the robot, of obstacles that touch it.
 
         :param margin_m: from its outline.
         """
@@ -174,7 +175,7 @@ class DriveBase:
 
     def advance(self, now_ns: int) -> None:
         """
-        Go on to a time when it has no world that does it; the first call sets the start.
+        Advance to a time, for a robot without a world; the first call sets the start.
 
         :param now_ns: absolute.
         """
@@ -188,7 +189,7 @@ class DriveBase:
             self.step()
 
     def step(self) -> None:
-        """Go on by ``STEP_NS``."""
+        """Advance by ``STEP_NS``."""
         if self._steps % _SLIP_STEPS == 0 and self._settings.slip_noise:
             noise, gauss = self._settings.slip_noise, self._chance.gauss
             self._extra_slip = (gauss(0.0, noise), gauss(0.0, noise))
@@ -196,7 +197,7 @@ class DriveBase:
         before_left, before_right = self.wheel_speeds
         left, right = self._driven(before_left, 0), self._driven(before_right, 1)
         if not (left or right or before_left or before_right):
-            # It stands: the usual case, and the cheap one.
+            # It stands: the usual case, and a cheap one.
             self._settle((0.0, 0.0))
             self.contact_rad = None
             return
@@ -227,7 +228,7 @@ class DriveBase:
         self._y += dy
         self._yaw = yaw
         if self.contact_rad is not None:
-            # The wheels turn in place as far as a wall takes their way.
+            # The wheels slip as far as a wall blocks them.
             linear = (dx * math.cos(yaw) + dy * math.sin(yaw)) / STEP_S
         self._settle((linear, angular))
 
@@ -242,12 +243,12 @@ class DriveBase:
         self.velocity = velocity
 
     def _allowed(self, dx: float, dy: float) -> Pair:
-        """Take away what leads into a wall; what leads along it stays."""
+        """Remove the motion into a wall; the motion along it remains."""
         self.contact_rad = None
         if not (dx or dy):
             return 0.0, 0.0
         points = self._obstacles(self._x, self._y, self.radius_m)
-        for _ in range(2):  # in a corner each wall has a say after the other
+        for _ in range(2):  # in a corner each wall is applied after the other
             for px, py in points:
                 nx, ny = self._x - px, self._y - py
                 before = math.hypot(nx, ny)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What happens to the world: read from orders and from events with a time."""
+"""Events of the world, parsed from commands and from scheduled events."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ _TIMES: Final = re.compile(r'(.*\S)\s+at\s+(\S+)(?:\s+for\s+(\S+))?')
 @dataclass(frozen=True)
 class WorldEvent:
     """
-    Something that happens to the world.
+    An event of the world.
 
     :ivar kind: ``kidnap``, ``person``, ``fall``, ``slip``, ``lamp``, ``alarm``, or such as
         ``node off``.
-    :ivar name: of whom or of which node; empty where there is nobody.
-    :ivar numbers: the numbers that follow.
-    :ivar for_s: how long; 0 is for good.
-    :ivar word: which of several, such as ``help`` of a button.
+    :ivar name: of the person or node; empty without one.
+    :ivar numbers: its numbers.
+    :ivar for_s: its duration; 0: permanent.
+    :ivar word: its variant, such as ``help`` of a button.
     """
 
     kind: str
@@ -55,12 +55,12 @@ class WorldEvent:
 
 class _Form(NamedTuple):
     """
-    How a happening is written.
+    How an event is written.
 
-    :ivar numbers: the numbers that it takes, by their names.
-    :ivar lasts: seconds may follow.
-    :ivar named: the name of somebody or something stands behind it.
-    :ivar words: one of these stands behind the name.
+    :ivar numbers: the names of its numbers.
+    :ivar lasts: a duration may follow.
+    :ivar named: it is followed by the name of a person or node.
+    :ivar words: one of these follows the name.
     """
 
     numbers: tuple[str, ...] = ()
@@ -96,7 +96,7 @@ _HAPPENINGS: Final[Mapping[str, _Form]] = {
     'smoke': _Form(lasts=True),
     'water': _Form(lasts=True),
 }
-# What it is done to stands before what is done, as in "node kitchen off".
+# The name of the node is before the action, as in "node kitchen off".
 _NODE: Final = 'node'
 
 
@@ -107,21 +107,21 @@ def _written(kind: str, form: _Form) -> str:
                      *form.numbers, *(['[SECONDS]'] if form.lasts else [])])
 
 
-#: All that there are, for help and errors.
+#: All forms, for help and errors.
 EVENT_FORMS: Final = '; '.join(_written(kind, form) for kind, form in _HAPPENINGS.items())
-#: What happens to wireless nodes, by their name or by that of who wears them.
+#: Events of wireless nodes, by their name or by that of their wearer.
 OF_NODES: Final = frozenset({'alarm', 'press', 'smoke', 'water', *(
     kind for kind in _HAPPENINGS if kind.startswith(_NODE))})
-#: What happens to people.
+#: Events of people.
 OF_PEOPLE: Final = frozenset({'person', 'walk', 'fall', 'rise', 'sit', 'sleep', 'speak', 'vital',
                               'answer'})
 
 
 def parse_timed_event(text: str) -> WorldEvent:
     """
-    Read such as ``person anna 2.0 1.0 at 12 for 4``.
+    Parse a scheduled event, such as ``person anna 2.0 1.0 at 12 for 4``.
 
-    :raises ValueError: with what would be right.
+    :raises ValueError: the message contains the valid form.
     """
     match = _TIMES.fullmatch(text.strip())
     if match is None:
@@ -131,21 +131,21 @@ def parse_timed_event(text: str) -> WorldEvent:
     for_s = seconds_of(match[3]) if match[3] else 0.0
     found = parse_event(words)
     if match[3] and (not _HAPPENINGS[found.kind].lasts or not for_s):
-        raise ValueError(f'{found.kind} lasts no time' if for_s else 'must last more than 0 s')
+        raise ValueError(f'{found.kind} has no duration' if for_s else 'must last more than 0 s')
     return replace(found, at_s=at_s, for_s=for_s or found.for_s)
 
 
 def parse_event(words: list[str]) -> WorldEvent:
     """
-    Read such as ``person anna 2.0 1.0`` or, with seconds at the end, ``person anna 2 1 4``.
+    Parse ``person anna 2.0 1.0`` or, with a duration at the end, ``person anna 2 1 4``.
 
-    :raises ValueError: with what would be right.
+    :raises ValueError: the message contains the valid form.
     """
     if len(words) > 2 and words[0] == _NODE:
         words = [f'{_NODE} {words[2]}', words[1], *words[3:]]
     kind = words[0] if words else ''
     if kind not in _HAPPENINGS:
-        raise ValueError(f'{kind!r} does not happen here: write {EVENT_FORMS}')
+        raise ValueError(f'{kind!r} is not a known event: write {EVENT_FORMS}')
     form, left = _HAPPENINGS[kind], words[1:]
     name = left.pop(0) if form.named and left else ''
     word = left.pop(0) if form.words and left else ''

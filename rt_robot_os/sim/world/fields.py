@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Light and warmth, by place; what burns, by time as well."""
+"""Light and temperature by position; of heat sources by time as well."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ from typing import Final
 from rt_robot_os.sim.world.scene import Heat
 from rt_robot_os.sim.world.scene import Lamp
 
-# What burns has half of its warmth after some 40 s, and warms what is around.
+# A heat source reaches half of its temperature after some 40 s, and warms its surroundings.
 _BURN_S: Final = 60.0
 _BURN_RADIUS_M: Final = 1.5
 
 
 def light_lux(lamps: Sequence[Lamp], x: float, y: float, height_m: float) -> float:
     """
-    Return what lamps add on the floor; walls cast no shadow.
+    Return the light of lamps on the floor; walls cast no shadow.
 
-    Source: the cosine law of a lamp that shines alike in all directions.
+    Source: the cosine law of an isotropic lamp.
 
     :param height_m: of the lamps above the floor.
     """
     total = 0.0
     for lamp in lamps:
-        # The inverse square of the distance, times the slant of the light and that of the floor.
+        # The inverse square of the distance, times the cosines at the lamp and at the floor.
         share = height_m ** 2 / (height_m ** 2 + (x - lamp.x) ** 2 + (y - lamp.y) ** 2)
         total += lamp.lux * share ** 1.5
     return total
 
 
 def warmth_c(places: Sequence[Heat], x: float, y: float) -> float:
-    """Return what warm and cold places add; it falls like a bell with the distance."""
+    """Return the temperature difference by warm and cold places; a Gaussian of the distance."""
     return sum(place.degrees * math.exp(
         -((x - place.x) ** 2 + (y - place.y) ** 2) / (2.0 * place.radius_m ** 2))
         for place in places)
@@ -53,7 +53,7 @@ def warmth_c(places: Sequence[Heat], x: float, y: float) -> float:
 
 class HeatSource:
     """
-    A place that becomes warmer by and by, and cools down again.
+    A place that warms up and cools down gradually.
 
     :param x: in m.
     :param y: in m.
@@ -64,11 +64,11 @@ class HeatSource:
         self._from = self._to = self._since_s = 0.0
 
     def aim(self, degrees: float, time_s: float) -> None:
-        """Become so much warmer than usual from now on."""
+        """Approach a temperature difference from now on."""
         self._from, self._to, self._since_s = self._middle(time_s), degrees, time_s
 
     def degrees(self, time_s: float, x: float, y: float) -> float:
-        """Return how much warmer it is somewhere."""
+        """Return the temperature difference at a position."""
         place = Heat(self._x, self._y, self._middle(time_s), _BURN_RADIUS_M)
         return warmth_c((place,), x, y)
 

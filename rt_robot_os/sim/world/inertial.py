@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What an inertial sensor feels: turned by hand in a little world of its own, on the robot, or worn.
+The motion of an inertial sensor: turned by hand, on the robot, or worn by a person.
 
 Vectors are in the axes of the sensor; the world's are east, north, up.
 """
@@ -43,12 +43,13 @@ from rt_robot_os.sim.world.wearable import WearableMotion
 if TYPE_CHECKING:
     from rt_robot_os.sim.world.world import World
 
-ON_SETTING: Final = Field('on', str, '', 'Who wears it, one of the people of the world; when '
-                          'absent the robot carries it.')
+ON_SETTING: Final = Field('on', str, '',
+                          'The person of the world who wears it; when absent the robot '
+                          'carries it.')
 
 
 class Inertial(Protocol):
-    """What a sensor feels at a time since its start; one in the world feels what is now."""
+    """The motion of a sensor at a time since its start; in the world always the current motion."""
 
     def attitude(self, time_s: float) -> Vector:
         """Return roll, pitch and yaw in rad, yaw from -pi to pi."""
@@ -57,10 +58,10 @@ class Inertial(Protocol):
         """Return the attitude as w, x, y, z."""
 
     def angular_velocity(self, time_s: float) -> Vector:
-        """Return how fast it turns, in rad/s."""
+        """Return its angular velocity, in rad/s."""
 
     def force(self, time_s: float) -> Vector:
-        """Return what an accelerometer measures, in m/s^2: at rest gravity, upwards."""
+        """Return the specific force, in m/s^2: at rest gravity, upwards."""
 
     def gravity(self, time_s: float) -> Vector:
         """Return gravity alone, upwards, in m/s^2."""
@@ -77,7 +78,7 @@ class HandMotion:
     angular_velocity = staticmethod(bodies.angular_velocity)
 
     def force(self, time_s: float) -> Vector:
-        """Return gravity: a hand hardly accelerates it."""
+        """Return gravity: the acceleration by a hand is neglected."""
         return self.gravity(time_s)
 
     def gravity(self, time_s: float) -> Vector:
@@ -94,7 +95,7 @@ class RobotMotion:
     Mounted on the robot, which stands upright on the floor.
 
     :param world: with the robot.
-    :param site: where the sensor is.
+    :param site: its world and mounting.
     """
 
     def __init__(self, world: World, site: Site) -> None:
@@ -118,11 +119,11 @@ class RobotMotion:
         return w, x, y, z
 
     def angular_velocity(self, time_s: float) -> Vector:
-        """Return how fast the robot turns, about the axes of the sensor."""
+        """Return the angular velocity of the robot, about the axes of the sensor."""
         return rotate(self._to_sensor, (0.0, 0.0, self._base.velocity[1]))
 
     def force(self, time_s: float) -> Vector:
-        """Return gravity and the accelerations where it sits, away from the middle."""
+        """Return gravity and the accelerations at its mounting, off the centre."""
         ahead, left = self._base.acceleration
         turning, rate = self._base.angular_acceleration, self._base.velocity[1]
         return rotate(self._to_sensor, (
@@ -140,16 +141,17 @@ class RobotMotion:
 
 def inertial(site: Site, settings: Mapping[str, Any] | None = None) -> Inertial:
     """
-    Return what a sensor feels where it is.
+    Return the motion of a sensor at its site.
 
-    :param settings: those of the simulated device, with ``ON_SETTING``; None: nobody wears it.
-    :raises ConfigError: who is to wear it is not among the people.
+    :param settings: those of the simulated device, with ``ON_SETTING``; None: it is not worn.
+    :raises ConfigError: the wearer is not a person of the world.
     """
     if site.world is None:
         return HandMotion()
     if settings is None or not settings['on']:
         return RobotMotion(site.world, site)
-    person = site.world.crowd.named(settings['on'])
+    person = site.world.people_model.find(settings['on'])
     if person is None:
-        raise ConfigError([f'on: {settings["on"]}: {site.world.crowd.problem(settings["on"])}'])
+        raise ConfigError([f'on: {settings["on"]}: '
+                           f'{site.world.people_model.problem(settings["on"])}'])
     return WearableMotion(site.world, person, site)

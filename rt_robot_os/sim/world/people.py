@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""People who walk through the world on ways of their own, fall, lie and get up again."""
+"""People who walk through the world on their routes, fall, lie and get up again."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from rt_robot_os.sim.world.scene import WalkingRoute
 from rt_robot_os.sim.world.vitals import SimulatedVitals
 
 PERSON_RADIUS_M: Final = 0.22
-#: From the soles to the hair of somebody who lies.
+#: Length of a lying person.
 LYING_M: Final = PERSON_HEIGHT_M
 
-# So much room people leave to the robot, and so long they wait for it before they turn round: the
-# robot waits for them as well.
+# Clearance that people keep from the robot, and how long they wait for it before they turn back:
+# the robot waits for them as well.
 _ROOM_M: Final = 0.1
 _PATIENCE_S: Final = 1.5
-# Seen from above, somebody who lies is a row of discs.
+# From above a lying person is a row of discs.
 _LYING_RADIUS_M: Final = 0.17
 _LYING_DISCS: Final = 7
 _ACTIVITIES: Final = {Posture.UPRIGHT: 'stand', Posture.RISING: 'rise', Posture.FALLEN: 'fall',
@@ -45,21 +45,21 @@ Disc = tuple[float, float, float]
 
 class SimulatedPerson:
     """
-    Somebody on a way; when the robot stands in it they wait, then turn round and walk back.
+    A person on a route; when the robot blocks it they wait, then turn back.
 
-    :ivar name: theirs.
-    :ivar x: where they are, in m; of who lies, the middle of the body.
+    :ivar name: their name.
+    :ivar x: position in m; when lying, of the middle of the body.
     :ivar y: as x.
-    :ivar heading: where they look, in rad; of who lies, from the feet to the head.
-    :ivar stands: somebody has told them to stand.
-    :ivar stance: how they hold themselves.
-    :ivar vitals: what their body says.
-    :ivar answer: what they do some seconds after a fall: ``help``, ``fine`` or ``silent``.
-    :ivar speaks_until_s: until then they speak.
-    :ivar moved_s: when they moved last.
-    :ivar activity: what their body does, as ``body_motion`` calls it ...
+    :ivar heading: viewing direction in rad; when lying, from the feet to the head.
+    :ivar stands: they were commanded to stand.
+    :ivar stance: their posture.
+    :ivar vitals: their vital signs.
+    :ivar answer: their reaction some seconds after a fall: ``help``, ``fine`` or ``silent``.
+    :ivar speaks_until_s: end of their speech.
+    :ivar moved_s: time of their last motion.
+    :ivar activity: current activity, in the terms of ``body_motion`` ...
     :ivar activity_since_s: ... since when, and ...
-    :ivar activity_before: ... what it did until then.
+    :ivar activity_before: ... the previous one.
     :ivar time_s: of the world, at the last step.
     """
 
@@ -67,7 +67,7 @@ class SimulatedPerson:
 
     def __init__(self, way: WalkingRoute, seed: int = 1) -> None:
         """
-        Put them at the first point of their way.
+        Put them at the first point of their route.
 
         :param seed: of the world.
         """
@@ -89,52 +89,52 @@ class SimulatedPerson:
         ahead_x, ahead_y = way.points[self._next]
         self.heading = math.atan2(ahead_y - self.y, ahead_x - self.x)
 
-    # ---- what they are told --------------------------------------------------------------------
+    # ---- commands ------------------------------------------------------------------------------
 
     def stand(self, x: float, y: float) -> None:
-        """Step to a place at once and stay there, upright."""
+        """Appear at a position and stay there, upright."""
         self.x, self.y = x, y
         self.stands = True
-        self._take(Posture.UPRIGHT)
+        self._assume(Posture.UPRIGHT)
 
     def walk(self) -> None:
-        """Go on from where they are to the next point of their way; who is down gets up first."""
+        """Continue to the next point of the route; a person lying or sitting gets up first."""
         self.stands = False
         self.rise()
 
     def rise(self) -> None:
-        """Get up, and go on with what they did before."""
+        """Get up, and continue as before."""
         if self.stance.posture is not Posture.UPRIGHT:
-            self._take(Posture.RISING)
+            self._assume(Posture.RISING)
 
     def fall(self, heading: float) -> None:
-        """Fall, and lie there; a fright shows in the signs of life."""
+        """Fall, and lie there; the shock appears in the vital signs."""
         if self.stance.posture is Posture.FALLEN:
             return
         self.heading = heading
-        self._take(Posture.FALLEN)
+        self._assume(Posture.FALLEN)
         self.vitals.frighten(self.time_s)
 
     def sit(self) -> None:
         """Sit down where they are."""
-        self._take(Posture.SITTING)
+        self._assume(Posture.SITTING)
 
     def sleep(self, heading: float) -> None:
-        """Lie down on purpose where they are, on a bed."""
+        """Lie down at their position, on a bed."""
         if not self.lies:
             self.heading = heading
-        self._take(Posture.ASLEEP)
+        self._assume(Posture.ASLEEP)
 
-    # ---- what others see -----------------------------------------------------------------------
+    # ---- what others observe--------------------------------------------------------------------
 
     @property
     def height_m(self) -> float:
-        """Return how high they reach."""
+        """Return the height of their highest point."""
         return self.stance.shape(self.time_s).top_m
 
     @property
     def lies(self) -> bool:
-        """Return whether they are rather flat than upright."""
+        """Return whether they are closer to lying than to upright."""
         return self.stance.shape(self.time_s).tilt_rad > math.pi / 4
 
     @property
@@ -153,7 +153,7 @@ class SimulatedPerson:
         return posture.name.lower()
 
     def discs(self) -> tuple[Disc, ...]:
-        """Return what they cover of the floor: x, y and radius of discs, in m."""
+        """Return their area on the floor: x, y and radius of discs, in m."""
         if not self.lies:
             return (self.x, self.y, PERSON_RADIUS_M),
         along_x, along_y = math.cos(self.heading), math.sin(self.heading)
@@ -165,9 +165,9 @@ class SimulatedPerson:
 
     def figure(self) -> tuple[float, float, float, float]:
         """
-        Return how they are to be drawn.
+        Return their figure for drawing.
 
-        Their highest point and what they stand, sit or lie on in m, 1.0 for who lies, and the
+        Their highest point and the height of the surface below them in m, 1.0 when lying, and the
         direction from the feet to the head in rad.
         """
         shape = self.stance.shape(self.time_s)
@@ -175,9 +175,9 @@ class SimulatedPerson:
 
     def worn_m(self, height_m: float) -> float:
         """
-        Return the height of what they wear.
+        Return the height of a worn device.
 
-        :param height_m: while they stand.
+        :param height_m: its height while they stand.
         """
         shape = self.stance.shape(self.time_s)
         return shape.worn_m + shape.worn_share * height_m
@@ -185,27 +185,27 @@ class SimulatedPerson:
     # ---- time ----------------------------------------------------------------------------------
 
     def step(self, time_s: float, robot_x: float, robot_y: float, robot_radius_m: float) -> None:
-        """Live for a time, and walk, unless the robot is in the way."""
+        """Advance to a time, and walk, unless the robot blocks the route."""
         self.time_s += time_s
         stance = self.stance
         if stance.posture is not Posture.UPRIGHT:
             if stance.share(self.time_s) < 1.0:
                 self.moved_s = self.time_s
             elif stance.posture is Posture.RISING:
-                self._take(Posture.UPRIGHT)
+                self._assume(Posture.UPRIGHT)
             return
         before = self.x, self.y
         self._walk(time_s, robot_x, robot_y, robot_radius_m)
         moved = before != (self.x, self.y)
         if moved:
             self.moved_s = self.time_s
-        self._do('walk' if moved else 'stand')
+        self._start_activity('walk' if moved else 'stand')
 
-    def _take(self, posture: Posture) -> None:
-        self.stance.take(posture, self.time_s)
-        self._do(_ACTIVITIES[posture])
+    def _assume(self, posture: Posture) -> None:
+        self.stance.assume(posture, self.time_s)
+        self._start_activity(_ACTIVITIES[posture])
 
-    def _do(self, activity: str) -> None:
+    def _start_activity(self, activity: str) -> None:
         if activity != self.activity:
             self.activity, self.activity_before = activity, self.activity
             self.activity_since_s = self.time_s
@@ -213,7 +213,7 @@ class SimulatedPerson:
     def _walk(self, time_s: float, robot_x: float, robot_y: float, robot_radius_m: float) -> None:
         left = 0.0 if self.stands else self._way.speed_m_s * time_s
         room = robot_radius_m + PERSON_RADIUS_M + _ROOM_M
-        for _ in self._way.points:  # points may lie on one another
+        for _ in self._way.points:  # points may coincide
             x, y = self._way.points[self._next]
             dx, dy = x - self.x, y - self.y
             distance = math.hypot(dx, dy)
@@ -232,14 +232,14 @@ class SimulatedPerson:
             if part < 1.0:
                 return
             left -= distance
-            self._go_on()
+            self._next_point()
 
     def _wait(self, time_s: float) -> None:
         self._waited_s += time_s
         if self._waited_s > _PATIENCE_S:
             self._waited_s = 0.0
             self._direction = -self._direction
-            self._go_on()
+            self._next_point()
 
-    def _go_on(self) -> None:
+    def _next_point(self) -> None:
         self._next = (self._next + self._direction) % len(self._way.points)

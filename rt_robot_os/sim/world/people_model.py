@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The people of the world together: what happens to them, who of them a sensor notices."""
+"""The people of the world: their events, and their detection by sensors."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from rt_robot_os.sim.world.people import SimulatedPerson
 from rt_robot_os.sim.world.scene import WalkingRoute
 from rt_robot_os.sim.world.wireless import PRESS
 
-#: Ends a sign that somebody has set.
+#: The event that ends a set vital sign.
 USUAL: Final = 'usual'
-# Somebody who has fallen presses their button so much later, if they do.
+# Delay from a fall to the press of the button.
 _REPLY_S: Final = 8.0
-# A motion detector sees who has moved so lately, so near.
+# A motion detector detects motion within this time and distance.
 _STILL_S: Final = 2.0
 _DETECTOR_M: Final = 6.0
-# What a detector hangs on does not hide anybody from it.
+# The wall that carries a detector does not hide people from it.
 _WALL_M: Final = 0.3
-# So much farther than head and feet nobody looks for room to lie.
+# Margin beyond head and feet in the search of room to lie.
 _ROOM_M: Final = 0.3
 
-# How far a wall is, from x and y in a direction.
+# Returns the distance of a wall, from x and y in a direction.
 Room = Callable[[float, float, float], float]
 
 
@@ -49,36 +49,36 @@ class PeopleModel:
     """
     All people of a world.
 
-    :ivar people: who walks about.
+    :ivar people: all of them.
     """
 
     def __init__(self, ways: Sequence[WalkingRoute], seed: int, room_m: Room) -> None:
         """
-        Put everybody at the beginning of their way.
+        Put all people at the beginning of their routes.
 
-        :param room_m: tells how far a wall is, from x and y in a direction.
+        :param room_m: returns the distance of a wall, from x and y in a direction.
         """
         self.people = tuple(SimulatedPerson(way, seed) for way in ways)
         self._room_m = room_m
 
-    def named(self, name: str) -> SimulatedPerson | None:
-        """Return who has a name."""
+    def find(self, name: str) -> SimulatedPerson | None:
+        """Return the person of a name."""
         return next((each for each in self.people if each.name == name), None)
 
     def problem(self, name: str) -> str | None:
-        """Return what keeps something from happening to somebody of a name."""
-        if self.named(name) is not None:
+        """Return why no event can apply to a person of this name."""
+        if self.find(name) is not None:
             return None
         names = [person.name for person in self.people]
         return f'there is no such person; there are {", ".join(names) or "none"}'
 
     def apply(self, what: WorldEvent) -> WorldEvent | None:
         """
-        Have something happen to somebody.
+        Apply an event to a person.
 
-        :return: what follows, after its time or that of ``what``; None when nothing does.
+        :return: the event that ends it, after its duration; None if there is none.
         """
-        person = self.named(what.name)
+        person = self.find(what.name)
         assert person is not None
         follows: WorldEvent | None = None
         if what.kind == 'person':
@@ -108,9 +108,9 @@ class PeopleModel:
             person.answer = what.word
         return follows
 
-    def reply(self, what: WorldEvent) -> WorldEvent | None:
-        """Return what somebody does by and by because of what has happened to them."""
-        person = self.named(what.name)
+    def reaction(self, what: WorldEvent) -> WorldEvent | None:
+        """Return a person's delayed reaction to an event."""
+        person = self.find(what.name)
         if person is None or person.answer == SILENT or what.kind not in ('fall', 'answer'):
             return None
         if what.kind == 'answer' and not person.lies:
@@ -119,7 +119,7 @@ class PeopleModel:
         return WorldEvent(PRESS, what.name, (), for_s=for_s, word=person.answer)
 
     def _lying(self, person: SimulatedPerson) -> float:
-        """Return the direction in which somebody finds room to lie: ahead, if there is some."""
+        """Return the direction with the most room to lie: ahead, if there is enough."""
         def room(heading: float) -> float:
             found = min(self._room_m(person.x, person.y, heading),
                         self._room_m(person.x, person.y, heading + math.pi))
@@ -128,12 +128,14 @@ class PeopleModel:
         return max((person.heading + turn * math.pi / 4 for turn in range(4)), key=room)
 
     def in_sight(self, x: float, y: float, there_x: float, there_y: float) -> bool:
-        """Return whether no wall is between two places, but that on which the second hangs."""
+        """
+        Return whether no wall is between two positions, except that which carries the second.
+        """
         away = math.hypot(there_x - x, there_y - y)
         return self._room_m(x, y, math.atan2(there_y - y, there_x - x)) >= away - _WALL_M
 
     def noticed(self, x: float, y: float) -> bool:
-        """Return whether a motion detector at a place sees somebody move."""
+        """Return whether a motion detector at a position detects a person's motion."""
         return any(
             person.time_s - person.moved_s <= _STILL_S
             and math.hypot(person.x - x, person.y - y) <= _DETECTOR_M

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How somebody holds themselves: upright, sitting, lying, and the ways between these."""
+"""The posture of a person: upright, sitting, lying, and the transitions between them."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from typing import NamedTuple
 
 class _Shape(NamedTuple):
     """
-    What a posture does to a body.
+    The geometry of a body in a posture.
 
     :ivar top_m: its highest point above the floor.
     :ivar tilt_rad: from upright.
-    :ivar worn_m: height of what is worn, and ...
-    :ivar worn_share: ... the share that this keeps of its height on a standing person.
-    :ivar base_m: of what the body lies on.
+    :ivar worn_m: height of a worn device, and ...
+    :ivar worn_share: ... the remaining share of its height on a standing person.
+    :ivar base_m: height of the surface below the body.
     """
 
     top_m: float
@@ -47,10 +47,10 @@ _LYING: Final = _Shape(0.28, math.pi / 2, 0.1, 0.0, 0.0)
 
 class Posture(Enum):
     """
-    A posture, and how long somebody needs to take it.
+    A posture, and the duration of the transition to it.
 
-    :ivar shape: what it does to the body.
-    :ivar takes_s: the time from the one before.
+    :ivar shape: geometry of the body.
+    :ivar takes_s: duration of the transition to it.
     """
 
     UPRIGHT = _UPRIGHT, 0.0
@@ -67,10 +67,10 @@ class Posture(Enum):
 
 class Stance:
     """
-    The posture of somebody, by time.
+    The posture of a person over time.
 
-    :ivar posture: that is taken, or is being taken.
-    :ivar since_s: when that began.
+    :ivar posture: the current one, or the target of the transition.
+    :ivar since_s: beginning of the transition.
     """
 
     def __init__(self) -> None:
@@ -79,19 +79,19 @@ class Stance:
         self.since_s = -math.inf
         self._from = _UPRIGHT
 
-    def take(self, posture: Posture, time_s: float) -> None:
-        """Begin to take a posture; nothing changes for who has it already."""
+    def assume(self, posture: Posture, time_s: float) -> None:
+        """Start the transition to a posture; nothing changes if it is the current one."""
         if posture is not self.posture:
             self._from, self.before = self.shape(time_s), self.posture
             self.posture, self.since_s = posture, time_s
 
     def share(self, time_s: float) -> float:
-        """Return how much of the way to the posture is done, from 0 to 1."""
+        """Return the completed share of the transition, from 0 to 1."""
         since_s = time_s - self.since_s
         return 1.0 if since_s >= self.posture.takes_s else max(since_s / self.posture.takes_s, 0.0)
 
     def shape(self, time_s: float) -> _Shape:
-        """Return the shape of the body now."""
+        """Return the current geometry of the body."""
         share = self.share(time_s)
         if share >= 1.0:
             return self.posture.shape

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is in the world besides its walls, read from the texts of its settings."""
+"""The content of the world, without its walls, parsed from the strings of its settings."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ _MOST_POINTS: Final = 1000
 @dataclass(frozen=True)
 class WalkingRoute:
     """
-    Who walks where.
+    The route of a person.
 
-    :ivar points: x and y in m; after the last comes the first again.
+    :ivar points: x and y in m; after the last follows the first.
     """
 
     name: str
@@ -48,7 +48,7 @@ class WalkingRoute:
 
 @dataclass(frozen=True)
 class CeilingLandmark:
-    """A mark on the ceiling that a localiser reads."""
+    """A mark on the ceiling for a localiser."""
 
     number: int
     x: float
@@ -58,7 +58,7 @@ class CeilingLandmark:
 
 @dataclass(frozen=True)
 class Lamp:
-    """What gives light; straight below it the light is ``lux`` more."""
+    """A lamp; directly below it the light is increased by ``lux``."""
 
     x: float
     y: float
@@ -67,7 +67,7 @@ class Lamp:
 
 @dataclass(frozen=True)
 class Heat:
-    """What makes its surroundings warmer, or colder."""
+    """A place that warms or cools its surroundings."""
 
     x: float
     y: float
@@ -76,7 +76,7 @@ class Heat:
 
 
 def way(text: str) -> WalkingRoute:
-    """Read such as ``anna 0.8 1.0 2.0 4.0 2.0``; raises ValueError, as do all of these."""
+    """Parse ``anna 0.8 1.0 2.0 4.0 2.0``; raises ValueError, as do all of these."""
     name, *numbers = name_of(text), *numbers_of(text, 1)
     if len(numbers) < 3 or len(numbers) % 2 == 0 or len(numbers) > _MOST_POINTS:
         raise ValueError('must be a name, a speed in m/s and x y of each way point')
@@ -86,27 +86,27 @@ def way(text: str) -> WalkingRoute:
 
 
 def landmark(text: str) -> CeilingLandmark:
-    """Read such as ``24836 1.5 2.0 0.0``."""
+    """Parse ``24836 1.5 2.0 0.0``."""
     number, *place = exactly(text, 0, 'number x y yaw')
     if not (number.is_integer() and 0 <= number < 2 ** 31):
-        raise ValueError(f'the number of a mark is {number:g}: it must be a whole one from 0')
+        raise ValueError(f'the number of a mark is {number:g}: it must be an integer from 0')
     return CeilingLandmark(int(number), *place)
 
 
 def lamp(text: str) -> Lamp:
-    """Read such as ``2.0 3.0 400``."""
+    """Parse ``2.0 3.0 400``."""
     return Lamp(*exactly(text, 0, 'x y lux'))
 
 
 def heat(text: str) -> Heat:
-    """Read such as ``0.5 2.0 6 1.0``."""
+    """Parse ``0.5 2.0 6 1.0``."""
     found = Heat(*exactly(text, 0, 'x y degrees radius'))
     if found.radius_m <= 0.0:
         raise ValueError(f'its radius is {found.radius_m:g} m: it must be above 0')
     return found
 
 
-# Setting -> what reads one of its texts.
+# Setting -> parser of one of its strings.
 READERS: Final[Mapping[str, Callable[[str], Any]]] = {
     'people': way, 'landmarks': landmark, 'nodes': node, 'lights': lamp, 'heat': heat,
     'events': parse_timed_event,
@@ -114,7 +114,7 @@ READERS: Final[Mapping[str, Callable[[str], Any]]] = {
 
 
 def clashes(key: str, things: list[Any]) -> tuple[str, ...]:
-    """Say which of the things of a setting have the same name or number."""
+    """Return the problem of equal names or numbers in a setting."""
     where = f'world.{key}'
     if key == 'nodes':
         try:
@@ -124,4 +124,4 @@ def clashes(key: str, things: list[Any]) -> tuple[str, ...]:
     attribute = {'people': 'name', 'landmarks': 'number'}.get(key)
     names = [getattr(thing, attribute) for thing in things] if attribute else []
     twice = next((name for name in names if names.count(name) > 1), None)
-    return () if twice is None else (f'{where}: {twice} is there twice',)
+    return () if twice is None else (f'{where}: {twice} is listed twice',)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Takes the short texts of the world apart: names, numbers, seconds."""
+"""Parse the short strings of the world: names, numbers, seconds."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ import math
 import re
 from typing import Final
 
-# Farther away than anything in a map.
+# Beyond any map.
 _FARTHEST: Final = 1e6
 LONGEST_S: Final = 1e6
 _NAME: Final = re.compile(r'[A-Za-z_]\w{0,63}', re.ASCII)
 
 
 def words_of(text: str) -> list[str]:
-    """Take a text apart; colons and commas may stand between, as in the driver's landmarks."""
+    """Split a string; colons and commas may separate words, as in the driver's landmarks."""
     return text.replace(',', ' ').replace(':', ' ').split()
 
 
@@ -35,7 +35,7 @@ def name_of(text: str) -> str:
     """
     Return the first word.
 
-    :raises ValueError: it is no name.
+    :raises ValueError: it is not a name.
     """
     words = words_of(text)
     if not words or not _NAME.fullmatch(words[0]):
@@ -45,9 +45,9 @@ def name_of(text: str) -> str:
 
 def numbers_of(text: str, skip: int) -> list[float]:
     """
-    Return the numbers behind some words.
+    Return the numbers after some words.
 
-    :raises ValueError: one is no number.
+    :raises ValueError: one is not a valid number.
     """
     found = []
     for word in words_of(text)[skip:]:
@@ -56,16 +56,16 @@ def numbers_of(text: str, skip: int) -> list[float]:
         except ValueError:
             value = math.nan
         if not abs(value) <= _FARTHEST:
-            raise ValueError(f'{word[:40]!r} is no number that can be used')
+            raise ValueError(f'{word[:40]!r} is not a valid number')
         found.append(value)
     return found
 
 
 def exactly(text: str, skip: int, wanted: str) -> list[float]:
     """
-    Return as many numbers as there are words in another text.
+    Return as many numbers as another string has words.
 
-    :raises ValueError: there are more, fewer or others.
+    :raises ValueError: there are more or fewer, or one is invalid.
     """
     numbers = numbers_of(text, skip)
     if len(numbers) != len(wanted.split()) - skip:
@@ -77,7 +77,7 @@ def seconds_of(word: str) -> float:
     """
     Return a time in seconds.
 
-    :raises ValueError: it is none.
+    :raises ValueError: it is invalid.
     """
     found, = numbers_of(word, 0)
     if not 0.0 <= found <= LONGEST_S:

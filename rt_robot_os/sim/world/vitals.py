@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the body of somebody in the world says: one truth for all that measures it.
+The vital signs of a person in the world, equal for all sensors.
 
-Each sign wanders slowly about what is usual, as a function of the time alone: whoever looks, and
-however often, sees the same.
+Each sign varies slowly about its usual value. It is a function of only the time, so that its value
+does not depend on how often it is read.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from typing import NamedTuple
 
 class _Sign(NamedTuple):
     """
-    A sign of life.
+    A vital sign.
 
-    :ivar mean: what is usual, of a grown person at rest.
-    :ivar spread: how far it wanders, as a standard deviation.
-    :ivar shock: what a fright adds.
-    :ivar most: it is never more.
+    :ivar mean: the usual value of an adult at rest.
+    :ivar spread: its standard deviation.
+    :ivar shock: increase by a shock.
+    :ivar most: its upper limit.
     """
 
     mean: float
@@ -56,18 +56,18 @@ SIGNS: Final[Mapping[str, _Sign]] = {
     'oxygen_l_per_min': _Sign(0.0, 0.0),
 }
 
-# The periods of what it wanders by; no two have a common multiple that anybody waits for.
+# The periods of its variation; their common multiple is very long.
 _PERIODS_S: Final = (97.0, 211.0, 461.0)
-# A fright comes at once and goes slowly.
+# The effect of a shock rises quickly and decays slowly.
 _RISE_S: Final = 4.0
 _FALL_S: Final = 150.0
 
 
 class SimulatedVitals:
     """
-    The signs of one person.
+    The vital signs of one person.
 
-    :param name: theirs; with the seed it decides how they wander.
+    :param name: of the person; determines the variation, with the seed.
     """
 
     def __init__(self, name: str, seed: int) -> None:
@@ -94,15 +94,17 @@ class SimulatedVitals:
                    usual.most)
 
     def set(self, sign: str, value: float) -> None:  # noqa: A003
-        """Have a sign be so from now on; 0 is what a monitor says whose sensor is off."""
+        """
+        Fix the value of a sign from now on; 0 is the value of a monitor with a detached sensor.
+        """
         self._set[sign] = value
 
     def clear(self, sign: str) -> None:
-        """Have a sign be what is usual again."""
+        """Return a sign to its usual value."""
         self._set.pop(sign, None)
 
     def frighten(self, time_s: float) -> None:
-        """Take note of a fall, or of a call for help."""
+        """Start the effect of a shock, such as a fall or a call for help."""
         self._shock_s = time_s
 
     def _fright(self, time_s: float) -> float:

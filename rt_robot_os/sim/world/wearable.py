@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What an inertial sensor feels that somebody wears at the waist."""
+"""The motion of an inertial sensor that a person wears at the waist."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ if TYPE_CHECKING:
 
 class WearableMotion:
     """
-    Worn by somebody; the mounting turns the sensor on the body, its place does not matter.
+    Worn by a person; the mounting rotates the sensor on the body, its position is ignored.
 
     :param world: with the person.
-    :param person: who wears it.
-    :param site: how the sensor is mounted.
+    :param person: the wearer.
+    :param site: the mounting of the sensor.
     """
 
     def __init__(self, world: World, person: SimulatedPerson, site: Site) -> None:
@@ -76,11 +76,11 @@ class WearableMotion:
         return w, x, y, z
 
     def angular_velocity(self, time_s: float) -> Vector:
-        """Return how fast the body turns, about the axes of the sensor."""
+        """Return the angular velocity of the body, about the axes of the sensor."""
         return rotate(self._to_sensor, self._felt().rate_rad_s)
 
     def force(self, time_s: float) -> Vector:
-        """Return what the body feels at the waist."""
+        """Return the specific force at the waist."""
         return rotate(self._to_sensor, self._felt().force_m_s2)
 
     def gravity(self, time_s: float) -> Vector:

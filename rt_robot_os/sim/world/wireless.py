@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The wireless nodes of the world: where each is now, whether it has power, who calls for help."""
+"""The wireless nodes of the world: position, power and alarms of each."""
 
 from __future__ import annotations
 
@@ -32,32 +32,32 @@ from rt_robot_os.sim.world.vitals import SIGNS
 
 ALARM: Final = 'alarm'
 PRESS: Final = 'press'
-#: What ends an alarm.
+#: The event that ends an alarm.
 CALM: Final = 'calm'
-#: How long a button stays pressed when nobody says.
+#: Default duration of a pressed button.
 PRESSED_S: Final = 10.0
-# What the button of a node says.
+# Codes of the button of a node.
 _HELP_CODE: Final = 1
 _FINE_CODE: Final = 2
-# Happening -> the quantity of a node that it changes; an alarm all that there are.
+# Event -> the quantity of a node that it changes; an alarm changes all.
 _QUANTITIES: Final = {ALARM: ALARMS, PRESS: frozenset({ALARM}), 'smoke': frozenset({'smoke'}),
                       'water': frozenset({'water'})}
 
 
 class WirelessNode:
     """
-    A node as it is now; whoever simulates its radio follows what is written here.
+    The current state of a node; the simulation of its radio reads it.
 
-    :ivar surveyed: as the settings have it.
-    :ivar person: who wears it; None for one that hangs somewhere.
+    :ivar surveyed: its entry in the settings.
+    :ivar person: its wearer; None for a fixed node.
     :ivar on: it has power.
-    :ivar boots: how often it was switched on, the first time included.
-    :ivar alarms: what its button, its smoke or water sensor says; 0, which is nothing, is left
-        out. Another object after each change.
+    :ivar boots: how often it was switched on, including the first time.
+    :ivar alarms: the codes of its button, smoke or water sensor; 0 (none) is left out. A new
+        object after each change.
     """
 
     def __init__(self, surveyed: SurveyedNode, person: SimulatedPerson | None) -> None:
-        """Put it where the survey says, with power."""
+        """Put it at its surveyed position, with power."""
         self.surveyed = surveyed
         self.name = surveyed.name
         self.person = person
@@ -68,38 +68,38 @@ class WirelessNode:
 
     @property
     def position_m(self) -> tuple[float, float, float]:
-        """Return where it is, in the frame of the map."""
+        """Return its position in the frame of the map."""
         if self.person is not None:
             return self.person.x, self.person.y, self.person.worn_m(self._z)
         return self._x, self._y, self._z
 
     @property
     def worn(self) -> bool:
-        """Return whether somebody wears it."""
+        """Return whether a person wears it."""
         return self.person is not None
 
     def vital(self, sign: str) -> float | None:
-        """Return a sign of who wears it, in its unit; None when nobody does, or of no sign."""
+        """Return a vital sign of its wearer, in its unit; None without a wearer or such a sign."""
         person = self.person
         return person.vitals.value(sign, person.time_s) if person and sign in SIGNS else None
 
-    def put(self, x: float, y: float) -> None:
-        """Put it somewhere; nobody wears it any more."""
+    def move_to(self, x: float, y: float) -> None:
+        """Move it to a fixed position; it is not worn any more."""
         self.person = None
         self._x, self._y = x, y
 
-    def switch(self, on: bool) -> None:
-        """Give it power, or take it."""
+    def set_power(self, on: bool) -> None:
+        """Switch its power on or off."""
         if on and not self.on:
             self.boots += 1
         self.on = on
 
     def reboot(self) -> None:
-        """Have it begin anew; one without power stays so."""
+        """Reboot it; a node without power stays off."""
         self.boots += self.on
 
-    def tell(self, quantities: Iterable[str], code: int) -> None:
-        """Have its button or its sensors say something; 0 is nothing."""
+    def set_alarms(self, quantities: Iterable[str], code: int) -> None:
+        """Set the code of its button or its sensors; 0 for none."""
         changed = {each: code for each in quantities if each in self.surveyed.quantities}
         self.alarms = {each: told for each, told in {**self.alarms, **changed}.items() if told}
 
@@ -114,9 +114,9 @@ class Wireless:
     def __init__(self, surveyed: Iterable[SurveyedNode],
                  people: Sequence[SimulatedPerson]) -> None:
         """
-        Place them; without any people what is to be worn lies where it was surveyed.
+        Place them; without any people a node for a wearer is fixed at its surveyed position.
 
-        :raises ConfigError: somebody is to wear one and is not among the people.
+        :raises ConfigError: a wearer is not among the people.
         """
         known = {person.name: person for person in people}
         problems = []
@@ -131,48 +131,48 @@ class Wireless:
         self.nodes = tuple(nodes)
 
     def problem(self, what: WorldEvent) -> str | None:
-        """Return what keeps something from happening to a node."""
+        """Return why an event cannot apply to a node."""
         if what.kind in _QUANTITIES:
             if next(self._alarmed(what.name, what.kind), None) is None:
                 thing = 'button' if what.kind in (ALARM, PRESS) else 'sensor'
                 return (f'{what.name} has no {thing}: no node of that name or of that person '
                         f'measures {", ".join(sorted(_QUANTITIES[what.kind]))}')
-        elif self.named(what.name) is None:
+        elif self.find(what.name) is None:
             shown = ', '.join(each.name for each in self.nodes[:50]) or 'none'
             return f'there is no such node; there are {shown}'
         return None
 
-    def named(self, name: str) -> WirelessNode | None:
+    def find(self, name: str) -> WirelessNode | None:
         """Return the node of a name."""
         return next((each for each in self.nodes if each.name == name), None)
 
     def apply(self, what: WorldEvent) -> WorldEvent | None:
         """
-        Have something happen to a node.
+        Apply an event to a node.
 
-        :return: what ends it, after its time; None when nothing does.
+        :return: the event that ends it, after its duration; None if there is none.
         """
         if what.kind in _QUANTITIES:
             code = _FINE_CODE if what.word == FINE else _HELP_CODE
             for each in self._alarmed(what.name, what.kind):
-                each.tell(_QUANTITIES[what.kind], code)
+                each.set_alarms(_QUANTITIES[what.kind], code)
                 if each.person is not None and code == _HELP_CODE:
                     each.person.vitals.frighten(each.person.time_s)
-            # Smoke and water stay until somebody says.
+            # Smoke and water remain until they are cleared.
             for_s = PRESSED_S if what.kind in (ALARM, PRESS) else 0.0
             return WorldEvent(CALM, what.name, (), for_s=for_s, word=what.kind)
         if what.kind == CALM:
             for each in self._alarmed(what.name, what.word):
-                each.tell(_QUANTITIES[what.word], 0)
+                each.set_alarms(_QUANTITIES[what.word], 0)
             return None
-        node = self.named(what.name)
+        node = self.find(what.name)
         assert node is not None
         if what.kind == 'node move':
-            node.put(*what.numbers)
+            node.move_to(*what.numbers)
         elif what.kind == 'node reboot':
             node.reboot()
         else:
-            node.switch(what.kind == 'node on')
+            node.set_power(what.kind == 'node on')
         return WorldEvent('node on', what.name, ()) if what.kind == 'node off' else None
 
     def where(self) -> list[str]:
@@ -181,7 +181,7 @@ class Wireless:
                           'on' if each.on else 'off']) for each in self.nodes]
 
     def _alarmed(self, name: str, kind: str) -> Iterator[WirelessNode]:
-        """Yield the nodes that something can happen to, by their name or that of their wearer."""
+        """Yield the nodes that an event applies to, by their name or that of their wearer."""
         for each in self.nodes:
             if _QUANTITIES[kind].intersection(each.surveyed.quantities) and name in (
                     each.name, each.person.name if each.person is not None else ''):

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The one world that all simulated devices of a robot look at.
+The world that all simulated devices of a robot share.
 
-It has no clock: whoever looks at it brings it up to the time first. It goes on in fixed steps from
-the first such time, so what happens depends on the seed and on what the robot does, never on who
-looks how often.
+It has no clock: a device advances it to the current time before reading it. It advances in fixed
+steps from the first such time, so it depends on the seed and on the robot's motion, and not on how
+often it is read.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ from rt_robot_os.sim.world_settings import WorldSettings
 
 Floats = npt.NDArray[np.float64]
 
-# People are moved once in so many steps.
+# People are moved once in this number of steps.
 _PEOPLE_STEPS: Final = 10
 _PEOPLE_S: Final = _PEOPLE_STEPS * STEP_NS / NS_PER_S
 
@@ -76,25 +76,25 @@ class World:
     """
     Walls, people, marks, wireless nodes, light and warmth, and the robot among them.
 
-    All lengths are in m, angles in rad counter-clockwise, in the frame of the map. One thread at a
-    time may use it; it is not for the real-time loop.
+    All lengths are in m, angles in rad counter-clockwise, in the frame of the map. Only one thread
+    at a time may use it; it is not for the real-time loop.
 
     :ivar settings: as given.
     :ivar map: the grid map; None for an open floor.
     :ivar map_path: its YAML file; None for an open floor.
     :ivar base: the body of the robot.
-    :ivar crowd: who walks about, and what happens to them.
-    :ivar people: the same, one by one.
+    :ivar people_model: the people, and their events.
+    :ivar people: the people themselves.
     :ivar landmarks: the marks on the ceiling.
-    :ivar nodes: the wireless nodes, as they were surveyed.
-    :ivar wireless: the same as they are now.
+    :ivar nodes: the wireless nodes, as surveyed.
+    :ivar wireless: their current states.
     :ivar time_s: since the first :meth:`advance`.
     :ivar lamps: share of the lamps that is on.
     """
 
     def __init__(self, settings: WorldSettings) -> None:
         """
-        Make the world; the map is read.
+        Make the world, and read the map.
 
         :raises ConfigError: with every problem of the settings and of the map.
         """
@@ -108,8 +108,8 @@ class World:
             if (problem := self._standing_at(*settings.start[:2])):
                 raise ConfigError([f'world.start: {problem}'])
         self.walls = Walls.of(self.map) if self.map else Walls(np.empty((0, 4)))
-        self.crowd = PeopleModel(scene['people'], settings.seed, self._room_m)
-        self.people: tuple[SimulatedPerson, ...] = self.crowd.people
+        self.people_model = PeopleModel(scene['people'], settings.seed, self._room_m)
+        self.people: tuple[SimulatedPerson, ...] = self.people_model.people
         self.landmarks = tuple(scene['landmarks'])
         self.nodes = numbered(scene['nodes'], 'world.nodes')
         self.wireless = Wireless(self.nodes, self.people)
@@ -131,7 +131,7 @@ class World:
 
     def advance(self, now_ns: int) -> None:
         """
-        Go on to a time; does nothing when it is past already.
+        Advance to a time; does nothing if it has passed already.
 
         :param now_ns: absolute, such as CLOCK_MONOTONIC; the first one is the start.
         """
@@ -155,13 +155,13 @@ class World:
             for person in self.people:
                 person.step(_PEOPLE_S, x, y, self.base.radius_m)
 
-    # ---- what happens --------------------------------------------------------------------------
+    # ---- events --------------------------------------------------------------------------------
 
     def inject(self, words: Sequence[str]) -> None:
         """
-        Have something happen now, such as ``kidnap 1.0 2.0 0.5`` or ``person anna 2.0 1.0 4``.
+        Apply an event now, such as ``kidnap 1.0 2.0 0.5`` or ``person anna 2.0 1.0 4``.
 
-        :raises ConfigError: it cannot happen here.
+        :raises ConfigError: it is not possible in this world.
         """
         try:
             what = parse_event(list(words))
@@ -172,7 +172,7 @@ class World:
 
     def _check(self, events: Sequence[WorldEvent], where: str) -> None:
         """
-        Check what is to happen against what there is.
+        Check events against the content of the world.
 
         :raises ConfigError: with every problem.
         """
@@ -182,7 +182,7 @@ class World:
             if each.kind in OF_NODES:
                 problem = self.wireless.problem(each)
             elif each.kind in OF_PEOPLE:
-                problem = self.crowd.problem(each.name)
+                problem = self.people_model.problem(each.name)
             elif each.kind == 'heat':
                 problem = self.wireless.problem(each)
             elif each.kind == 'kidnap':
@@ -194,15 +194,15 @@ class World:
             raise ConfigError(problems)
 
     def _standing_at(self, x: float, y: float) -> str | None:
-        """Return what keeps the robot from being put at a place."""
+        """Return why the robot cannot be put at a position."""
         if self.map is None or not self.map.occupied(x, y):
             return None
         low_x, low_y, high_x, high_y = self.map.bounds
-        return (f'in the map there stands something at {x:g}, {y:g}: choose a free place from '
+        return (f'the map has an obstacle at {x:g}, {y:g}: choose a free position from '
                 f'{low_x:g}, {low_y:g} to {high_x:g}, {high_y:g}')
 
     def _later(self, at_s: float, what: WorldEvent) -> None:
-        self._order += 1  # of two at one time the first to be told comes first
+        self._order += 1  # of two at the same time the first one added comes first
         heapq.heappush(self._waiting, (at_s, self._order, what))
 
     def _apply(self, what: WorldEvent) -> None:
@@ -220,8 +220,8 @@ class World:
             back = WorldEvent('heat', what.name, (0.0,))
             self._burn(what.name, *what.numbers)
         elif what.kind in OF_PEOPLE or what.kind == USUAL:
-            back = self.crowd.apply(what)
-            reply = self.crowd.reply(what)
+            back = self.people_model.apply(what)
+            reply = self.people_model.reaction(what)
             if reply is not None and self.wireless.problem(reply) is None:
                 self._later(self.time_s + reply.for_s, replace(reply, for_s=0.0))
         else:
@@ -231,25 +231,25 @@ class World:
 
     def where(self) -> str:
         """
-        Return where everything that moves is, one line each: for who compares with the truth.
+        Return the true positions of everything that moves, one line each.
 
         The robot as ``base_link x y yaw ahead turning`` (m, rad, m/s, rad/s), then each person as
-        ``name x y`` and what they do (walking, standing, falling, lying, rising, sitting,
-        asleep), each wireless node as ``node name x y height on`` (or ``off``); last ``time``
-        with the seconds since the start.
+        ``name x y`` and their activity (walking, standing, falling, lying, rising, sitting,
+        asleep), each wireless node as ``node name x y height on`` (or ``off``); last ``time`` with
+        the seconds since the start.
         """
         base = ' '.join(f'{number:.6f}' for number in (*self.base.pose, *self.base.velocity))
         people = [f'{each.name} {each.x:.6f} {each.y:.6f} {each.doing}' for each in self.people]
         return '\n'.join([f'base_link {base}', *people, *self.wireless.where(),
                           f'time {self.time_s:.3f}'])
 
-    # ---- looking at it -------------------------------------------------------------------------
+    # ---- measurements ---------------------------------------------------------------------------
 
     def pose_of(self, mounting: Mounting, age_s: float = 0.0) -> Pose:
         """
         Return x, y and yaw of a frame on the robot; its height is that of the mounting.
 
-        :param age_s: so long ago, at the speed that the robot has now: for a moment.
+        :param age_s: this long ago, extrapolated from the current speed; for short times.
         """
         x, y, yaw = self.base.pose
         if age_s:
@@ -265,15 +265,16 @@ class World:
     def cast(self, x: float, y: float, angles: Floats | Sequence[float],
              maximum_m: float = math.inf, height_m: float = 0.2, rise: float = 0.0) -> Floats:
         """
-        Return how far whatever stands there is along rays: walls, furniture and people.
+        Return the distances of obstacles along rays: walls, furniture and people.
 
         Takes some 0.2 ms for 700 rays.
 
         :param angles: directions in the map, in any order.
-        :param maximum_m: farther away nothing is seen.
-        :param height_m: of the rays above the floor; above their heads people are not seen.
-        :param rise: half the opening of a cone of rays, upright, as a slope; 0: they are level.
-        :return: in m, inf where there is nothing; 0 from within a wall.
+        :param maximum_m: range of the rays.
+        :param height_m: of the rays above the floor; above the heads of people they do not hit
+            them.
+        :param rise: half the vertical opening of a cone of rays, as a slope; 0: horizontal rays.
+        :return: in m, inf without an obstacle; 0 from within a wall.
         """
         rays = np.asarray(angles, dtype=np.float64)
         if self.map is not None and self.map.occupied(x, y):
@@ -282,7 +283,7 @@ class World:
         for person in self.people:
             away = math.hypot(person.x - x, person.y - y)
             above_m = height_m - person.height_m
-            # From above, the edge of the cone comes down to their height only so far away.
+            # From above, the edge of the cone reaches their height only at this distance.
             blind_m = 0.0 if above_m < 0.0 else above_m / rise if rise else math.inf
             if blind_m > maximum_m or blind_m == math.inf or away >= maximum_m + LYING_M:
                 continue
@@ -293,26 +294,26 @@ class World:
         return ranges
 
     def light_lux(self, x: float, y: float) -> float:
-        """Return the light at a place."""
+        """Return the light at a position."""
         lamps = light_lux(self._lights, x, y, self.settings.ceiling_m)
         return self.settings.light_lux + self.lamps * lamps
 
     def temperature_c(self, x: float, y: float) -> float:
-        """Return the temperature at a place."""
+        """Return the temperature at a position."""
         fires = sum(each.degrees(self.time_s, x, y) for each in self._burning.values())
         return self.settings.temperature_c + warmth_c(self._heat, x, y) + fires
 
     def in_sight(self, x: float, y: float, there_x: float, there_y: float) -> bool:
-        """Return whether no wall is between two places."""
-        return self.crowd.in_sight(x, y, there_x, there_y)
+        """Return whether no wall is between two positions."""
+        return self.people_model.in_sight(x, y, there_x, there_y)
 
     def noticed(self, x: float, y: float) -> bool:
-        """Return whether a motion detector at a place sees somebody move."""
-        return self.crowd.noticed(x, y)
+        """Return whether a motion detector at a position detects a person's motion."""
+        return self.people_model.noticed(x, y)
 
     def _burn(self, name: str, degrees: float) -> None:
-        """Have it become warmer at a node by and by, or cool down again."""
-        node = self.wireless.named(name)
+        """Warm up the surroundings of a node gradually, or let them cool down."""
+        node = self.wireless.find(name)
         assert node is not None
         burning = self._burning.setdefault(name, HeatSource(*node.position_m[:2]))
         burning.aim(degrees, self.time_s)
@@ -327,7 +328,7 @@ class World:
                 dx, dy = x - disc_x, y - disc_y
                 away = math.hypot(dx, dy)
                 if away < reach_m + 2 * radius_m:
-                    # From someone who has stepped into it the robot may go away.
+                    # The robot may move away from a person who overlaps with it.
                     edge = radius_m / away if away > radius_m else 0.0
                     points.append((disc_x + dx * edge, disc_y + dy * edge))
         return points
@@ -335,7 +336,7 @@ class World:
 
 def _scene(settings: WorldSettings) -> Mapping[str, list[Any]]:
     """
-    Read the texts of the settings.
+    Parse the strings of the settings.
 
     :raises ConfigError: with every problem.
     """

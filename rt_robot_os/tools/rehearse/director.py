@@ -242,7 +242,7 @@ class Director:
         """Who was looked after lies on the floor no longer."""
         events = self.record.events
         for each in events[self._heard:]:
-            person = self.world.crowd.named(each['subject'])
+            person = self.world.people_model.find(each['subject'])
             if (each['event'], each['by']) == ('resolved', CARER) and person is not None and (
                     person.stance.posture is Posture.FALLEN):
                 self.world.inject(['rise', person.name])
@@ -265,7 +265,7 @@ class Director:
         order = self.world.inject
         match scene.what:
             case 'fall':
-                person = self.world.crowd.named(scene.who)
+                person = self.world.people_model.find(scene.who)
                 if person is not None and person.stance.posture is Posture.FALLEN:
                     self.record.no_falls.append(scene)
                 order(['answer', scene.who, scene.answer])

@@ -126,7 +126,7 @@ def test_the_same_measurement_again_and_again(robot: I2cRobot, kind: str) -> Non
 
 
 @pytest.mark.parametrize('fault, said', [
-    ('hold', 'something holds SDA or SCL low'), ('vanish', 'the bus is gone')])
+    ('hold', 'a device holds SDA or SCL low'), ('vanish', 'the bus is gone')])
 def test_a_fault_of_the_bus_is_one_of_all_on_it(fault: str, said: str) -> None:
     robot = I2cRobot()
     robot.add('baro', 'bmp280')

@@ -263,7 +263,7 @@ def test_valid_frames_without_a_sample_are_a_warning_with_a_remedy_told_once(
     assert (device.state, device.faults) == (DeviceState.ACTIVE, 0)
     assert robot.texts() == []
     text, = robot.texts(Severity.WARN)
-    assert text.startswith('d: 0 valid frames, but no sample for 1 s: check what the device is')
+    assert text.startswith('d: 0 valid frames, but no sample for 1 s: check which messages the device is')
     assert device.statistics().reason == text.removeprefix('d: ')
 
 
@@ -315,7 +315,7 @@ def test_a_device_is_in_fault_with_a_reason_before_its_bytes_are_looked_at(robot
     device: Any = add_strange(robot, lambda: seen.append((device.state, device.reason)))
     robot.kernel.run(2 * S)
     assert seen == [(DeviceState.FAULT, '728 bytes but no valid frame for 1 s: check the baud '
-                     'rate, and that it is the device that the configuration says')]
+                     'rate, and that the connected device is the configured one')]
     # What it moves is at rest, and its port closed, before.
     assert device.device.script.log[:3] == ['open', 'close', 'diagnosis']
 
@@ -325,7 +325,7 @@ def test_a_defective_diagnosis_hurts_no_other_device(robot: Robot) -> None:
     robot.add('e', Script())
     robot.kernel.run(3 * S)
     assert robot.texts() == ['d: 728 bytes but no valid frame for 1 s: check the baud rate, and '
-                             'that it is the device that the configuration says']
+                             'that the connected device is the configured one']
     assert ('d: could not be diagnosed: its driver is defective: ZeroDivisionError'
             in robot.texts(Severity.WARN)[0])
     assert [each.state for each in robot.manager.statistics()][1] is DeviceState.ACTIVE

@@ -224,9 +224,9 @@ def test_a_product_that_has_less_is_told_what_it_has(monkeypatch: pytest.MonkeyP
     bench.add('full', 'xsens', fast, {})
     bench.run(3)
     assert bench.errors('slow') == [
-        'asked for orientation at 200 Hz it gives 100 Hz: set output_rate_hz: 100']
+        'of orientation at 200 Hz it sends 100 Hz: set output_rate_hz: 100']
     assert bench.errors('plain') == [
-        'this product gives no orientation: set orientation: false']
+        'this product has no orientation: set orientation: false']
     assert bench.errors('full') == []
     bench.take('full/imu/data')
     bench.run(1)

@@ -107,9 +107,10 @@ class SimulatedOximeter(SimulatedDevice):
     def _wearer(self, name: str) -> SimulatedPerson | None:
         if not name or self.world is None:
             return None
-        found = self.world.crowd.named(name)
+        people = self.world.people_model
+        found = people.find(name)
         if found is None:
-            raise ConfigError([f'{self.name}: on: {name}: {self.world.crowd.problem(name)}'])
+            raise ConfigError([f'{self.name}: on: {name}: {people.problem(name)}'])
         return found
 
     def _signs(self, time_s: float) -> tuple[float, float]:
