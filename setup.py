@@ -70,7 +70,7 @@ setup(
             'health = rt_robot_os.features.health.cli.program:main',
             'i2c_bridge = rt_robot_os.devices.i2c.program:main',
             'monitor = rt_robot_os.monitor.program:main',
-            'mapping = rt_robot_os.features.mapping.process.program:main',
+            'mapping = rt_robot_os.features.mapping.cli.program:main',
             'new = rt_robot_os.tools.new.program:main',
             'notifier = rt_robot_os.features.alarms.notifier.program:main',
             'parameters = rt_robot_os.tools.parameters.program:main',

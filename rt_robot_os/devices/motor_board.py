@@ -73,7 +73,7 @@ from rt_robot_os.devices.serial.device import FrameT
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.motion.run_on import RunOn
-from rt_robot_os.motion.wheel_counters import Reading
+from rt_robot_os.motion.wheel_counters import CounterReading
 from rt_robot_os.motion.wheel_counters import WheelCounters
 from rt_robot_os.motion.wheel_watch import WheelState
 from rt_robot_os.motion.wheel_watch import WheelWatch
@@ -226,9 +226,9 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
             left, right = right, left
         counters = self.counters
         reading = counters.take(left, right, arrival_ns)
-        if reading is Reading.REJECTED:
+        if reading is CounterReading.REJECTED:
             return 0
-        if reading is Reading.REBASED:
+        if reading is CounterReading.REBASED:
             self.faults.show(MotorFault.COUNTS_NEW, arrival_ns)
             self.log.warn('its counters started anew (reset, or another board): brought to rest',
                           throttle_s=1.0)

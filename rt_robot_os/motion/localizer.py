@@ -36,13 +36,13 @@ from rt_robot_os.motion.ekf import GATE_2
 from rt_robot_os.motion.ekf import GATE_3
 from rt_robot_os.motion.ekf import PoseCovariance
 from rt_robot_os.motion.ekf import UNKNOWN_VARIANCE
-from rt_robot_os.motion.fix_record import FixRecord
-from rt_robot_os.motion.pose_history import Fix
+from rt_robot_os.motion.fix_statistics import FixStatistics
+from rt_robot_os.motion.gate_monitor import GateMonitor
+from rt_robot_os.motion.pose_history import OdometryStep
+from rt_robot_os.motion.pose_history import PoseFix
 from rt_robot_os.motion.pose_history import PoseHistory
-from rt_robot_os.motion.pose_history import Step
 from rt_robot_os.motion.poses import composed
 from rt_robot_os.motion.poses import transform
-from rt_robot_os.motion.refusals import Refusals
 
 # Measurements that wait for the odometry of their moment.
 _WAITING_MOST: Final = 16
@@ -57,7 +57,7 @@ _NIS_COUNT: Final = 100
 
 
 @dataclass(frozen=True)
-class Tuning:
+class LocalizerTuning:
     """
     What can be set.
 
@@ -97,12 +97,12 @@ class FixCounters:
     corrected: int = 0
 
 
-class _Candidate:
+class _PoseCandidate:
     """Another place where the robot may be, that a source says."""
 
     __slots__ = ('state', 'votes', 'since_ns', 'last_ns', 'source')
 
-    def __init__(self, state: Ekf, fix: Fix) -> None:
+    def __init__(self, state: Ekf, fix: PoseFix) -> None:
         self.state = state
         self.votes = 1
         self.since_ns = self.last_ns = fix.stamp_ns
@@ -128,7 +128,7 @@ class Localizer:
         rad.
     """
 
-    def __init__(self, tuning: Tuning = Tuning()) -> None:
+    def __init__(self, tuning: LocalizerTuning = LocalizerTuning()) -> None:
         self.counters = FixCounters()
         self.state = Ekf()
         self.located = False
@@ -136,14 +136,14 @@ class Localizer:
         self.nis = 0.0
         self.jump = (0.0, 0.0)
         self.late = self.latest_ns = 0
-        self.records = tuple(FixRecord() for _ in range(_SOURCES_MOST))
-        self.headings = Refusals(tuning.kidnapped_s, tuning.kidnapped_fixes)
-        self.drifts = Refusals(tuning.kidnapped_s, tuning.kidnapped_fixes)
+        self.records = tuple(FixStatistics() for _ in range(_SOURCES_MOST))
+        self.headings = GateMonitor(tuning.kidnapped_s, tuning.kidnapped_fixes)
+        self.drifts = GateMonitor(tuning.kidnapped_s, tuning.kidnapped_fixes)
         self._heading_fix_ns = 0
         self._tuning = tuning
         self._history = PoseHistory(self.state, tuning.history_s, tuning.scale)
-        self._waiting: list[Fix] = []
-        self._candidate: _Candidate | None = None
+        self._waiting: list[PoseFix] = []
+        self._candidate: _PoseCandidate | None = None
         self._movements: deque[tuple[int, Pose]] = deque(maxlen=_MOVEMENTS_MOST)
 
     @property
@@ -187,7 +187,7 @@ class Localizer:
         for record in self.records:
             record.restart()
 
-    def move(self, step: Step) -> bool:
+    def move(self, step: OdometryStep) -> bool:
         """
         Move on.
 
@@ -239,9 +239,9 @@ class Localizer:
             self.jump = math.hypot(there[0] - x, there[1] - y), abs(there[2])
         return True
 
-    def fix(self, fix: Fix) -> None:
+    def fix(self, fix: PoseFix) -> None:
         """
-        Take a measured pose, in any order; :attr:`Fix.judged` tells whether it had its turn.
+        Take a measured pose, in any order; :attr:`PoseFix.judged` tells whether it had its turn.
 
         One that is newer than the last step waits for the next.
         """
@@ -250,7 +250,7 @@ class Localizer:
                 fix.displace(movement)
         self._place(fix)
 
-    def _place(self, fix: Fix) -> None:
+    def _place(self, fix: PoseFix) -> None:
         history = self._history
         if not history.stamp_ns or fix.stamp_ns > history.stamp_ns:
             self._waiting.append(fix)
@@ -283,7 +283,7 @@ class Localizer:
         """Return ``map`` -> ``odom``, for the pose of odometry at the moment of the last step."""
         return transform(self.state.pose, odometry)
 
-    def _judge_step(self, step: Step) -> None:
+    def _judge_step(self, step: OdometryStep) -> None:
         """Note the heading and the drift of a step; believe those that are refused for long."""
         headings, drifts, again = self.headings, self.drifts, False
         if step.heading_rad == step.heading_rad:
@@ -306,7 +306,7 @@ class Localizer:
 
     # ---- what does not fit -------------------------------------------------------------------
 
-    def _judge(self, fix: Fix) -> None:
+    def _judge(self, fix: PoseFix) -> None:
         """See what a measurement was good for, after it was compared."""
         self.fix_ns = max(self.fix_ns, fix.stamp_ns)
         if self.located and fix.judged and fix.source < len(self.records):
@@ -320,7 +320,7 @@ class Localizer:
             if self._tuning.kidnapped_s:
                 self._consider(fix)
 
-    def _accept(self, fix: Fix) -> None:
+    def _accept(self, fix: PoseFix) -> None:
         self.counters.accepted += 1
         self.accepted_ns = max(self.accepted_ns, fix.stamp_ns)
         if fix.dimensions == 3:
@@ -333,7 +333,7 @@ class Localizer:
             if candidate.votes <= 0:
                 self._candidate = None
 
-    def _consider(self, fix: Fix) -> None:
+    def _consider(self, fix: PoseFix) -> None:
         """Compare a measurement with the other place where the robot may be."""
         there = self._history.carried(fix)
         candidate = self._candidate
@@ -350,10 +350,10 @@ class Localizer:
                 candidate.votes = 0
         # Of a position alone no pose can be begun.
         if (candidate is None or candidate.votes <= 0) and fix.dimensions == 3:
-            self._candidate = candidate = _Candidate(there, fix)
+            self._candidate = candidate = _PoseCandidate(there, fix)
             self._believe(candidate, fix.stamp_ns)
 
-    def _outranks(self, candidate: _Candidate, fix: Fix) -> bool:
+    def _outranks(self, candidate: _PoseCandidate, fix: PoseFix) -> bool:
         """
         Return whether a place is that of a source before the one that contradicts, and is fresh.
 
@@ -362,7 +362,7 @@ class Localizer:
         return (candidate.source < fix.source
                 and fix.stamp_ns - candidate.last_ns < _RANK_NS)
 
-    def _believe(self, candidate: _Candidate, stamp_ns: int) -> None:
+    def _believe(self, candidate: _PoseCandidate, stamp_ns: int) -> None:
         """Take over the other place when it has been right for long enough."""
         tuning = self._tuning
         if self.located:

@@ -36,8 +36,8 @@ import pytest
 
 from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2 as G
 from rt_robot_os.features.navigation.attitude import AttitudeFilter
+from rt_robot_os.features.navigation.attitude import FilterTuning
 from rt_robot_os.features.navigation.attitude import MahonyFilter
-from rt_robot_os.features.navigation.attitude import Tuning
 from rt_robot_os.features.navigation.attitude import VqfFilter
 from rt_robot_os.motion.quaternion import about_up
 from rt_robot_os.motion.quaternion import conjugate
@@ -57,9 +57,9 @@ Make = Callable[[], AttitudeFilter]
 @pytest.fixture(scope='module', params=['mahony', 'vqf'])
 def make(request: pytest.FixtureRequest) -> Make:
     if request.param == 'mahony':
-        return lambda: MahonyFilter(Tuning())
+        return lambda: MahonyFilter(FilterTuning())
     pytest.importorskip('vqf', reason='vqf is not installed (pip install vqf)')
-    return lambda: VqfFilter(Tuning(), 0.01, 0.01)
+    return lambda: VqfFilter(FilterTuning(), 0.01, 0.01)
 
 
 def vectors(most: float) -> hypothesis.strategies.SearchStrategy[Vector]:
@@ -197,7 +197,7 @@ def test_the_bias_is_learned_in_motion(make: Make) -> None:
 
 def test_a_bias_is_not_learned_when_that_is_off(make: Make) -> None:
     attitude = make()
-    attitude.tune(Tuning(bias_at_rest=False, bias_in_motion=False))
+    attitude.tune(FilterTuning(bias_at_rest=False, bias_in_motion=False))
     follow(attitude, Motion(bias=(0.02, 0.0, 0.0)), 20.0)
     assert attitude.bias == pytest.approx(STILL, abs=1e-12)
 
@@ -222,8 +222,8 @@ def test_a_magnet_does_not_move_the_heading(
 
 
 def test_a_field_moves_roll_and_pitch_not_at_all() -> None:
-    with_field, without = MahonyFilter(Tuning(bias_in_motion=False)), MahonyFilter(
-        Tuning(bias_in_motion=False))
+    with_field, without = MahonyFilter(FilterTuning(bias_in_motion=False)), MahonyFilter(
+        FilterTuning(bias_in_motion=False))
     motion = Motion(turning=swing, field=lambda t: (2e-5 * math.sin(3 * t), 3e-5, 1e-5))
     for sample in motion.samples(20.0):
         feed(with_field, sample)
@@ -288,7 +288,7 @@ def test_accelerations_tilt_little(make: Make, moving: Callable[[float], Vector]
 
 
 def test_a_long_acceleration_is_rejected_after_a_moment() -> None:
-    attitude, motion = MahonyFilter(Tuning()), Motion()
+    attitude, motion = MahonyFilter(FilterTuning()), Motion()
     follow(attitude, motion, 10.0)
     motion.moving = lambda _: (9.0, 0.0, 0.0)
     worst = follow(attitude, motion, 8.0)
@@ -297,7 +297,7 @@ def test_a_long_acceleration_is_rejected_after_a_moment() -> None:
 
 
 def test_an_accelerometer_that_is_wrong_for_ever_is_used_in_the_end() -> None:
-    attitude = MahonyFilter(Tuning())
+    attitude = MahonyFilter(FilterTuning())
     truth = from_rotation(0.5, 0.3, 0.0)
     for _ in range(5000):
         x, y, z = seen(truth, (0.0, 0.0, 1.3 * G))

@@ -27,18 +27,18 @@ from rt_robot_os.features.navigation.velocity_mux.sources import LATE
 from rt_robot_os.features.navigation.velocity_mux.sources import Lock
 from rt_robot_os.features.navigation.velocity_mux.sources import lock_level
 from rt_robot_os.features.navigation.velocity_mux.sources import REFUSED
-from rt_robot_os.features.navigation.velocity_mux.sources import Source
 from rt_robot_os.features.navigation.velocity_mux.sources import STANDSTILL
 from rt_robot_os.features.navigation.velocity_mux.sources import Switch
+from rt_robot_os.features.navigation.velocity_mux.sources import VelocitySource
 
 AHEAD = 0.5, 0.0, 0.0
 NOW_NS = 10_000
 
 
 def source(priority: int = 20, *, stamp_ns: int = NOW_NS, now_ns: int = NOW_NS,
-           hold_ns: int = 0, dead_man: bool = False) -> Source:
+           hold_ns: int = 0, dead_man: bool = False) -> VelocitySource:
     """Return a source with a time-out of 100 ns that has given one command."""
-    found = Source('ros', priority, 100, dead_man, hold_ns)
+    found = VelocitySource('ros', priority, 100, dead_man, hold_ns)
     found.take(AHEAD, STANDSTILL, stamp_ns, now_ns, 10.0, 20.0)
     return found
 

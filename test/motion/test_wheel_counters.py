@@ -24,7 +24,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 from rt_robot_os.base.units import NS_PER_MS
-from rt_robot_os.motion.wheel_counters import Reading
+from rt_robot_os.motion.wheel_counters import CounterReading
 from rt_robot_os.motion.wheel_counters import WheelCounters
 
 TICK_RAD = math.tau / 1440
@@ -39,7 +39,7 @@ def made(bits: int = 32, left: float = TICK_RAD, right: float = TICK_RAD,
     return WheelCounters(left, right, bits=bits, fastest_rad_s=FASTEST_RAD_S, most=most)
 
 
-def fed(counters: WheelCounters, *readings: tuple[float, float]) -> list[Reading]:
+def fed(counters: WheelCounters, *readings: tuple[float, float]) -> list[CounterReading]:
     """Feed readings a period apart."""
     at_ns = counters.stamp_ns or PERIOD_NS
     return [counters.take(left, right, at_ns + (n + 1) * PERIOD_NS)
@@ -102,7 +102,8 @@ def test_any_movement_is_followed_exactly(steps: list[tuple[int, int]], bits: in
 def test_a_misread_count_moves_nothing_and_loses_nothing() -> None:
     counters = made()
     readings = fed(counters, (5000, 5000), (5010, 5010), (501, 5020), (5030, 5030))
-    assert readings == [Reading.TAKEN, Reading.TAKEN, Reading.REJECTED, Reading.TAKEN]
+    assert readings == [CounterReading.TAKEN, CounterReading.TAKEN, CounterReading.REJECTED,
+                        CounterReading.TAKEN]
     assert ticks(counters) == (30, 30)
     assert (counters.rejected, counters.resets) == (1, 0)
 
@@ -111,7 +112,8 @@ def test_counters_that_start_anew_move_nothing() -> None:
     counters = made()
     readings = fed(counters, (50_000, 50_000), (50_010, 50_010), (120, 3), (130, 8), (140, 13),
                    (150, 18), (160, 23), (170, 28))
-    assert readings[2:] == [Reading.REJECTED] * 4 + [Reading.REBASED, Reading.TAKEN]
+    assert readings[2:] == [CounterReading.REJECTED] * 4 + [CounterReading.REBASED,
+                                                            CounterReading.TAKEN]
     assert ticks(counters) == (60, 35)
     assert counters.resets == 1
     assert counters.velocity_rad_s == pytest.approx(
@@ -121,14 +123,14 @@ def test_counters_that_start_anew_move_nothing() -> None:
 def test_a_reset_shortly_after_the_start_is_noticed() -> None:
     counters = made()
     readings = fed(counters, (0, 0), (20, 20), (40, 40), (0, 0), (5, 5))
-    assert readings[3:] == [Reading.REBASED, Reading.TAKEN]
+    assert readings[3:] == [CounterReading.REBASED, CounterReading.TAKEN]
     assert ticks(counters) == (45, 45)
 
 
 def test_driving_back_to_the_start_is_no_reset() -> None:
     counters = made()
     readings = fed(counters, (60, 60), (40, 40), (20, 20), (0, 0), (-20, -20))
-    assert readings == [Reading.TAKEN] * 5
+    assert readings == [CounterReading.TAKEN] * 5
     assert ticks(counters) == (-80, -80)
 
 
@@ -136,10 +138,10 @@ def test_after_a_silence_counts_near_zero_are_those_of_a_reset() -> None:
     counters = made()
     fed(counters, (0, 0), (20, 20), (40, 44))
     counters.doubt()
-    assert fed(counters, (3, 2), (4, 4)) == [Reading.REBASED, Reading.TAKEN]
+    assert fed(counters, (3, 2), (4, 4)) == [CounterReading.REBASED, CounterReading.TAKEN]
     assert ticks(counters) == (41, 46)
     counters.doubt()
-    assert fed(counters, (10, 10)) == [Reading.TAKEN]
+    assert fed(counters, (10, 10)) == [CounterReading.TAKEN]
     assert ticks(counters) == (47, 52)
 
 
@@ -147,21 +149,21 @@ def test_another_board_moves_nothing() -> None:
     counters = made()
     fed(counters, (100, 100), (110, 110))
     counters.forget()
-    assert fed(counters, (120, 150), (130, 160)) == [Reading.TAKEN] * 2
+    assert fed(counters, (120, 150), (130, 160)) == [CounterReading.TAKEN] * 2
     assert ticks(counters) == (20, 20)
 
 
 def test_the_jump_may_be_set() -> None:
     counters = made(most=5)
     assert fed(counters, (1, 1), (6, 6), (12, 6)) == [
-        Reading.TAKEN, Reading.TAKEN, Reading.REJECTED]
+        CounterReading.TAKEN, CounterReading.TAKEN, CounterReading.REJECTED]
 
 
 def test_what_surprises_is_added_when_it_is_sure() -> None:
     # Somebody turns the wheel, or many answers stayed away.
     counters = made()
     readings = fed(counters, (0, 0), (1, 1), (150, 1), (300, 1), (450, 1), (600, 1))
-    assert readings[2:] == [Reading.REJECTED] * 2 + [Reading.TAKEN] * 2
+    assert readings[2:] == [CounterReading.REJECTED] * 2 + [CounterReading.TAKEN] * 2
     assert ticks(counters) == (600, 1)
     assert counters.resets == 0
 
@@ -176,7 +178,8 @@ def test_misread_counts_in_a_row_move_nothing() -> None:
 def test_turns_that_are_no_numbers_are_held_back() -> None:
     counters = WheelCounters(math.tau, math.tau, bits=0, fastest_rad_s=FASTEST_RAD_S)
     readings = fed(counters, (0.5, 0.5), (math.nan, 0.5), (0.6, math.inf), (0.7, 0.3))
-    assert readings == [Reading.TAKEN, Reading.REJECTED, Reading.REJECTED, Reading.TAKEN]
+    assert readings == [CounterReading.TAKEN, CounterReading.REJECTED, CounterReading.REJECTED,
+                        CounterReading.TAKEN]
     assert counters.position_rad == pytest.approx((0.2 * math.tau, -0.2 * math.tau))
 
 
@@ -230,4 +233,4 @@ def test_a_coarse_encoder_surprises_nobody() -> None:
     counters = WheelCounters(math.tau / 20, math.tau / 20, bits=32, fastest_rad_s=FASTEST_RAD_S)
     for n in range(400):
         count = math.floor(n * 0.13)
-        assert counters.take(count, -count, (n + 1) * 10 * NS_PER_MS) is Reading.TAKEN
+        assert counters.take(count, -count, (n + 1) * 10 * NS_PER_MS) is CounterReading.TAKEN

@@ -26,9 +26,9 @@ from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.gyro_turn import GyroTurn
 from rt_robot_os.motion.gyro_turn import RestBias
 from rt_robot_os.motion.wheel_odometry import WheelOdometry
-from rt_robot_os.motion.wheel_odometry import Wheels
+from rt_robot_os.motion.wheel_odometry import WheelParameters
 
-WHEELS = Wheels(0.05, 0.05, 0.3)
+WHEELS = WheelParameters(0.05, 0.05, 0.3)
 STEP_NS = 20_000_000
 DT_S = STEP_NS / NS_PER_S
 SPEEDS = st.floats(-1.5, 1.5)
@@ -124,7 +124,7 @@ def test_encoders_that_jump_are_counted_and_the_robot_goes_on_as_before() -> Non
 
 
 def test_a_speed_that_is_always_too_high_stops_the_pose_and_its_certainty() -> None:
-    odometry = WheelOdometry(Wheels(0.05, 0.05, 0.3, speed_most_m_s=0.1))
+    odometry = WheelOdometry(WheelParameters(0.05, 0.05, 0.3, speed_most_m_s=0.1))
     driven(odometry, 100, 0.5, 0.5)
     assert odometry.in_row == 100
     assert odometry.pose[0] == pytest.approx(0.0, abs=1e-9)

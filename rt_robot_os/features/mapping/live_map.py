@@ -28,8 +28,8 @@ from typing import Any
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.logger import Logger
+from rt_robot_os.motion.base_map import BaseMap
 from rt_robot_os.motion.grid_map import GridMap
-from rt_robot_os.motion.map_below import MapBelow
 from rt_robot_os.motion.map_message import grid_of
 from rt_robot_os.topics.subscription import Subscription
 
@@ -60,7 +60,7 @@ class LiveMap:
                 f'{owner}: {source.topic.name} is in the frame {source.msg.header.frame_id!r}, '
                 f'but what is placed on it in {frame_id!r}: declare both in the frame of the map'])
         self.grid = GridMap.load(path) if path else None
-        self._below = MapBelow(self.grid) if self.grid is not None else None
+        self._below = BaseMap(self.grid) if self.grid is not None else None
         self.stamp_ns, self.seq = 0, -1
         self.count = self.refused = 0
         self.why = ''

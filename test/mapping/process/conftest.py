@@ -27,9 +27,9 @@ pytest.importorskip('std_msgs', reason='ROS 2 messages are not installed')
 from mapping_robot import Beside  # noqa: E402, I100
 from mapping_robot import sightings_of  # noqa: E402
 
-from rt_robot_os.features.mapping.process.engine import Engine  # noqa: E402
-from rt_robot_os.features.mapping.process.intake import Sighting  # noqa: E402
-from rt_robot_os.features.mapping.process.settings import MappingSettings  # noqa: E402
+from rt_robot_os.features.mapping.engine import Engine  # noqa: E402
+from rt_robot_os.features.mapping.scan_intake import PosedScan  # noqa: E402
+from rt_robot_os.features.mapping.settings import MappingSettings  # noqa: E402
 from rt_robot_os.tools.bench.slam_drives import Drive  # noqa: E402
 from rt_robot_os.tools.bench.slam_drives import flat_drive  # noqa: E402
 from rt_robot_os.tools.bench.slam_drives import FLAT_WAY  # noqa: E402
@@ -42,7 +42,7 @@ def flat() -> Drive:
 
 
 @pytest.fixture(scope='session')
-def sightings(flat: Drive) -> list[Sighting]:
+def sightings(flat: Drive) -> list[PosedScan]:
     return sightings_of(flat)
 
 
@@ -53,7 +53,7 @@ def engine(flat: Drive) -> Engine:
 
 
 @pytest.fixture(scope='session')
-def mapped(flat: Drive, sightings: list[Sighting]) -> Engine:
+def mapped(flat: Drive, sightings: list[PosedScan]) -> Engine:
     """Give one that has mapped the drive; it is not to be changed."""
     made = Engine(MappingSettings(), lambda sighting: flat.truth[0])
     for each in sightings:

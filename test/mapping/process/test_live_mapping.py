@@ -29,9 +29,9 @@ import numpy as np
 from processes import wait_until
 import pytest
 
-from rt_robot_os.features.mapping.process.live import LiveMapping
-from rt_robot_os.features.mapping.process.messages import pose_in
-from rt_robot_os.features.mapping.process.settings import MappingSettings
+from rt_robot_os.features.mapping.messages import pose_in
+from rt_robot_os.features.mapping.process.live_mapping import LiveMapping
+from rt_robot_os.features.mapping.settings import MappingSettings
 from rt_robot_os.features.mapping.slam.archive import load
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.link.cdr import string_in

@@ -21,8 +21,8 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.features.mapping.process.looking_round import LookingRound
-from rt_robot_os.features.mapping.process.settings import MappingSettings
+from rt_robot_os.features.mapping.process.recovery_spin import RecoverySpin
+from rt_robot_os.features.mapping.settings import MappingSettings
 
 STEP_NS = 40_000_000
 
@@ -35,7 +35,7 @@ class Looking:
     def __init__(self, **settings: Any) -> None:
         self.now_ns = 0
         self.rates: list[float] = []
-        self.round = LookingRound(MappingSettings(**settings), self,  # type: ignore[arg-type]
+        self.round = RecoverySpin(MappingSettings(**settings), self,  # type: ignore[arg-type]
                                   self.publish, lambda topic: topic == 'cmd_vel')
 
     def publish(self, topic: str, message: bytes) -> bool:

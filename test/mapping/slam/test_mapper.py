@@ -28,7 +28,7 @@ import pytest
 
 pytest.importorskip('scipy', reason='scipy is not installed')
 
-from rt_robot_os.features.mapping.process.command import run  # noqa: E402
+from rt_robot_os.features.mapping.cli.command import run  # noqa: E402
 from rt_robot_os.features.mapping.slam.mapper import Mapper  # noqa: E402
 from rt_robot_os.features.mapping.slam.occupancy import grid_of  # noqa: E402
 from rt_robot_os.features.mapping.slam.scan import Scan  # noqa: E402

@@ -25,15 +25,15 @@ from urllib.parse import unquote
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.safe_text import safe_line
-from rt_robot_os.features.mapping.process.engine import Engine
+from rt_robot_os.features.mapping.engine import Engine
 from rt_robot_os.features.mapping.process.exploring import Exploring
-from rt_robot_os.features.mapping.process.keeper import Keeper
-from rt_robot_os.features.mapping.process.keeper import told
-from rt_robot_os.features.mapping.process.places import Hint
-from rt_robot_os.features.mapping.process.places import Known
-from rt_robot_os.features.mapping.process.settings import LOCALIZATION
-from rt_robot_os.features.mapping.process.settings import MAPPING
-from rt_robot_os.features.mapping.process.settings import MappingSettings
+from rt_robot_os.features.mapping.process.map_store import error_text
+from rt_robot_os.features.mapping.process.map_store import MapStore
+from rt_robot_os.features.mapping.robot_pose import Hint
+from rt_robot_os.features.mapping.robot_pose import LoadedMap
+from rt_robot_os.features.mapping.settings import LOCALIZATION
+from rt_robot_os.features.mapping.settings import MAPPING
+from rt_robot_os.features.mapping.settings import MappingSettings
 from rt_robot_os.features.mapping.slam import archive
 
 _FILE_URL: Final = 'file://'
@@ -43,7 +43,7 @@ _SAVES_MOST: Final = 4
 Say = Callable[[str, bool, str], None]
 
 
-class Commands:
+class MappingCommands:
     """
     Do what is asked, and answer.
 
@@ -55,7 +55,7 @@ class Commands:
     :ivar loaded: path of the map that was loaded last; empty when it grew here.
     """
 
-    def __init__(self, settings: MappingSettings, engine: Engine, keeper: Keeper, map_file: Path,
+    def __init__(self, settings: MappingSettings, engine: Engine, keeper: MapStore, map_file: Path,
                  hint: Callable[[], Hint | None], exploring: Exploring, answer: Say) -> None:
         self.counts = {'commands': 0, 'refused': 0}
         self.loaded = ''
@@ -87,7 +87,7 @@ class Commands:
                                    f'{safe_line(rest)!r}'])
             said = does(rest, text)
         except (ConfigError, OSError) as error:  # a path may be one that may not be looked at
-            self._refuse(text, told(error))
+            self._refuse(text, error_text(error))
             return
         if said is not None:
             self._answer(text, True, said)
@@ -104,7 +104,7 @@ class Commands:
             try:
                 self._answer(text, True, f'saved as {future.result()}')
             except Exception as error:  # whatever a disk may say
-                self._refuse(text, told(error))
+                self._refuse(text, error_text(error))
 
     # ---- each of them ------------------------------------------------------------------------
 
@@ -178,7 +178,7 @@ class Commands:
         return path if path.is_absolute() else self._map_file.parent / path
 
 
-def read_map(path: Path) -> tuple[str, Known]:
+def read_map(path: Path) -> tuple[str, LoadedMap]:
     """
     Read a map.
 
@@ -193,7 +193,7 @@ def read_map(path: Path) -> tuple[str, Known]:
             raise ConfigError([f'{path}: this file does not exist'])
         saved = archive.load(path)
     except OSError as error:
-        raise ConfigError([told(error)]) from error
+        raise ConfigError([error_text(error)]) from error
     size = 'a grid alone' if saved.graph is None else f'{len(saved.graph.keyframes)} scans'
     said = f'loaded {path}: {saved.grid.columns} x {saved.grid.rows} cells, {size}'
-    return '; '.join([said, *saved.notes]), Known(saved.graph, saved.grid)
+    return '; '.join([said, *saved.notes]), LoadedMap(saved.graph, saved.grid)

@@ -20,11 +20,11 @@ from collections.abc import Callable
 from typing import Any
 
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.mapping.process.engine import Engine
-from rt_robot_os.features.mapping.process.messages import bool_message
-from rt_robot_os.features.mapping.process.messages import goal_message
-from rt_robot_os.features.mapping.process.settings import MappingSettings
-from rt_robot_os.features.mapping.slam.exploration import Exploration
+from rt_robot_os.features.mapping.engine import Engine
+from rt_robot_os.features.mapping.messages import bool_message
+from rt_robot_os.features.mapping.messages import goal_message
+from rt_robot_os.features.mapping.settings import MappingSettings
+from rt_robot_os.features.mapping.slam.exploration import ExplorationSettings
 from rt_robot_os.features.mapping.slam.exploration import Explorer
 from rt_robot_os.link.cdr import string_in
 
@@ -67,7 +67,7 @@ class Exploring:
         if not settings.goal_topic or not self._has(settings.goal_topic):
             raise ConfigError([f'this robot has no topic {settings.goal_topic!r} (goal_topic): '
                                'nobody would drive'])
-        self._explorer = Explorer(Exploration(
+        self._explorer = Explorer(ExplorationSettings(
             radius_m=settings.explore_radius_m, least_m=settings.explore_least_m,
             patience_s=settings.explore_patience_s, goes_back=settings.explore_goes_back))
         self.state = self._explorer.state

@@ -26,11 +26,11 @@ from typing import Protocol
 import numpy as np
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.mapping.process.messages import grid_message
-from rt_robot_os.features.mapping.process.messages import numbers_message
-from rt_robot_os.features.mapping.process.messages import pose_message
-from rt_robot_os.features.mapping.process.places import Place
-from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.messages import grid_message
+from rt_robot_os.features.mapping.messages import numbers_message
+from rt_robot_os.features.mapping.messages import pose_message
+from rt_robot_os.features.mapping.robot_pose import RobotPose
+from rt_robot_os.features.mapping.slam.graph import MapGraph
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.link.cdr import string_message
 from rt_robot_os.link.graph_markers import EdgeKind
@@ -55,7 +55,7 @@ _PATH_POSES: Final = 1000
 _GRAPH_NS: Final = 2 * NS_PER_S
 
 
-class Port(Protocol):
+class SamplePublisher(Protocol):
     """Who takes samples to the core."""
 
     def publish(self, topic: str, cdr: bytes, stamp_ns: int = 0) -> bool:
@@ -72,7 +72,7 @@ class Outputs:
     :param map_period_ns: of the map at most.
     """
 
-    def __init__(self, port: Port, map_period_ns: int) -> None:
+    def __init__(self, port: SamplePublisher, map_period_ns: int) -> None:
         self._port = port
         self._map_period_ns = map_period_ns
         self.begin_anew()
@@ -83,7 +83,7 @@ class Outputs:
         self._status_ns = self._map_ns = self._graph_ns = -(1 << 62)
         self._map_version = self._graph_version = -1
 
-    def place(self, place: Place) -> None:
+    def place(self, place: RobotPose) -> None:
         """Publish where the robot is, and before that how the map moved under it."""
         if place.correction is not None:
             self._port.publish(CORRECTION, pose_message(place.correction, place.covariance),
@@ -91,7 +91,7 @@ class Outputs:
         if place.is_sure:
             self._port.publish(POSE, pose_message(place.pose, place.covariance), place.stamp_ns)
 
-    def relocation(self, topic: str, place: Place) -> Floats | None:
+    def relocation(self, topic: str, place: RobotPose) -> Floats | None:
         """
         Tell localization that the robot is somewhere else on the map, which it takes over at once.
 
@@ -114,7 +114,7 @@ class Outputs:
         if self._port.publish(MAP, grid_message(grid), drawn_ns):
             self._map_version = version
 
-    def graph(self, now_ns: int, version: int, poses: Floats, graph: Graph | None) -> None:
+    def graph(self, now_ns: int, version: int, poses: Floats, graph: MapGraph | None) -> None:
         """
         Publish the way of the keyframes, and what is known between them.
 

@@ -71,7 +71,7 @@ _TOLD_NS: Final = 10 * NS_PER_S
 
 
 @dataclass
-class _Reference:
+class _ReferenceScan:
     """A scan that later ones are compared with."""
 
     stamp_ns: int
@@ -95,7 +95,7 @@ class ScanChecks:
                                      'frozen', 'two_lasers', 'lengths'), 0)
         self.spoils = ''
         self._range_max_m = range_max_m
-        self._reference: _Reference | None = None
+        self._reference: _ReferenceScan | None = None
         self._last: Scan | None = None
         self._votes = {'against': 0, 'still': 0, 'carried': 0}
         self._blind = self._same = 0
@@ -226,9 +226,9 @@ class ScanChecks:
         reference = self._reference
         if (reference is None or len(reference.ranges) != len(ranges)
                 or self._has_served(reference, scan.stamp_ns, base, ranges)):
-            self._reference = _Reference(scan.stamp_ns, base, ranges, step)
+            self._reference = _ReferenceScan(scan.stamp_ns, base, ranges, step)
 
-    def _has_served(self, reference: _Reference, stamp_ns: int, base: Floats, ranges: Floats
+    def _has_served(self, reference: _ReferenceScan, stamp_ns: int, base: Floats, ranges: Floats
                     ) -> bool:
         """Judge by a scan of before, if the robot moved so that one can; else wait or leave it."""
         moved = between(reference.base, base)
@@ -244,7 +244,7 @@ class ScanChecks:
             return self._judge_standing(reference, ranges, age_ns)
         return False
 
-    def _judge_turn(self, reference: _Reference, ranges: Floats, turn: float) -> None:
+    def _judge_turn(self, reference: _ReferenceScan, ranges: Floats, turn: float) -> None:
         costs = {what: self._cost_near(reference, ranges, by)
                  for what, by in (('with', turn), ('still', 0.0), ('against', -turn))}
         best, second, _ = sorted(costs, key=lambda what: costs[what])
@@ -254,7 +254,7 @@ class ScanChecks:
         for what in ('still', 'against'):
             self._vote(what, what == best)
 
-    def _judge_standing(self, reference: _Reference, ranges: Floats, age_ns: int) -> bool:
+    def _judge_standing(self, reference: _ReferenceScan, ranges: Floats, age_ns: int) -> bool:
         # Who walks by changes some beams; who carries the robot all of them.
         has_changed = self._cost(reference.ranges, ranges, 0) > _CHANGED_M
         if not has_changed and age_ns < _CREEPS_NS:
@@ -267,7 +267,7 @@ class ScanChecks:
         name = {'against': 'upside_down', 'still': 'laser_stands', 'carried': 'wheels_stand'}[what]
         self.counts[name] += is_so and self._votes[what] == _VOTES and not self.spoils
 
-    def _cost_near(self, reference: _Reference, ranges: Floats, turn: float) -> float:
+    def _cost_near(self, reference: _ReferenceScan, ranges: Floats, turn: float) -> float:
         """Return how far beams are off, when the robot turned by about so much."""
         step = reference.step
         low, high = sorted((round(-(turn - _NEAR_RAD) / step), round(-(turn + _NEAR_RAD) / step)))

@@ -26,36 +26,36 @@ from typing import Final
 
 import numpy as np
 
-from rt_robot_os.features.mapping.slam.absolute import Absolute
-from rt_robot_os.features.mapping.slam.afterthought import Afterthought
-from rt_robot_os.features.mapping.slam.closing import Closing
-from rt_robot_os.features.mapping.slam.elsewhere import Elsewhere
-from rt_robot_os.features.mapping.slam.finding import Found
-from rt_robot_os.features.mapping.slam.forgetting import forget
-from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.slam.absolute_poses import AbsoluteConstraints
+from rt_robot_os.features.mapping.slam.deferred_matching import DeferredMatching
+from rt_robot_os.features.mapping.slam.global_localization import FoundPose
+from rt_robot_os.features.mapping.slam.graph import MapGraph
 from rt_robot_os.features.mapping.slam.joining import edge_of_odometry
 from rt_robot_os.features.mapping.slam.joining import edges_of_match
-from rt_robot_os.features.mapping.slam.keeping import crowded
-from rt_robot_os.features.mapping.slam.keeping import OutOfDate
+from rt_robot_os.features.mapping.slam.keyframe_pruning import DynamicPointFilter
+from rt_robot_os.features.mapping.slam.keyframe_pruning import redundant_keyframes
 from rt_robot_os.features.mapping.slam.keyframes import Keyframe
 from rt_robot_os.features.mapping.slam.keyframes import LocalMap
 from rt_robot_os.features.mapping.slam.keyframes import Match
+from rt_robot_os.features.mapping.slam.local_map_query import LocalMapQuery
 from rt_robot_os.features.mapping.slam.located import Located
-from rt_robot_os.features.mapping.slam.loops import Verdict
+from rt_robot_os.features.mapping.slam.loop_closing import LoopClosing
+from rt_robot_os.features.mapping.slam.loops import LoopVerdict
+from rt_robot_os.features.mapping.slam.marginalisation import marginalise
 from rt_robot_os.features.mapping.slam.matching import Certainty
 from rt_robot_os.features.mapping.slam.matching import Matcher
-from rt_robot_os.features.mapping.slam.matching import Way
+from rt_robot_os.features.mapping.slam.matching import OdometryDelta
 from rt_robot_os.features.mapping.slam.novelty import Novelty
+from rt_robot_os.features.mapping.slam.relocalization import Relocalization
 from rt_robot_os.features.mapping.slam.scan import Scan
 from rt_robot_os.features.mapping.slam.scan import Surface
 from rt_robot_os.features.mapping.slam.scan import surface_of
-from rt_robot_os.features.mapping.slam.surroundings import Surroundings
-from rt_robot_os.features.mapping.slam.trajectory import Trajectory
+from rt_robot_os.features.mapping.slam.trajectory import ScanTrajectory
 from rt_robot_os.features.mapping.slam.transforms import between
 from rt_robot_os.features.mapping.slam.transforms import composed
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.features.mapping.slam.transforms import moved_by
-from rt_robot_os.features.mapping.slam.tuning import Tuning
+from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
 _RAD_AS_M: Final = 0.5
 #: What is matched with is chosen anew after this way.
@@ -98,9 +98,9 @@ class Mapper:
     _correction: Floats | None
     _local: LocalMap | None
 
-    def __init__(self, tuning: Tuning | None = None, start: Floats | None = None) -> None:
-        self.tuning = tuning or Tuning()
-        self.graph = Graph()
+    def __init__(self, tuning: MapperTuning | None = None, start: Floats | None = None) -> None:
+        self.tuning = tuning or MapperTuning()
+        self.graph = MapGraph()
         self.version = 0
         self.counts = dict.fromkeys((
             'scans', 'keyframes', 'searched', 'lost', 'loops', 'refused', 'near_misses', 'empty',
@@ -109,7 +109,7 @@ class Mapper:
         self._begin(np.zeros(3) if start is None else np.asarray(start, dtype=np.float64), True)
 
     @classmethod
-    def of_graph(cls, graph: Graph, tuning: Tuning | None = None) -> Mapper:
+    def of_graph(cls, graph: MapGraph, tuning: MapperTuning | None = None) -> Mapper:
         """
         Go on with a map that was made before.
 
@@ -142,7 +142,7 @@ class Mapper:
                              f'{odometry.tolist()}: both must be finite')
         self._pose, self._odometry = pose, odometry
         self._correction = None
-        self._way = Way(_UNSURE_M, _UNSURE_RAD)
+        self._way = OdometryDelta(_UNSURE_M, _UNSURE_RAD)
         self._certainty.begin(np.diag((0.1 ** 2, 0.1 ** 2, 0.05 ** 2)))
         self._elsewhere.placed()
         self._absolute.restart()
@@ -156,14 +156,14 @@ class Mapper:
         self.keyframes, self.edges = self.graph.keyframes, self.graph.edges
         self._matcher = Matcher(self.tuning)
         self._certainty = Certainty(self.tuning)
-        self._closing = Closing(self.graph, self.tuning, self.counts)
-        self._absolute = Absolute(self.graph, self.counts)
-        self._elsewhere = Elsewhere(self.graph, self.tuning, is_placed)
-        self._out_of_date = OutOfDate()
+        self._closing = LoopClosing(self.graph, self.tuning, self.counts)
+        self._absolute = AbsoluteConstraints(self.graph, self.counts)
+        self._elsewhere = Relocalization(self.graph, self.tuning, is_placed)
+        self._out_of_date = DynamicPointFilter()
         self._novelty = Novelty(self.keyframes, self.tuning)
-        self._way = Way()
-        self._track = Trajectory(self.tuning.trajectory_most)
-        self._afterthought = Afterthought()
+        self._way = OdometryDelta()
+        self._track = ScanTrajectory(self.tuning.trajectory_most)
+        self._afterthought = DeferredMatching()
         self._local = None
         self._members: list[int] = []  # of what scans are matched with
         self._chosen = np.full(2, np.inf)  # where they were chosen
@@ -215,7 +215,7 @@ class Mapper:
             if self._matcher.is_sure(match):
                 self._take_out(surface)
         if match is not None:
-            self._way = Way()
+            self._way = OdometryDelta()
         self._relative = between(self.keyframes[self._anchor].pose, self._pose)
         self._passed(scan)
         self._work(1 if np.hypot(step[0], step[1]) < _THINNED_M else None)
@@ -230,7 +230,7 @@ class Mapper:
         self._passed(scan)
         return Located(self._pose, self._certainty.on_map(self._pose, self._pose), is_kept=True)
 
-    def _found(self, scan: Scan, found: Found) -> Located:
+    def _found(self, scan: Scan, found: FoundPose) -> Located:
         """Go on from where the robot was found."""
         self.relocated(found.pose, scan.odometry)
         self.counts['found'] += 1
@@ -259,7 +259,7 @@ class Mapper:
     def _local_map(self, guess: Floats) -> LocalMap:
         moved = float(np.hypot(*(guess[:2] - self._chosen)))
         if self._local is None or moved > _CHOSEN_M:
-            around = Surroundings(self.graph)
+            around = LocalMapQuery(self.graph)
             members = around.near(guess, self._anchor, self._travelled_m, self.tuning)
             if self._local is None or members != self._members:
                 self._local = LocalMap([self.keyframes[index] for index in members])
@@ -300,7 +300,7 @@ class Mapper:
         self._novelty.kept(self._members, self._travelled_m)
         self._anchor, self._relative = index, _STILL
         self._closing.look(index)
-        for gone in crowded(self.keyframes, index, self.tuning):
+        for gone in redundant_keyframes(self.keyframes, index, self.tuning):
             self.counts['crowded'] += 1
             self._forget(gone)
 
@@ -330,7 +330,7 @@ class Mapper:
     def _forget(self, index: int) -> None:
         """Take a keyframe out of everything that knows of it."""
         seen = [each.pose for each in self.keyframes]
-        heir = forget(self.graph, index)
+        heir = marginalise(self.graph, index)
         relative = between(seen[heir], seen[index])
         self._track.removed(index, heir, relative)
         self._absolute.removed(index, heir, relative)
@@ -399,7 +399,7 @@ class Mapper:
                                                              self._matcher)
 
     @property
-    def near_misses(self) -> list[Verdict]:
+    def near_misses(self) -> list[LoopVerdict]:
         """Return the last places that fitted nearly, and why no loop was closed there."""
         return list(self._closing.near_misses)
 
@@ -408,7 +408,7 @@ class Mapper:
         return self._track.poses([each.pose for each in self.keyframes])
 
 
-def mapped(scans: Iterable[Scan], tuning: Tuning | None = None) -> Mapper:
+def mapped(scans: Iterable[Scan], tuning: MapperTuning | None = None) -> Mapper:
     """Map a whole log."""
     mapper = Mapper(tuning)
     for scan in scans:

@@ -24,7 +24,7 @@ from rt_robot_os.features.mapping.slam.keyframes import Keyframe
 from rt_robot_os.features.mapping.slam.keyframes import Match
 from rt_robot_os.features.mapping.slam.transforms import between
 from rt_robot_os.features.mapping.slam.transforms import Floats
-from rt_robot_os.features.mapping.slam.tuning import Tuning
+from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
 #: Something new is a part of the points, in so many scans: who walks by is not.
 _NEW_SHARE: Final = 0.04
@@ -40,7 +40,7 @@ class Novelty:
     :param keyframes: the map's, as they are at any time.
     """
 
-    def __init__(self, keyframes: Sequence[Keyframe], tuning: Tuning) -> None:
+    def __init__(self, keyframes: Sequence[Keyframe], tuning: MapperTuning) -> None:
         self._keyframes, self._tuning = keyframes, tuning
         self._news = 0  # scans in a row that see something new
         self._again = 0  # keyframes kept since the robot is where it was before

@@ -26,7 +26,7 @@ from rt_robot_os.features.mapping.slam.transforms import Floats
 _FIRST_ROOM = 1024
 
 
-class Trajectory:
+class ScanTrajectory:
     """
     The last poses, each in the frame of a keyframe.
 

@@ -28,21 +28,21 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.navigation.collision_guard.blind_sectors import BlindSectors
+from rt_robot_os.features.navigation.collision_guard.obstacle_map import FREE
+from rt_robot_os.features.navigation.collision_guard.obstacle_map import ObstacleMap
+from rt_robot_os.features.navigation.collision_guard.obstacle_map import UNSEEN
+from rt_robot_os.features.navigation.collision_guard.obstacle_map import VelocityVerdict
 from rt_robot_os.features.navigation.collision_guard.sensors import BEARINGS
 from rt_robot_os.features.navigation.collision_guard.sensors import Bumper
-from rt_robot_os.features.navigation.collision_guard.sensors import place_of
+from rt_robot_os.features.navigation.collision_guard.sensors import DistanceSensor
 from rt_robot_os.features.navigation.collision_guard.sensors import RangeFinder
 from rt_robot_os.features.navigation.collision_guard.sensors import Scanner
-from rt_robot_os.features.navigation.collision_guard.sensors import Sensor
+from rt_robot_os.features.navigation.collision_guard.sensors import sensor_mounting
 from rt_robot_os.features.navigation.collision_guard.settings import check_sensors
 from rt_robot_os.features.navigation.collision_guard.settings import footprint_of
 from rt_robot_os.features.navigation.collision_guard.settings import SETTINGS
 from rt_robot_os.features.navigation.collision_guard.settings import STOP
-from rt_robot_os.features.navigation.collision_guard.sight import Sight
-from rt_robot_os.features.navigation.collision_guard.surroundings import FREE
-from rt_robot_os.features.navigation.collision_guard.surroundings import Surroundings
-from rt_robot_os.features.navigation.collision_guard.surroundings import UNSEEN
-from rt_robot_os.features.navigation.collision_guard.surroundings import Verdict
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.wake_up import WakeUp
 from rt_robot_os.motion.differential import moved
@@ -83,7 +83,7 @@ class CollisionGuard(Module):
         check_sensors(name, settings)
         self._footprint = footprint_of(name, settings)
         self._bumper = Bumper(self._footprint) if settings['bumper_topic'] else None
-        self._sensors: list[tuple[Sensor, str]] = []
+        self._sensors: list[tuple[DistanceSensor, str]] = []
         self._v = self._w = 0.0  # as commanded
         self._limits: Subscription | None = None
         self._asked_m_s = math.inf
@@ -121,9 +121,9 @@ class CollisionGuard(Module):
              else RangeFinder(read, self._mounting(read), self._footprint),
              'scan_timeout_s' if topic in self.settings['scan_topics'] else 'range_timeout_s')
             for topic, read in self.listed.items()]
-        self._sights = {sensor.topic: Sight(sensor, self._footprint, self.settings)
+        self._sights = {sensor.topic: BlindSectors(sensor, self._footprint, self.settings)
                         for sensor, _ in self._sensors if isinstance(sensor, Scanner)}
-        self._surroundings = Surroundings(
+        self._surroundings = ObstacleMap(
             self._footprint, [sensor for sensor, _ in self._sensors], [*self._sights.values()],
             self._bumper, self.settings, self.run_on)
         self._surroundings.gather()
@@ -185,7 +185,7 @@ class CollisionGuard(Module):
         self._tell('', '', now_ns)
 
     def _mounting(self, read: Subscription) -> Mounting:
-        return place_of(read, self.mountings, self.name)
+        return sensor_mounting(read, self.mountings, self.name)
 
     def _count_way(self, now_ns: int) -> None:
         """Count what the fastest point of the robot may have driven since the last job."""
@@ -214,7 +214,7 @@ class CollisionGuard(Module):
         if is_new:
             self._surroundings.gather()
 
-    def _look_for_gaps(self, sensor: Sensor, now_ns: int) -> None:
+    def _look_for_gaps(self, sensor: DistanceSensor, now_ns: int) -> None:
         """Find what a scanner cannot see, from where the robot was at the time of its scan."""
         sight = self._sights.get(sensor.topic)
         if sight is not None:
@@ -281,20 +281,20 @@ class CollisionGuard(Module):
         stopped = verdict.share == 0.0
         self._tell(verdict.cause if stopped else '', verdict.why, now_ns)
 
-    def _judge(self, now_ns: int) -> Verdict:
+    def _judge(self, now_ns: int) -> VelocityVerdict:
         speed = self._footprint.speed(self._v, self._w)
         if speed == 0.0:
             return self._surroundings.judge(0.0, 0.0, self._driven_m)
         if self._bumper is not None and self._bumper.lifted:
-            return Verdict(0.0, 'wheel drop', 'a wheel hangs in the air')
+            return VelocityVerdict(0.0, 'wheel drop', 'a wheel hangs in the air')
         silent = self._silent(now_ns)
         if silent and self.settings['silent'] == STOP:
-            return Verdict(0.0, f'{silent}: silent', f'{silent}: nothing is heard')
+            return VelocityVerdict(0.0, f'{silent}: silent', f'{silent}: nothing is heard')
         verdict = self._surroundings.judge(self._v, self._w, self._driven_m)
         slow_m_s = min(self.settings['slow_m_s'], self._surroundings.unseen_m_s())
         if silent and verdict.share * speed > slow_m_s:
-            return Verdict(slow_m_s / speed, f'{silent}: silent',
-                           f'{silent}: nothing is heard')
+            return VelocityVerdict(slow_m_s / speed, f'{silent}: silent',
+                                   f'{silent}: nothing is heard')
         return verdict
 
     def _silences(self) -> Iterator[tuple[int, str]]:

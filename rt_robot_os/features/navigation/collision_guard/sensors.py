@@ -58,7 +58,7 @@ _NONE: Final[Array] = np.empty(0)
 _NO_CONTACTS: Final[Array] = np.empty((0, 4))
 
 
-def place_of(read: Subscription, mountings: Mapping[str, Mounting], name: str) -> Mounting:
+def sensor_mounting(read: Subscription, mountings: Mapping[str, Mounting], name: str) -> Mounting:
     """
     Return where on the robot the frame of a topic is.
 
@@ -75,7 +75,7 @@ def place_of(read: Subscription, mountings: Mapping[str, Mounting], name: str) -
     return found
 
 
-class Sensor(ABC):
+class DistanceSensor(ABC):
     """
     A sensor of distances.
 
@@ -154,7 +154,7 @@ class Sensor(ABC):
                          for angle in angles])
 
 
-class Scanner(Sensor):
+class Scanner(DistanceSensor):
     """
     A laser scanner.
 
@@ -258,7 +258,7 @@ class Scanner(Sensor):
         return True
 
 
-class RangeFinder(Sensor):
+class RangeFinder(DistanceSensor):
     """A sensor with one beam: what it sees may be anywhere across the beam, at that distance."""
 
     _width = math.nan
@@ -294,7 +294,7 @@ class Bumper:
     Switches that something touches, as bits.
 
     :ivar lifted: whether a wheel hangs in the air.
-    :ivar contacts: see :class:`Sensor`.
+    :ivar contacts: see :class:`DistanceSensor`.
     """
 
     RIGHT: Final = 1

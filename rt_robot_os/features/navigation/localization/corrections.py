@@ -57,7 +57,7 @@ class CorrectionCounters:
     corrections_late: int = 0
 
 
-class Corrections:
+class MapCorrections:
     """
     Read a topic of ``geometry_msgs/msg/PoseWithCovarianceStamped``, and let the estimate follow.
 

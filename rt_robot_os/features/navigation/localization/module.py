@@ -32,8 +32,8 @@ from typing import Final
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.navigation.localization.corrections import Corrections
-from rt_robot_os.features.navigation.localization.fix_source import FixSource
+from rt_robot_os.features.navigation.localization.corrections import MapCorrections
+from rt_robot_os.features.navigation.localization.fix_source import PoseFixSource
 from rt_robot_os.features.navigation.localization.odometry_intake import OdometryIntake
 from rt_robot_os.features.navigation.localization.odometry_intake import StepTuning
 from rt_robot_os.features.navigation.localization.settings import SETTINGS
@@ -42,9 +42,9 @@ from rt_robot_os.features.navigation.odometry.planar import flatten
 from rt_robot_os.features.navigation.odometry.planar import half_turn
 from rt_robot_os.features.navigation.odometry.planar import set_covariance
 from rt_robot_os.modules.base import Module
-from rt_robot_os.motion.fix_record import disagreement
+from rt_robot_os.motion.fix_statistics import disagreement
 from rt_robot_os.motion.localizer import Localizer
-from rt_robot_os.motion.localizer import Tuning
+from rt_robot_os.motion.localizer import LocalizerTuning
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 
@@ -112,7 +112,7 @@ class Localization(Module):
         :raises ConfigError: an input is in another frame.
         """
         s = self.settings
-        self._localizer = Localizer(Tuning(
+        self._localizer = Localizer(LocalizerTuning(
             kidnapped_s=s['kidnapped_s'], kidnapped_fixes=s['kidnapped_fixes'],
             start_fixes=s['start_fixes'], scale=s['scale_stddev']))
         self._localizer.state.begin_drift(0.0, s[
@@ -135,7 +135,7 @@ class Localization(Module):
             if s['use_imu_heading']:
                 raise ConfigError([f'{self.name}: correction_topic turns the map, and '
                                    'use_imu_heading keeps its direction: use one of them'])
-            self._corrections = Corrections(
+            self._corrections = MapCorrections(
                 self.correction, self.topic_of('correction'), s['map_frame_id'],
                 s['correction_max_m'], self.log)
         if s['initial_pose_known']:
@@ -185,7 +185,7 @@ class Localization(Module):
                           'heading turns by %.0f degrees', self.topic_of('imu'),
                           s['kidnapped_s'], math.degrees(localizer.headings.offset))
 
-    def _take_initial(self, localizer: Localizer, source: FixSource, now_ns: int) -> None:
+    def _take_initial(self, localizer: Localizer, source: PoseFixSource, now_ns: int) -> None:
         """Believe who says where the robot is."""
         refused = source.refused
         given = source.next(now_ns)
@@ -252,13 +252,13 @@ class Localization(Module):
 
     # ---- work --------------------------------------------------------------------------------
 
-    def _source(self, attribute: str, number: int, timed: bool = True) -> FixSource:
+    def _source(self, attribute: str, number: int, timed: bool = True) -> PoseFixSource:
         s = self.settings
-        return FixSource(getattr(self, attribute), number, self.topic_of(attribute),
-                         s['map_frame_id'],
-                         max(s['fix_stddev_min_m'], s.get(f'{attribute}_stddev_min_m', 0.0)),
-                         s['fix_stddev_min_rad'],
-                         s.get(f'{attribute}_correlation_s', 0.0), timed)
+        return PoseFixSource(getattr(self, attribute), number, self.topic_of(attribute),
+                             s['map_frame_id'],
+                             max(s['fix_stddev_min_m'], s.get(f'{attribute}_stddev_min_m', 0.0)),
+                             s['fix_stddev_min_rad'],
+                             s.get(f'{attribute}_correlation_s', 0.0), timed)
 
     def _publish(self, localizer: Localizer, intake: OdometryIntake) -> None:
         state, stamp_ns = localizer.state, localizer.stamp_ns

@@ -40,7 +40,7 @@ from rt_robot_os.features.navigation.odometry.planar import set_covariance
 from rt_robot_os.modules.base import Module
 from rt_robot_os.motion.mounting import BASE_FRAME
 from rt_robot_os.motion.wheel_odometry import WheelOdometry
-from rt_robot_os.motion.wheel_odometry import Wheels
+from rt_robot_os.motion.wheel_odometry import WheelParameters
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 
@@ -126,7 +126,7 @@ class Odometry(Module):
         self._left, self._right = names.index(s['left_joint']), names.index(s['right_joint'])
         self._unpack = self.joint_states.topic.layout.packer('position').unpack
         radius = s['wheel_radius_m']
-        self._wheels = WheelOdometry(Wheels(
+        self._wheels = WheelOdometry(WheelParameters(
             radius * s['left_wheel_radius_multiplier'],
             radius * s['right_wheel_radius_multiplier'],
             s['wheel_separation_m'] * s['wheel_separation_multiplier'], s['wheel_speed_max_m_s'],

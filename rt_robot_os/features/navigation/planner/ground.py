@@ -27,7 +27,7 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.features.mapping.live_map import LiveMap
-from rt_robot_os.features.navigation.planner.way import rest_of
+from rt_robot_os.features.navigation.planner.planned_path import rest_of
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.route import RoutePlanner
@@ -39,7 +39,7 @@ POSES_MAXIMUM: Final = 1000
 _CLEARANCE_SHARE: Final = 0.5
 
 
-class Ground:
+class PlanningGround:
     """
     Map, terrain and planner, which belong together.
 

@@ -32,16 +32,16 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.mapping.live_map import check_map
 from rt_robot_os.features.mapping.live_map import LiveMap
 from rt_robot_os.features.mapping.live_map import MAP_MESSAGE
-from rt_robot_os.features.navigation.collision_guard.sensors import place_of
-from rt_robot_os.features.navigation.planner.corrections import Corrections
-from rt_robot_os.features.navigation.planner.ground import Ground
+from rt_robot_os.features.navigation.collision_guard.sensors import sensor_mounting
+from rt_robot_os.features.navigation.planner.dynamic_obstacles import DynamicObstacles
+from rt_robot_os.features.navigation.planner.ground import PlanningGround
 from rt_robot_os.features.navigation.planner.ground import POSES_MAXIMUM
+from rt_robot_os.features.navigation.planner.map_movements import MapMovements
+from rt_robot_os.features.navigation.planner.planned_path import ahead_on
+from rt_robot_os.features.navigation.planner.planned_path import moved_with
+from rt_robot_os.features.navigation.planner.planned_path import PathProgress
 from rt_robot_os.features.navigation.planner.settings import SETTINGS
-from rt_robot_os.features.navigation.planner.strangers import Strangers
-from rt_robot_os.features.navigation.planner.way import ahead_on
-from rt_robot_os.features.navigation.planner.way import moved_with
-from rt_robot_os.features.navigation.planner.way import Progress
-from rt_robot_os.features.navigation.trajectory.whereabouts import planar
+from rt_robot_os.features.navigation.trajectory.pose_input import planar
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.order_age import why_too_old
 from rt_robot_os.modules.wake_up import WakeUp
@@ -97,7 +97,7 @@ class Planner(Module):
         self._is_possible = False  # there is a way when nothing stands in it
         self._in_the_way = ''  # why there is none beside what stands there
         self._obstacles: list[int] = []
-        self._progress = Progress()
+        self._progress = PathProgress()
         self._retry_ns = self._look_ns = 0
         self._is_held = False  # whoever follows says that something is in the way
         self._goals = self._plans = self._refused = self._expanded = self._closed = 0
@@ -130,13 +130,14 @@ class Planner(Module):
             told = ', '.join(f'{topic} in {frame!r}' for topic, frame in frames.items())
             raise ConfigError([f'{self.name}: {told}: declare both in the frame of the map'])
         self._radius_m = s['robot_radius_m'] + s['clearance_m']
-        self._ground = Ground(LiveMap(
+        self._ground = PlanningGround(LiveMap(
             s['map'], self.map if self.connected('map') else None, frames[self.topic_of('pose')],
             self.name, self.log), s)
-        self._corrections = Corrections(
+        self._corrections = MapMovements(
             self.correction if self.connected('correction') else None, self._ground.map)
-        self._strangers = Strangers(
-            [(read, place_of(read, self.mountings, self.name)) for read in self.listed.values()],
+        self._strangers = DynamicObstacles(
+            [(read, sensor_mounting(read, self.mountings, self.name))
+             for read in self.listed.values()],
             s)
         self._strangers.terrain = self._ground.terrain
         self._wake_up = WakeUp(self.kernel, self.task)

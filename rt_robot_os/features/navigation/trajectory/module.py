@@ -35,8 +35,8 @@ from rt_robot_os.base.schema import made
 from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.motor_faults import held_by
-from rt_robot_os.features.navigation.trajectory.whereabouts import planar
-from rt_robot_os.features.navigation.trajectory.whereabouts import Whereabouts
+from rt_robot_os.features.navigation.trajectory.pose_input import planar
+from rt_robot_os.features.navigation.trajectory.pose_input import PoseInput
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.order_age import ORDER_AGE
 from rt_robot_os.modules.order_age import why_too_old
@@ -128,7 +128,7 @@ class Trajectory(Module):
             raise ConfigError([f'{name}: goal_topic, plan_topic and path_topic are all empty: '
                                'there is nothing to follow; set one of them'])
         self._follower = Follower(make_controller(settings['law'], settings))
-        self._whereabouts: Whereabouts | None = None
+        self._whereabouts: PoseInput | None = None
         self._faults: Subscription | None = None
         self._release: Subscription | None = None
         self._is_pressed = self._is_stopped = False
@@ -173,7 +173,7 @@ class Trajectory(Module):
         self._release = (self.estop_release if self.connected('estop_release')
                          and self.connected('estop') else None)
         self._faults = self.motor_faults if self.connected('motor_faults') else None
-        self._whereabouts = Whereabouts(self.pose, self.odom)
+        self._whereabouts = PoseInput(self.pose, self.odom)
         self._apply()
 
     def activate(self) -> None:

@@ -38,10 +38,10 @@ from rt_robot_os.features.navigation.velocity_mux.sources import holder
 from rt_robot_os.features.navigation.velocity_mux.sources import Latch
 from rt_robot_os.features.navigation.velocity_mux.sources import LATE
 from rt_robot_os.features.navigation.velocity_mux.sources import REFUSED
-from rt_robot_os.features.navigation.velocity_mux.sources import Source
 from rt_robot_os.features.navigation.velocity_mux.sources import STANDSTILL
 from rt_robot_os.features.navigation.velocity_mux.sources import Switch
 from rt_robot_os.features.navigation.velocity_mux.sources import Triple
+from rt_robot_os.features.navigation.velocity_mux.sources import VelocitySource
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.run_on import run_on_speed_m_s
 from rt_robot_os.modules.wake_up import WakeUp
@@ -85,7 +85,7 @@ class VelocityMux(Module):
         if settings['estop_at_start']:
             self._latch.set('start', 'held since the start')
             self._latch.end('start')
-        self._steers: Source | None = None
+        self._steers: VelocitySource | None = None
         self._told = ''
         self._switches = self._lost = self._slowed = self._stopped_ns = 0
 
@@ -259,7 +259,7 @@ class VelocityMux(Module):
         return ((linear[0] * share, linear[1] * share, linear[2] * share),
                 (angular[0] * share, angular[1] * share, angular[2] * share))
 
-    def _watch(self, steers: Source | None, now_ns: int) -> None:
+    def _watch(self, steers: VelocitySource | None, now_ns: int) -> None:
         """Have a look when something that lets somebody steer, or keeps others off, is over."""
         if steers is None:
             held_by = holder(self._sources, now_ns)
@@ -274,7 +274,7 @@ class VelocityMux(Module):
                 next_ns = min(next_ns, lock.silent_at_ns())
         self._wake_up.no_later_than(next_ns)
 
-    def _tell(self, steers: Source | None, now_ns: int) -> None:
+    def _tell(self, steers: VelocitySource | None, now_ns: int) -> None:
         if steers is not None:
             text = steers.name
         elif self._latch.why:

@@ -32,7 +32,7 @@ REFUSED: Final = 'refused'
 LATE: Final = 'late'
 
 
-class Source:
+class VelocitySource:
     """
     Somebody who steers.
 
@@ -212,8 +212,8 @@ class Latch:
         return lasting
 
 
-def chosen(sources: Sequence[Source], locks: Sequence[Lock], held: bool, now_ns: int
-           ) -> Source | None:
+def chosen(sources: Sequence[VelocitySource], locks: Sequence[Lock], held: bool, now_ns: int
+           ) -> VelocitySource | None:
     """
     Return who steers: of the sources that are fresh and not locked the one of highest priority.
 
@@ -234,7 +234,7 @@ def chosen(sources: Sequence[Source], locks: Sequence[Lock], held: bool, now_ns:
     return None
 
 
-def holder(sources: Sequence[Source], now_ns: int) -> Source | None:
+def holder(sources: Sequence[VelocitySource], now_ns: int) -> VelocitySource | None:
     """Return the source of highest priority that holds the robot, fresh or not."""
     return next((each for each in sources if now_ns < each.held_until_ns), None)
 

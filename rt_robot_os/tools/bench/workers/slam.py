@@ -275,8 +275,8 @@ def _run(harness: Harness, tested: Core, stamps: Stamps, seen: list[int]) -> Mea
 
 def mapper(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     """Be the process that maps."""
-    from rt_robot_os.features.mapping.process.live import LiveMapping
-    from rt_robot_os.features.mapping.process.settings import MappingSettings
+    from rt_robot_os.features.mapping.process.live_mapping import LiveMapping
+    from rt_robot_os.features.mapping.settings import MappingSettings
     live = LiveMapping(
         MappingSettings(pose_topic='', fix_topic='', initial_pose_topic='', start='origin',
                         resume=False, mounting_m=(0.1, 0.0, 0.0), mounting_rad=(0.0, 0.0, 0.0)),
