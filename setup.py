@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).parent.absolute()))  # pip leaves that to 
 from rt_robot_os.base.compiled.build import BuildCore  # noqa: E402
 from rt_robot_os.base.compiled.build import extensions  # noqa: E402
 from rt_robot_os.base.compiled.build import wheel_options  # noqa: E402
+from rt_robot_os.base.features import programs  # noqa: E402
 from rt_robot_os.base.requirements import extras_require  # noqa: E402
 from rt_robot_os.base.requirements import install_requires  # noqa: E402
 from setuptools import find_packages  # noqa: E402
@@ -60,19 +61,16 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'alarms = rt_robot_os.features.alarms.cli.program:main',
+            *(f'{name} = {module}:main' for name, module in programs().items()),
             'bench = rt_robot_os.tools.bench.program:main',
             'black_box = rt_robot_os.tools.black_box.program:main',
             'core = rt_robot_os.core.program:main',
             'doctor = rt_robot_os.tools.doctor.program:main',
             'echo = rt_robot_os.ros.echo_program:main',
             'gateway = rt_robot_os.gateway.program:main',
-            'health = rt_robot_os.features.health.cli.program:main',
             'i2c_bridge = rt_robot_os.devices.i2c.program:main',
             'monitor = rt_robot_os.monitor.program:main',
-            'mapping = rt_robot_os.features.mapping.cli.program:main',
             'new = rt_robot_os.tools.new.program:main',
-            'notifier = rt_robot_os.features.alarms.notifier.program:main',
             'parameters = rt_robot_os.tools.parameters.program:main',
             'plan = rt_robot_os.tools.plan.program:main',
             'player = rt_robot_os.sim.player_program:main',
@@ -82,7 +80,6 @@ setup(
             'robot = rt_robot_os.ros.program:main',
             'simulator = rt_robot_os.core.simulator_program:main',
             'top = rt_robot_os.tools.top.program:main',
-            'wsn = rt_robot_os.features.wsn.cli.program:main',
         ],
     },
 )

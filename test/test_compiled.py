@@ -63,7 +63,7 @@ def binary(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def copy(binary: Path, tmp_path: Path) -> Path:
     """Copy what a decision needs, with the binary in the package, as an installation has it."""
-    for name in ('compiled', 'linux', 'kernel', 'topics'):
+    for name in ('base', 'linux', 'kernel', 'topics'):
         shutil.copytree(PACKAGE / name, tmp_path / compiled.PACKAGE / name,
                         ignore=shutil.ignore_patterns('__pycache__'))
     for path in PACKAGE.glob('*.py'):
@@ -174,7 +174,7 @@ def test_the_switch_has_two_positions() -> None:
     ('yes', "doctor: RT_ROBOT_OS_COMPILE='yes' must be 0 (pure Python) or 1 (compiled), or unset"),
     ('1', 'doctor: RT_ROBOT_OS_COMPILE=1, but pure Python: it was not compiled')])
 def test_a_program_says_in_one_line_that_it_cannot_have_the_build(switch: str, words: str) -> None:
-    code = ('from rt_robot_os import compiled; compiled._binaries = lambda package: []; '
+    code = ('from rt_robot_os.base import compiled; compiled._binaries = lambda package: []; '
             'from rt_robot_os.tools.doctor.program import main; import sys; sys.exit(main([]))')
     told = subprocess.run([sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True,
                           env=environment(switch, ROOT))

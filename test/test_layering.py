@@ -17,11 +17,15 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterable
 from collections.abc import Iterator
 from dataclasses import dataclass
 import functools
 from pathlib import Path
 import re
+
+from rt_robot_os.base.features import features
+from setup_programs import PROGRAMS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = 'rt_robot_os'
@@ -58,15 +62,10 @@ LAYERS = {
 
 RANK = {name: row for row, name in enumerate(LAYERS)}
 
-# A feature may import these others; all that is below features anyway.
-FEATURES = {
-    'alarms': (),
-    'wsn': (),
-    'mapping': (),
-    'health': ('wsn',),
-    'navigation': ('mapping',),
-    'agent': ('health', 'mapping', 'navigation', 'wsn'),
-}
+# A feature may import the others that its manifest requires; all that is below features anyway.
+FEATURES = features()
+
+BRINGS = '| feature | what it does | modules | devices | programs | requires |'
 
 # A simulated device stands beside its driver: they share the bytes, and nothing else.
 SIMULATED = re.compile(r'(devices|features\.\w+)\.\w+\.simulated(_\w+)?')
@@ -198,8 +197,12 @@ def _allowed(one: Import) -> bool:
     importer, imported = _layer(one.importer), _layer(one.imported)
     feature, other = _feature(one.importer), _feature(one.imported)
     if feature and other and feature != other:
-        return other in FEATURES[feature]
+        return other in FEATURES[feature].requires
     return importer == imported or RANK[imported] < RANK[importer]
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ', '.join(f'`{name}`' for name in names) or '-'
 
 
 def test_every_module_belongs_to_a_layer() -> None:
@@ -213,11 +216,12 @@ def test_no_layer_imports_a_higher_one() -> None:
 
 def test_the_architecture_shows_the_layers() -> None:
     rows = [f'| `{name}` | {text} |' for name, text in LAYERS.items()]
-    edges = [f'| `{name}` | {", ".join(f"`{each}`" for each in others) or "no other"} |'
-             for name, others in FEATURES.items()]
+    brings = [f'| `{name}` | {each.summary} | {_listed(each.modules)} | {_listed(each.devices)} | '
+              f'{_listed(each.programs)} | {_listed(each.requires)} |'
+              for name, each in FEATURES.items()]
     page = (ROOT / 'docs' / 'architecture.md').read_text(encoding='utf-8')
     for table in (['| folder | what it holds |', '|---|---|', *rows],
-                  ['| feature | may import |', '|---|---|', *edges]):
+                  [BRINGS, '|---|---|---|---|---|---|', *brings]):
         assert '\n'.join(table) in page, 'docs/architecture.md must have this table:\n' + (
             '\n'.join(table))
 
@@ -254,9 +258,8 @@ def test_a_library_is_imported_only_where_it_belongs() -> None:
 
 
 def test_every_program_is_the_thin_main_of_its_part() -> None:
-    scripts = dict(re.findall(r"'(\w+) = ([\w.]+:\w+)'", (ROOT / 'setup.py').read_text()))
-    assert scripts
-    for name, target in scripts.items():
+    assert PROGRAMS
+    for name, target in PROGRAMS.items():
         module, _, function = target.partition(':')
         assert PROGRAM.fullmatch(module) and module.endswith('program'), (name, target)
         assert function == 'main', (name, target)

@@ -39,6 +39,7 @@ from rt_robot_os.base.requirements import EXTRAS
 from rt_robot_os.base.requirements import LIBRARIES
 from rt_robot_os.base.requirements import libraries
 from rt_robot_os.base.requirements import PROGRAMS
+import setup_programs
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = 'rt_robot_os'
@@ -69,8 +70,7 @@ def _setup() -> dict[str, ast.expr]:
 
 SETUP = _setup()
 MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
-SCRIPTS: list[str] = ast.literal_eval(SETUP['entry_points'])['console_scripts']
-EXECUTABLES = dict(script.replace(' ', '').split('=') for script in SCRIPTS)
+EXECUTABLES = setup_programs.PROGRAMS
 
 
 def _manifest(tag: str) -> list[str]:

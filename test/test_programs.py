@@ -32,9 +32,11 @@ import pytest
 from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.programs import ended_by_signals
 from rt_robot_os.base.programs import run_program
+import setup_programs
 
 ROOT = Path(__file__).resolve().parents[1]
-PROGRAMS = dict(re.findall(r"'(\w+) = ([\w.]+):main'", (ROOT / 'setup.py').read_text()))
+PROGRAMS = {name: target.removesuffix(':main')
+            for name, target in setup_programs.PROGRAMS.items()}
 # Ctrl-C when the first module is imported that is not there for the beginning alone.
 INTERRUPTED = """
 import os, signal, sys

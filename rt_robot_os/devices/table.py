@@ -15,7 +15,8 @@
 """
 The one table of devices, by the name that ``type`` has in the configuration.
 
-Each line names a folder of this package; other packages add theirs in the same form::
+Each line names a folder of this package; features add theirs in their manifests
+(:mod:`rt_robot_os.base.features`), other packages in the same form::
 
     entry_points={'rt_robot_os.devices': ['my_sonar = my_package.my_sonar']}
 
@@ -34,6 +35,7 @@ from typing import TypeVar
 import warnings
 
 from rt_robot_os.base.errors import ConfigError
+from rt_robot_os.base.features import devices as of_features
 from rt_robot_os.base.plugins import entry_point_targets
 from rt_robot_os.base.plugins import load_object
 from rt_robot_os.base.plugins import PluginRegistry
@@ -46,35 +48,30 @@ _PARTS: Final = 'PARTS'
 
 # Recognisers are asked in this order: u-blox before NMEA, whose sentences it sends as well; those
 # that a chance could deceive last.
-_ELSEWHERE: Final = {
-    'journal': 'rt_robot_os.features.alarms.journal_device',
-    'oximeter': 'rt_robot_os.features.health.oximeter',
-    'sink': 'rt_robot_os.features.wsn.sink',
+_OWN: Final = {
+    **{name: f'rt_robot_os.devices.{name}' for name in (
+        'bmp280',
+        'bmp388',
+        'bno055',
+        'camera',
+        'microphone',
+        'mpu6050',
+        'ms5611',
+        'ublox',
+        'nmea',
+        'xsens',
+        'kobuki',
+        'hokuyo',
+        'roboclaw',
+        'witmotion',
+        'maxbotix',
+        'sharp',
+        'stargazer',
+        'arduino_bridge',
+        'odrive',
+    )},
+    **of_features(),
 }
-_OWN: Final = {name: _ELSEWHERE.get(name, f'rt_robot_os.devices.{name}') for name in (
-    'bmp280',
-    'bmp388',
-    'bno055',
-    'camera',
-    'journal',
-    'microphone',
-    'mpu6050',
-    'ms5611',
-    'ublox',
-    'nmea',
-    'xsens',
-    'kobuki',
-    'hokuyo',
-    'roboclaw',
-    'witmotion',
-    'maxbotix',
-    'sharp',
-    'stargazer',
-    'arduino_bridge',
-    'odrive',
-    'sink',
-    'oximeter',
-)}
 
 # Groups of the release before: drivers and twins apart, each `module:Class`.
 OLD_DRIVERS: Final = 'rt_robot_os.drivers'

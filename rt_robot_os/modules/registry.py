@@ -18,35 +18,12 @@ from __future__ import annotations
 
 from typing import Final
 
+from rt_robot_os.base.features import modules
 from rt_robot_os.base.plugins import PluginRegistry
 from rt_robot_os.modules.base import Module
 
-_OWN: Final = {
-    'agent': 'rt_robot_os.features.agent.module:AgentModule',
-    'alarms': 'rt_robot_os.features.alarms.module:Alarms',
-    'assessment': 'rt_robot_os.features.health.assessment:Assessment',
-    'attitude': 'rt_robot_os.features.navigation.attitude:Attitude',
-    'collision_guard': 'rt_robot_os.features.navigation.collision_guard:CollisionGuard',
-    'fall_detector': 'rt_robot_os.features.health.fall_detector:FallDetection',
-    'localization': 'rt_robot_os.features.navigation.localization:Localization',
-    'observer': 'rt_robot_os.features.agent.observer:Observer',
-    'odometry': 'rt_robot_os.features.navigation.odometry:Odometry',
-    'person_finder': 'rt_robot_os.features.agent.person_finder:PersonFinder',
-    'planner': 'rt_robot_os.features.navigation.planner:Planner',
-    'pulse_check': 'rt_robot_os.features.health.pulse_check:PulseCheck',
-    'rule': 'rt_robot_os.features.health.rule:Rule',
-    'sensor_network': 'rt_robot_os.features.wsn.sensor_network:SensorNetwork',
-    'sensor_readings': 'rt_robot_os.features.wsn.sensor_readings:SensorReadings',
-    'trajectory': 'rt_robot_os.features.navigation.trajectory:Trajectory',
-    'twist_guard': 'rt_robot_os.features.navigation.twist_guard:TwistGuard',
-    'velocity_mux': 'rt_robot_os.features.navigation.velocity_mux:VelocityMux',
-    'vital_signs': 'rt_robot_os.features.health.vital_signs:VitalSigns',
-    'watch': 'rt_robot_os.features.alarms.watch:Watch',
-    'whereabouts': 'rt_robot_os.features.health.whereabouts:Whereabouts',
-}
-
 MODULES: Final[PluginRegistry[Module]] = PluginRegistry(
-    'rt_robot_os.modules', Module, 'module', _OWN)
+    'rt_robot_os.modules', Module, 'module', modules())
 
 
 def names() -> tuple[str, ...]:

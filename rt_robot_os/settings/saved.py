@@ -51,7 +51,7 @@ def saved_path(file: str, robot: str) -> Path:
     Return the file that is written.
 
     :param file: the setting ``parameters_file``.
-    :param robot: name of the robot's files, as from ``link.paths.robot_name``.
+    :param robot: name of the robot's files, as from :func:`rt_robot_os.linux.paths.robot_name`.
     :raises StartError: a user without a home has no folder, see
         :func:`rt_robot_os.linux.folders.ros_home`.
     """

@@ -26,6 +26,7 @@ from driver_fakes import settings_of
 import pytest
 
 from rt_robot_os import devices
+from rt_robot_os.base import features
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.devices.bmp280.driver import Bmp280
 from rt_robot_os.devices.recognise import known_chips
@@ -129,8 +130,11 @@ def test_the_devices_of_this_package() -> None:
 
 
 def test_a_folder_with_a_driver_is_a_device() -> None:
-    folders = {path.parent.name for path in Path(devices.__file__).parent.glob('*/driver.py')}
-    assert folders == set(DRIVERS.names()) - set(DRIVERS.foreign_names())
+    package = Path(devices.__file__).parents[1]
+    folders = {path.parent.relative_to(package) for path in package.rglob('driver.py')}
+    own = {Path(*place.split('.')[1:]) for place in features.devices().values()}
+    named = {path.name for path in folders - own} | features.devices().keys()
+    assert named == set(DRIVERS.names()) - set(DRIVERS.foreign_names())
 
 
 def test_drivers_bring_no_twins_and_twins_no_drivers() -> None:

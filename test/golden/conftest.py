@@ -22,11 +22,11 @@ import difflib
 from importlib import metadata
 import os
 from pathlib import Path
-import re
 
 import pytest
 
 from rt_robot_os.base import plugins
+from setup_programs import PROGRAMS
 
 FOLDER = Path(__file__).resolve().parent
 ROOT = FOLDER.parents[1]
@@ -78,10 +78,7 @@ class Golden:
     @staticmethod
     def programs() -> dict[str, str]:
         """Give the programs of the package: name and ``module:function``, as setup.py says."""
-        text = (ROOT / 'setup.py').read_text(encoding='utf-8')
-        block = re.search(r"'console_scripts': \[(.*?)\]", text, re.DOTALL)
-        assert block, 'setup.py declares no console_scripts'
-        return dict(re.findall(r"'(\w+) = ([\w.:]+)'", block[1]))
+        return PROGRAMS
 
 
 @pytest.fixture(autouse=True)

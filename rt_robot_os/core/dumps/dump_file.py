@@ -14,8 +14,7 @@
 
 
 """
-The file of a dump: the parts of :mod:`rt_robot_os.core.dumps.dump_parts` as JSON lines,
-compressed.
+The file of a dump: the parts of :mod:`.dump_parts` as JSON lines, compressed.
 
 ``zcat`` shows it. A file is there as a whole or not at all: it is written under another name and
 renamed.

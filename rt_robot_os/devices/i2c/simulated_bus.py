@@ -16,7 +16,7 @@
 An emulated I2C bus with emulated chips.
 
 It has no thread and no clock: every transaction is told the time. :class:`LocalTransport` puts it
-under a driver of the same process, in tests on virtual time; ``i2c_port.py`` puts a socket in
+under a driver of the same process, in tests on virtual time; ``simulated_port.py`` puts a socket in
 front of it, for a driver in another process.
 """
 
