@@ -225,7 +225,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         if self._swapped:
             left, right = right, left
         counters = self.counters
-        reading = counters.take(left, right, arrival_ns)
+        reading = counters.update(left, right, arrival_ns)
         if reading is CounterReading.REJECTED:
             return 0
         if reading is CounterReading.REBASED:
@@ -347,9 +347,9 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         self._wheels_rad_s = _STILL
         self.faults.clear()
         if self.COUNTS_SURVIVE:
-            self.counters.doubt()
+            self.counters.expect_reset()
         else:
-            self.counters.forget()
+            self.counters.restart()
 
     # --- what is watched -------------------------------------------------------------------------
 
@@ -372,7 +372,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
     def _watch(self, now_ns: int) -> None:
         for side, watch, command_rad_s, position_rad in zip(
                 (0, 1), self._watches, self._wheels_rad_s, self.counters.position_rad):
-            state = watch.look(command_rad_s, position_rad, now_ns)
+            state = watch.update(command_rad_s, position_rad, now_ns)
             if state is WheelState.STANDSTILL:
                 self._standstills += 1
                 self.stop_for(MotorFault(MotorFault.LEFT_STANDSTILL << side), (

@@ -111,7 +111,7 @@ class _PoseCandidate:
 
 class Localizer:
     """
-    Estimate the pose on the map; call :meth:`move` and :meth:`fix` as data come.
+    Estimate the pose on the map; call :meth:`move` and :meth:`add_fix` as data come.
 
     :ivar state: the filter; of no meaning before :attr:`located`.
     :ivar located: the pose is known.
@@ -197,7 +197,7 @@ class Localizer:
         history = self._history
         if not history.stamp_ns:
             history.begin(step.stamp_ns)
-            self._take_due(step.stamp_ns)
+            self._apply_due(step.stamp_ns)
             return True
         if step.stamp_ns <= history.stamp_ns:
             return False
@@ -205,8 +205,8 @@ class Localizer:
             step.predict(self._candidate.state)
         history.append(step)
         if self.located:
-            self._judge_step(step)
-        self._take_due(step.stamp_ns)
+            self._evaluate_step(step)
+        self._apply_due(step.stamp_ns)
         return True
 
     def displace(self, stamp_ns: int, movement: Pose) -> bool:
@@ -239,7 +239,7 @@ class Localizer:
             self.jump = math.hypot(there[0] - x, there[1] - y), abs(there[2])
         return True
 
-    def fix(self, fix: PoseFix) -> None:
+    def add_fix(self, fix: PoseFix) -> None:
         """
         Take a measured pose, in any order; :attr:`PoseFix.judged` tells whether it had its turn.
 
@@ -268,9 +268,9 @@ class Localizer:
         if self.located and not history.insert(fix):
             self.counters.overflow += 1
             return
-        self._judge(fix)
+        self._evaluate(fix)
 
-    def _take_due(self, stamp_ns: int) -> None:
+    def _apply_due(self, stamp_ns: int) -> None:
         """Take the measurements that waited for the odometry of their moment."""
         if self._waiting:
             due = [fix for fix in self._waiting if fix.stamp_ns <= stamp_ns]
@@ -283,7 +283,7 @@ class Localizer:
         """Return ``map`` -> ``odom``, for the pose of odometry at the moment of the last step."""
         return transform(self.state.pose, odometry)
 
-    def _judge_step(self, step: OdometryStep) -> None:
+    def _evaluate_step(self, step: OdometryStep) -> None:
         """Note the heading and the drift of a step; believe those that are refused for long."""
         headings, drifts, again = self.headings, self.drifts, False
         if step.heading_rad == step.heading_rad:
@@ -306,19 +306,19 @@ class Localizer:
 
     # ---- what does not fit -------------------------------------------------------------------
 
-    def _judge(self, fix: PoseFix) -> None:
+    def _evaluate(self, fix: PoseFix) -> None:
         """See what a measurement was good for, after it was compared."""
         self.fix_ns = max(self.fix_ns, fix.stamp_ns)
         if self.located and fix.judged and fix.source < len(self.records):
             self.records[fix.source].add(fix)
         if not self.located:
-            self._consider(fix)
+            self._test_candidate(fix)
         elif fix.accepted:
             self._accept(fix)
         elif fix.judged:
             self.counters.rejected += 1
             if self._tuning.kidnapped_s:
-                self._consider(fix)
+                self._test_candidate(fix)
 
     def _accept(self, fix: PoseFix) -> None:
         self.counters.accepted += 1
@@ -333,7 +333,7 @@ class Localizer:
             if candidate.votes <= 0:
                 self._candidate = None
 
-    def _consider(self, fix: PoseFix) -> None:
+    def _test_candidate(self, fix: PoseFix) -> None:
         """Compare a measurement with the other place where the robot may be."""
         there = self._history.carried(fix)
         candidate = self._candidate
@@ -342,7 +342,7 @@ class Localizer:
             if candidate.state.update_pose(there.pose, there.covariance, gate):
                 candidate.votes += 1
                 candidate.last_ns = fix.stamp_ns
-                self._believe(candidate, fix.stamp_ns)
+                self._adopt_candidate(candidate, fix.stamp_ns)
                 return
             if not self._outranks(candidate, fix):
                 candidate.votes -= 1
@@ -351,7 +351,7 @@ class Localizer:
         # Of a position alone no pose can be begun.
         if (candidate is None or candidate.votes <= 0) and fix.dimensions == 3:
             self._candidate = candidate = _PoseCandidate(there, fix)
-            self._believe(candidate, fix.stamp_ns)
+            self._adopt_candidate(candidate, fix.stamp_ns)
 
     def _outranks(self, candidate: _PoseCandidate, fix: PoseFix) -> bool:
         """
@@ -362,7 +362,7 @@ class Localizer:
         return (candidate.source < fix.source
                 and fix.stamp_ns - candidate.last_ns < _RANK_NS)
 
-    def _believe(self, candidate: _PoseCandidate, stamp_ns: int) -> None:
+    def _adopt_candidate(self, candidate: _PoseCandidate, stamp_ns: int) -> None:
         """Take over the other place when it has been right for long enough."""
         tuning = self._tuning
         if self.located:

@@ -318,14 +318,14 @@ class PoseHistory:
         if step.heading_rad == step.heading_rad:
             off, gate = wrapped(step.heading_rad - state.heading), GATE_1
             if step.believed_heading is not None:
-                state.doubt(step.believed_heading, off * off, 0.0)
+                state.inflate(step.believed_heading, off * off, 0.0)
                 gate = math.inf
             step.heading_judgement = state.update_heading(
                 step.heading_rad, step.heading_variance, gate), off
         if step.drift == step.drift:
             off, gate = step.drift - state.drift, GATE_1
             if step.believes_drift:
-                state.doubt(0.0, 0.0, off * off)
+                state.inflate(0.0, 0.0, off * off)
                 gate = math.inf
             step.drift_judgement = state.update_drift(
                 step.drift, step.drift_measured_variance, gate), off

@@ -125,17 +125,17 @@ class WheelCounters:
         self.stamp_ns = 0
         self.rejected = self.resets = 0
 
-    def forget(self) -> None:
+    def restart(self) -> None:
         """Begin anew with the next reading, wherever the counters are; the angles stay."""
         self._last = self._held = None
         self._doubted = False
         self.velocity_rad_s = 0.0, 0.0
 
-    def doubt(self) -> None:
+    def expect_reset(self) -> None:
         """Expect that the counters may have been reset: answers stayed away for a while."""
         self._doubted = True
 
-    def take(self, left: float, right: float, now_ns: int) -> CounterReading:
+    def update(self, left: float, right: float, now_ns: int) -> CounterReading:
         """
         Add a reading.
 

@@ -152,8 +152,8 @@ class WheelOdometry:
         """Return the moment of the pose; 0 before the first sample."""
         return self._stamp_ns
 
-    def take(self, stamp_ns: int, left_rad: float, right_rad: float,
-             gyro_rad: float = math.nan) -> bool:
+    def update(self, stamp_ns: int, left_rad: float, right_rad: float,
+               gyro_rad: float = math.nan) -> bool:
         """
         Take the angles of the wheels.
 

@@ -39,7 +39,7 @@ def source(priority: int = 20, *, stamp_ns: int = NOW_NS, now_ns: int = NOW_NS,
            hold_ns: int = 0, dead_man: bool = False) -> VelocitySource:
     """Return a source with a time-out of 100 ns that has given one command."""
     found = VelocitySource('ros', priority, 100, dead_man, hold_ns)
-    found.take(AHEAD, STANDSTILL, stamp_ns, now_ns, 10.0, 20.0)
+    found.receive(AHEAD, STANDSTILL, stamp_ns, now_ns, 10.0, 20.0)
     return found
 
 
@@ -54,7 +54,7 @@ def test_a_command_that_comes_as_old_as_its_time_out_is_late_and_counted(
 
 def test_a_late_command_takes_nothing_from_the_one_before() -> None:
     found = source()
-    found.take(STANDSTILL, STANDSTILL, NOW_NS - 40, NOW_NS + 60, 10.0, 20.0)
+    found.receive(STANDSTILL, STANDSTILL, NOW_NS - 40, NOW_NS + 60, 10.0, 20.0)
     assert found.late == 1 and found.linear == AHEAD
     assert found.is_fresh(NOW_NS + 99)
 
@@ -92,7 +92,7 @@ def test_a_hold_is_at_least_as_long_as_the_time_out() -> None:
 def test_a_speed_at_the_limit_is_taken_and_one_beyond_it_is_a_standstill(
         value: float, refused: int) -> None:
     found = source()
-    found.take((0.0, value, 0.0), STANDSTILL, NOW_NS, NOW_NS, 10.0, 20.0)
+    found.receive((0.0, value, 0.0), STANDSTILL, NOW_NS, NOW_NS, 10.0, 20.0)
     assert found.refused == refused
     assert (found.last == REFUSED) is bool(refused) is (found.linear == STANDSTILL)
     assert found.is_fresh(NOW_NS)  # a mistake stops the robot: it is nobody else's turn
@@ -102,8 +102,8 @@ def test_a_speed_at_the_limit_is_taken_and_one_beyond_it_is_a_standstill(
 def test_a_switch_is_silent_when_it_was_last_heard_as_long_ago_as_its_time_out(
         after_ns: int, silent: bool) -> None:
     dead_man, pause = Switch(100), Lock('pause', 50, 100)
-    dead_man.hear(True, NOW_NS)
-    pause.hear(False, NOW_NS)
+    dead_man.update(True, NOW_NS)
+    pause.update(False, NOW_NS)
     now_ns = NOW_NS + after_ns
     assert dead_man.is_held(now_ns) is not silent
     assert pause.is_locked(now_ns) is silent
@@ -114,7 +114,7 @@ def test_a_switch_is_silent_when_it_was_last_heard_as_long_ago_as_its_time_out(
 def test_a_switch_that_was_heard_at_the_first_moment_of_the_clock_was_heard() -> None:
     dead_man = Switch(100)
     assert not dead_man.is_held(0) and dead_man.silent_at_ns() == math.inf
-    dead_man.hear(True, 0)
+    dead_man.update(True, 0)
     assert dead_man.is_held(99) and not dead_man.is_held(100)
     assert dead_man.silent_at_ns() == 100
 
@@ -122,13 +122,13 @@ def test_a_switch_that_was_heard_at_the_first_moment_of_the_clock_was_heard() ->
 def test_a_lock_without_a_time_out_is_never_silent() -> None:
     pause = Lock('pause', 50, 0)
     assert not pause.is_locked(10 ** 18) and pause.silent_at_ns() == math.inf
-    pause.hear(True, 0)
+    pause.update(True, 0)
     assert pause.is_locked(10 ** 18)
 
 
 def test_a_lock_holds_off_the_priority_just_below_it_and_no_other() -> None:
     pause = Lock('pause', 50, 0)
-    pause.hear(True, NOW_NS)
+    pause.update(True, NOW_NS)
     for priority, steers in ((49, False), (50, True), (51, True)):
         found = source(priority)
         assert (chosen([found], [pause], True, NOW_NS) is found) is steers

@@ -42,7 +42,7 @@ def made(bits: int = 32, left: float = TICK_RAD, right: float = TICK_RAD,
 def fed(counters: WheelCounters, *readings: tuple[float, float]) -> list[CounterReading]:
     """Feed readings a period apart."""
     at_ns = counters.stamp_ns or PERIOD_NS
-    return [counters.take(left, right, at_ns + (n + 1) * PERIOD_NS)
+    return [counters.update(left, right, at_ns + (n + 1) * PERIOD_NS)
             for n, (left, right) in enumerate(readings)]
 
 
@@ -84,7 +84,7 @@ def test_any_movement_is_followed_exactly(steps: list[tuple[int, int]], bits: in
     left = right = start
     total = [0, 0]
     at_ns = PERIOD_NS
-    counters.take(((left + sign) & mask) - sign, ((right + sign) & mask) - sign, at_ns)
+    counters.update(((left + sign) & mask) - sign, ((right + sign) & mask) - sign, at_ns)
     for a, b in steps:
         # Any speed, held long enough to be believed.
         for _ in range(4):
@@ -94,7 +94,7 @@ def test_any_movement_is_followed_exactly(steps: list[tuple[int, int]], bits: in
                 left, right, shown = left + 1, right + 1, (1, 1)  # it might be a reset
             total = [left - start, right - start]
             at_ns += PERIOD_NS
-            counters.take(*shown, at_ns)
+            counters.update(*shown, at_ns)
         assert ticks(counters) == tuple(total)
     assert counters.resets == 0
 
@@ -137,10 +137,10 @@ def test_driving_back_to_the_start_is_no_reset() -> None:
 def test_after_a_silence_counts_near_zero_are_those_of_a_reset() -> None:
     counters = made()
     fed(counters, (0, 0), (20, 20), (40, 44))
-    counters.doubt()
+    counters.expect_reset()
     assert fed(counters, (3, 2), (4, 4)) == [CounterReading.REBASED, CounterReading.TAKEN]
     assert ticks(counters) == (41, 46)
-    counters.doubt()
+    counters.expect_reset()
     assert fed(counters, (10, 10)) == [CounterReading.TAKEN]
     assert ticks(counters) == (47, 52)
 
@@ -148,7 +148,7 @@ def test_after_a_silence_counts_near_zero_are_those_of_a_reset() -> None:
 def test_another_board_moves_nothing() -> None:
     counters = made()
     fed(counters, (100, 100), (110, 110))
-    counters.forget()
+    counters.restart()
     assert fed(counters, (120, 150), (130, 160)) == [CounterReading.TAKEN] * 2
     assert ticks(counters) == (20, 20)
 
@@ -187,8 +187,8 @@ def test_readings_that_come_together_are_no_speed() -> None:
     counters = made()
     fed(counters, (0, 0), (10, 10))
     before = counters.velocity_rad_s
-    counters.take(11, 11, counters.stamp_ns + 1000)
-    counters.take(12, 12, counters.stamp_ns)
+    counters.update(11, 11, counters.stamp_ns + 1000)
+    counters.update(12, 12, counters.stamp_ns)
     assert counters.velocity_rad_s == before
     fed(counters, (22, 22))
     assert counters.velocity_rad_s == pytest.approx(
@@ -201,7 +201,7 @@ def test_misread_counts_never_cost_anything(seed: int, share: float, bits: int) 
     chance = random.Random(seed)
     counters = made(bits)
     at_ns, angle, speed, furthest = PERIOD_NS, 0.0, 0.0, 0.0
-    counters.take(20_000, 20_000, at_ns)
+    counters.update(20_000, 20_000, at_ns)
     for n in range(150):
         at_ns += PERIOD_NS
         speed += chance.uniform(-40.0, 40.0) * 0.033
@@ -213,7 +213,7 @@ def test_misread_counts_never_cost_anything(seed: int, share: float, bits: int) 
         cut = chance.randrange(len(digits))
         shown = int(digits[:cut] + digits[cut + 1:]) if wrong else true
         before = counters.position_rad[0]
-        counters.take(shown, 20_000, at_ns)
+        counters.update(shown, 20_000, at_ns)
         furthest = max(furthest, abs(counters.position_rad[0] - before))
     assert ticks(counters)[0] == true - 20_000
     assert counters.resets == 0
@@ -224,7 +224,7 @@ def test_slow_readings_are_no_silence() -> None:
     counters = WheelCounters(TICK_RAD, TICK_RAD, bits=32, fastest_rad_s=FASTEST_RAD_S,
                              silence_s=1.5)
     for n, count in enumerate((0, 100, 200, 100, 30, -40)):
-        counters.take(count, count, n * 500 * NS_PER_MS)
+        counters.update(count, count, n * 500 * NS_PER_MS)
     assert ticks(counters) == (-40, -40)
     assert counters.resets == 0
 
@@ -233,4 +233,4 @@ def test_a_coarse_encoder_surprises_nobody() -> None:
     counters = WheelCounters(math.tau / 20, math.tau / 20, bits=32, fastest_rad_s=FASTEST_RAD_S)
     for n in range(400):
         count = math.floor(n * 0.13)
-        assert counters.take(count, -count, (n + 1) * 10 * NS_PER_MS) is CounterReading.TAKEN
+        assert counters.update(count, -count, (n + 1) * 10 * NS_PER_MS) is CounterReading.TAKEN

@@ -40,12 +40,12 @@ def driven(odometry: WheelOdometry, steps: int, left_m_s: float, right_m_s: floa
     stamp_ns = odometry.stamp_ns or STEP_NS
     left, right = getattr(odometry, 'wheels_now', (0.0, 0.0))
     if not odometry.stamp_ns:
-        assert odometry.take(stamp_ns, left, right)
+        assert odometry.update(stamp_ns, left, right)
     for _ in range(steps):
         stamp_ns += STEP_NS
         left += left_m_s * DT_S / 0.05
         right += right_m_s * DT_S / 0.05
-        assert odometry.take(stamp_ns, left, right, gyro_rad_s * DT_S)
+        assert odometry.update(stamp_ns, left, right, gyro_rad_s * DT_S)
     odometry.wheels_now = left, right  # type: ignore[attr-defined]
 
 
@@ -100,11 +100,11 @@ def test_a_position_that_is_no_number_costs_nothing(position: float) -> None:
     odometry = WheelOdometry(WHEELS)
     driven(odometry, 10, 0.5, 0.5)
     left, right = odometry.wheels_now  # type: ignore[attr-defined]
-    assert not odometry.take(odometry.stamp_ns + STEP_NS, position, right)
-    assert not odometry.take(odometry.stamp_ns + STEP_NS, left, position)
+    assert not odometry.update(odometry.stamp_ns + STEP_NS, position, right)
+    assert not odometry.update(odometry.stamp_ns + STEP_NS, left, position)
     assert odometry.counters.not_finite == 2
     # The next good one has the whole way, in twice the time.
-    assert odometry.take(odometry.stamp_ns + 2 * STEP_NS, left + 0.4, right + 0.4)
+    assert odometry.update(odometry.stamp_ns + 2 * STEP_NS, left + 0.4, right + 0.4)
     assert odometry.pose[0] == pytest.approx(0.12)
     assert odometry.counters.implausible == 0
 
@@ -136,14 +136,14 @@ def test_stamps_that_stand_still_or_go_back_move_nothing() -> None:
     driven(odometry, 10, 0.5, 0.5)
     stamp_ns, (left, right) = odometry.stamp_ns, odometry.wheels_now  # type: ignore[attr-defined]
     pose = odometry.pose
-    assert not odometry.take(stamp_ns, left, right)
-    assert not odometry.take(stamp_ns, left + 0.1, right + 0.1)
-    assert not odometry.take(stamp_ns - STEP_NS, left, right)
+    assert not odometry.update(stamp_ns, left, right)
+    assert not odometry.update(stamp_ns, left + 0.1, right + 0.1)
+    assert not odometry.update(stamp_ns - STEP_NS, left, right)
     assert odometry.pose == pose
     counters = odometry.counters
     assert (counters.duplicates, counters.stopped, counters.backwards) == (1, 1, 1)
     # What was driven meanwhile is not lost.
-    assert odometry.take(stamp_ns + STEP_NS, left + 0.2, right + 0.2)
+    assert odometry.update(stamp_ns + STEP_NS, left + 0.2, right + 0.2)
     assert odometry.pose[0] == pytest.approx(pose[0] + 0.01)
 
 
@@ -152,9 +152,9 @@ def test_a_clock_that_begins_anew_is_followed_from_there() -> None:
     driven(odometry, 200, 0.5, 0.5)
     left, right = odometry.wheels_now  # type: ignore[attr-defined]
     pose = odometry.pose
-    assert not odometry.take(STEP_NS, left, right)
+    assert not odometry.update(STEP_NS, left, right)
     assert odometry.counters.restarts == 1
-    assert odometry.take(2 * STEP_NS, left + 0.2, right + 0.2)
+    assert odometry.update(2 * STEP_NS, left + 0.2, right + 0.2)
     assert odometry.pose[0] == pytest.approx(pose[0] + 0.01)
 
 

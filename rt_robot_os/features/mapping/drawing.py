@@ -39,15 +39,15 @@ class Drawing:
         self.version = 0
         self.drawn_ns = 0
         self._cell_m = cell_m
-        self.begin()
+        self.restart()
 
-    def begin(self) -> None:
+    def restart(self) -> None:
         """Draw another map from now on; the last grid is shown until there is a new one."""
         self._growing = GrowingGrid(self._cell_m)
         self._of = -1
         self.is_done = True
 
-    def follow(self, graph_version: int) -> None:
+    def set_version(self, graph_version: int) -> None:
         """Note of which version the graph is."""
         self.is_done &= self._of == graph_version
 

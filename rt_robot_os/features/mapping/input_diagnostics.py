@@ -25,8 +25,8 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_S
 
 #: Silence that is told, and for how long it is told what happened.
-SILENT_NS: Final = 2 * NS_PER_S
-_TOLD_NS: Final = 10 * NS_PER_S
+TIMEOUT_NS: Final = 2 * NS_PER_S
+_REPORTED_NS: Final = 10 * NS_PER_S
 _EVENTS: Final = {
     'scans_backwards': 'stamps of scans went back or stood still: scans were left out',
     'odometry_backwards': 'stamps of odometry went back or stood still: samples were left out',
@@ -50,50 +50,50 @@ class InputDiagnostics:
 
     def __init__(self, counts: Mapping[str, int]) -> None:
         self._counts = counts
-        self._heard_ns = dict.fromkeys(('scans', 'odometry'), time.monotonic_ns())
-        self._seen = dict.fromkeys(_EVENTS, 0)
-        self._event_ns = dict.fromkeys(_EVENTS, -_TOLD_NS)
+        self._received_ns = dict.fromkeys(('scans', 'odometry'), time.monotonic_ns())
+        self._reported = dict.fromkeys(_EVENTS, 0)
+        self._event_ns = dict.fromkeys(_EVENTS, -_REPORTED_NS)
         # When, and how many scans had come and been skipped.
         self._scans: deque[tuple[int, int, int]] = deque()
         self._behind_ns: deque[int] = deque(maxlen=_APART_SCANS)
 
-    def stamped(self, scan_ns: int, odometry_ns: int) -> None:
+    def record_stamps(self, scan_ns: int, odometry_ns: int) -> None:
         """Note the stamp of a scan that comes, and that of the odometry which came last."""
         self._behind_ns.append(odometry_ns - scan_ns)
 
-    def heard(self, what: str) -> None:
+    def record_arrival(self, what: str) -> None:
         """Note that something came: ``scans`` or ``odometry``."""
-        self._heard_ns[what] = time.monotonic_ns()
+        self._received_ns[what] = time.monotonic_ns()
 
-    def silent(self) -> dict[str, float]:
+    def silent_inputs(self) -> dict[str, float]:
         """Return what does not come, and for how many seconds."""
         now_ns = time.monotonic_ns()
-        return {what: (now_ns - then_ns) / NS_PER_S for what, then_ns in self._heard_ns.items()
-                if now_ns - then_ns > SILENT_NS}
+        return {what: (now_ns - then_ns) / NS_PER_S for what, then_ns in self._received_ns.items()
+                if now_ns - then_ns > TIMEOUT_NS}
 
-    def lines(self, is_connected: bool) -> Iterator[str]:
+    def warnings(self, is_connected: bool) -> Iterator[str]:
         """
         Say what is wrong, a line each; it is asked about once a second.
 
         :param is_connected: whether there is somebody who could send something.
         """
-        silent = self.silent()
+        silent = self.silent_inputs()
         for what, for_s in silent.items() if is_connected else ():
             yield f'no {what} for {for_s:.0f} s'
         if not silent:
-            yield from self._apart()
+            yield from self._clock_difference()
         now_ns = time.monotonic_ns()
-        share = self._skipped(now_ns)
+        share = self._skipped_share(now_ns)
         if share >= _SKIPPED_SHARE and 'scans' not in silent:
             yield (f'this machine is overloaded: {share:.0%} of the scans were skipped, the '
                    'newest were taken')
         for key, text in _EVENTS.items():
-            if self._counts[key] > self._seen[key]:
-                self._seen[key], self._event_ns[key] = self._counts[key], now_ns
-            if now_ns - self._event_ns[key] < _TOLD_NS:
+            if self._counts[key] > self._reported[key]:
+                self._reported[key], self._event_ns[key] = self._counts[key], now_ns
+            if now_ns - self._event_ns[key] < _REPORTED_NS:
                 yield text
 
-    def _apart(self) -> Iterator[str]:
+    def _clock_difference(self) -> Iterator[str]:
         """Say that two clocks differ; who is late now and then is near once in a while."""
         if len(self._behind_ns) < _APART_SCANS:
             return
@@ -103,15 +103,15 @@ class InputDiagnostics:
                    f'{"behind" if least_ns > 0 else "ahead of"} those of odometry: one of two '
                    'clocks is wrong')
 
-    def _skipped(self, now_ns: int) -> float:
+    def _skipped_share(self, now_ns: int) -> float:
         """Return the share of the scans of the last seconds that were skipped."""
         counts, scans = self._counts, self._scans
         scans.append((now_ns, counts['scans'],
                       counts['scans_skipped'] + counts['scans_overflowed']))
-        while now_ns - scans[0][0] > _TOLD_NS:
+        while now_ns - scans[0][0] > _REPORTED_NS:
             scans.popleft()
         (then_ns, came, skipped), (_, comes, skips) = scans[0], scans[-1]
-        if now_ns - then_ns < _TOLD_NS // 2:
+        if now_ns - then_ns < _REPORTED_NS // 2:
             return 0.0  # too few to say so: while libraries are loaded some are skipped anyway
         # Some of those that were skipped may have come before.
         return (skips - skipped) / max(1, comes - came, skips - skipped)

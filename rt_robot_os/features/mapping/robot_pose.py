@@ -69,15 +69,15 @@ class LoadedMap:
 class LastScan:
     """Where the laser was at the last scan."""
 
-    sighting: PosedScan
+    posed: PosedScan
     pose: Floats
     covariance: Floats = field(default_factory=lambda: np.zeros((3, 3)))
 
 
-def robot_pose_of(sighting: PosedScan, located: Located) -> RobotPose:
+def robot_pose_of(posed: PosedScan, located: Located) -> RobotPose:
     """Return where ``base_link`` was, of where the laser was."""
-    mount = sighting.mount
-    return RobotPose(sighting.scan.stamp_ns, mount.base(located.pose),
+    mount = posed.mount
+    return RobotPose(posed.scan.stamp_ns, mount.base(located.pose),
                      mount.covariance_of_base(located.pose, located.covariance),
                      located.correction,
                      not located.is_lost)
@@ -91,8 +91,8 @@ def copy_of(graph: MapGraph | None) -> MapGraph | None:
                    edges=list(graph.edges), fixes=list(graph.fixes))
 
 
-def keyframe_poses(graph: MapGraph | None, here: LastScan | None) -> Floats:
+def keyframe_poses(graph: MapGraph | None, last_scan: LastScan | None) -> Floats:
     """Return where ``base_link`` was at the scans of a map, the laser being where it is now."""
-    if graph is None or here is None or not graph.keyframes:
+    if graph is None or last_scan is None or not graph.keyframes:
         return np.zeros((0, 3))
-    return here.sighting.mount.bases(np.array([each.pose for each in graph.keyframes]))
+    return last_scan.posed.mount.bases(np.array([each.pose for each in graph.keyframes]))

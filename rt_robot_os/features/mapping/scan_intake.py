@@ -35,7 +35,7 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.mapping.input_diagnostics import InputDiagnostics
-from rt_robot_os.features.mapping.input_diagnostics import SILENT_NS
+from rt_robot_os.features.mapping.input_diagnostics import TIMEOUT_NS
 from rt_robot_os.features.mapping.messages import odometry_in
 from rt_robot_os.features.mapping.messages import pose_in
 from rt_robot_os.features.mapping.messages import PoseMessage
@@ -115,10 +115,10 @@ class ScanIntake:
         # What odometry says is put behind this: it went on from where it was when it began anew.
         self._offset: Floats | None = None
         self._raw: tuple[float, float, float] | None = None
-        self._begin_anew = False
+        self._is_restarted = False
         self._cut_ns: int | None = None  # from there on odometry is of another piece
         self._missed = {'scans': 0, 'odometry': 0}
-        self._complaints = InputDiagnostics(self.counts)
+        self._diagnostics = InputDiagnostics(self.counts)
         self._poses: dict[str, tuple[int, PoseMessage]] = {}
 
     # ---- by the thread that reads ------------------------------------------------------------
@@ -127,39 +127,39 @@ class ScanIntake:
         """Begin to wait for scans and odometry: there is somebody who has them."""
         with self._lock:
             for what in self._missed:
-                self._complaints.heard(what)
+                self._diagnostics.record_arrival(what)
 
     def core_restarted(self) -> None:
         """Have odometry begin anew: the robot is taken to stand where it stood."""
         with self._lock:
-            self._begin_anew = self._raw is not None
+            self._is_restarted = self._raw is not None
             self._missed = dict.fromkeys(self._missed, 0)
             self._waiting.clear()
             self._poses.clear()
 
-    def take_odometry(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
+    def add_odometry(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
         """Take a ``nav_msgs/msg/Odometry``."""
         with self._lock:
             was_lost = self._count('odometry', missed) > 0
-            self._complaints.heard('odometry')
+            self._diagnostics.record_arrival('odometry')
             try:
                 raw = odometry_in(bytes(cdr))
             except ValueError as error:
-                self._malformed(f'odometry: {error}')
+                self._count_malformed(f'odometry: {error}')
                 return
             self._add(stamp_ns, raw, was_lost)
         self.new.set()
 
-    def take_scan(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
+    def add_scan(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
         """Take a ``sensor_msgs/msg/LaserScan``."""
         with self._lock:
             self._count('scans', missed)
-            self._complaints.heard('scans')
+            self._diagnostics.record_arrival('scans')
             try:
                 message = scan_in(bytes(cdr))
                 mount = self._usable_mount(message)
             except ValueError as error:
-                self._malformed(f'scan: {error}')
+                self._count_malformed(f'scan: {error}')
                 return
             if stamp_ns <= self._last_scan_ns:
                 self.counts['scans_backwards'] += 1
@@ -169,23 +169,23 @@ class ScanIntake:
             self._last_scan_ns = stamp_ns
             self.problem = ''
             if len(self.track):
-                self._complaints.stamped(stamp_ns, self.track.last_ns)
+                self._diagnostics.record_stamps(stamp_ns, self.track.last_ns)
             if len(self._waiting) >= SCANS_MOST:
                 self._waiting.popleft()
                 self.counts['scans_overflowed'] += 1
                 self._left_out += 1
             sweep = self._sweep(stamp_ns, message)
-            self._lasers.look(sweep.ranges)  # here, where each of them comes by
+            self._lasers.update(sweep.ranges)  # here, where each of them comes by
             self._waiting.append((sweep, mount))
         self.new.set()
 
-    def take_pose(self, topic: str, stamp_ns: int, cdr: memoryview) -> None:
+    def add_pose(self, topic: str, stamp_ns: int, cdr: memoryview) -> None:
         """Take a ``geometry_msgs/msg/PoseWithCovarianceStamped``; the newest is kept."""
         try:
             pose = pose_in(bytes(cdr))
         except ValueError as error:
             with self._lock:
-                self._malformed(f'{topic}: {error}')
+                self._count_malformed(f'{topic}: {error}')
             return
         with self._lock:
             self._poses[topic] = stamp_ns, pose
@@ -198,7 +198,7 @@ class ScanIntake:
         self._missed[what] = missed
         return lost
 
-    def _malformed(self, text: str) -> None:
+    def _count_malformed(self, text: str) -> None:
         self.counts['malformed'] += 1
         self.problem = text
 
@@ -241,17 +241,17 @@ class ScanIntake:
             if dt_s > -1.0:
                 return
             track.clear()
-            self._begin_anew = True
-        if len(track) and dt_s * NS_PER_S > SILENT_NS and not was_lost:
+            self._is_restarted = True
+        if len(track) and dt_s * NS_PER_S > TIMEOUT_NS and not was_lost:
             self.counts['odometry_gaps'] += 1
             self._cut_ns = stamp_ns
-        if self._raw is not None and (self._begin_anew or self._jumped(raw, dt_s)):
+        if self._raw is not None and (self._is_restarted or self._jumped(raw, dt_s)):
             self._cut_ns = stamp_ns
-            self.counts['odometry_restarts' if self._begin_anew else 'odometry_jumps'] += 1
+            self.counts['odometry_restarts' if self._is_restarted else 'odometry_jumps'] += 1
             before = self._placed(self._raw)
             # From there on odometry says the same, whatever it calls that place now.
             self._offset = composed(before, between(np.array(raw), np.zeros(3)))
-        self._begin_anew = False
+        self._is_restarted = False
         self._raw = raw
         x, y, yaw = self._placed(raw).tolist() if self._offset is not None else raw
         track.add(stamp_ns, (x, y, yaw))
@@ -293,7 +293,7 @@ class ScanIntake:
     def _ready(self) -> list[tuple[Sweep, LaserMount]]:
         """Return the scans that are covered; those that never will be are dropped."""
         waiting, track = self._waiting, self.track
-        while waiting and self._is_hopeless(waiting[0][0]):
+        while waiting and self._is_never_covered(waiting[0][0]):
             sweep, _ = waiting.popleft()
             # Who comes to a robot that runs hears scans of before the first odometry.
             is_early = not len(track) or sweep.span_ns[0] < track.first_ns
@@ -307,7 +307,7 @@ class ScanIntake:
                 found.append(each)
         return found
 
-    def _is_hopeless(self, sweep: Sweep) -> bool:
+    def _is_never_covered(self, sweep: Sweep) -> bool:
         first_ns, last_ns = sweep.span_ns
         track = self.track
         if last_ns <= track.last_ns:
@@ -333,7 +333,7 @@ class ScanIntake:
                                            min(stamp_ns, track.last_ns)]))
             return pose._replace(pose=composed(pose.pose, between(then, now)))
 
-    def raw(self, base: Floats) -> Floats:
+    def raw_odometry(self, base: Floats) -> Floats:
         """Return what odometry itself called a place."""
         with self._lock:
             return base if self._offset is None else between(self._offset, base)
@@ -349,11 +349,11 @@ class ScanIntake:
         return self._last_scan_ns
 
     @property
-    def hindrance(self) -> str:
+    def blocking_problem(self) -> str:
         """Say in a few words why nothing can be mapped now; empty when nothing hinders it."""
         with self._lock:
             return self.problem or ' and '.join(
-                f'no {what}' for what in self._complaints.silent())
+                f'no {what}' for what in self._diagnostics.silent_inputs())
 
     def warning(self, is_connected: bool = True) -> str:
         """
@@ -362,7 +362,7 @@ class ScanIntake:
         :param is_connected: whether there is somebody who could send something.
         """
         with self._lock:
-            lines = self._complaints.lines(is_connected)
+            lines = self._diagnostics.warnings(is_connected)
             return '; '.join(filter(None, (self.problem, *lines)))
 
     def statistics(self) -> Mapping[str, Any]:

@@ -64,8 +64,8 @@ def search(finder: GlobalLocalizer, walls: Walls, pose: Floats, scans: int = 8
            ) -> FoundPose | None:
     """Show a robot that stands what it sees."""
     for number in range(scans):
-        found = finder.look(seen(walls, pose, number))
-        while found is None and finder.work():
+        found = finder.add_scan(seen(walls, pose, number))
+        while found is None and finder.process_pending():
             pass
         if found is not None:
             return found
@@ -111,8 +111,8 @@ def test_rooms_that_look_alike_get_no_answer_until_the_robot_has_seen_more() -> 
     found = None
     for number in range(60):  # to the middle of the room, and through the door
         pose = start + np.array((0.04, 0.02 if number < 50 else 0.0, 0.0)) * number
-        found = finder.look(seen(walls, pose, number, pose))
-        while found is None and finder.work():
+        found = finder.add_scan(seen(walls, pose, number, pose))
+        while found is None and finder.process_pending():
             pass
         if found is not None:
             break
@@ -126,7 +126,7 @@ def test_two_places_are_said_to_be_two() -> None:
     finder = GlobalLocalizer(grid)
     assert search(finder, Walls.of(grid), np.array((1.2, 0.7, 0.3)), 10) is None
     assert finder.state == 'ambiguous between 2 places: move the robot'
-    finder.begin()
+    finder.restart()
     assert finder.state == 'searching: waiting for a scan'
 
 
@@ -135,7 +135,7 @@ def test_a_robot_outside_of_the_map_is_not_found(flat: GridMap) -> None:
     other = two_rooms()
     assert search(finder, Walls.of(other), np.array((1.5, 1.5, 0.0)), 12) is None
     blind = Scan(9 * SECOND_NS, np.zeros(3), np.full(180, np.inf), -3.0, 0.03)
-    assert finder.look(blind) is None and 'only 0 beams see something' in finder.state
+    assert finder.add_scan(blind) is None and 'only 0 beams see something' in finder.state
 
 
 @pytest.mark.parametrize('cell_m, origin', [
@@ -159,7 +159,7 @@ def test_one_that_stands_is_found_where_a_few_beams_tell_two_rooms_apart() -> No
     # The bath and the workshop are of the same shape; one is 10 cm wider than the other.
     for place in ((16.32, 10.08, -1.68), (17.48, 10.68, 0.86), (15.92, 10.68, 1.08)):
         pose = np.array(place)
-        finder.begin()
+        finder.restart()
         found = search(finder, walls, pose)
         assert found is not None, finder.state
         assert off(found.pose, pose)[0] < 0.1 and off(found.pose, pose)[1] < 2.0
@@ -242,7 +242,7 @@ def test_a_robot_that_is_carried_away_notices_and_a_crowd_does_not_confuse_it(
         located = follower.add(seen(walls, other, number, pose))
     assert located.is_lost and 'beams go through walls of the map' in follower.lost
     assert follower.counts['lost'] == 1
-    follower.moved_to(other)
+    follower.relocate(other)
     assert not follower.add(seen(walls, other, 140, pose)).is_lost and not follower.lost
 
 

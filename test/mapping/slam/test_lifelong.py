@@ -110,7 +110,7 @@ class Robot:
             self.at, self.stamp, is_carried = pose, self.stamp + 1, False
             located = self.mapper.add(seen(self.walls, pose, self.stamp, self.wheels,
                                            self.rng.normal(0, 0.01, BEAMS)))
-            while self.mapper.think():
+            while self.mapper.process_pending():
                 pass
             said.append(located)
             off.append(float(np.hypot(*(located.pose[:2] - pose[:2]))))
@@ -188,11 +188,11 @@ def test_mapping_goes_on_from_a_saved_graph_where_the_robot_is_found(driven: Any
     robot = Robot(Mapper.of_graph(graph), building())
     said, _ = robot.go(np.array(((2.0, 3.0, 0.4),)))
     assert said[0].is_lost and not said[0].is_kept
-    robot.mapper.relocated(np.array((2.1, 2.9, 0.45)), robot.wheels)
+    robot.mapper.relocate(np.array((2.1, 2.9, 0.45)), robot.wheels)
     _, off = robot.go(round_trip()[:20])
     assert off.max() < 0.03
     with pytest.raises(ValueError, match='must be finite'):
-        robot.mapper.relocated(np.array((math.nan, 0.0, 0.0)), robot.wheels)
+        robot.mapper.relocate(np.array((math.nan, 0.0, 0.0)), robot.wheels)
     empty = Mapper.of_graph(MapGraph())
     assert not Robot(empty, building()).go(round_trip()[:2])[0][1].is_lost
 
@@ -204,11 +204,12 @@ def test_a_map_follows_absolute_poses_and_says_by_how_much_it_moved() -> None:
     said, _ = robot.go(way[:12])
     for number in range(4, 11):
         true = composed(way[number], between(way[number], way[number + 1]) * 0.5)
-        robot.mapper.fix((number + 1) * PERIOD_NS + PERIOD_NS // 2, true,
-                         np.diag((0.02 ** 2, 0.02 ** 2, 0.01 ** 2)))
-    while robot.mapper.think():
+        robot.mapper.add_absolute_pose((number + 1) * PERIOD_NS + PERIOD_NS // 2, true,
+                                       np.diag((0.02 ** 2, 0.02 ** 2, 0.01 ** 2)))
+    while robot.mapper.process_pending():
         pass
-    robot.mapper.fix(11 * PERIOD_NS, way[10] + (4.0, 4.0, 1.0), np.diag((1e-4, 1e-4, 1e-4)))
+    robot.mapper.add_absolute_pose(11 * PERIOD_NS, way[10] + (4.0, 4.0, 1.0),
+                                   np.diag((1e-4, 1e-4, 1e-4)))
     before = said[-1].pose
     said, off = robot.go(way[12:])
     assert off.max() < 0.05
@@ -216,8 +217,8 @@ def test_a_map_follows_absolute_poses_and_says_by_how_much_it_moved() -> None:
     assert moved and np.hypot(*(composed(moved[0], before) - way[11])[:2]) < 0.05
     assert robot.mapper.counts['fixes'] == 8
     with pytest.raises(ValueError, match='positive definite'):
-        robot.mapper.fix(0, way[0], np.zeros((3, 3)))
-    robot.mapper.fix(1, way[0], np.eye(3))
+        robot.mapper.add_absolute_pose(0, way[0], np.zeros((3, 3)))
+    robot.mapper.add_absolute_pose(1, way[0], np.eye(3))
     assert robot.mapper.counts['fixes_left'] == 1  # older than all scans
 
 
@@ -280,7 +281,7 @@ def test_a_graph_that_forgets_stays_in_one_piece_and_where_it_was(
         index = int(rng.integers(0, len(graph.keyframes)))
         seen_at = [each.pose for each in graph.keyframes]
         heir = marginalise(graph, index)
-        track.removed(index, heir, between(seen_at[heir], seen_at[index]))
+        track.remove_keyframe(index, heir, between(seen_at[heir], seen_at[index]))
         left = len(graph.keyframes)
         assert len(graph.edges) < edges or left == 1
         edges = len(graph.edges)

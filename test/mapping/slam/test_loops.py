@@ -89,15 +89,15 @@ def test_a_loop_that_moves_the_robot_far_is_closed_when_three_places_say_the_sam
     monkeypatch.setattr(loop_closing, 'verified', found)
     for keyframe in (37, 38, 38, 39):
         assert not counts['loops']
-        doing._waiting.append(LoopCandidate(keyframe, 0, (0,), 3.0, 0.1))
+        doing.add_candidate(LoopCandidate(keyframe, 0, (0,), 3.0, 0.1))
         while doing.is_busy:
-            doing.work()
+            doing.process_pending()
     closed += bool(closed)  # of one place there are two
     assert counts['loops'] == closed == sum(each.is_loop for each in graph.edges)
     # What nothing else confirms is not lost in silence.
     waiting = 4 - closed - (second is None)
     assert counts['near_misses'] == waiting
-    assert not waiting or 'no other keyframe' in doing.near_misses[-1].why
+    assert not waiting or 'no other keyframe' in doing.near_misses[-1].reason
 
 
 def test_a_doubted_loop_follows_keyframes_that_are_taken_out(
@@ -112,16 +112,16 @@ def test_a_doubted_loop_follows_keyframes_that_are_taken_out(
 
     monkeypatch.setattr(loop_closing, 'verified', found)
     for keyframe in (37, 38):
-        doing._waiting.append(LoopCandidate(keyframe, 2, (2,), 3.0, 0.1))
-        doing.work(whole=True)
-    doing._waiting.append(LoopCandidate(39, 2, (2,), 3.0, 0.1))
-    doing.work()  # the first piece of it; then a keyframe goes
+        doing.add_candidate(LoopCandidate(keyframe, 2, (2,), 3.0, 0.1))
+        doing.process_pending(whole=True)
+    doing.add_candidate(LoopCandidate(39, 2, (2,), 3.0, 0.1))
+    doing.process_pending()  # the first piece of it; then a keyframe goes
     del graph.keyframes[0]
     graph.edges = [PoseEdge(each.first - 1, each.second - 1, each.relative, each.information)
                    for each in graph.edges[1:]]
-    doing.removed(0)
+    doing.remove_keyframe(0)
     assert doing.is_busy
-    doing.work(whole=True)
+    doing.process_pending(whole=True)
     assert [(each.first, each.second) for each in graph.edges if each.is_loop] == [
         (1, 38), (1, 36), (1, 37)]
 
@@ -148,7 +148,7 @@ def test_a_turn_that_the_wheels_did_not_count_is_found() -> None:
     assert abs(off[-1][2]) < 0.02 and np.hypot(*off[-1][:2]) < 0.1
     # The scan after the turn saw nothing that was known; those behind it say where it was.
     assert abs(off[10][2]) > 1.0 and mapper.counts['lost'] == 1
-    mapper.finish()
+    mapper.optimise_all()
     late = between(np.array(poses[10]), mapper.trajectory()[10])
     assert abs(late[2]) < 0.02 and np.hypot(*late[:2]) < 0.05
     assert mapper.counts['lost'] == 0

@@ -197,7 +197,7 @@ class PersonFinder(Module):
             self._take_map()
         now_ns = self._out.topic.kernel.now_ns()
         for scanner in self._scanners:
-            if scanner.take(now_ns, self.settings['range_m'], 0.0, 0.0):
+            if scanner.update(now_ns, self.settings['range_m'], 0.0, 0.0):
                 self._look(scanner, min(self.listed[scanner.topic].stamp_ns, now_ns))
 
     def statistics(self) -> Mapping[str, Any]:
@@ -222,9 +222,9 @@ class PersonFinder(Module):
 
     def _take_map(self) -> None:
         """Take the newest map, in pieces; later ones have whoever lies there."""
-        if self._map.go_on(_MAP_PIECES) and self._map.grid is not None:
+        if self._map.advance(_MAP_PIECES) and self._map.grid is not None:
             self._clearing = Clearing(self._map.grid)
-        self._takes_map = self._map.is_underway or self._clearing is None
+        self._takes_map = self._map.is_reading or self._clearing is None
 
     def _take_places(self) -> None:
         nodes = self.listed['by nodes']

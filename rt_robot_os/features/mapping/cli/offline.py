@@ -47,7 +47,7 @@ from rt_robot_os.features.mapping.slam.relations import read_relations
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
-_TELL_S: Final = 5.0
+_PROGRESS_S: Final = 5.0
 _PROBLEMS_MOST: Final = 20
 
 
@@ -80,7 +80,7 @@ def map_log(arguments: argparse.Namespace) -> None:
         if source.bad:
             source.problems.append('the relations count the scans that were read: behind lines '
                                    'that were left out they may be held against others')
-    _say(report)
+    _print_report(report)
     if mapper.counts['empty'] == len(poses):
         raise ConfigError([f'{arguments.bag}: nothing to map: none of its {len(poses)} scans '
                            f'has a range between 0.05 and {mapper.tuning.range_max_m:g} m'])
@@ -113,7 +113,7 @@ def _report(name: str, source: ScanSource, mapper: Mapper, stamps_ns: list[int],
     mount = getattr(source, 'mount', None)
     steps = np.diff(poses[:, :2], axis=0)
     return {
-        'log': name, **mapper.counts, 'near': _near(mapper), 'bad_lines': source.bad,
+        'log': name, **mapper.counts, 'near': _near_misses(mapper), 'bad_lines': source.bad,
         'problems': source.problems,
         'duration_s': round((max(stamps_ns) - min(stamps_ns)) / NS_PER_S, 3),
         'way_m': round(float(np.hypot(steps[:, 0], steps[:, 1]).sum()), 2),
@@ -121,11 +121,11 @@ def _report(name: str, source: ScanSource, mapper: Mapper, stamps_ns: list[int],
         'upside_down': bool(mount is not None and mount.is_mirrored)}
 
 
-def _near(mapper: Mapper) -> list[dict[str, Any]]:
+def _near_misses(mapper: Mapper) -> list[dict[str, Any]]:
     """Return the last near misses, as docs/mapping.md says."""
     return [{'keyframe': each.keyframe, 'nearest': each.nearest, 'share': round(each.share, 3),
              'of_visible': round(each.of_visible, 3), 'score': round(each.score, 3),
-             'why': each.why} for each in mapper.near_misses]
+             'why': each.reason} for each in mapper.near_misses]
 
 
 def _write(arguments: argparse.Namespace, mapper: Mapper, poses: Floats, report: dict[str, Any]
@@ -156,19 +156,19 @@ def _mapped(source: ScanSource, range_max_m: float | None, reach_m: float | None
     """
     mapper = Mapper(None if range_max_m is None else MapperTuning(range_max_m=range_max_m))
     stamps_ns: list[int] = []
-    begun_s = told_s = time.monotonic()
+    begun_s = reported_s = time.monotonic()
     for scan in source.scans():
         mapper.add(scan if reach_m is None else replace(
             scan, ranges=echo_ranges(scan.ranges, 0.0, reach_m)))
         stamps_ns.append(scan.stamp_ns)
         now_s = time.monotonic()
-        if now_s - told_s > _TELL_S:
-            told_s = now_s
+        if now_s - reported_s > _PROGRESS_S:
+            reported_s = now_s
             share = source.share_read
             left_s = (now_s - begun_s) * (1.0 - share) / max(share, 1e-3)
             print(f'mapping: {len(stamps_ns)} scans, {share:.0%} of the log, some {left_s:.0f} s '
                   'to go', file=sys.stderr, flush=True)
-    mapper.finish()
+    mapper.optimise_all()
     if reach_m is not None:
         source.problems.append(
             'the laser reports its reach where it has no echo: '
@@ -177,7 +177,7 @@ def _mapped(source: ScanSource, range_max_m: float | None, reach_m: float | None
     return mapper, stamps_ns
 
 
-def _say(report: dict[str, Any]) -> None:
+def _print_report(report: dict[str, Any]) -> None:
     print(f'{report["scans"]} scans over {report["way_m"]:g} m, {report["keyframes"]} kept, '
           f'{report["loops"]} loops closed ({report["refused"]} refused, '
           f'{report["near_misses"]} near misses), {report["lost"]} lost; '
@@ -188,10 +188,10 @@ def _say(report: dict[str, Any]) -> None:
     if len(problems) > _PROBLEMS_MOST:
         print(f'note: and {len(problems) - _PROBLEMS_MOST} more, in the report')
     if 'errors' in report:
-        _say_errors(report['errors'])
+        _print_errors(report['errors'])
 
 
-def _say_errors(errors: dict[str, Any]) -> None:
+def _print_errors(errors: dict[str, Any]) -> None:
     first, second = errors['largest']
     print(f'{errors["relations"]} relations: mean {errors["mean_m"]:.3f} m and '
           f'{errors["mean_rad"]:.4f} rad, largest {errors["largest_m"]:.3f} m '
@@ -211,4 +211,4 @@ def compared(report: Path, relations: Path) -> None:
         raise ConfigError([f'{report}: no report of mapping: {error}']) from error
     if poses.ndim != 2 or poses.shape[1] != 3 or not np.isfinite(poses).all():
         raise ConfigError([f'{report}: no report of mapping: poses must be rows of x, y, yaw'])
-    _say_errors(compare(poses, read_relations(relations)))
+    _print_errors(compare(poses, read_relations(relations)))

@@ -39,7 +39,7 @@ from rt_robot_os.features.mapping.slam import archive
 _FILE_URL: Final = 'file://'
 _HELP: Final = ('save [PATH], load PATH, reset, pause, resume, localization, mapping, explore, '
                 'stop')
-_SAVES_MOST: Final = 4
+_SAVES_MAX: Final = 4
 Say = Callable[[str, bool, str], None]
 
 
@@ -67,17 +67,17 @@ class MappingCommands:
         self._exploring = exploring
         self._answer = answer
         self._saving: list[tuple[str, Future[Path]]] = []
-        self._does: dict[str, Callable[[str, str], str | None]] = {
+        self._handlers: dict[str, Callable[[str, str], str | None]] = {
             'save': self._save, 'load': self._load, 'reset': self._reset, 'pause': self._pause,
             'resume': self._resume, LOCALIZATION: self._mode, MAPPING: self._mode,
             'explore': self._explore, 'stop': self._stop}
 
-    def take(self, text: str) -> None:
+    def execute(self, text: str) -> None:
         """Do one command."""
         self.counts['commands'] += 1
         word, _, rest = text.strip().partition(' ')
         try:
-            does = self._does.get(word)
+            does = self._handlers.get(word)
             if does is None:
                 raise ConfigError([f'{safe_line(word) or "nothing"}: no such command; there are '
                                    f'{_HELP}'])
@@ -87,16 +87,16 @@ class MappingCommands:
                                    f'{safe_line(rest)!r}'])
             said = does(rest, text)
         except (ConfigError, OSError) as error:  # a path may be one that may not be looked at
-            self._refuse(text, error_text(error))
+            self._reject(text, error_text(error))
             return
         if said is not None:
             self._answer(text, True, said)
 
-    def _refuse(self, text: str, why: str) -> None:
+    def _reject(self, text: str, why: str) -> None:
         self.counts['refused'] += 1
         self._answer(text, False, why)
 
-    def finish(self) -> None:
+    def report_saves(self) -> None:
         """Answer what the disk has done since."""
         for each in [each for each in self._saving if each[1].done()]:
             self._saving.remove(each)
@@ -104,7 +104,7 @@ class MappingCommands:
             try:
                 self._answer(text, True, f'saved as {future.result()}')
             except Exception as error:  # whatever a disk may say
-                self._refuse(text, error_text(error))
+                self._reject(text, error_text(error))
 
     # ---- each of them ------------------------------------------------------------------------
 
@@ -113,14 +113,14 @@ class MappingCommands:
         engine.finish_drawing()
         if not engine.drawing.version:
             raise ConfigError(['there is no map yet: nothing is saved'])
-        if len(self._saving) >= _SAVES_MOST:
+        if len(self._saving) >= _SAVES_MAX:
             raise ConfigError(['others are being saved: ask again'])
         path = self._path(rest) if rest else self._map_file
         if path.is_dir() or rest.endswith('/'):
             raise ConfigError([f'{path}: is a folder: give the name of a map in it'])
         if rest and not path.parent.is_dir():
             raise ConfigError([f'{path.parent}: this folder does not exist: make it first'])
-        self._saving.append((text, self._keeper.save(
+        self._saving.append((text, self._keeper.save_map(
             path, engine.graph, engine.grid, asdict(self._settings))))
         return None
 
@@ -130,14 +130,14 @@ class MappingCommands:
         said, known = read_map(self._path(rest))
         self.loaded = str(self._path(rest))
         self._exploring.stop()
-        self._engine.adopt(known, self._hint())
+        self._engine.use_map(known, self._hint())
         return said
 
     def _reset(self, rest: str, text: str) -> str:
         self.loaded = ''
         self._exploring.stop()
         self._engine.begin_new()
-        self._keeper.forget()
+        self._keeper.delete_state()
         return 'a new map begins; what was saved is still there'
 
     def _pause(self, rest: str, text: str) -> str:
@@ -150,7 +150,7 @@ class MappingCommands:
 
     def _mode(self, rest: str, text: str) -> str:
         mode = text.strip()
-        self._engine.switch(mode)
+        self._engine.set_mode(mode)
         return 'the map grows' if mode == MAPPING else 'the map stays as it is'
 
     def _explore(self, rest: str, text: str) -> str:

@@ -50,7 +50,7 @@ class Exploring:
         self._explorer: Explorer | None = None
         self._planner_state = ''
 
-    def take_planner_state(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
+    def add_planner_state(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
         """Note what the planner says; in the thread of the link."""
         try:
             self._planner_state = string_in(cdr)
@@ -73,7 +73,7 @@ class Exploring:
         self.state = self._explorer.state
 
     @property
-    def is_on(self) -> bool:
+    def is_active(self) -> bool:
         """Return whether it has been told to drive, and is not done."""
         return self._explorer is not None
 
@@ -87,7 +87,7 @@ class Exploring:
 
     def step(self, now_ns: int) -> None:
         """Go on with it, while the robot knows where it is."""
-        explorer, here = self._explorer, self._engine.here
+        explorer, here = self._explorer, self._engine.last_pose
         if explorer is None:
             return
         if here is not None and not self._engine.is_paused:

@@ -89,30 +89,32 @@ class LiveMapping:
         self._fix_ns = 0
         self.intake = ScanIntake(self._mount_of, settings.deskew)
         self.engine = Engine(settings, self._start_at)
-        self.keeper = MapStore(folder)
+        self.store = MapStore(folder)
         self.link = CoreLink(path, (settings.scan_topic, settings.odom_topic), self._reads(),
                              (*TOPICS, *filter(None, (
                                  settings.initial_pose_topic, settings.goal_topic,
-                                 settings.cancel_topic, settings.find_topic))), self._meet,
+                                 settings.cancel_topic, settings.find_topic))),
+                             self._on_connection,
                              tell)
         self.exploring = Exploring(settings, self.engine, self.link.publish, self.link.has)
-        self.looking_round = RecoverySpin(settings, self.engine, self.link.publish, self.link.has)
+        self.recovery_spin = RecoverySpin(settings, self.engine, self.link.publish, self.link.has)
         self.outputs = Outputs(self.link, round(settings.map_period_s * NS_PER_S))
         map_file = Path(settings.map_file).expanduser() if settings.map_file else folder / 'map'
-        self.commands = MappingCommands(settings, self.engine, self.keeper, map_file, self._hint,
-                                        self.exploring, self.outputs.answer)
+        self.commands = MappingCommands(settings, self.engine, self.store, map_file,
+                                        self._load_hint,
+                                        self.exploring, self.outputs.publish_answer)
         self._begin(map_file)
 
     def _reads(self) -> dict[str, SampleHandler]:
         settings, intake = self._settings, self.intake
         found: dict[str, SampleHandler] = {
-            settings.scan_topic: intake.take_scan, settings.odom_topic: intake.take_odometry,
-            COMMAND: self._take_command}
+            settings.scan_topic: intake.add_scan, settings.odom_topic: intake.add_odometry,
+            COMMAND: self._on_command}
         for topic in (settings.pose_topic, settings.fix_topic, settings.initial_pose_topic):
             if topic:
-                found[topic] = _pose_taker(intake, topic)
+                found[topic] = _pose_handler(intake, topic)
         if settings.planner_state_topic:
-            found[settings.planner_state_topic] = self._take_planner_state
+            found[settings.planner_state_topic] = self._on_planner_state
         return found
 
     # ---- how it begins -----------------------------------------------------------------------
@@ -130,12 +132,12 @@ class LiveMapping:
             said, known = read_map(map_file)
             self.commands.loaded = str(map_file)
             self._tell(said)
-            self.engine.adopt(known, self._first_hint())
+            self.engine.use_map(known, self._start_hint())
 
     def _resume(self) -> bool:
-        state = self.keeper.read()
-        if self.keeper.problem:
-            self._tell(f'the state of before: {self.keeper.problem}')
+        state = self.store.read_state()
+        if self.store.problem:
+            self._tell(f'the state of before: {self.store.problem}')
         if state is None:
             return False
         try:
@@ -147,32 +149,32 @@ class LiveMapping:
             return False
         self.engine.mode = found.mode
         self.commands.loaded = found.loaded
-        self.engine.adopt(found.known, functools.partial(self._left_at, found))
+        self.engine.use_map(found.known, functools.partial(self._resumed_pose, found))
         self._left_as = found.known.graph, found.loaded
         self._tell(f'going on with {found.text}')
         return True
 
-    def _left_at(self, found: Resumption, sighting: PosedScan) -> Floats | None:
+    def _resumed_pose(self, found: Resumption, posed: PosedScan) -> Floats | None:
         """Return where the robot is by what was kept, if the core is that of before."""
         if found.base is not None and found.run_id == self.link.run_id:
-            self.engine.trust()
-            return found.base_at(self.intake.raw(sighting.base))
+            self.engine.trust_next_hint()
+            return found.base_at(self.intake.raw_odometry(posed.base))
         start = self._settings.start
         if start != GLOBAL and self._has_fixes():
-            return self._start_at(sighting)
+            return self._start_at(posed)
         if start != GLOBAL and found.base is not None:
             return found.base  # it stands where it stood; if not, it looks for itself
-        self.engine.seek()
+        self.engine.start_search()
         return None
 
-    def _first_hint(self) -> Hint | None:
+    def _start_hint(self) -> Hint | None:
         """Return who knows where the robot is on a map that is there; None: nobody."""
         start = self._settings.start
         if start == ORIGIN:
-            return lambda sighting: np.zeros(3)
+            return lambda posed: np.zeros(3)
         return None if start == GLOBAL else self._start_at
 
-    def _hint(self) -> Hint | None:
+    def _load_hint(self) -> Hint | None:
         """Return who knows where the robot is on a map that was just loaded."""
         return self._start_at if self._has_fixes() else None
 
@@ -180,9 +182,9 @@ class LiveMapping:
         topic = self._settings.fix_topic
         return bool(topic) and topic in self.link.topics
 
-    def _start_at(self, sighting: PosedScan) -> Floats | None:
+    def _start_at(self, posed: PosedScan) -> Floats | None:
         """Return where a new map has the robot: where localization says, or at its origin."""
-        settings, stamp_ns = self._settings, sighting.scan.stamp_ns
+        settings, stamp_ns = self._settings, posed.scan.stamp_ns
         if settings.start == ORIGIN:
             return np.zeros(3)
         found = self.intake.pose_at(settings.pose_topic, stamp_ns)
@@ -202,8 +204,8 @@ class LiveMapping:
             while not stopping():
                 self.step()
         finally:
-            self._keep(is_last=True)
-            self.keeper.close()
+            self.save_state(is_last=True)
+            self.store.close()
             self.link.stop()
 
     def step(self) -> None:
@@ -212,39 +214,39 @@ class LiveMapping:
         intake.new.clear()
         if self._is_new_core:
             self._is_new_core = False
-            self.outputs.begin_anew()
+            self.outputs.reset()
         while self._given:
-            self.commands.take(self._given.popleft())
-        sighting = intake.next()
-        if sighting is not None:
-            self._take(sighting)
-        is_busy = self.engine.work()
-        self.commands.finish()
+            self.commands.execute(self._given.popleft())
+        posed = intake.next()
+        if posed is not None:
+            self._map_scan(posed)
+        is_busy = self.engine.process_pending()
+        self.commands.report_saves()
         now_ns = time.monotonic_ns()
         self.exploring.step(now_ns)
-        self.looking_round.step(now_ns, self.exploring.is_on)
+        self.recovery_spin.step(now_ns, self.exploring.is_active)
         if now_s - self._kept_s >= self._settings.state_period_s:
             self._kept_s = now_s
-            self._keep()
+            self.save_state()
         self._publish(time.monotonic_ns())
-        if sighting is None and not is_busy:
+        if posed is None and not is_busy:
             intake.new.wait(_IDLE_S)
 
-    def _take(self, sighting: PosedScan) -> None:
-        self._look_at_initial_pose(sighting)
-        self._look_at_fix()
-        place = self.engine.take(sighting)
+    def _map_scan(self, posed: PosedScan) -> None:
+        self._apply_initial_pose(posed)
+        self._apply_absolute_pose()
+        place = self.engine.add_scan(posed)
         if place is None:
             return
         if place.is_found:
             self._tell('found itself at {:.2f} m, {:.2f} m, {:.0f} degrees'.format(
                 *place.pose[:2], np.degrees(place.pose[2])))
             if not self._has_fixes():
-                self._published = self.outputs.relocation(
+                self._published = self.outputs.publish_relocation(
                     self._settings.initial_pose_topic, place)
-        self.outputs.place(place)
+        self.outputs.publish_pose(place)
 
-    def _look_at_initial_pose(self, sighting: PosedScan) -> None:
+    def _apply_initial_pose(self, posed: PosedScan) -> None:
         """Take it when somebody has said where the robot is."""
         topic = self._settings.initial_pose_topic
         newest = self.intake.newest(topic)
@@ -254,45 +256,45 @@ class LiveMapping:
         pose = newest[1].pose
         if self._published is not None and np.abs(pose - self._published).max() < _SAME_M:
             return  # said by itself
-        base = self.intake.pose_at(topic, sighting.scan.stamp_ns)
+        base = self.intake.pose_at(topic, posed.scan.stamp_ns)
         if base is not None:
-            self.engine.relocate(sighting, base.pose)
+            self.engine.relocate(posed, base.pose)
 
-    def _look_at_fix(self) -> None:
+    def _apply_absolute_pose(self) -> None:
         """Have the map follow absolute poses, where there are some."""
         newest = self.intake.newest(self._settings.fix_topic)
         if newest is None or newest[0] <= self._fix_ns:
             return
         self._fix_ns = newest[0]
         try:
-            self.engine.fix(newest[0], newest[1].pose, newest[1].covariance)
+            self.engine.add_absolute_pose(newest[0], newest[1].pose, newest[1].covariance)
         except ValueError as error:
             self.intake.problem = f'{self._settings.fix_topic}: {error}'
 
-    def _keep(self, is_last: bool = False) -> None:
+    def save_state(self, is_last: bool = False) -> None:
         """Keep the state for who goes on from it."""
         engine, loaded = self.engine, self.commands.loaded
-        here = engine.here
+        here = engine.last_pose
         left = self._left_as
         if left is not None and (here is not None or engine.graph is not left[0]
                                  or loaded != left[1]):
             self._left_as = left = None
         if engine.drawing.version and left is None:
-            self.keeper.keep(engine.graph, Resumption.extra(
+            self.store.save_state(engine.graph, Resumption.extra(
                 self._settings, engine.mode, loaded, self.link.run_id,
                 None if here is None else here[0],
-                None if here is None else self.intake.raw(here[1].base)), is_last)
+                None if here is None else self.intake.raw_odometry(here[1].base)), is_last)
 
     def _publish(self, now_ns: int) -> None:
         outputs, engine = self.outputs, self.engine
-        outputs.grid(now_ns, engine.drawing.version, engine.grid, engine.drawing.drawn_ns)
-        outputs.graph(now_ns, engine.drawing.version, engine.way, engine.graph)
+        outputs.publish_grid(now_ns, engine.drawing.version, engine.grid, engine.drawing.drawn_ns)
+        outputs.publish_graph(now_ns, engine.drawing.version, engine.path, engine.graph)
         state = self._state()
-        outputs.state(state)
+        outputs.publish_state(state)
         if outputs.is_status_due(now_ns):
             problem = self._problem()
             level = 1 if problem or state.startswith('lost') else 0
-            outputs.status(now_ns, level, problem or state, self.statistics())
+            outputs.publish_status(now_ns, level, problem or state, self.statistics())
             words = _NUMBER.sub('', problem)  # not anew with each other number
             if problem and words != self._told_problem:
                 self._tell(problem)
@@ -300,33 +302,33 @@ class LiveMapping:
 
     def _state(self) -> str:
         """Say in one line what goes on."""
-        engine, hindrance = self.engine, self.intake.hindrance
+        engine, hindrance = self.engine, self.intake.blocking_problem
         if hindrance and not engine.is_paused:
             return f'lost: {hindrance}'
         state = (self.exploring.state if engine.state == MAPPING else '') or engine.state
-        return f'{state}; {self.looking_round.state}' if self.looking_round.state else state
+        return f'{state}; {self.recovery_spin.state}' if self.recovery_spin.state else state
 
     def _problem(self) -> str:
         """Say what is wrong, the worst first; empty when nothing is."""
         found = [self.intake.warning(self.link.is_connected),
-                 *self.engine.checks.warnings(self.intake.newest_ns), self.keeper.problem]
+                 *self.engine.checks.warnings(self.intake.newest_ns), self.store.problem]
         return '; '.join(filter(None, found))
 
     def statistics(self) -> dict[str, Any]:
         """Return all counters."""
         return {**self.intake.statistics(), **self.engine.statistics(), **self.link.counts,
-                **self.commands.counts, **self.keeper.counts, **self.exploring.statistics()}
+                **self.commands.counts, **self.store.counts, **self.exploring.statistics()}
 
     # ---- by the thread of the link -----------------------------------------------------------
 
-    def _meet(self, is_new: bool) -> None:
+    def _on_connection(self, is_new: bool) -> None:
         """Take a new connection."""
         self.intake.connected()
         if is_new:
             self.intake.core_restarted()
             self._is_new_core = True
 
-    def _take_command(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
+    def _on_command(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
         if stamp_ns < self._begun_ns:
             return  # it was for who mapped before
         try:
@@ -335,13 +337,13 @@ class LiveMapping:
             self._tell(f'{COMMAND}: {error}')
         self.intake.new.set()
 
-    def _take_planner_state(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
-        self.exploring.take_planner_state(stamp_ns, missed, cdr)
+    def _on_planner_state(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
+        self.exploring.add_planner_state(stamp_ns, missed, cdr)
 
     def _mount_of(self, frame_id: str) -> LaserMount | None:
         mounting = self._settings.mounting() or self.link.mounting_of(frame_id)
         return None if mounting is None else LaserMount.of(mounting)
 
 
-def _pose_taker(intake: ScanIntake, topic: str) -> SampleHandler:
-    return lambda stamp_ns, missed, cdr: intake.take_pose(topic, stamp_ns, cdr)
+def _pose_handler(intake: ScanIntake, topic: str) -> SampleHandler:
+    return lambda stamp_ns, missed, cdr: intake.add_pose(topic, stamp_ns, cdr)

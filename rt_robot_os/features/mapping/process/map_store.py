@@ -35,9 +35,9 @@ from rt_robot_os.motion.grid_map import GridMap
 
 _State = tuple[MapGraph | None, dict[str, Any]]
 #: A state that is the same is written again after so long: its file may have been removed.
-_AGAIN_S: Final = 300.0
+_REWRITE_S: Final = 300.0
 #: Who moved by less, in m and rad, stands.
-_STANDS: Final = 0.02
+_STANDSTILL: Final = 0.02
 
 
 class MapStore:
@@ -55,11 +55,11 @@ class MapStore:
         self.problem = ''
         self._file = StateFile(folder / 'state')
         self._thread = ThreadPoolExecutor(1, 'disk')
-        self._keeping: Future[None] | None = None
-        self._kept: _State | None = None
-        self._kept_s = 0.0
+        self._saving: Future[None] | None = None
+        self._saved: _State | None = None
+        self._saved_s = 0.0
 
-    def read(self) -> tuple[MapGraph, dict[str, Any]] | None:
+    def read_state(self) -> tuple[MapGraph, dict[str, Any]] | None:
         """Return the state of before; :attr:`problem` says why one of the files is not used."""
         found = self._file.read()
         self.problem = '; '.join(self._file.problems)
@@ -68,10 +68,10 @@ class MapStore:
     @property
     def is_busy(self) -> bool:
         """Return whether the state is being written."""
-        return self._keeping is not None and not self._keeping.done()
+        return self._saving is not None and not self._saving.done()
 
-    def keep(self, graph: MapGraph | None, extra: Mapping[str, Any], is_last: bool = False
-             ) -> None:
+    def save_state(self, graph: MapGraph | None, extra: Mapping[str, Any], is_last: bool = False
+                   ) -> None:
         """
         Write the state unless it is the same as before, to spare the disk; returns at once.
 
@@ -80,12 +80,12 @@ class MapStore:
         if self.is_busy and not is_last:
             return
         state, now_s = (copy_of(graph), dict(extra)), time.monotonic()
-        if (is_last or self.problem or now_s - self._kept_s >= _AGAIN_S
-                or not _same(self._kept, state)):
-            self._kept, self._kept_s = state, now_s
-            self._keeping = self._thread.submit(self._keep, *state)
+        if (is_last or self.problem or now_s - self._saved_s >= _REWRITE_S
+                or not _same(self._saved, state)):
+            self._saved, self._saved_s = state, now_s
+            self._saving = self._thread.submit(self._write_state, *state)
 
-    def _keep(self, graph: MapGraph | None, extra: Mapping[str, Any]) -> None:
+    def _write_state(self, graph: MapGraph | None, extra: Mapping[str, Any]) -> None:
         try:
             self.counts['state_bytes'] = self._file.write(graph or MapGraph(), extra)
             self.counts['states_kept'] += 1
@@ -94,12 +94,12 @@ class MapStore:
             self.counts['states_unkept'] += 1
             self.problem = error_text(error)
 
-    def forget(self) -> None:
+    def delete_state(self) -> None:
         """Remove the state, after what is being written."""
-        self._kept = None
-        self._thread.submit(self._forget)
+        self._saved = None
+        self._thread.submit(self._delete_state)
 
-    def _forget(self) -> None:
+    def _delete_state(self) -> None:
         try:
             self._file.remove()
         except OSError as error:
@@ -107,22 +107,24 @@ class MapStore:
                             f'{error.strerror}: delete it, or mapping goes on with it when it is '
                             'started again')
 
-    def save(self, path: Path, graph: MapGraph | None, grid: GridMap, settings: Mapping[str, Any]
-             ) -> Future[Path]:
+    def save_map(self, path: Path, graph: MapGraph | None, grid: GridMap,
+                 settings: Mapping[str, Any]
+                 ) -> Future[Path]:
         """
         Save a map.
 
         :return: of the path that was written; its exception is ConfigError when none was.
         """
-        return self._thread.submit(self._save, path, copy_of(graph), grid, settings)
+        return self._thread.submit(self._write_map, path, copy_of(graph), grid, settings)
 
-    def _save(self, path: Path, graph: MapGraph | None, grid: GridMap, settings: Mapping[str, Any]
-              ) -> Path:
+    def _write_map(self, path: Path, graph: MapGraph | None, grid: GridMap,
+                   settings: Mapping[str, Any]
+                   ) -> Path:
         written = archive.save(path, graph, grid, settings)
         self.counts['maps_saved'] += 1
         return written
 
-    def wait(self) -> None:
+    def flush(self) -> None:
         """Wait until what was given is written."""
         self._thread.submit(bool).result()
 
@@ -143,7 +145,7 @@ def _same_graph(before: MapGraph | None, now: MapGraph | None) -> bool:
         return before is now
     return (len(before.keyframes) == len(now.keyframes) and len(before.edges) == len(now.edges)
             and len(before.fixes) == len(now.fixes)
-            and all(old.surface is new.surface and np.abs(old.pose - new.pose).max() < _STANDS
+            and all(old.surface is new.surface and np.abs(old.pose - new.pose).max() < _STANDSTILL
                     for old, new in zip(before.keyframes, now.keyframes)))
 
 
@@ -151,7 +153,7 @@ def _same_value(before: Any, now: Any) -> bool:
     if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
         return all(map(_same_value, before, now))
     if isinstance(before, float) and isinstance(now, float):
-        return abs(before - now) < _STANDS
+        return abs(before - now) < _STANDSTILL
     return bool(before == now)
 
 

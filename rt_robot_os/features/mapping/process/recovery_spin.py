@@ -70,7 +70,7 @@ class RecoverySpin:
         :param may_drive: somebody has told mapping to drive the robot.
         """
         engine = self._engine
-        if not engine.is_looking:
+        if not engine.is_searching:
             self._turned_rad = 0.0
         if not (engine.is_ambiguous and (may_drive or self._is_allowed) and not self._is_done
                 and self._topic and self._has(self._topic)):

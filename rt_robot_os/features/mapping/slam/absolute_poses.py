@@ -34,17 +34,17 @@ from rt_robot_os.features.mapping.slam.transforms import wrapped
 _SCANS: Final = 64
 _WAITING: Final = 16
 #: What is known of a keyframe's place becomes no surer by more than so many fixes.
-_SURER: Final = 4.0
+_INFORMATION_MOST: Final = 4.0
 #: Squared distance, in variances, up to which two fixes agree.
-_AGREES_CHI2: Final = 16.0
+_CONSISTENT_CHI2: Final = 16.0
 #: The map is put right after so many fixes of keyframes that had one.
-_MORE: Final = 20
+_OPTIMISE_AFTER: Final = 20
 #: A match is that uncertain, in m and rad.
-_OF_MATCH: Final = np.diag((0.02 ** 2, 0.02 ** 2, 0.01 ** 2))
+_MATCH_COVARIANCE: Final = np.diag((0.02 ** 2, 0.02 ** 2, 0.01 ** 2))
 
 
 @dataclass(frozen=True)
-class _Passed:
+class _RecordedScan:
     """Where a scan was taken, seen from a keyframe."""
 
     stamp_ns: int
@@ -62,11 +62,11 @@ class AbsoluteConstraints:
 
     def __init__(self, graph: MapGraph, counts: dict[str, int]) -> None:
         self._graph, self._counts = graph, counts
-        self._scans: deque[_Passed] = deque(maxlen=_SCANS)
+        self._scans: deque[_RecordedScan] = deque(maxlen=_SCANS)
         self._waiting: deque[tuple[int, Floats, Floats]] = deque()
         self._more = 0
 
-    def take(self, stamp_ns: int, pose: Floats, covariance: Floats) -> bool:
+    def add(self, stamp_ns: int, pose: Floats, covariance: Floats) -> bool:
         """
         Take an absolute pose.
 
@@ -85,29 +85,30 @@ class AbsoluteConstraints:
             self._waiting.popleft()
             self._counts['fixes_left'] += 1
         self._waiting.append((stamp_ns, pose, covariance))
-        return self._settle()
+        return self._make_constraints()
 
-    def passed(self, stamp_ns: int, odometry: Floats, keyframe: int, relative: Floats) -> bool:
-        """Notice where a scan was taken; return as :meth:`take` does."""
+    def record_scan(self, stamp_ns: int, odometry: Floats, keyframe: int, relative: Floats
+                    ) -> bool:
+        """Notice where a scan was taken; return as :meth:`add` does."""
         if self._scans and stamp_ns <= self._scans[-1].stamp_ns:
             self._scans.clear()
-        self._scans.append(_Passed(stamp_ns, odometry, keyframe, relative))
-        return self._settle()
+        self._scans.append(_RecordedScan(stamp_ns, odometry, keyframe, relative))
+        return self._make_constraints()
 
     def restart(self) -> None:
         """Forget where scans were taken: the robot is elsewhere."""
         self._scans.clear()
 
-    def removed(self, index: int, heir: int, seen_from_heir: Floats) -> None:
+    def remove_keyframe(self, index: int, successor: int, seen_from_successor: Floats) -> None:
         """Follow a keyframe that is taken out of the list, as the trajectory does."""
         self._scans = deque((
-            replace(each, keyframe=heir - (heir > index),
-                    relative=composed(seen_from_heir, each.relative))
+            replace(each, keyframe=successor - (successor > index),
+                    relative=composed(seen_from_successor, each.relative))
             if each.keyframe == index else
             replace(each, keyframe=each.keyframe - (each.keyframe > index))
             for each in self._scans), _SCANS)
 
-    def _settle(self) -> bool:
+    def _make_constraints(self) -> bool:
         """Make edges of the fixes that lie between two scans."""
         is_new, late = False, []
         for fix in self._waiting:
@@ -133,7 +134,7 @@ class AbsoluteConstraints:
         turn = np.eye(3)
         turn[:2, 2] = pose[1] - there[1], there[0] - pose[0]
         information: Floats = np.asarray(
-            np.linalg.inv(turn @ covariance @ turn.T + _OF_MATCH), dtype=np.float64)
+            np.linalg.inv(turn @ covariance @ turn.T + _MATCH_COVARIANCE), dtype=np.float64)
         known = AbsolutePose(before.keyframe, there, information)
         self._counts['fixes'] += 1
         return self._place(known)
@@ -142,23 +143,23 @@ class AbsoluteConstraints:
         fixes = self._graph.fixes
         for number, old in enumerate(fixes):
             if old.keyframe == new.keyframe:
-                fixes[number] = self._better(old, new)
-                self._more = (self._more + 1) % _MORE
+                fixes[number] = self._fused(old, new)
+                self._more = (self._more + 1) % _OPTIMISE_AFTER
                 return self._more == 0
         fixes.append(new)
         return True
 
-    def _better(self, old: AbsolutePose, new: AbsolutePose) -> AbsolutePose:
+    def _fused(self, old: AbsolutePose, new: AbsolutePose) -> AbsolutePose:
         """Return one fix for two: their mean, or that which agrees with the map."""
         off = new.pose - old.pose
         off[2] = wrapped(off[2])
-        if float(off @ new.information @ off) > _AGREES_CHI2:
+        if float(off @ new.information @ off) > _CONSISTENT_CHI2:
             here = self._graph.keyframes[old.keyframe].pose
             return min((old, new), key=lambda each: _chi2(each, here))
         total = old.information + new.information
         pose = old.pose + np.linalg.solve(total, new.information @ off)
         pose[2] = wrapped(pose[2])
-        most = _SURER * np.trace(new.information) / np.trace(total)
+        most = _INFORMATION_MOST * np.trace(new.information) / np.trace(total)
         return AbsolutePose(old.keyframe, pose, total * min(1.0, float(most)))
 
 

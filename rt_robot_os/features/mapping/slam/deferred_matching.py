@@ -46,13 +46,13 @@ class DeferredMatching:
     def __init__(self) -> None:
         self._scans: deque[tuple[int, Surface]] = deque(maxlen=_MOST)
 
-    def missed(self, number: int, surface: Surface) -> None:
+    def add(self, number: int, surface: Surface) -> None:
         """Remember a scan, by its number in the trajectory from the first scan ever."""
         if len(surface):
             self._scans.append((number, surface))
 
-    def look_again(self, keyframes: Sequence[Keyframe], track: ScanTrajectory, matcher: Matcher
-                   ) -> int:
+    def match_again(self, keyframes: Sequence[Keyframe], track: ScanTrajectory, matcher: Matcher
+                    ) -> int:
         """
         Put scans to where they fit now; what fits at no one place stays where it is.
 

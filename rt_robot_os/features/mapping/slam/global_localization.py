@@ -142,7 +142,7 @@ class GlobalLocalizer:
     :raises ConfigError: nothing in the grid is free, or nothing occupied.
     :ivar state: what it is doing, in a line.
     :ivar is_ambiguous: several places fit: the robot should move.
-    :ivar known: the map as it is searched, for a ``Follower``, which need not build it again.
+    :ivar known_map: the map as it is searched, for a ``Follower``, which need not build it again.
     :ivar counts: ``scans``, ``empty`` (with too few points), ``searches``, ``places`` (that are
         thought of now), ``found``.
     """
@@ -152,13 +152,13 @@ class GlobalLocalizer:
         self.tuning = tuning or MapperTuning()
         self.counts = dict.fromkeys(('scans', 'empty', 'searches', 'places', 'found'), 0)
         load_libraries()
-        self.known = self._known = KnownMap(grid)
+        self.known_map = self._known = KnownMap(grid)
         self._lines = KnownLines(self._known, graph)
         self._pyramid = Pyramid(self._known, self.tuning.range_max_m + _BESIDES_M)
         self._building: Iterator[None] | None = chain(self._known.build(), self._pyramid.build())
-        self.begin()
+        self.restart()
 
-    def begin(self) -> None:
+    def restart(self) -> None:
         """Forget where the robot may be, and start anew with the next scan."""
         self.state = 'searching: waiting for a scan'
         self.is_ambiguous = False
@@ -171,7 +171,7 @@ class GlobalLocalizer:
         self._viewed = np.zeros(3)
         self.counts['places'] = 0
 
-    def work(self) -> bool:
+    def process_pending(self) -> bool:
         """
         Do a piece of what is to be done, some 10 ms; call it between scans.
 
@@ -187,7 +187,7 @@ class GlobalLocalizer:
             self._working = None
         return self._working is not None
 
-    def look(self, scan: Scan) -> FoundPose | None:
+    def add_scan(self, scan: Scan) -> FoundPose | None:
         """
         Take a scan, and do a piece of work.
 
@@ -202,18 +202,18 @@ class GlobalLocalizer:
             self.counts['empty'] += 1
             self.state = (f'searching: only {len(points)} beams see something: nothing is in '
                           'reach, or the laser is covered')
-            self.work()
+            self.process_pending()
             return None
         before, self._scan, self._points = self._scan, scan, points
         if self._working is not None or self._building is not None:
             self._carry(before, scan)
             if self._working is None:
                 self._start(scan, points)
-            self.work()
+            self.process_pending()
             return None
         if self._places is None:
             self._start(scan, points)
-            self.work()
+            self.process_pending()
             return None
         self._carry(before, scan)
         self._rate(self._places, points, scan)

@@ -42,5 +42,5 @@ class MapGraph:
 
     def edge_arrays(self) -> PoseEdges:
         """Return the edges as they are now, as arrays; they change with the next call."""
-        self._arrays.follow(self.edges)
+        self._arrays.update(self.edges)
         return self._arrays

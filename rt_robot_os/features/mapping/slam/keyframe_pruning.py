@@ -63,14 +63,14 @@ def redundant_keyframes(keyframes: Sequence[Keyframe], index: int, tuning: Mappe
     gone: list[int] = []
     here = np.flatnonzero(apart < tuning.place_m)
     if len(here) > tuning.place_most:
-        gone.append(_most_alike(poses, here, index))
+        gone.append(_most_similar(poses, here, index))
     if len(keyframes) - len(gone) > tuning.keyframes_most:
         rest = np.setdiff1d(np.arange(len(keyframes)), gone)
-        gone.append(_most_alike(poses, rest, index))
+        gone.append(_most_similar(poses, rest, index))
     return sorted(gone, reverse=True)
 
 
-def _most_alike(poses: Floats, those: npt.NDArray[np.int64], index: int) -> int:
+def _most_similar(poses: Floats, those: npt.NDArray[np.int64], index: int) -> int:
     """Return the older of the two that have seen most nearly the same."""
     from scipy.spatial import cKDTree
     yaw = poses[those, 2]
@@ -101,11 +101,11 @@ class DynamicPointFilter:
     """What scans see through again and again."""
 
     def __init__(self) -> None:
-        self._looked: Floats = np.full(3, np.inf)
-        self._since = 0
+        self._last_pose: Floats = np.full(3, np.inf)
+        self._scans = 0
 
-    def look(self, keyframes: list[Keyframe], members: Sequence[int], pose: Floats,
-             surface: Surface) -> RemovedGeometry:
+    def remove_seen_through(self, keyframes: list[Keyframe], members: Sequence[int], pose: Floats,
+                            surface: Surface) -> RemovedGeometry:
         """
         Compare keyframes with a scan; what is gone is taken out of them.
 
@@ -113,17 +113,17 @@ class DynamicPointFilter:
         :param members: those that are near.
         :param pose: shape (3,): of the scan, which fits.
         """
-        self._since += 1
-        moved = float(np.hypot(*(pose[:2] - self._looked[:2])))
-        turned = abs(float(wrapped(pose[2] - self._looked[2]))) if moved < np.inf else np.inf
-        if moved < _MOVED_M and turned < _MOVED_RAD and self._since < _STANDING:
+        self._scans += 1
+        moved = float(np.hypot(*(pose[:2] - self._last_pose[:2])))
+        turned = abs(float(wrapped(pose[2] - self._last_pose[2]))) if moved < np.inf else np.inf
+        if moved < _MOVED_M and turned < _MOVED_RAD and self._scans < _STANDING:
             return RemovedGeometry()
-        self._looked, self._since = pose, 0
+        self._last_pose, self._scans = pose, 0
         nearest, beyond = ends_by_sector(surface)
         points, few = 0, []
         for index in members:
             keyframe = keyframes[index]
-            doubts = _doubted(keyframe, pose, nearest, beyond)
+            doubts = _seen_through_counts(keyframe, pose, nearest, beyond)
             gone = doubts >= _SEEN_THROUGH
             if not gone.any():
                 keyframe.doubts = doubts
@@ -136,8 +136,8 @@ class DynamicPointFilter:
         return RemovedGeometry(points, few)
 
 
-def _doubted(keyframe: Keyframe, pose: Floats, nearest: Floats, beyond: Floats
-             ) -> npt.NDArray[np.uint8]:
+def _seen_through_counts(keyframe: Keyframe, pose: Floats, nearest: Floats, beyond: Floats
+                         ) -> npt.NDArray[np.uint8]:
     """Return how many scans in a row have seen through each point."""
     points = placed(between(pose, keyframe.pose), keyframe.surface.points)
     own = keyframe.surface.points

@@ -33,7 +33,7 @@ _ARM_M: Final = 5.0
 _NEAR_M: Final = 6.0
 _LAST_M: Final = 15.0
 #: An edge that counts less than that ties nothing.
-_TIES: Final = 0.3
+_LINK_WEIGHT_LEAST: Final = 0.3
 
 
 class _Links(NamedTuple):
@@ -78,17 +78,17 @@ class LocalMapQuery:
 
         :param index: of that keyframe.
         """
-        return (self._deviations(self._ways(index), index, np.inf),
-                self._deviations(self._ties().turn, index, np.inf))
+        return (self._deviations(self._path_lengths(index), index, np.inf),
+                self._deviations(self._links().turn, index, np.inf))
 
     def tied(self, index: int, within_m: float) -> npt.NDArray[np.bool_]:
         """Return which keyframes are in place to a standard deviation, seen from another."""
-        found: npt.NDArray[np.bool_] = self._deviations(self._ways(index), index,
+        found: npt.NDArray[np.bool_] = self._deviations(self._path_lengths(index), index,
                                                         within_m) <= within_m
         return found
 
-    def _ways(self, index: int) -> Floats:
-        ties = self._ties()
+    def _path_lengths(self, index: int) -> Floats:
+        ties = self._links()
         arms = np.hypot(*(self.poses[ties.first, :2] - self.poses[index, :2]).T)
         ways: Floats = ties.way + ties.turn * np.maximum(arms, _ARM_M) ** 2
         return ways
@@ -97,19 +97,19 @@ class LocalMapQuery:
         """Return the sums over the best known ways, as deviations; inf beyond a limit."""
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import dijkstra
-        ties = self._ties()
+        ties = self._links()
         size = len(self.poses)
         graph = csr_array((variances[ties.order], ties.columns, ties.begins), (size, size))
         # It holds each tie in both directions.
         found: Floats = np.sqrt(dijkstra(graph, indices=index, limit=limit ** 2))
         return found
 
-    def _ties(self) -> _Links:
+    def _links(self) -> _Links:
         if self._known is None:
-            self._known = self._tied()
+            self._known = self._best_links()
         return self._known
 
-    def _tied(self) -> _Links:
+    def _best_links(self) -> _Links:
         edges, size = self._edges, len(self.poses)
         if not len(edges.first):
             nothing = np.zeros(0, np.int32)
@@ -119,7 +119,7 @@ class LocalMapQuery:
         way = covariances[:, 0, 0] + covariances[:, 1, 1]
         turn = covariances[:, 2, 2]
         total = way + turn * _ARM_M ** 2
-        believed = edges.errors(self.poses)[1] > _TIES
+        believed = edges.errors(self.poses)[1] > _LINK_WEIGHT_LEAST
         # Of several edges between two keyframes the best counts: a matrix would add them up.
         low, high = np.minimum(edges.first, edges.second), np.maximum(edges.first, edges.second)
         order = np.argsort(total, kind='stable')

@@ -132,9 +132,9 @@ class LoopVerdict:
     :ivar share: of its points that lie on lines of the place, and
     :ivar of_visible: of those that the place looked at.
     :ivar score: how well they fit.
-    :ivar why: why no loop is closed; empty: one is.
+    :ivar reason: why no loop is closed; empty: one is.
     :ivar edge: the loop; None where ``why`` says that there is none.
-    :ivar places: at so many places, some way apart, loops have to say the same.
+    :ivar places_needed: at so many places, some way apart, loops have to say the same.
     """
 
     keyframe: int
@@ -142,9 +142,9 @@ class LoopVerdict:
     share: float
     of_visible: float
     score: float
-    why: str
+    reason: str
     edge: PoseEdge | None = None
-    places: int = 1
+    places_needed: int = 1
 
 
 def is_far(pose: Floats, other: Floats) -> bool:

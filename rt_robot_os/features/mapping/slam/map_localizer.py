@@ -127,9 +127,9 @@ class MapLocalizer:
         along, angle = (_COMMON if graph is not None else
                         (_OF_CELLS[0] * self._known.cell_m, _OF_CELLS[1]))
         self._common: Floats = np.diag((along, along, angle)) ** 2
-        self.moved_to(start, covariance, odometry)
+        self.relocate(start, covariance, odometry)
 
-    def moved_to(self, pose: Floats, covariance: Floats | None = None,
+    def relocate(self, pose: Floats, covariance: Floats | None = None,
                  odometry: Floats | None = None) -> None:
         """Go on from another place, as after a search; parameters as of the class."""
         pose = np.asarray(pose, dtype=np.float64)

@@ -15,7 +15,7 @@
 Take keyframes out of a graph without tearing it.
 
 What the edges of a keyframe say of its neighbours is kept: the one that is known best from it
-becomes the heir, and the others are joined to that one over both edges, with the sum of their
+becomes the successor, and the others are joined to that one over both edges, with the sum of their
 uncertainties. What two edges say of the same two keyframes becomes one edge. So a graph never
 gets more edges by forgetting, and each keyframe stays joined to the first.
 """
@@ -39,7 +39,7 @@ def marginalise(graph: MapGraph, index: int) -> int:
     """
     Take a keyframe out of a graph; the indices of those after it become one less.
 
-    :return: the heir, by its index before.
+    :return: the successor, by its index before.
     :raises ValueError: it is the only one, or nothing joins it to others.
     """
     its = [each for each in graph.edges if index in (each.first, each.second)]
@@ -47,46 +47,46 @@ def marginalise(graph: MapGraph, index: int) -> int:
         raise ValueError(f'keyframe {index} is joined to no other')
     ways = [each if each.first == index else reverse(each) for each in its]
     best = min(ways, key=_uncertainty)
-    heir, from_heir = best.second, reverse(best)
+    successor, from_heir = best.second, reverse(best)
     edges: dict[tuple[int, int], list[PoseEdge]] = {}
     for each in graph.edges:
         if index not in (each.first, each.second):
             edges.setdefault((each.first, each.second), []).append(each)
     for way in ways:
-        if way is not best and way.second != heir:
+        if way is not best and way.second != successor:
             joined = chain(from_heir, way)
-            forward, backward = (heir, way.second), (way.second, heir)
+            forward, backward = (successor, way.second), (way.second, successor)
             known = edges.pop(forward, []) + [reverse(each) for each in edges.pop(backward, [])]
             edges[forward] = [_merged([joined, *known])]
     graph.edges[:] = [_renumbered(each, index) for parallel in edges.values()
                       for each in parallel]
-    _leave_fix(graph, index, heir)
+    _pass_absolute_pose(graph, index, successor)
     del graph.keyframes[index]
-    return heir
+    return successor
 
 
 def _uncertainty(edge: PoseEdge) -> float:
     return float(np.trace(np.linalg.inv(edge.information))) + float(edge.is_loop)
 
 
-def _renumbered(edge: PoseEdge, gone: int) -> PoseEdge:
-    if edge.first < gone and edge.second < gone:
+def _renumbered(edge: PoseEdge, removed: int) -> PoseEdge:
+    if edge.first < removed and edge.second < removed:
         return edge
-    return PoseEdge(edge.first - (edge.first > gone), edge.second - (edge.second > gone),
+    return PoseEdge(edge.first - (edge.first > removed), edge.second - (edge.second > removed),
                     edge.relative, edge.information, edge.is_loop)
 
 
-def _leave_fix(graph: MapGraph, index: int, heir: int) -> None:
-    """Give what is known absolutely to the heir, if nothing is known of that one."""
-    has_own = any(each.keyframe == heir for each in graph.fixes)
-    shift = between(graph.keyframes[index].pose, graph.keyframes[heir].pose)
+def _pass_absolute_pose(graph: MapGraph, index: int, successor: int) -> None:
+    """Give what is known absolutely to the successor, if nothing is known of that one."""
+    has_own = any(each.keyframe == successor for each in graph.fixes)
+    shift = between(graph.keyframes[index].pose, graph.keyframes[successor].pose)
     fixes = []
     for fix in graph.fixes:
         at, pose = fix.keyframe, fix.pose
         if at == index:
             if has_own:
                 continue
-            at, pose = heir, composed(pose, shift)
+            at, pose = successor, composed(pose, shift)
         fixes.append(AbsolutePose(at - (at > index), pose, fix.information))
     graph.fixes[:] = fixes
 

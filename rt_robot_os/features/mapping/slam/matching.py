@@ -216,11 +216,11 @@ class Certainty:
         self._tuning = tuning
         self._covariance: Floats = np.zeros((3, 3))
 
-    def begin(self, covariance: Floats) -> None:
+    def reset(self, covariance: Floats) -> None:
         """Begin anew; shape (3, 3)."""
         self._covariance = covariance
 
-    def moved(self, step: Floats, heading: float) -> None:
+    def predict(self, step: Floats, heading: float) -> None:
         """
         Add what odometry may be wrong by.
 
@@ -236,7 +236,7 @@ class Certainty:
             t.odometry_per_rad ** 2 * turned * _TOGETHER_RAD + _PER_M_RAD ** 2 * way,)
         self._covariance = turn @ self._covariance @ turn.T + np.diag(more)
 
-    def matched(self, aligned: Aligned) -> None:
+    def update(self, aligned: Aligned) -> None:
         """Take what a scan says of where it lies."""
         known = aligned.information / self._tuning.point_noise_m ** 2
         scale = np.diag((1.0, 1.0, _ARM_M))  # an angle counts as a way at this arm

@@ -41,7 +41,7 @@ _SMALL: Final = 1e-4
 #: Squared error, in variances, at which the edge of a loop counts half.
 _SOFT_CHI2: Final = 9.0
 #: Squared error up to which an absolute pose agrees, when the whole map is put where most do.
-_AGREES_CHI2: Final = 16.0
+_CONSISTENT_CHI2: Final = 16.0
 #: So many absolute poses can move a whole map, and so many of them are tried.
 _FIXES_MOVE: Final = 3
 _TRIED_MOST: Final = 50
@@ -117,7 +117,7 @@ class PoseEdges:
 
     def __init__(self, edges: Sequence[PoseEdge] = ()) -> None:
         self._clear()
-        self.follow(edges)
+        self.update(edges)
 
     def _clear(self) -> None:
         self._edges: list[PoseEdge] = []
@@ -128,7 +128,7 @@ class PoseEdges:
     def __len__(self) -> int:
         return len(self._edges)
 
-    def follow(self, edges: Sequence[PoseEdge]) -> None:
+    def update(self, edges: Sequence[PoseEdge]) -> None:
         """Hold other edges; where they begin with those that are held, only new ones are read."""
         if len(edges) < len(self) or not all(map(is_, self._edges, edges)):
             self._clear()
@@ -165,7 +165,7 @@ def optimise(poses: Floats, edges: Sequence[PoseEdge] | PoseEdges, steps: int = 
     :param small: a step that moves no pose by more, in m or rad, is the last.
     """
     known = edges if isinstance(edges, PoseEdges) else PoseEdges(edges)
-    poses, weights = _where_most_agree(poses, fixes), np.ones(len(edges))
+    poses, weights = _aligned_with_most(poses, fixes), np.ones(len(edges))
     absolute = _AbsolutePoses(fixes)
     moved = 0.0
     for _ in range(steps if len(poses) > 1 and len(edges) or fixes else 0):
@@ -196,19 +196,19 @@ class _AbsolutePoses:
         return errors, np.einsum('ni,nij,nj->n', errors, self.information, errors)
 
 
-def _where_most_agree(poses: Floats, fixes: Sequence[AbsolutePose]) -> Floats:
+def _aligned_with_most(poses: Floats, fixes: Sequence[AbsolutePose]) -> Floats:
     """Move the whole map where most absolute poses say that it is, if that is not here."""
     if len(fixes) < _FIXES_MOVE:
         return poses.copy()
     absolute = _AbsolutePoses(fixes)
-    most = int((absolute.errors(poses)[1] < _AGREES_CHI2).sum())
+    most = int((absolute.errors(poses)[1] < _CONSISTENT_CHI2).sum())
     if 2 * most >= len(fixes):
         return poses.copy()
     best = poses
     for fix in fixes[::-(-len(fixes) // _TRIED_MOST)]:
         movement = moved_by(poses[fix.keyframe], fix.pose)
         there = composed(np.broadcast_to(movement, poses.shape), poses)
-        agreeing = int((absolute.errors(there)[1] < _AGREES_CHI2).sum())
+        agreeing = int((absolute.errors(there)[1] < _CONSISTENT_CHI2).sum())
         if agreeing > most and 2 * agreeing > len(fixes):
             best, most = there, agreeing
     return best.copy()

@@ -37,7 +37,7 @@ class Relocalization:
     Whether the robot is where it should be, and where it is if not.
 
     :param is_placed: it is known where it should be.
-    :ivar is_looking: it is not there.
+    :ivar is_searching: it is not there.
     """
 
     def __init__(self, graph: MapGraph, tuning: MapperTuning, is_placed: bool) -> None:
@@ -45,40 +45,40 @@ class Relocalization:
         self._is_placed = is_placed
         self._finder: GlobalLocalizer | None = None
         self._scans = 0
-        self.is_looking = not is_placed
+        self.is_searching = not is_placed
 
     @property
-    def is_anywhere(self) -> bool:
+    def is_unplaced(self) -> bool:
         """Return whether nobody has said yet where the robot is."""
         return not self._is_placed
 
-    def placed(self) -> None:
+    def confirm(self) -> None:
         """Notice that a scan fits where the robot should be, or that somebody says where it is."""
-        self._is_placed, self.is_looking = True, False
+        self._is_placed, self.is_searching = True, False
         self._finder, self._scans = None, 0
 
-    def missed(self, scan: Scan, way_m: float) -> FoundPose | None:
+    def add_unmatched_scan(self, scan: Scan, way_m: float) -> FoundPose | None:
         """
         Notice that a scan fits nowhere near; return where it does, as soon as that is sure.
 
         :param way_m: what the wheels say since one fitted.
         """
         self._scans += 1
-        if not self.is_looking:
-            self.is_looking = self._scans >= _SCANS and way_m < _STILL_M
+        if not self.is_searching:
+            self.is_searching = self._scans >= _SCANS and way_m < _STILL_M
         elif self._is_placed and way_m > _NEW_GROUND_M:
-            self.placed()
-        return self._look(scan) if self.is_looking else None
+            self.confirm()
+        return self._search(scan) if self.is_searching else None
 
-    def work(self) -> bool:
+    def process_pending(self) -> bool:
         """Go on searching for a piece; return whether there is more to do."""
-        return self._finder is not None and self._finder.work()
+        return self._finder is not None and self._finder.process_pending()
 
-    def _look(self, scan: Scan) -> FoundPose | None:
+    def _search(self, scan: Scan) -> FoundPose | None:
         if self._finder is None:
             try:
                 self._finder = GlobalLocalizer(grid_of(self._graph.keyframes), self._graph,
                                                self._tuning)
             except ConfigError:
                 return None  # the map has nothing that a robot could be found by
-        return self._finder.look(scan)
+        return self._finder.add_scan(scan)

@@ -108,7 +108,7 @@ class ImuIntake:
         self._rate_covariance: npt.NDArray[Any] = imu.msg.angular_velocity_covariance
         self._acceleration_covariance: npt.NDArray[Any] = imu.msg.linear_acceleration_covariance
 
-    def take(self) -> bool:
+    def next_sample(self) -> bool:
         """
         Go to the next sample that can be used; safe in the real-time loop.
 

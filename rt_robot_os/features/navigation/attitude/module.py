@@ -211,7 +211,7 @@ class Attitude(Module):
     def step(self) -> None:
         """Take every new sample and publish each with its orientation."""
         intake = self._intake
-        while intake.take():
+        while intake.next_sample():
             self._update(intake)
 
     def statistics(self) -> dict[str, Any]:

@@ -60,12 +60,12 @@ class VelocityVerdict:
     :ivar share: of it, from 0 to 1.
     :ivar cause: what limits it, the same text as long as it is the same thing; empty when nothing
         does.
-    :ivar why: the cause with its numbers, for people.
+    :ivar reason: the cause with its numbers, for people.
     """
 
     share: float
     cause: str = ''
-    why: str = ''
+    reason: str = ''
 
 
 FREE: Final = VelocityVerdict(1.0)
@@ -113,7 +113,7 @@ class ObstacleMap:
         """Return the speed at which it goes on by stop_m without this computer, for the blind."""
         return self._run_on.speed_m_s(self._settings['stop_m'], self._settings['reaction_s'])
 
-    def gather(self) -> None:
+    def rebuild(self) -> None:
         """Put together what the sensors see; after one of them sees something new."""
         sensors = self._sensors
         x = np.concatenate([_NONE, *(each.x for each in sensors)])

@@ -70,7 +70,7 @@ class PoseFixSource:
     :raises ConfigError: the topic is in another frame.
     :ivar number: of the source.
     :ivar refused: poses that could not be used.
-    :ivar why: the last pose that came cannot be used; empty when it could.
+    :ivar problem: the last pose that came cannot be used; empty when it could.
     """
 
     def __init__(self, source: Subscription, number: int, topic: str, frame_id: str,
@@ -93,7 +93,7 @@ class PoseFixSource:
         self._stamp_ns = self._before_ns = 0
         self._values: tuple[float, ...] = ()
         self._bad = self.refused = 0
-        self.why = ''
+        self.problem = ''
 
     def next(self, now_ns: int) -> PoseFix | None:  # noqa: A003
         """Return the next measured pose that can be used; safe in the real-time loop."""
@@ -112,7 +112,7 @@ class PoseFixSource:
                     why = 'their covariance is none'
             self._bad = self._bad + 1 if why else 0
             self.refused += bool(why)
-            self.why = why
+            self.problem = why
             if found is not None:
                 return found
         return None
@@ -121,7 +121,7 @@ class PoseFixSource:
         """Say what is wrong with the source; empty when nothing is."""
         if self._bad < _BAD_IN_ROW:
             return ''
-        return f'the last {self._bad} poses of {self.topic} cannot be used: {self.why}'
+        return f'the last {self._bad} poses of {self.topic} cannot be used: {self.problem}'
 
     def _inflation(self, stamp_ns: int) -> float:
         """

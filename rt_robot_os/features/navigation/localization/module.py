@@ -156,19 +156,19 @@ class Localization(Module):
         located, recovered = localizer.located, localizer.counters.recovered
         reopened = localizer.headings.reopened
         if self._initial is not None:
-            self._take_initial(localizer, self._initial, now_ns)
+            self._apply_initial_pose(localizer, self._initial, now_ns)
         if self._corrections is not None:
-            self._corrections.follow(localizer, now_ns)
+            self._corrections.apply(localizer, now_ns)
         for source in self._fixes:
             fix = source.next(now_ns)
             while fix is not None:
-                localizer.fix(fix)
+                localizer.add_fix(fix)
                 fix = source.next(now_ns)
         step = intake.next()
         silent_ns = now_ns - (self._arrived_ns or self._first_ns)
         if step is None and localizer.waiting_ns and (
                 silent_ns > max(_ODOM_WAIT_NS, 3 * intake.period_ns)):
-            self._go_on_without(localizer, intake)
+            self._move_without_odometry(localizer, intake)
         while step is not None:
             self._arrived_ns = now_ns
             if intake.restarted:
@@ -179,24 +179,25 @@ class Localization(Module):
                 if localizer.located:
                     self._publish(localizer, intake)
             step = intake.next()
-        self._tell(localizer, located, recovered)
+        self._log_events(localizer, located, recovered)
         if localizer.headings.reopened != reopened:
             self.log.warn('headings of %s contradicted for %.1f s and agree with each other: the '
                           'heading turns by %.0f degrees', self.topic_of('imu'),
                           s['kidnapped_s'], math.degrees(localizer.headings.offset))
 
-    def _take_initial(self, localizer: Localizer, source: PoseFixSource, now_ns: int) -> None:
+    def _apply_initial_pose(self, localizer: Localizer, source: PoseFixSource, now_ns: int
+                            ) -> None:
         """Believe who says where the robot is."""
         refused = source.refused
         given = source.next(now_ns)
         if source.refused != refused:
-            self.log.warn('a pose on %s was refused: %s', source.topic, source.why)
+            self.log.warn('a pose on %s was refused: %s', source.topic, source.problem)
         if given is not None:
             localizer.begin(given.pose, given.covariance)
             self.log.info('told to be at (%.2f m, %.2f m), %.0f degrees', *given.pose[:2],
                           math.degrees(given.pose[2]))
 
-    def _tell(self, localizer: Localizer, located: bool, recovered: int) -> None:
+    def _log_events(self, localizer: Localizer, located: bool, recovered: int) -> None:
         """Log what a person wants to know: the robot was found, or carried away."""
         if not located and localizer.located:
             self.log.info('found at (%.2f m, %.2f m), %.0f degrees', localizer.state.x,
@@ -273,7 +274,7 @@ class Localization(Module):
         transform.rotation = 0.0, 0.0, *half_turn(heading)
         self.map_to_odom.publish(stamp_ns)
 
-    def _go_on_without(self, localizer: Localizer, intake: OdometryIntake) -> None:
+    def _move_without_odometry(self, localizer: Localizer, intake: OdometryIntake) -> None:
         """Let measured poses alone move the estimate, up to the newest of them."""
         before_ns = localizer.stamp_ns
         if localizer.move(intake.without(localizer.waiting_ns)):

@@ -151,7 +151,7 @@ class Odometry(Module):
             if gyro is not None and stamp_ns > wheels.stamp_ns:
                 turned = gyro.until(stamp_ns)
             positions = self._unpack(joints.buffer)
-            if wheels.take(stamp_ns, positions[self._left], positions[self._right], turned):
+            if wheels.update(stamp_ns, positions[self._left], positions[self._right], turned):
                 self._dropped_in_row = 0
                 self._travelled_m += abs(wheels.distance_m)
                 self._publish(wheels)

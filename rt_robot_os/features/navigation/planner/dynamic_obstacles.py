@@ -73,7 +73,7 @@ class DynamicObstacles:
     def __len__(self) -> int:
         return len(self._until_ns)
 
-    def onto(self, terrain: Terrain | None, moved: Pose = (0.0, 0.0, 0.0)) -> None:
+    def set_terrain(self, terrain: Terrain | None, moved: Pose = (0.0, 0.0, 0.0)) -> None:
         """
         Go on with another map: cells have other numbers there, or are none of it.
 
@@ -99,7 +99,7 @@ class DynamicObstacles:
                    if now_ns - since_ns >= least_ns}
         return [cell for cell in self._until_ns if _patch(terrain, cell) in patches]
 
-    def look(self, pose: Pose, now_ns: int) -> None:
+    def update(self, pose: Pose, now_ns: int) -> None:
         """Take what the scanners see from a pose, and forget what is too old."""
         found = self._until_ns
         for cell in [cell for cell, until_ns in found.items() if until_ns <= now_ns]:
@@ -114,7 +114,7 @@ class DynamicObstacles:
         x0, y0, yaw = pose
         cosine, sine = math.cos(yaw), math.sin(yaw)
         for scanner in self._scanners:
-            if not scanner.take(now_ns, self._range_m, 0.0, 0.0):
+            if not scanner.update(now_ns, self._range_m, 0.0, 0.0):
                 continue
             self._clear(terrain, scanner, x0, y0, cosine, sine)
             x, y = unmapped_points(terrain, pose, scanner.x, scanner.y, self._tolerance_m)
@@ -141,8 +141,8 @@ class DynamicObstacles:
         for index in np.flatnonzero(seen).tolist():
             del found[cells[index]]
 
-    def is_on(self, way: Sequence[tuple[float, float]], within_m: float, now_ns: int,
-              least_ns: int) -> bool:
+    def blocks(self, way: Sequence[tuple[float, float]], within_m: float, now_ns: int,
+               least_ns: int) -> bool:
         """Return whether something has been for so long so near to one of some points."""
         terrain, cells = self.terrain, self.standing(now_ns, least_ns)
         if terrain is None or not cells or not way:

@@ -75,7 +75,7 @@ class MapMovements:
         self._came_ns = -1
         self._stamp_ns = self._map_by_ns = self._maps_before = 0
 
-    def take(self, now_ns: int) -> None:
+    def receive(self, now_ns: int) -> None:
         """Take what has come; safe in the real-time loop."""
         source = self._source
         while source is not None and source.take():

@@ -59,7 +59,7 @@ class PathProgress:
         self._since_ns = -1
         self._at: Pose = (0.0, 0.0, 0.0)
 
-    def begin(self) -> None:
+    def restart(self) -> None:
         """Forget what was before."""
         self._since_ns = -1
 

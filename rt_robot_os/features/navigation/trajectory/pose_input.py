@@ -55,7 +55,7 @@ class SampleAge:
     def __init__(self) -> None:
         self._since_ns = -1
 
-    def came(self, stamp_ns: int, now_ns: int) -> None:
+    def update(self, stamp_ns: int, now_ns: int) -> None:
         """Note a sample."""
         self._since_ns = min(stamp_ns, now_ns)
 
@@ -82,7 +82,7 @@ class PoseInput:
         self.pose_source, self.odom_source = SampleAge(), SampleAge()
         self.position_stddev_m = self.heading_stddev_rad = math.inf
 
-    def take(self, now_ns: int) -> None:
+    def receive(self, now_ns: int) -> None:
         """Take what has come; safe in the real-time loop."""
         prediction, odom, pose = self.prediction, self._odom, self._pose
         while odom.take():
@@ -92,8 +92,8 @@ class PoseInput:
                 self.counters.odometry_refused += 1
                 continue
             self.counters.odometry += 1
-            self.odom_source.came(odom.stamp_ns, now_ns)
-            prediction.odometry(odom.stamp_ns, found, (linear, angular))
+            self.odom_source.update(odom.stamp_ns, now_ns)
+            prediction.add_odometry(odom.stamp_ns, found, (linear, angular))
         if pose.latest():
             self._localised(now_ns)
 
@@ -108,8 +108,8 @@ class PoseInput:
             return
         self.counters.poses += 1
         self.position_stddev_m, self.heading_stddev_rad = math.sqrt(position), math.sqrt(heading)
-        self.pose_source.came(pose.stamp_ns, now_ns)
-        self.prediction.localised(pose.stamp_ns, found)
+        self.pose_source.update(pose.stamp_ns, now_ns)
+        self.prediction.add_pose(pose.stamp_ns, found)
 
     def problem(self, now_ns: int, timeout_s: float, position_most_m: float,
                 heading_most_rad: float) -> str:

@@ -156,7 +156,7 @@ class Localiser:
     def roll(self, stamp_ns: int, left_rad: float, right_rad: float) -> None:
         """Take the angles of the wheels."""
         wheels = self._wheels
-        if not wheels.take(stamp_ns, left_rad, right_rad):
+        if not wheels.update(stamp_ns, left_rad, right_rad):
             return
         self._localizer.move(OdometryStep(
             stamp_ns, wheels.distance_m, wheels.turn_rad, 0.0, wheels.distance_variance,
@@ -171,7 +171,7 @@ class Localiser:
     def see(self, stamp_ns: int, pose: Pose) -> None:
         """Take a pose from the marks."""
         variance = FIX_STDDEV_M ** 2
-        self._localizer.fix(PoseFix(stamp_ns, pose, (
+        self._localizer.add_fix(PoseFix(stamp_ns, pose, (
             variance, 0.0, 0.0, variance, 0.0, FIX_STDDEV_RAD ** 2)))
 
     def at(self, now_ns: int, lead_s: float) -> Pose:

@@ -184,7 +184,7 @@ class _Drive:
         odometry, now_ns = self.odometry, self._now_ns
         self.gyro.add(now_ns, self.robot.gyro())
         turned = self.gyro.until(now_ns)
-        if not odometry.take(now_ns, *self.robot.angles):
+        if not odometry.update(now_ns, *self.robot.angles):
             return
         if self.scenario.gyro and turned == turned:
             step = OdometryStep(now_ns, odometry.distance_m, turned, odometry.dt_s,
@@ -211,7 +211,7 @@ class _Drive:
         state, located = self.localizer.state, self.localizer.located
         recovered = self.localizer.counters.recovered
         before, covariance = state.pose, state.covariance
-        self.localizer.fix(fix)
+        self.localizer.add_fix(fix)
         if not located or not fix.judged:
             return
         if not false:

@@ -185,8 +185,8 @@ def _step(late: int) -> Callable[[], object]:
         nonlocal stamp_ns
         stamp_ns += _STEP_NS
         localizer.move(OdometryStep(stamp_ns, 0.006, 0.0, 0.02, 1e-7, 1e-6, 0.0, 1e-10))
-        localizer.fix(PoseFix(stamp_ns - late * _STEP_NS - _STEP_NS // 3,
-                              (localizer.state.x - 0.006 * late, 0.0, 0.0), _SURE))
+        localizer.add_fix(PoseFix(stamp_ns - late * _STEP_NS - _STEP_NS // 3,
+                                  (localizer.state.x - 0.006 * late, 0.0, 0.0), _SURE))
 
     for _ in range(2 * late + 2):
         step()
