@@ -147,12 +147,12 @@ def _room(world: GridMap) -> Floats:
 
 
 def _one(finder: Any, robot: _Robot, given: Conditions, trials: Trials) -> None:
-    finder.begin()
+    finder.restart()
     start = [round(each, 3) for each in robot.pose.tolist()]
     for number in range(round(given.limit_s / _PERIOD_S)):
         scan = robot.scan(number)
         used = time.thread_time()
-        found = finder.look(scan)
+        found = finder.add_scan(scan)
         spent = time.thread_time() - used
         trials.longest_piece_ms = max(trials.longest_piece_ms, 1e3 * spent)
         if found is not None:
@@ -169,7 +169,7 @@ def _one(finder: Any, robot: _Robot, given: Conditions, trials: Trials) -> None:
             return
         while spent < given.load * _PERIOD_S:
             used = time.thread_time()
-            more = finder.work()
+            more = finder.process_pending()
             piece = time.thread_time() - used
             spent += piece
             trials.longest_piece_ms = max(trials.longest_piece_ms, 1e3 * piece)

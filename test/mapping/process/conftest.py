@@ -57,7 +57,7 @@ def mapped(flat: Drive, sightings: list[PosedScan]) -> Engine:
     """Give one that has mapped the drive; it is not to be changed."""
     made = Engine(MappingSettings(), lambda sighting: flat.truth[0])
     for each in sightings:
-        made.take(each)
+        made.add_scan(each)
     made.finish_drawing()
     return made
 

@@ -102,7 +102,7 @@ def drive(harness: Harness) -> Measured:
     made = drive_of(harness.arguments['drive'], harness.arguments['scans'])
     mapper, grid, samples, cpu_s = _timed(made.scans)
     begin_ns = time.thread_time_ns()
-    mapper.finish()
+    mapper.optimise_all()
     cpu_s += (time.thread_time_ns() - begin_ns) / NS_PER_S
     while not grid.update(mapper.keyframes):
         pass

@@ -23,14 +23,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from planned_rooms import Planned
+from planned_rooms import rooms
+from planned_rooms import through
 import pytest
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.features.navigation.planner import Planner
 from rt_robot_os.testing.fakes import settings_of
-from test_planner import Planned
-from test_planner import rooms
-from test_planner import through
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
 
