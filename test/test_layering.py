@@ -96,7 +96,7 @@ LIBRARIES = {
     'PIL': (f'{PACKAGE}.devices.capture.camera', f'{PACKAGE}.devices.capture.pictures'),
     'sounddevice': (f'{PACKAGE}.gateway.voice_sound',
                     f'{PACKAGE}.devices.capture.sound'),
-    'mcap': (f'{PACKAGE}.features.mapping.process.bags.mcap_file', f'{PACKAGE}.recording'),
+    'mcap': (f'{PACKAGE}.features.mapping.bags.mcap_file', f'{PACKAGE}.recording'),
     'smbus2': (f'{PACKAGE}.devices.i2c.linux_bus',),
     'rich': (f'{PACKAGE}.tools.top.live',),
     'scipy': (f'{PACKAGE}.features.mapping.slam',),

@@ -105,7 +105,7 @@ def test_a_library_that_is_too_old_is_named_with_both_versions(
     ('monitor', ['user', 'list'], 'sqlalchemy', '1.4.50'),
     ('gateway', ['--server', 'ws://127.0.0.1:9'], 'websockets', '10.4'),
     ('recording.record', ['imu/data'], 'mcap', '0.9'),
-    ('features.mapping.process', [], 'scipy', '1.8.0')])
+    ('features.mapping.cli', [], 'scipy', '1.8.0')])
 def test_a_program_with_a_library_that_is_too_old_says_so_in_one_line(
         program: str, arguments: list[str], name: str, version: str, install: Install,
         tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from xml.etree import ElementTree
 import pytest
 
 from rt_robot_os.features.mapping.process.outputs import TOPICS
-from rt_robot_os.features.mapping.process.settings import load as mapping_settings
+from rt_robot_os.features.mapping.settings import load as mapping_settings
 from rt_robot_os.settings import load
 import yaml
 

@@ -26,7 +26,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.output_files import check_output
 from rt_robot_os.base.output_files import check_picture
 from rt_robot_os.base.requirements import Library
-from rt_robot_os.features.mapping.process.command import run as mapping
+from rt_robot_os.features.mapping.cli.command import run as mapping
 from rt_robot_os.tools.black_box.program import main as black_box
 
 Check = Callable[[str, Path], None]

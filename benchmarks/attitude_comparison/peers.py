@@ -34,8 +34,8 @@ import numpy as np
 
 from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
 from rt_robot_os.features.navigation.attitude import AttitudeFilter
+from rt_robot_os.features.navigation.attitude import FilterTuning
 from rt_robot_os.features.navigation.attitude import MahonyFilter
-from rt_robot_os.features.navigation.attitude import Tuning
 from rt_robot_os.features.navigation.attitude import VqfFilter
 from rt_robot_os.motion.quaternion import about_up
 from rt_robot_os.motion.quaternion import from_up
@@ -87,7 +87,7 @@ def vqf_filter(recording: Recording) -> AttitudeFilter:
     """Make our adapter of vqf."""
     sample_s = 1 / recording.rate_hz
     field_s = sample_s * len(recording.field) / max(1, int(fields_new(recording).sum()))
-    return VqfFilter(Tuning(), sample_s, field_s)
+    return VqfFilter(FilterTuning(), sample_s, field_s)
 
 
 def _ahrs(name: str, axes: int, **gains: float) -> Callable[[Recording], Array]:
@@ -145,7 +145,7 @@ def _imufusion(axes: int, timeout_s: float) -> Callable[[Recording], Array]:
 
 
 def _mahony(recording: Recording) -> AttitudeFilter:
-    return MahonyFilter(Tuning())
+    return MahonyFilter(FilterTuning())
 
 
 # imufusion: as in its example, which gives a rejected field up after 5 s, and after 60 s as ours

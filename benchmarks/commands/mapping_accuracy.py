@@ -28,7 +28,7 @@ from pathlib import Path
 import sys
 import tempfile
 
-from rt_robot_os.features.mapping.process.command import run
+from rt_robot_os.features.mapping.cli.command import run
 
 
 def main() -> int:

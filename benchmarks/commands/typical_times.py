@@ -101,7 +101,7 @@ def somebody_needs_help(stack: ExitStack, path: Path) -> None:
 def it_explores(stack: ExitStack, path: Path) -> None:
     """Map beside the core, and explore."""
     mapping = subprocess.Popen(
-        [sys.executable, '-m', 'rt_robot_os.features.mapping.process.program', '--ros-args',
+        [sys.executable, '-m', 'rt_robot_os.features.mapping.cli.program', '--ros-args',
          '--params-file', CONFIG / 'service_robot.yaml', '--params-file', CONFIG / 'mapping.yaml'],
         stdout=subprocess.DEVNULL)
     stack.callback(mapping.wait)

@@ -30,7 +30,7 @@ from rt_robot_os.motion.controllers import make_controller
 from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.follower import Follower
-from rt_robot_os.motion.reference import Reference
+from rt_robot_os.motion.reference import PathReference
 from rt_robot_os.motion.spline import legs
 from rt_robot_os.motion.velocity_limits import VelocityLimits
 from rt_robot_os.tools.bench.harness import Harness
@@ -73,7 +73,7 @@ def _law(name: str) -> Callable[[], object]:
     """Give a step of a law somewhere on an eight; the reference stays there."""
     law = make_controller(name)
     path, = legs(_EIGHT, 0.8)
-    reference = Reference(path, _LIMITS)
+    reference = PathReference(path, _LIMITS)
     for _ in range(200):
         reference.advance(_PERIOD_S)
     x, y, heading, _ = path.at(reference.along_m)
@@ -155,6 +155,6 @@ def _path() -> Callable[[], object]:
     """Give the making of a reference from 400 poses."""
     def lay() -> None:
         path, = legs(_EIGHT, 0.8)
-        Reference(path, _LIMITS)
+        PathReference(path, _LIMITS)
 
     return lay

@@ -36,10 +36,10 @@ from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.ekf import PoseCovariance
 from rt_robot_os.motion.gyro_turn import GyroTurn
 from rt_robot_os.motion.localizer import Localizer
-from rt_robot_os.motion.pose_history import Fix
-from rt_robot_os.motion.pose_history import Step
+from rt_robot_os.motion.pose_history import OdometryStep
+from rt_robot_os.motion.pose_history import PoseFix
 from rt_robot_os.motion.wheel_odometry import WheelOdometry
-from rt_robot_os.motion.wheel_odometry import Wheels
+from rt_robot_os.motion.wheel_odometry import WheelParameters
 
 GYRO_NOISE_RAD = 0.001
 WHEEL_NOISE_M = 0.005
@@ -146,12 +146,12 @@ class _Drive:
         self.robot = Robot(eight, right_error=scenario.wheel_error,
                            wheel_noise_m=WHEEL_NOISE_M, gyro_bias=0.02,
                            gyro_stddev=GYRO_NOISE_RAD / math.sqrt(DT_S), seed=scenario.seed)
-        self.odometry = WheelOdometry(Wheels(RADIUS_M, RADIUS_M, SEPARATION_M))
+        self.odometry = WheelOdometry(WheelParameters(RADIUS_M, RADIUS_M, SEPARATION_M))
         self.gyro = GyroTurn(0.1)
         self.localizer = Localizer()
         self.localizer.state.begin_drift(0.0, 0.05 ** 2)
         self.trace = Trace()
-        self.late: list[tuple[float, Fix, bool]] = []
+        self.late: list[tuple[float, PoseFix, bool]] = []
 
     def run(self) -> Trace:
         scenario, robot = self.scenario, self.robot
@@ -184,16 +184,17 @@ class _Drive:
         odometry, now_ns = self.odometry, self._now_ns
         self.gyro.add(now_ns, self.robot.gyro())
         turned = self.gyro.until(now_ns)
-        if not odometry.take(now_ns, *self.robot.angles):
+        if not odometry.update(now_ns, *self.robot.angles):
             return
         if self.scenario.gyro and turned == turned:
-            step = Step(now_ns, odometry.distance_m, turned, odometry.dt_s,
-                        odometry.distance_variance,
-                        GYRO_NOISE_RAD ** 2 * odometry.dt_s, 0.0, 1e-10 * odometry.dt_s)
+            step = OdometryStep(now_ns, odometry.distance_m, turned, odometry.dt_s,
+                                odometry.distance_variance,
+                                GYRO_NOISE_RAD ** 2 * odometry.dt_s, 0.0, 1e-10 * odometry.dt_s)
         else:
-            step = Step(now_ns, odometry.distance_m, odometry.turn_rad, odometry.distance_m,
-                        odometry.distance_variance, odometry.turn_variance,
-                        odometry.step_covariance, 1e-6 * abs(odometry.distance_m))
+            step = OdometryStep(now_ns, odometry.distance_m, odometry.turn_rad,
+                                odometry.distance_m,
+                                odometry.distance_variance, odometry.turn_variance,
+                                odometry.step_covariance, 1e-6 * abs(odometry.distance_m))
         self.localizer.move(step)
 
     def _look(self) -> None:
@@ -202,15 +203,15 @@ class _Drive:
         seen = robot.misled() if false else robot.seen(scenario.stddev_m, scenario.stddev_rad)
         variance = scenario.stddev_m ** 2
         self.trace.fixes.append(seen)
-        self.late.append((robot.time_s + scenario.delay_s, Fix(
+        self.late.append((robot.time_s + scenario.delay_s, PoseFix(
             self._now_ns, seen, (variance, 0.0, 0.0, variance, 0.0, scenario.stddev_rad ** 2)),
             false))
 
-    def _take(self, fix: Fix, false: bool) -> None:
+    def _take(self, fix: PoseFix, false: bool) -> None:
         state, located = self.localizer.state, self.localizer.located
         recovered = self.localizer.counters.recovered
         before, covariance = state.pose, state.covariance
-        self.localizer.fix(fix)
+        self.localizer.add_fix(fix)
         if not located or not fix.judged:
             return
         if not false:

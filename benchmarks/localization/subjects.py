@@ -40,8 +40,8 @@ from rt_robot_os.modules import Module
 from rt_robot_os.motion.ekf import Ekf
 from rt_robot_os.motion.localizer import Localizer
 from rt_robot_os.motion.mounting import Mounting
-from rt_robot_os.motion.pose_history import Fix
-from rt_robot_os.motion.pose_history import Step
+from rt_robot_os.motion.pose_history import OdometryStep
+from rt_robot_os.motion.pose_history import PoseFix
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
@@ -184,9 +184,9 @@ def _step(late: int) -> Callable[[], object]:
     def step() -> None:
         nonlocal stamp_ns
         stamp_ns += _STEP_NS
-        localizer.move(Step(stamp_ns, 0.006, 0.0, 0.02, 1e-7, 1e-6, 0.0, 1e-10))
-        localizer.fix(Fix(stamp_ns - late * _STEP_NS - _STEP_NS // 3,
-                          (localizer.state.x - 0.006 * late, 0.0, 0.0), _SURE))
+        localizer.move(OdometryStep(stamp_ns, 0.006, 0.0, 0.02, 1e-7, 1e-6, 0.0, 1e-10))
+        localizer.add_fix(PoseFix(stamp_ns - late * _STEP_NS - _STEP_NS // 3,
+                                  (localizer.state.x - 0.006 * late, 0.0, 0.0), _SURE))
 
     for _ in range(2 * late + 2):
         step()

@@ -33,8 +33,8 @@ from typing import Final
 import numpy as np
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.mapping.slam.finding import Finder
-from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.slam.global_localization import GlobalLocalizer
+from rt_robot_os.features.mapping.slam.graph import MapGraph
 from rt_robot_os.features.mapping.slam.known_map import KnownMap
 from rt_robot_os.features.mapping.slam.scan import Scan
 from rt_robot_os.features.mapping.slam.transforms import between
@@ -114,14 +114,14 @@ class Trials:
 
 
 def restart_trials(count: int, seed: int, world: GridMap, saved: GridMap | None = None,
-                   graph: Graph | None = None, conditions: Conditions | None = None,
-                   make: Callable[..., Any] = Finder) -> Trials:
+                   graph: MapGraph | None = None, conditions: Conditions | None = None,
+                   make: Callable[..., Any] = GlobalLocalizer) -> Trials:
     """
     Restart a robot at random places of a world.
 
     :param world: the true map, with what stands in it.
     :param saved: in which it looks for itself, in the same frame; None: the true one.
-    :param make: of (grid, graph): what finds it; as :class:`Finder`.
+    :param make: of (grid, graph): what finds it; as :class:`GlobalLocalizer`.
     """
     given = conditions or Conditions()
     rng = np.random.default_rng(seed)
@@ -147,12 +147,12 @@ def _room(world: GridMap) -> Floats:
 
 
 def _one(finder: Any, robot: _Robot, given: Conditions, trials: Trials) -> None:
-    finder.begin()
+    finder.restart()
     start = [round(each, 3) for each in robot.pose.tolist()]
     for number in range(round(given.limit_s / _PERIOD_S)):
         scan = robot.scan(number)
         used = time.thread_time()
-        found = finder.look(scan)
+        found = finder.add_scan(scan)
         spent = time.thread_time() - used
         trials.longest_piece_ms = max(trials.longest_piece_ms, 1e3 * spent)
         if found is not None:
@@ -169,7 +169,7 @@ def _one(finder: Any, robot: _Robot, given: Conditions, trials: Trials) -> None:
             return
         while spent < given.load * _PERIOD_S:
             used = time.thread_time()
-            more = finder.work()
+            more = finder.process_pending()
             piece = time.thread_time() - used
             spent += piece
             trials.longest_piece_ms = max(trials.longest_piece_ms, 1e3 * piece)

@@ -102,7 +102,7 @@ def drive(harness: Harness) -> Measured:
     made = drive_of(harness.arguments['drive'], harness.arguments['scans'])
     mapper, grid, samples, cpu_s = _timed(made.scans)
     begin_ns = time.thread_time_ns()
-    mapper.finish()
+    mapper.optimise_all()
     cpu_s += (time.thread_time_ns() - begin_ns) / NS_PER_S
     while not grid.update(mapper.keyframes):
         pass
@@ -275,8 +275,8 @@ def _run(harness: Harness, tested: Core, stamps: Stamps, seen: list[int]) -> Mea
 
 def mapper(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     """Be the process that maps."""
-    from rt_robot_os.features.mapping.process.live import LiveMapping
-    from rt_robot_os.features.mapping.process.settings import MappingSettings
+    from rt_robot_os.features.mapping.process.live_mapping import LiveMapping
+    from rt_robot_os.features.mapping.settings import MappingSettings
     live = LiveMapping(
         MappingSettings(pose_topic='', fix_topic='', initial_pose_topic='', start='origin',
                         resume=False, mounting_m=(0.1, 0.0, 0.0), mounting_rad=(0.0, 0.0, 0.0)),

@@ -31,10 +31,10 @@ from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.motion.localizer import Localizer
-from rt_robot_os.motion.pose_history import Fix
-from rt_robot_os.motion.pose_history import Step
+from rt_robot_os.motion.pose_history import OdometryStep
+from rt_robot_os.motion.pose_history import PoseFix
 from rt_robot_os.motion.wheel_odometry import WheelOdometry
-from rt_robot_os.motion.wheel_odometry import Wheels
+from rt_robot_os.motion.wheel_odometry import WheelParameters
 from rt_robot_os.sim.world.drive_base import DriveBase
 from rt_robot_os.sim.world_settings import WorldSettings
 
@@ -144,7 +144,7 @@ class Localiser:
 
     def __init__(self) -> None:
         self.velocity = (0.0, 0.0)
-        self._wheels = WheelOdometry(Wheels(RADIUS_M, RADIUS_M, SEPARATION_M))
+        self._wheels = WheelOdometry(WheelParameters(RADIUS_M, RADIUS_M, SEPARATION_M))
         self._localizer = Localizer()
         self._recent: list[tuple[float, float, float]] = []
 
@@ -156,9 +156,9 @@ class Localiser:
     def roll(self, stamp_ns: int, left_rad: float, right_rad: float) -> None:
         """Take the angles of the wheels."""
         wheels = self._wheels
-        if not wheels.take(stamp_ns, left_rad, right_rad):
+        if not wheels.update(stamp_ns, left_rad, right_rad):
             return
-        self._localizer.move(Step(
+        self._localizer.move(OdometryStep(
             stamp_ns, wheels.distance_m, wheels.turn_rad, 0.0, wheels.distance_variance,
             wheels.turn_variance, wheels.step_covariance))
         self._recent = [*self._recent[-4:], (wheels.dt_s, wheels.distance_m, wheels.turn_rad)]
@@ -171,7 +171,7 @@ class Localiser:
     def see(self, stamp_ns: int, pose: Pose) -> None:
         """Take a pose from the marks."""
         variance = FIX_STDDEV_M ** 2
-        self._localizer.fix(Fix(stamp_ns, pose, (
+        self._localizer.add_fix(PoseFix(stamp_ns, pose, (
             variance, 0.0, 0.0, variance, 0.0, FIX_STDDEV_RAD ** 2)))
 
     def at(self, now_ns: int, lead_s: float) -> Pose:

@@ -73,7 +73,7 @@ from rt_robot_os.devices.serial.device import SerialDecoder
 from rt_robot_os.devices.serial.device import SerialDevice
 from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.motion.run_on import RunOn
-from rt_robot_os.motion.wheel_counters import Reading
+from rt_robot_os.motion.wheel_counters import CounterReading
 from rt_robot_os.motion.wheel_counters import WheelCounters
 from rt_robot_os.motion.wheel_watch import WheelState
 from rt_robot_os.motion.wheel_watch import WheelWatch
@@ -229,10 +229,10 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         if self._swapped:
             left, right = right, left
         counters = self.counters
-        reading = counters.take(left, right, arrival_ns)
-        if reading is Reading.REJECTED:
+        reading = counters.update(left, right, arrival_ns)
+        if reading is CounterReading.REJECTED:
             return 0
-        if reading is Reading.REBASED:
+        if reading is CounterReading.REBASED:
             self.faults.flag_briefly(MotorFault.COUNTS_NEW, arrival_ns)
             self.log.warn('its counters restarted (reset, or another board): brought to rest',
                           throttle_s=1.0)
@@ -351,9 +351,9 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         self._wheels_rad_s = _STILL
         self.faults.clear()
         if self.COUNTS_SURVIVE:
-            self.counters.doubt()
+            self.counters.expect_reset()
         else:
-            self.counters.forget()
+            self.counters.restart()
 
     # --- supervision -----------------------------------------------------------------------------
 
@@ -377,7 +377,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
     def _watch(self, now_ns: int) -> None:
         for side, watch, command_rad_s, position_rad in zip(
                 (0, 1), self._watches, self._wheels_rad_s, self.counters.position_rad):
-            state = watch.look(command_rad_s, position_rad, now_ns)
+            state = watch.update(command_rad_s, position_rad, now_ns)
             if state is WheelState.STANDSTILL:
                 self._standstills += 1
                 self.stop_for(MotorFault(MotorFault.LEFT_STANDSTILL << side), (

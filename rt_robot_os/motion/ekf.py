@@ -257,8 +257,8 @@ class Ekf:
         return self._update_one(wrapped(heading_rad - self.heading), variance, gate, self.p02,
                                 self.p12, self.p22, self.p23, self.p22)
 
-    def doubt(self, position_variance: float, heading_variance: float, drift_variance: float
-              ) -> None:
+    def inflate(self, position_variance: float, heading_variance: float, drift_variance: float
+                ) -> None:
         """Be less sure, by variances in m^2 of x and of y, rad^2, and that of the drift."""
         self.p00 = min(_VARIANCE_MOST, self.p00 + position_variance)
         self.p11 = min(_VARIANCE_MOST, self.p11 + position_variance)

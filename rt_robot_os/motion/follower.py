@@ -32,7 +32,7 @@ from rt_robot_os.motion.controllers.base import Velocity
 from rt_robot_os.motion.controllers.turning import turning_rate
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.follower_tuning import FollowerTuning
-from rt_robot_os.motion.reference import Reference
+from rt_robot_os.motion.reference import PathReference
 from rt_robot_os.motion.reference_path import checked
 from rt_robot_os.motion.reference_path import is_pose
 from rt_robot_os.motion.reference_path import Path
@@ -96,7 +96,7 @@ class Follower:
         self.progress = 0.0
         self.error = (0.0, 0.0, 0.0)
         self.command: Velocity = _STANDSTILL
-        self.reference: Reference | None = None
+        self.reference: PathReference | None = None
         self.phase = Phase.REST
         self._then: Callable[[Pose], None] | None = None
         self._poses: list[Pose] = []
@@ -235,7 +235,7 @@ class Follower:
             linear = max(0.0, linear)
         return linear, angular
 
-    def _at_end(self, reference: Reference, pose: Pose, finished: bool) -> bool:
+    def _at_end(self, reference: PathReference, pose: Pose, finished: bool) -> bool:
         path = reference.path
         heading = path.heading[-1]
         ahead = (math.cos(heading) * (path.x[-1] - pose[0])
@@ -339,7 +339,7 @@ class Follower:
 
     def _drive(self, speed_m_s: float) -> None:
         self.state = 'driving'
-        self.reference = Reference(self._legs[0], self.limits, self._start_m, speed_m_s)
+        self.reference = PathReference(self._legs[0], self.limits, self._start_m, speed_m_s)
         self.controller.restart()
         self._enter(Phase.DRIVE)
 

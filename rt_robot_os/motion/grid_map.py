@@ -37,7 +37,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.motion.map_file import MapFile
 from rt_robot_os.motion.map_file import MODES
 from rt_robot_os.motion.map_file import read_map_file
-from rt_robot_os.motion.map_picture import Picture
+from rt_robot_os.motion.map_picture import MapPicture
 from rt_robot_os.motion.map_picture import read_picture
 from rt_robot_os.motion.map_picture import write_picture
 from rt_robot_os.motion.pgm import MOST_PIXELS
@@ -181,7 +181,7 @@ class GridMap:
         """Return the map as it is read again after it was saved: free, occupied or unknown."""
         described = MapFile(Path(), self.resolution_m, self.origin)
         grey = _grey_of(self.cells, described).astype(np.uint16)
-        return replace(self, cells=_values_of(Picture(grey, _WHITE), described))
+        return replace(self, cells=_values_of(MapPicture(grey, _WHITE), described))
 
     # ---- size and place ----------------------------------------------------------------------
 
@@ -334,7 +334,7 @@ def _bytes_of(path: Path, longest: int) -> bytes:
         raise ConfigError([f'{path}: cannot be read: {error.strerror}']) from None
 
 
-def _values_of(picture: Picture, described: MapFile) -> Cells:
+def _values_of(picture: MapPicture, described: MapFile) -> Cells:
     """Turn greys into values; one look-up a pixel, for there are few greys."""
     shade = np.arange(picture.highest + 1) / picture.highest
     if described.mode == 'raw':

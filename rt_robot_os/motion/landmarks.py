@@ -51,7 +51,7 @@ _ANGLES: Final = {'': 1.0, '_rad': 1.0, '_deg': math.pi / 180}
 _UNITS: Final = {'x': _LENGTHS, 'y': _LENGTHS, 'yaw': _ANGLES}
 
 
-class Landmark(NamedTuple):
+class CeilingLandmark(NamedTuple):
     """
     One landmark on the ceiling.
 
@@ -67,7 +67,7 @@ class Landmark(NamedTuple):
     yaw: float
 
 
-def landmarks_of(texts: Iterable[str], where: str) -> dict[int, Landmark]:
+def landmarks_of(texts: Iterable[str], where: str) -> dict[int, CeilingLandmark]:
     """
     Read landmarks from texts such as ``'24706: 0.0, 0.0, 0.0'``: number, x and y in m, yaw in rad.
 
@@ -81,7 +81,7 @@ def landmarks_of(texts: Iterable[str], where: str) -> dict[int, Landmark]:
         (f'{where}, {text!r}', _words(text)) for text in texts)
 
 
-def read_landmarks(text: str, name: str) -> dict[int, Landmark]:
+def read_landmarks(text: str, name: str) -> dict[int, CeilingLandmark]:
     """
     Read landmarks from the content of a file.
 
@@ -160,8 +160,8 @@ def _in_order(values: Mapping[Any, Any], where: str) -> Sequence[Any]:
     return [found.get(key) for key in ('id', 'x', 'y')] + [found.get('yaw', 0.0)]
 
 
-def _collected(rows: Iterable[tuple[str, Sequence[Any]]]) -> dict[int, Landmark]:
-    found: dict[int, Landmark] = {}
+def _collected(rows: Iterable[tuple[str, Sequence[Any]]]) -> dict[int, CeilingLandmark]:
+    found: dict[int, CeilingLandmark] = {}
     problems = []
     for where, row in rows:
         landmark = _landmark(row)
@@ -181,7 +181,7 @@ def _collected(rows: Iterable[tuple[str, Sequence[Any]]]) -> dict[int, Landmark]
     return found
 
 
-def _landmark(row: Sequence[Any]) -> Landmark | None:
+def _landmark(row: Sequence[Any]) -> CeilingLandmark | None:
     if not 3 <= len(row) <= 4:
         return None
     number = _number(row[0])
@@ -189,7 +189,7 @@ def _landmark(row: Sequence[Any]) -> Landmark | None:
     if number is None or x is None or y is None or yaw is None or number != int(number) or (
             not 0 <= number <= HIGHEST_NUMBER or max(abs(x), abs(y)) > FARTHEST_M):
         return None
-    return Landmark(int(number), x, y, math.remainder(yaw, math.tau))
+    return CeilingLandmark(int(number), x, y, math.remainder(yaw, math.tau))
 
 
 def _number(value: Any) -> float | None:

@@ -36,13 +36,13 @@ from rt_robot_os.motion.ekf import GATE_2
 from rt_robot_os.motion.ekf import GATE_3
 from rt_robot_os.motion.ekf import PoseCovariance
 from rt_robot_os.motion.ekf import UNKNOWN_VARIANCE
-from rt_robot_os.motion.fix_record import FixRecord
-from rt_robot_os.motion.pose_history import Fix
+from rt_robot_os.motion.fix_statistics import FixStatistics
+from rt_robot_os.motion.gate_monitor import GateMonitor
+from rt_robot_os.motion.pose_history import OdometryStep
+from rt_robot_os.motion.pose_history import PoseFix
 from rt_robot_os.motion.pose_history import PoseHistory
-from rt_robot_os.motion.pose_history import Step
 from rt_robot_os.motion.poses import composed
 from rt_robot_os.motion.poses import transform
-from rt_robot_os.motion.refusals import Refusals
 
 # Measurements that wait for the odometry of their moment.
 _WAITING_MOST: Final = 16
@@ -57,7 +57,7 @@ _NIS_COUNT: Final = 100
 
 
 @dataclass(frozen=True)
-class Tuning:
+class LocalizerTuning:
     """
     What can be set.
 
@@ -97,12 +97,12 @@ class FixCounters:
     corrected: int = 0
 
 
-class _Candidate:
+class _PoseCandidate:
     """Another place where the robot may be, that a source says."""
 
     __slots__ = ('state', 'votes', 'since_ns', 'last_ns', 'source')
 
-    def __init__(self, state: Ekf, fix: Fix) -> None:
+    def __init__(self, state: Ekf, fix: PoseFix) -> None:
         self.state = state
         self.votes = 1
         self.since_ns = self.last_ns = fix.stamp_ns
@@ -111,7 +111,7 @@ class _Candidate:
 
 class Localizer:
     """
-    Estimate the pose on the map; call :meth:`move` and :meth:`fix` as data come.
+    Estimate the pose on the map; call :meth:`move` and :meth:`add_fix` as data come.
 
     :ivar state: the filter; of no meaning before :attr:`located`.
     :ivar located: the pose is known.
@@ -128,7 +128,7 @@ class Localizer:
         rad.
     """
 
-    def __init__(self, tuning: Tuning = Tuning()) -> None:
+    def __init__(self, tuning: LocalizerTuning = LocalizerTuning()) -> None:
         self.counters = FixCounters()
         self.state = Ekf()
         self.located = False
@@ -136,14 +136,14 @@ class Localizer:
         self.nis = 0.0
         self.jump = (0.0, 0.0)
         self.late = self.latest_ns = 0
-        self.records = tuple(FixRecord() for _ in range(_SOURCES_MOST))
-        self.headings = Refusals(tuning.kidnapped_s, tuning.kidnapped_fixes)
-        self.drifts = Refusals(tuning.kidnapped_s, tuning.kidnapped_fixes)
+        self.records = tuple(FixStatistics() for _ in range(_SOURCES_MOST))
+        self.headings = GateMonitor(tuning.kidnapped_s, tuning.kidnapped_fixes)
+        self.drifts = GateMonitor(tuning.kidnapped_s, tuning.kidnapped_fixes)
         self._heading_fix_ns = 0
         self._tuning = tuning
         self._history = PoseHistory(self.state, tuning.history_s, tuning.scale)
-        self._waiting: list[Fix] = []
-        self._candidate: _Candidate | None = None
+        self._waiting: list[PoseFix] = []
+        self._candidate: _PoseCandidate | None = None
         self._movements: deque[tuple[int, Pose]] = deque(maxlen=_MOVEMENTS_MOST)
 
     @property
@@ -187,7 +187,7 @@ class Localizer:
         for record in self.records:
             record.restart()
 
-    def move(self, step: Step) -> bool:
+    def move(self, step: OdometryStep) -> bool:
         """
         Move on.
 
@@ -197,7 +197,7 @@ class Localizer:
         history = self._history
         if not history.stamp_ns:
             history.begin(step.stamp_ns)
-            self._take_due(step.stamp_ns)
+            self._apply_due(step.stamp_ns)
             return True
         if step.stamp_ns <= history.stamp_ns:
             return False
@@ -205,8 +205,8 @@ class Localizer:
             step.predict(self._candidate.state)
         history.append(step)
         if self.located:
-            self._judge_step(step)
-        self._take_due(step.stamp_ns)
+            self._evaluate_step(step)
+        self._apply_due(step.stamp_ns)
         return True
 
     def displace(self, stamp_ns: int, movement: Pose) -> bool:
@@ -239,9 +239,9 @@ class Localizer:
             self.jump = math.hypot(there[0] - x, there[1] - y), abs(there[2])
         return True
 
-    def fix(self, fix: Fix) -> None:
+    def add_fix(self, fix: PoseFix) -> None:
         """
-        Take a measured pose, in any order; :attr:`Fix.judged` tells whether it had its turn.
+        Take a measured pose, in any order; :attr:`PoseFix.judged` tells whether it had its turn.
 
         One that is newer than the last step waits for the next.
         """
@@ -250,7 +250,7 @@ class Localizer:
                 fix.displace(movement)
         self._place(fix)
 
-    def _place(self, fix: Fix) -> None:
+    def _place(self, fix: PoseFix) -> None:
         history = self._history
         if not history.stamp_ns or fix.stamp_ns > history.stamp_ns:
             self._waiting.append(fix)
@@ -268,9 +268,9 @@ class Localizer:
         if self.located and not history.insert(fix):
             self.counters.overflow += 1
             return
-        self._judge(fix)
+        self._evaluate(fix)
 
-    def _take_due(self, stamp_ns: int) -> None:
+    def _apply_due(self, stamp_ns: int) -> None:
         """Take the measurements that waited for the odometry of their moment."""
         if self._waiting:
             due = [fix for fix in self._waiting if fix.stamp_ns <= stamp_ns]
@@ -283,7 +283,7 @@ class Localizer:
         """Return ``map`` -> ``odom``, for the pose of odometry at the moment of the last step."""
         return transform(self.state.pose, odometry)
 
-    def _judge_step(self, step: Step) -> None:
+    def _evaluate_step(self, step: OdometryStep) -> None:
         """Note the heading and the drift of a step; believe those that are refused for long."""
         headings, drifts, again = self.headings, self.drifts, False
         if step.heading_rad == step.heading_rad:
@@ -306,21 +306,21 @@ class Localizer:
 
     # ---- what does not fit -------------------------------------------------------------------
 
-    def _judge(self, fix: Fix) -> None:
+    def _evaluate(self, fix: PoseFix) -> None:
         """See what a measurement was good for, after it was compared."""
         self.fix_ns = max(self.fix_ns, fix.stamp_ns)
         if self.located and fix.judged and fix.source < len(self.records):
             self.records[fix.source].add(fix)
         if not self.located:
-            self._consider(fix)
+            self._test_candidate(fix)
         elif fix.accepted:
             self._accept(fix)
         elif fix.judged:
             self.counters.rejected += 1
             if self._tuning.kidnapped_s:
-                self._consider(fix)
+                self._test_candidate(fix)
 
-    def _accept(self, fix: Fix) -> None:
+    def _accept(self, fix: PoseFix) -> None:
         self.counters.accepted += 1
         self.accepted_ns = max(self.accepted_ns, fix.stamp_ns)
         if fix.dimensions == 3:
@@ -333,7 +333,7 @@ class Localizer:
             if candidate.votes <= 0:
                 self._candidate = None
 
-    def _consider(self, fix: Fix) -> None:
+    def _test_candidate(self, fix: PoseFix) -> None:
         """Compare a measurement with the other place where the robot may be."""
         there = self._history.carried(fix)
         candidate = self._candidate
@@ -342,7 +342,7 @@ class Localizer:
             if candidate.state.update_pose(there.pose, there.covariance, gate):
                 candidate.votes += 1
                 candidate.last_ns = fix.stamp_ns
-                self._believe(candidate, fix.stamp_ns)
+                self._adopt_candidate(candidate, fix.stamp_ns)
                 return
             if not self._outranks(candidate, fix):
                 candidate.votes -= 1
@@ -350,10 +350,10 @@ class Localizer:
                 candidate.votes = 0
         # Of a position alone no pose can be begun.
         if (candidate is None or candidate.votes <= 0) and fix.dimensions == 3:
-            self._candidate = candidate = _Candidate(there, fix)
-            self._believe(candidate, fix.stamp_ns)
+            self._candidate = candidate = _PoseCandidate(there, fix)
+            self._adopt_candidate(candidate, fix.stamp_ns)
 
-    def _outranks(self, candidate: _Candidate, fix: Fix) -> bool:
+    def _outranks(self, candidate: _PoseCandidate, fix: PoseFix) -> bool:
         """
         Return whether a place is that of a source before the one that contradicts, and is fresh.
 
@@ -362,7 +362,7 @@ class Localizer:
         return (candidate.source < fix.source
                 and fix.stamp_ns - candidate.last_ns < _RANK_NS)
 
-    def _believe(self, candidate: _Candidate, stamp_ns: int) -> None:
+    def _adopt_candidate(self, candidate: _PoseCandidate, stamp_ns: int) -> None:
         """Take over the other place when it has been right for long enough."""
         tuning = self._tuning
         if self.located:

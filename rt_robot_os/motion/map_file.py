@@ -78,7 +78,7 @@ def read_map_file(text: str, path: Path) -> MapFile:
     :param path: of the file; for the errors and for a relative image.
     :raises ConfigError: with every problem, each with file and line.
     """
-    reader = _Reader(text, path)
+    reader = _MapFileReader(text, path)
     image = reader.take('image', _text_of)
     values: dict[str, Any] = {
         'resolution_m': reader.take('resolution', _resolution),
@@ -96,7 +96,7 @@ def read_map_file(text: str, path: Path) -> MapFile:
     return MapFile(image=path.parent / image, **values)
 
 
-class _Reader:
+class _MapFileReader:
     """The keys of the file, and what is wrong with them."""
 
     def __init__(self, text: str, path: Path) -> None:

@@ -47,7 +47,7 @@ _ROWS_AT_ONCE: Final = 512
 _DEEP: Final = 65535
 
 
-class Picture(NamedTuple):
+class MapPicture(NamedTuple):
     """
     A picture of a map.
 
@@ -62,7 +62,7 @@ class Picture(NamedTuple):
     unknown: npt.NDArray[np.bool_] | None = None
 
 
-def read_picture(data: bytes, mode: str) -> Picture:
+def read_picture(data: bytes, mode: str) -> MapPicture:
     """
     Read a picture; what it is, its content says.
 
@@ -72,7 +72,7 @@ def read_picture(data: bytes, mode: str) -> Picture:
     """
     kind = next((name for start, name in _WITH_PILLOW.items() if data.startswith(start)), '')
     if not kind:
-        return Picture(*read_pgm(data))
+        return MapPicture(*read_pgm(data))
     pillow = _pillow(f'is a {kind}')
     try:
         with warnings.catch_warnings():
@@ -117,13 +117,13 @@ def _pillow(what: str) -> Any:
                          ) from None
 
 
-def _greys(image: Any, mode: str) -> Picture:
+def _greys(image: Any, mode: str) -> MapPicture:
     """Return the greys of a picture that is loaded."""
     if image.mode.startswith('I') or image.mode == 'F':  # 16 bits of grey
-        return Picture(np.clip(np.asarray(image), 0, _DEEP).astype(np.uint16), _DEEP)
+        return MapPicture(np.clip(np.asarray(image), 0, _DEEP).astype(np.uint16), _DEEP)
     has_alpha = image.mode in ('LA', 'PA', 'RGBA', 'La', 'RGBa') or 'transparency' in image.info
     if image.mode in ('1', 'L') and not has_alpha:
-        return Picture(np.asarray(image.convert('L')).astype(np.uint16), 255)
+        return MapPicture(np.asarray(image.convert('L')).astype(np.uint16), 255)
     width, height = image.size
     with_opacity = has_alpha and mode == 'trinary'
     grey = np.empty((height, width), np.uint16)
@@ -136,4 +136,4 @@ def _greys(image: Any, mode: str) -> Picture:
         pixels[..., :4 if with_opacity else 3].sum(axis=2, dtype=np.uint16, out=grey[rows])
         if unknown is not None:
             unknown[rows] = pixels[..., 3] != 255
-    return Picture(grey, 255 * (4 if with_opacity else 3), unknown)
+    return MapPicture(grey, 255 * (4 if with_opacity else 3), unknown)

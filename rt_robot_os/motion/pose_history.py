@@ -48,7 +48,7 @@ _FIXES_MOST: Final = 16
 
 
 @dataclass
-class Fix:
+class PoseFix:
     """
     A measured pose on the map.
 
@@ -89,7 +89,7 @@ Judgement = tuple[bool, float]
 
 
 @dataclass
-class Step:
+class OdometryStep:
     """
     What happened from one sample of odometry to the next.
 
@@ -126,7 +126,7 @@ class Step:
     drift_measured_variance: float = 0.0
 
     def __post_init__(self) -> None:
-        self.fixes: list[Fix] = []
+        self.fixes: list[PoseFix] = []
         self.after: State = ()
         self.blind_m = 0.0
         self.heading_judgement: Judgement = (True, 0.0)
@@ -168,7 +168,7 @@ class PoseHistory:
         self._blind_m = 0.0
         self._state = state
         self._length_ns = round(seconds * NS_PER_S)
-        self._steps: deque[Step] = deque()
+        self._steps: deque[OdometryStep] = deque()
 
     @property
     def stamp_ns(self) -> int:
@@ -184,11 +184,11 @@ class PoseHistory:
         """Forget what was: the state of the filter is that of this moment."""
         self._steps.clear()
         self._blind_m = 0.0
-        step = Step(stamp_ns)
+        step = OdometryStep(stamp_ns)
         step.after = self._state.state()
         self._steps.append(step)
 
-    def append(self, step: Step) -> None:
+    def append(self, step: OdometryStep) -> None:
         """Move the filter along the next step; its fixes lie within."""
         steps = self._steps
         self._advance(step, steps[-1].stamp_ns)
@@ -202,7 +202,7 @@ class PoseHistory:
         if len(self._steps) > 1:
             self._replay(-1)
 
-    def insert(self, fix: Fix) -> bool:
+    def insert(self, fix: PoseFix) -> bool:
         """
         Put a measurement from the past in its place.
 
@@ -258,7 +258,7 @@ class PoseHistory:
         if again:  # they were compared in the wrong frame
             self._replay(again)
 
-    def carried(self, fix: Fix) -> Ekf:
+    def carried(self, fix: PoseFix) -> Ekf:
         """Return where the robot is now, if it was then where a measurement says."""
         there = Ekf()
         there.begin(fix.pose, fix.covariance)
@@ -283,11 +283,11 @@ class PoseHistory:
             index -= 1
         return index
 
-    def _go_back_to(self, step: Step) -> None:
+    def _go_back_to(self, step: OdometryStep) -> None:
         self._state.restore(step.after)
         self._blind_m = step.blind_m
 
-    def _correct(self, fix: Fix) -> None:
+    def _correct(self, fix: PoseFix) -> None:
         state = self._state
         before = state.p00 + state.p11
         correct(state, fix)
@@ -295,13 +295,13 @@ class PoseHistory:
         if before:
             self._blind_m *= (state.p00 + state.p11) / before
 
-    def _predict(self, step: Step, part: float) -> None:
+    def _predict(self, step: OdometryStep, part: float) -> None:
         length = abs(step.distance_m) * part
         # (scale * way)^2 grows by that much.
         step.predict(self._state, part, self._scale * length * (2 * self._blind_m + length))
         self._blind_m += length
 
-    def _advance(self, step: Step, before_ns: int) -> None:
+    def _advance(self, step: OdometryStep, before_ns: int) -> None:
         state = self._state
         if step.fixes:
             done, span_ns = 0.0, step.stamp_ns - before_ns
@@ -318,21 +318,21 @@ class PoseHistory:
         if step.heading_rad == step.heading_rad:
             off, gate = wrapped(step.heading_rad - state.heading), GATE_1
             if step.believed_heading is not None:
-                state.doubt(step.believed_heading, off * off, 0.0)
+                state.inflate(step.believed_heading, off * off, 0.0)
                 gate = math.inf
             step.heading_judgement = state.update_heading(
                 step.heading_rad, step.heading_variance, gate), off
         if step.drift == step.drift:
             off, gate = step.drift - state.drift, GATE_1
             if step.believes_drift:
-                state.doubt(0.0, 0.0, off * off)
+                state.inflate(0.0, 0.0, off * off)
                 gate = math.inf
             step.drift_judgement = state.update_drift(
                 step.drift, step.drift_measured_variance, gate), off
         step.after, step.blind_m = state.state(), self._blind_m
 
 
-def correct(state: Ekf, fix: Fix) -> None:
+def correct(state: Ekf, fix: PoseFix) -> None:
     """Compare a filter with a measurement, and correct it if the two agree."""
     gate = GATE_3 if fix.dimensions == 3 else GATE_2
     x, y, heading = state.pose
@@ -355,5 +355,5 @@ def inflated(covariance: PoseCovariance, factor: float) -> PoseCovariance:
     return xx, xy, xh, yy, yh, max(hh, covariance[5])
 
 
-def _stamp(fix: Fix) -> int:
+def _stamp(fix: PoseFix) -> int:
     return fix.stamp_ns

@@ -74,7 +74,7 @@ class PosePrediction:
         """Return whether there is a pose."""
         return self._map_to_odom is not None and bool(self._odometry)
 
-    def odometry(self, stamp_ns: int, pose: Pose, velocity: tuple[float, float]) -> None:
+    def add_odometry(self, stamp_ns: int, pose: Pose, velocity: tuple[float, float]) -> None:
         """Take a sample of odometry, in order; one that is not newer than the last is left out."""
         kept = self._odometry
         if kept:
@@ -89,7 +89,7 @@ class PosePrediction:
         kept.append((stamp_ns, pose))
         self.velocity = velocity
 
-    def localised(self, stamp_ns: int, pose: Pose) -> None:
+    def add_pose(self, stamp_ns: int, pose: Pose) -> None:
         """Take a pose on the map; needs a sample of odometry before."""
         if not self._odometry:
             return
@@ -108,7 +108,7 @@ class PosePrediction:
             self._left = (0.0, 0.0, 0.0)
             self.jumps += 1
 
-    def settle(self) -> None:
+    def apply_corrections(self) -> None:
         """Take over at once what is left of the corrections: a new way begins where they lead."""
         self._left = (0.0, 0.0, 0.0)
 

@@ -177,7 +177,7 @@ class TimeLaw:
         return min(self._length_m, self._start_m + area / window)
 
 
-class Reference:
+class PathReference:
     """
     A path, its time law, and where a robot should be on it by now; safe in the real-time loop.
 

@@ -31,10 +31,10 @@ import numpy as np
 
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.grid_search import GridSearch
+from rt_robot_os.motion.path_smoothing import rounded
+from rt_robot_os.motion.path_smoothing import shortened
 from rt_robot_os.motion.terrain import Cells
 from rt_robot_os.motion.terrain import Terrain
-from rt_robot_os.motion.way_smoothing import rounded
-from rt_robot_os.motion.way_smoothing import shortened
 
 # Closer than this to what is wanted nothing was moved.
 _SAME_M: Final = 1e-9

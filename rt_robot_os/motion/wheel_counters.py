@@ -48,7 +48,7 @@ _SURE_OF_RESET: Final = 5
 _SHORTEST_S: Final = 0.015
 
 
-class Reading(Enum):
+class CounterReading(Enum):
     """
     What became of a reading.
 
@@ -61,7 +61,7 @@ class Reading(Enum):
     REBASED = 'rebased'
 
 
-class _Held(NamedTuple):
+class _HeldReadings(NamedTuple):
     """
     Readings that are held back and fit to each other.
 
@@ -115,7 +115,7 @@ class WheelCounters:
         self._gain_rad_s2 = fastest_rad_s / _FASTEST_START_S
         self._most_rad = most * max(abs(left_rad), abs(right_rad))
         self._last: Counts | None = None
-        self._held: _Held | None = None
+        self._held: _HeldReadings | None = None
         self._doubted = False
         self._totals: Counts = (0, 0)
         self._from_rad: Counts = (0.0, 0.0)
@@ -125,17 +125,17 @@ class WheelCounters:
         self.stamp_ns = 0
         self.rejected = self.resets = 0
 
-    def forget(self) -> None:
+    def restart(self) -> None:
         """Begin anew with the next reading, wherever the counters are; the angles stay."""
         self._last = self._held = None
         self._doubted = False
         self.velocity_rad_s = 0.0, 0.0
 
-    def doubt(self) -> None:
+    def expect_reset(self) -> None:
         """Expect that the counters may have been reset: answers stayed away for a while."""
         self._doubted = True
 
-    def take(self, left: float, right: float, now_ns: int) -> Reading:
+    def update(self, left: float, right: float, now_ns: int) -> CounterReading:
         """
         Add a reading.
 
@@ -144,43 +144,43 @@ class WheelCounters:
         """
         if not (math.isfinite(left) and math.isfinite(right)):
             self.rejected += 1
-            return Reading.REJECTED
+            return CounterReading.REJECTED
         counts = left, right
         last = self._last
         if last is None:
             self._start(now_ns)
-            return self._add((0, 0), counts, now_ns, Reading.TAKEN)
+            return self._add((0, 0), counts, now_ns, CounterReading.TAKEN)
         steps = self._difference(counts, last)
         doubted = self._doubted or now_ns - self.stamp_ns > self._silence_ns
         self._doubted = False
         if self._are_new(counts, steps, now_ns, doubted):
             self.resets += 1
             self._start(now_ns)
-            return self._add((0, 0), counts, now_ns, Reading.REBASED)
+            return self._add((0, 0), counts, now_ns, CounterReading.REBASED)
         if self._is_likely(steps, now_ns - self.stamp_ns, self.velocity_rad_s, self._gain_rad_s2):
-            return self._add(steps, counts, now_ns, Reading.TAKEN)
+            return self._add(steps, counts, now_ns, CounterReading.TAKEN)
         return self._surprise(steps, counts, now_ns)
 
-    def _surprise(self, steps: Counts, counts: Counts, now_ns: int) -> Reading:
+    def _surprise(self, steps: Counts, counts: Counts, now_ns: int) -> CounterReading:
         """Hold a reading back until it is known what to think of it."""
         held = self._held
         if held is None or not self._follows(counts, held, now_ns):
-            self._held = _Held(counts, now_ns, counts, now_ns)
+            self._held = _HeldReadings(counts, now_ns, counts, now_ns)
         else:
-            self._held = held = _Held(
+            self._held = held = _HeldReadings(
                 held.first, held.first_ns, counts, now_ns, held.number + 1,
                 self._speeds(self._difference(counts, held.last), now_ns - held.last_ns))
             if held.number >= _SURE and self._can_be(steps, now_ns - self.stamp_ns):
-                return self._add(steps, counts, now_ns, Reading.TAKEN)
+                return self._add(steps, counts, now_ns, CounterReading.TAKEN)
             if held.number >= _SURE_OF_RESET:
                 self.resets += 1
                 self._start(held.first_ns)
                 return self._add(self._difference(counts, held.first), counts, now_ns,
-                                 Reading.REBASED)
+                                 CounterReading.REBASED)
         self.rejected += 1
-        return Reading.REJECTED
+        return CounterReading.REJECTED
 
-    def _follows(self, counts: Counts, held: _Held, now_ns: int) -> bool:
+    def _follows(self, counts: Counts, held: _HeldReadings, now_ns: int) -> bool:
         """Return whether a reading fits to those that are held back."""
         steps, took_ns = self._difference(counts, held.last), now_ns - held.last_ns
         if held.speeds is None:
@@ -196,7 +196,8 @@ class WheelCounters:
         self._from_rad, self._from_ns = self.position_rad, now_ns
         self.velocity_rad_s = 0.0, 0.0
 
-    def _add(self, steps: Counts, counts: Counts, now_ns: int, reading: Reading) -> Reading:
+    def _add(self, steps: Counts, counts: Counts, now_ns: int, reading: CounterReading
+             ) -> CounterReading:
         left, right = self._totals[0] + steps[0], self._totals[1] + steps[1]
         self._totals = left, right
         a, b = self.position_rad = left * self._units[0], right * self._units[1]

@@ -54,7 +54,7 @@ _PUSHED_RAD: Final = 0.006
 
 
 @dataclass(frozen=True)
-class Wheels:
+class WheelParameters:
     """
     What a pair of wheels is like.
 
@@ -79,7 +79,7 @@ class Wheels:
 
 
 @dataclass
-class WheelCounters:
+class WheelSampleCounters:
     """
     What became of the samples.
 
@@ -120,8 +120,8 @@ class WheelOdometry:
     :ivar in_row: implausible samples since the last good one.
     """
 
-    def __init__(self, wheels: Wheels) -> None:
-        self.counters = WheelCounters()
+    def __init__(self, wheels: WheelParameters) -> None:
+        self.counters = WheelSampleCounters()
         self.bias = RestBias(wheels.bias_most_rad_s)
         self.distance_m = self.turn_rad = self.dt_s = 0.0
         self.distance_variance = self.turn_variance = self.step_covariance = 0.0
@@ -152,8 +152,8 @@ class WheelOdometry:
         """Return the moment of the pose; 0 before the first sample."""
         return self._stamp_ns
 
-    def take(self, stamp_ns: int, left_rad: float, right_rad: float,
-             gyro_rad: float = math.nan) -> bool:
+    def update(self, stamp_ns: int, left_rad: float, right_rad: float,
+               gyro_rad: float = math.nan) -> bool:
         """
         Take the angles of the wheels.
 

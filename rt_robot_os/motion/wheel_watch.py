@@ -70,7 +70,7 @@ class WheelWatch:
         self._half_ns = 0
         self._gone_rad: float | None = None
 
-    def look(self, command_rad_s: float, position_rad: float, now_ns: int) -> WheelState:
+    def update(self, command_rad_s: float, position_rad: float, now_ns: int) -> WheelState:
         """
         Compare a wheel with its command.
 

@@ -142,7 +142,7 @@ def test_the_service_robot_has_its_camera_and_mapping_its_libraries(
     given = ['--ros-args', *config('service_robot', 'mapping'), *MODEST]
     robot = world.start('rt_robot_os.ros.program', *given, **environment('robot'))
     robot.wait_for_line('[robot.camera]: active')
-    mapping = world.start('rt_robot_os.features.mapping.process.program', *given[:-len(MODEST)],
+    mapping = world.start('rt_robot_os.features.mapping.cli.program', *given[:-len(MODEST)],
                           **environment('mapping'))
     until(lambda: maps or mapping.process.poll() is not None, 'a map')
     assert_no_errors(mapping, robot)

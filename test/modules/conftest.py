@@ -20,7 +20,4 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
-import pytest
-
 sys.path.insert(0, str(Path(__file__).parent))
-pytest.register_assert_rewrite('attitude_motion')

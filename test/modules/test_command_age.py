@@ -19,13 +19,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from agent_rig import AgentRig
+from planned_rooms import Planned
 import pytest
 from rt_robot_os.features.navigation.twist_guard import TwistGuard
 from rt_robot_os.modules.command_age import COMMAND_AGE
 from rt_robot_os.modules.command_age import stale_reason
 from rt_robot_os.testing.module_bench import ModuleBench
 from steered import Bench
-from test_planner import Planned
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
 

@@ -49,7 +49,7 @@ from rt_robot_os.motion.controllers.regulated_pure_pursuit import RegulatedPureP
 from rt_robot_os.motion.controllers.regulated_pure_pursuit import rotation
 from rt_robot_os.motion.controllers.table import gain_fields
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.reference import Reference
+from rt_robot_os.motion.reference import PathReference
 from rt_robot_os.motion.reference_path import straight
 from rt_robot_os.motion.spline import legs
 from rt_robot_os.motion.velocity_limits import VelocityLimits
@@ -153,7 +153,7 @@ def test_a_period_of_a_second_is_stable_where_plain_gains_are_not(law: str) -> N
                             deceleration_m_s2=5.0, angular_acceleration_rad_s2=50.0,
                             angular_max_rad_s=6.0)
     controller = make_controller(law)
-    reference = Reference(straight((0.0, 0.0), (60.0, 0.0)), limits)
+    reference = PathReference(straight((0.0, 0.0), (60.0, 0.0)), limits)
     pose: Pose = (0.0, 0.05, 0.0)
     for _ in range(12):
         v, w = controller.step(pose, reference, 1.0)
@@ -195,7 +195,7 @@ def test_every_law_finds_back_to_its_path_without_circling(law: str, left: float
     controller = make_controller(law)
     limits = VelocityLimits()
     path = straight((0.0, 0.0), (30.0, 0.0))
-    reference = Reference(path, limits)
+    reference = PathReference(path, limits)
     pose: Pose = (0.0, left, 0.0)
     for _ in range(4000):
         v, w = controller.step(pose, reference, 0.02)
@@ -210,7 +210,7 @@ def test_every_law_finds_back_to_its_path_without_circling(law: str, left: float
        st.floats(0.001, 1.0))
 def test_no_pose_makes_a_law_fail_or_say_what_is_no_number(pose: Pose, law: str, period: float
                                                            ) -> None:
-    reference = Reference(straight((0.0, 0.0), (3.0, 1.0)), VelocityLimits())
+    reference = PathReference(straight((0.0, 0.0), (3.0, 1.0)), VelocityLimits())
     controller = make_controller(law)
     for _ in range(3):
         assert all(map(math.isfinite, controller.step(pose, reference, period)))
@@ -218,7 +218,7 @@ def test_no_pose_makes_a_law_fail_or_say_what_is_no_number(pose: Pose, law: str,
 
 @pytest.mark.parametrize('law', LAWS)
 def test_a_pose_on_the_end_is_no_place_to_fail(law: str) -> None:
-    reference = Reference(straight((0.0, 0.0), (1.0, 0.0)), VelocityLimits())
+    reference = PathReference(straight((0.0, 0.0), (1.0, 0.0)), VelocityLimits())
     reference.advance(100.0)
     reference.nearest_m = 1.0
     v, w = make_controller(law).step((1.0, 0.0, 0.0), reference, 0.02)
@@ -228,7 +228,7 @@ def test_a_pose_on_the_end_is_no_place_to_fail(law: str) -> None:
 
 def test_a_slower_reference_is_not_overtaken() -> None:
     law = Kanayama()
-    reference = Reference(straight((0.0, 0.0), (3.0, 0.0)), VelocityLimits())
+    reference = PathReference(straight((0.0, 0.0), (3.0, 0.0)), VelocityLimits())
     for _ in range(100):
         reference.advance(0.02)
     ahead, _ = law.step((reference.along_m + 0.1, 0.0, 0.0), reference, 0.02)

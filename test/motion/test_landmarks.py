@@ -25,7 +25,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.motion.landmarks import Landmark
+from rt_robot_os.motion.landmarks import CeilingLandmark
 from rt_robot_os.motion.landmarks import landmarks_of
 from rt_robot_os.motion.landmarks import read_landmarks
 
@@ -41,7 +41,7 @@ DATA = Path(os.environ.get('RT_ROBOT_OS_DATA', Path(__file__).parents[3] / 'shar
 
 def test_texts() -> None:
     assert landmarks_of(['24706: 1.5, -2, 0.5', '34 0 0'], 'gazer: landmarks') == {
-        24706: Landmark(24706, 1.5, -2.0, 0.5), 34: Landmark(34, 0.0, 0.0, 0.0)}
+        24706: CeilingLandmark(24706, 1.5, -2.0, 0.5), 34: CeilingLandmark(34, 0.0, 0.0, 0.0)}
 
 
 def test_csv_in_centimetres_and_degrees() -> None:
@@ -58,7 +58,7 @@ def test_csv_in_centimetres_and_degrees() -> None:
     'seed: 1\nlandmarks: ["7: 1, 2, 0.5", 8 3 4]\n'])
 def test_every_form_of_yaml(text: str) -> None:
     assert read_landmarks(text, 'room.yaml') == {
-        7: Landmark(7, 1.0, 2.0, 0.5), 8: Landmark(8, 3.0, 4.0, 0.0)}
+        7: CeilingLandmark(7, 1.0, 2.0, 0.5), 8: CeilingLandmark(8, 3.0, 4.0, 0.0)}
 
 
 def test_the_marks_of_a_real_room() -> None:

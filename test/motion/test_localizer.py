@@ -32,9 +32,9 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.ekf import UNKNOWN_VARIANCE
 from rt_robot_os.motion.localizer import fix_covariance
 from rt_robot_os.motion.localizer import Localizer
-from rt_robot_os.motion.localizer import Tuning
-from rt_robot_os.motion.pose_history import Fix
-from rt_robot_os.motion.pose_history import Step
+from rt_robot_os.motion.localizer import LocalizerTuning
+from rt_robot_os.motion.pose_history import OdometryStep
+from rt_robot_os.motion.pose_history import PoseFix
 from rt_robot_os.motion.poses import composed
 
 SEEDS = range(1, 6)
@@ -120,12 +120,13 @@ def test_marks_that_are_late_are_put_in_their_place(seed: int) -> None:
 # ---- late, early and bad measurements --------------------------------------------------------
 
 
-def step(index: int, speed: float = 0.4, rate: float = 0.3) -> Step:
-    return Step((index + 1) * 20 * MS, speed * 0.02, rate * 0.02, 0.02, 1e-6, 1e-6, 0.0, 1e-10)
+def step(index: int, speed: float = 0.4, rate: float = 0.3) -> OdometryStep:
+    return OdometryStep((index + 1) * 20 * MS, speed * 0.02, rate * 0.02, 0.02, 1e-6, 1e-6, 0.0,
+                        1e-10)
 
 
 def located(**tuning: float) -> Localizer:
-    localizer = Localizer(Tuning(**tuning))  # type: ignore[arg-type]
+    localizer = Localizer(LocalizerTuning(**tuning))  # type: ignore[arg-type]
     localizer.begin((0.0, 0.0, 0.0), (0.01, 0.0, 0.0, 0.01, 0.0, 0.01))
     return localizer
 
@@ -148,7 +149,7 @@ def test_the_order_in_which_measurements_come_does_not_matter(
                 due_ns = stamp_ns + delayed * late * 20 * MS
                 if due_ns <= now_ns < due_ns + 20 * MS or (
                         index == 97 and due_ns > now_ns):
-                    localizer.fix(Fix(stamp_ns, poses[stamp_ns], SURE))
+                    localizer.add_fix(PoseFix(stamp_ns, poses[stamp_ns], SURE))
     assert later.counters.accepted == at_once.counters.accepted
     assert later.state.state() == pytest.approx(at_once.state.state(), abs=1e-12)
 
@@ -157,14 +158,14 @@ def test_a_measurement_from_ahead_waits_for_the_odometry_of_its_moment() -> None
     early, exact = located(), located()
     for index in range(10):
         if index == 5:
-            fix = Fix(5 * 20 * MS + 13 * MS, (0.05, 0.01, 0.0), SURE)
-            early.fix(fix)
+            fix = PoseFix(5 * 20 * MS + 13 * MS, (0.05, 0.01, 0.0), SURE)
+            early.add_fix(fix)
             assert not fix.judged and early.waiting == 1
         early.move(step(index))
         exact.move(step(index))
         if index == 5:
             assert fix.judged and early.waiting == 0
-            exact.fix(Fix(5 * 20 * MS + 13 * MS, (0.05, 0.01, 0.0), SURE))
+            exact.add_fix(PoseFix(5 * 20 * MS + 13 * MS, (0.05, 0.01, 0.0), SURE))
     assert early.state.state() == pytest.approx(exact.state.state(), abs=1e-15)
     assert early.counters.accepted == 1
 
@@ -174,10 +175,10 @@ def test_a_measurement_of_long_ago_is_dropped_and_counted() -> None:
     for index in range(200):
         localizer.move(step(index))
     before = localizer.state.state()
-    localizer.fix(Fix(200 * 20 * MS - 2100 * MS, (0.0, 0.0, 0.0), SURE))
+    localizer.add_fix(PoseFix(200 * 20 * MS - 2100 * MS, (0.0, 0.0, 0.0), SURE))
     assert localizer.counters.too_late == 1
     assert localizer.state.state() == before
-    localizer.fix(Fix(200 * 20 * MS - 1900 * MS, localizer.state.pose, SURE))
+    localizer.add_fix(PoseFix(200 * 20 * MS - 1900 * MS, localizer.state.pose, SURE))
     assert localizer.counters.too_late == 1
     assert localizer.late == 1 and localizer.latest_ns == 1900 * MS
 
@@ -186,7 +187,7 @@ def test_what_waits_is_bounded() -> None:
     localizer = located()
     localizer.move(step(0))
     for index in range(100):
-        localizer.fix(Fix(NS_PER_S + index, (0.0, 0.0, 0.0), SURE))
+        localizer.add_fix(PoseFix(NS_PER_S + index, (0.0, 0.0, 0.0), SURE))
     assert localizer.waiting == 16
     assert localizer.counters.overflow == 84
 
@@ -196,7 +197,7 @@ def test_a_source_that_floods_costs_only_so_much() -> None:
     for index in range(3):
         localizer.move(step(index, speed=0.0, rate=0.0))
     for index in range(100):
-        localizer.fix(Fix(localizer.stamp_ns - index * 1000, (0.0, 0.0, 0.0), SURE))
+        localizer.add_fix(PoseFix(localizer.stamp_ns - index * 1000, (0.0, 0.0, 0.0), SURE))
     assert localizer.counters.accepted == 16
     assert localizer.counters.overflow == 84
 
@@ -222,10 +223,10 @@ def test_the_first_measurements_that_agree_say_where_the_robot_is() -> None:
         localizer.move(step(index, rate=0.0))
         x = 3.0 + 0.008 * index
         if index == 5:
-            localizer.fix(Fix(localizer.stamp_ns, (-4.0, 2.0, 1.0), SURE))  # a false mark
+            localizer.add_fix(PoseFix(localizer.stamp_ns, (-4.0, 2.0, 1.0), SURE))  # a false mark
         if index in (10, 15, 20, 25):
             assert localizer.located == (index == 25)
-            localizer.fix(Fix(localizer.stamp_ns, (x, 1.0, 0.0), SURE))
+            localizer.add_fix(PoseFix(localizer.stamp_ns, (x, 1.0, 0.0), SURE))
     assert localizer.located
     assert localizer.state.pose == pytest.approx((3.0 + 0.008 * 29, 1.0, 0.0), abs=0.01)
 
@@ -236,9 +237,9 @@ def test_false_marks_that_agree_with_each_other_are_not_believed_among_right_one
         localizer.move(step(index, rate=0.0))
         x = 0.008 * index
         if index % 5 == 0:
-            localizer.fix(Fix(localizer.stamp_ns, (x, 0.0, 0.0), SURE))
+            localizer.add_fix(PoseFix(localizer.stamp_ns, (x, 0.0, 0.0), SURE))
         if index % 5 == 2:  # the same wrong landmark, again and again
-            localizer.fix(Fix(localizer.stamp_ns, (x + 1.0, 0.5, 0.0), SURE))
+            localizer.add_fix(PoseFix(localizer.stamp_ns, (x + 1.0, 0.5, 0.0), SURE))
     assert localizer.counters.recovered == 0
     assert localizer.counters.rejected == 100
     assert localizer.state.pose == pytest.approx((0.008 * 499, 0.0, 0.0), abs=0.02)
@@ -251,7 +252,7 @@ def test_a_landmark_that_is_always_wrong_is_believed_unless_that_is_off() -> Non
             localizer.move(step(index, rate=0.0))
             if index % 5 == 0:
                 seen = composed((0.0, 1.0, 0.5), (0.008 * index, 0.0, 0.0))
-                localizer.fix(Fix(localizer.stamp_ns, seen, SURE))
+                localizer.add_fix(PoseFix(localizer.stamp_ns, seen, SURE))
         assert localizer.counters.recovered == recovered
         if recovered:
             assert localizer.jump[1] == pytest.approx(0.5, abs=0.05)
@@ -262,7 +263,7 @@ def test_false_marks_that_do_not_agree_are_never_believed() -> None:
     for index in range(3000):
         localizer.move(step(index))
         if index % 5 == 0:
-            localizer.fix(Fix(localizer.stamp_ns, (
+            localizer.add_fix(PoseFix(localizer.stamp_ns, (
                 lots.uniform(2, 50), lots.uniform(2, 50), lots.uniform(-3, 3)), SURE))
     assert localizer.counters.recovered == 0
     assert localizer.counters.rejected == 600
@@ -273,9 +274,9 @@ def test_a_position_without_heading_corrects_the_position() -> None:
     fix = None
     for index in range(100):
         localizer.move(step(index, rate=0.0))
-        fix = Fix(localizer.stamp_ns, (0.008 * index + 0.05, 0.05, 1.0),
-                  (1e-4, 0.0, 0.0, 1e-4, 0.0, UNKNOWN_VARIANCE))
-        localizer.fix(fix)
+        fix = PoseFix(localizer.stamp_ns, (0.008 * index + 0.05, 0.05, 1.0),
+                      (1e-4, 0.0, 0.0, 1e-4, 0.0, UNKNOWN_VARIANCE))
+        localizer.add_fix(fix)
     assert fix is not None and fix.dimensions == 2
     assert localizer.counters.accepted == 100
     assert localizer.state.pose == pytest.approx((0.008 * 99 + 0.05, 0.05, 0.0), abs=0.02)

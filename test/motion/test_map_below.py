@@ -22,12 +22,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from rt_robot_os.motion.base_map import BaseMap
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.grid_map import UNKNOWN
-from rt_robot_os.motion.map_below import MapBelow
 
 
-def all_of(below: MapBelow, above: GridMap) -> GridMap:
+def all_of(below: BaseMap, above: GridMap) -> GridMap:
     """Fill a map in one go."""
     work = below.filled(above)
     while True:
@@ -52,7 +52,7 @@ def test_what_was_seen_counts_and_what_was_not_is_as_it_was() -> None:
     seen[2:8, 2:6] = 0
     seen[4, 4] = 100  # a chair
     above = GridMap(seen, 0.05, (0.2, 0.5, 0.0))
-    found = all_of(MapBelow(plan), above)
+    found = all_of(BaseMap(plan), above)
     assert (found.rows, found.columns, found.origin) == (30, 40, pytest.approx((-0.5, 0.25, 0.0)))
     x, y = above.centre(4, 4)
     assert found.value(x, y) == 100 and plan.value(x, y) == 0
@@ -60,7 +60,7 @@ def test_what_was_seen_counts_and_what_was_not_is_as_it_was() -> None:
     assert changed == [[9, 18]]  # the chair alone
     # And where a wall was taken down since:
     seen[:, :] = 0
-    wide = all_of(MapBelow(plan), GridMap(np.zeros((10, 12), np.int8), 0.05, (0.4, 0.5, 0.0)))
+    wide = all_of(BaseMap(plan), GridMap(np.zeros((10, 12), np.int8), 0.05, (0.4, 0.5, 0.0)))
     assert plan.value(0.52, 0.7) == 100 and wide.value(0.52, 0.7) == 0
     assert wide.value(0.52, 1.2) == 100
 
@@ -68,9 +68,9 @@ def test_what_was_seen_counts_and_what_was_not_is_as_it_was() -> None:
 def test_what_is_seen_beyond_the_plan_is_added_to_it() -> None:
     plan = flat()
     above = GridMap(np.zeros((80, 100), np.int8), 0.05, (-2.0, -1.0, 0.0))
-    found = all_of(MapBelow(plan), above)
+    found = all_of(BaseMap(plan), above)
     assert (found.rows, found.columns) == (80, 100) and not found.cells.any()
-    left = all_of(MapBelow(plan), GridMap(np.zeros((4, 4), np.int8), 0.05, (-1.5, 0.3, 0.0)))
+    left = all_of(BaseMap(plan), GridMap(np.zeros((4, 4), np.int8), 0.05, (-1.5, 0.3, 0.0)))
     assert left.bounds == pytest.approx((-1.5, 0.25, 1.5, 1.75))
     assert left.value(-1.4, 0.4) == 0 and left.value(-1.0, 0.4) == UNKNOWN
 
@@ -83,7 +83,7 @@ def test_a_map_that_lies_askew_shows_the_plan_where_it_is(x: float, y: float, ya
     cells = np.full((7, 9), UNKNOWN, np.int8)
     cells[3, 4] = 37
     above = GridMap(cells, cell_m, (x, y, yaw))
-    found = all_of(MapBelow(plan), above)
+    found = all_of(BaseMap(plan), above)
     xs, ys = found.centres()
     expected = plan.values(xs, ys)
     own = np.argwhere(found.cells == 37)
@@ -94,7 +94,7 @@ def test_a_map_that_lies_askew_shows_the_plan_where_it_is(x: float, y: float, ya
 
 
 def test_a_map_of_the_same_size_costs_no_second_look_at_the_plan() -> None:
-    below, above = MapBelow(flat(400, 300)), GridMap(np.zeros((4, 4), np.int8), 0.05)
+    below, above = BaseMap(flat(400, 300)), GridMap(np.zeros((4, 4), np.int8), 0.05)
 
     def pieces() -> int:
         return sum(1 for _ in below.filled(above))
@@ -104,4 +104,4 @@ def test_a_map_of_the_same_size_costs_no_second_look_at_the_plan() -> None:
 
 def test_both_together_are_no_larger_than_a_map_may_be() -> None:
     far = GridMap(np.zeros((4, 4), np.int8), 0.05, (500.0, 500.0, 0.0))
-    assert all_of(MapBelow(flat()), far) is far
+    assert all_of(BaseMap(flat()), far) is far

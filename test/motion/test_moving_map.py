@@ -30,11 +30,11 @@ from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.ekf import displaced
 from rt_robot_os.motion.ekf import displaced_covariance
 from rt_robot_os.motion.ekf import PoseCovariance
-from rt_robot_os.motion.fix_record import disagreement
+from rt_robot_os.motion.fix_statistics import disagreement
 from rt_robot_os.motion.localizer import Localizer
-from rt_robot_os.motion.localizer import Tuning
-from rt_robot_os.motion.pose_history import Fix
-from rt_robot_os.motion.pose_history import Step
+from rt_robot_os.motion.localizer import LocalizerTuning
+from rt_robot_os.motion.pose_history import OdometryStep
+from rt_robot_os.motion.pose_history import PoseFix
 from rt_robot_os.motion.poses import composed
 
 MS = 1_000_000
@@ -43,12 +43,13 @@ SURE: PoseCovariance = (1e-4, 2e-5, 0.0, 3e-4, -1e-5, 3e-4)
 MOVEMENTS = st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-1.5, 1.5))
 
 
-def step(index: int, speed: float = 0.4, rate: float = 0.3) -> Step:
-    return Step((index + 1) * PERIOD_NS, speed * 0.02, rate * 0.02, 0.02, 1e-6, 1e-6, 0.0, 1e-10)
+def step(index: int, speed: float = 0.4, rate: float = 0.3) -> OdometryStep:
+    return OdometryStep((index + 1) * PERIOD_NS, speed * 0.02, rate * 0.02, 0.02, 1e-6, 1e-6, 0.0,
+                        1e-10)
 
 
 def located(start: Pose = (0.0, 0.0, 0.0)) -> Localizer:
-    localizer = Localizer(Tuning())
+    localizer = Localizer(LocalizerTuning())
     localizer.begin(start, (0.01, 0.0, 0.0, 0.01, 0.0, 0.01))
     return localizer
 
@@ -82,8 +83,8 @@ def test_a_correction_and_what_fits_it_come_in_any_order(
         for stamp_ns, late, pose in fixes:
             due_ns = stamp_ns + late * PERIOD_NS
             if due_ns <= now_ns < due_ns + PERIOD_NS or (index == 97 and due_ns > now_ns):
-                still.fix(Fix(stamp_ns, pose, SURE))
-                moving.fix(Fix(stamp_ns, pose, SURE) if stamp_ns < moved_ns else Fix(
+                still.add_fix(PoseFix(stamp_ns, pose, SURE))
+                moving.add_fix(PoseFix(stamp_ns, pose, SURE) if stamp_ns < moved_ns else PoseFix(
                     stamp_ns, composed(movement, pose), displaced_covariance(SURE, movement)))
     assert moving.counters.corrected == 1
     assert moving.state.state() == pytest.approx(displaced(still.state.state(), movement),
@@ -102,7 +103,7 @@ def test_after_a_loop_nothing_is_refused_when_the_correction_comes_first() -> No
                 localizer.displace(localizer.stamp_ns - 150 * MS, loop)
             if index % 5 == 0:
                 seen = pose if index < 100 else composed(loop, pose)
-                localizer.fix(Fix(localizer.stamp_ns, seen, SURE))
+                localizer.add_fix(PoseFix(localizer.stamp_ns, seen, SURE))
         found[follows] = localizer.counters
     assert (found[True].rejected, found[True].recovered) == (0, 0)
     assert found[False].rejected > 10
@@ -120,15 +121,16 @@ def test_the_doubt_turns_with_the_map_and_grows_by_nothing() -> None:
 
 
 def test_a_place_that_is_being_considered_moves_too() -> None:
-    localizer, movement = Localizer(Tuning(start_fixes=3)), (3.0, 1.0, 0.4)
+    localizer, movement = Localizer(LocalizerTuning(start_fixes=3)), (3.0, 1.0, 0.4)
     for index in range(20):
         localizer.move(step(index, speed=0.0, rate=0.0))
         if index == 10:
             localizer.displace(localizer.stamp_ns, movement)
         if index in (4, 8, 12):
             here = (1.0, 2.0, 0.5)
-            localizer.fix(Fix(localizer.stamp_ns, here if index < 10 else composed(movement, here),
-                              SURE))
+            localizer.add_fix(PoseFix(localizer.stamp_ns, here if index < 10
+                                      else composed(movement, here),
+                                      SURE))
     assert localizer.located
     assert localizer.state.pose == pytest.approx(composed(movement, (1.0, 2.0, 0.5)))
 
@@ -175,12 +177,12 @@ def drive(seed: int, inflation: float, shift: float = 0.0, seconds: float = 60.0
         pose = moved(pose, 0.008 + lots.gauss(0, 1e-3), 0.006 + lots.gauss(0, 1e-3))
         localizer.move(step(index))
         if index % 5 == 0:
-            localizer.fix(Fix(localizer.stamp_ns, (
+            localizer.add_fix(PoseFix(localizer.stamp_ns, (
                 pose[0] + lots.gauss(0, 0.01), pose[1] + lots.gauss(0, 0.01),
                 pose[2] + lots.gauss(0, 0.02)), (1e-4, 0.0, 0.0, 1e-4, 0.0, 4e-4)))
         if index % 5 == 2:
             x, y, turn = (each.after(0.1) for each in slam)
-            localizer.fix(Fix(localizer.stamp_ns, (
+            localizer.add_fix(PoseFix(localizer.stamp_ns, (
                 pose[0] + x + shift, pose[1] + y, pose[2] + turn),
                 (4e-4, 0.0, 0.0, 4e-4, 0.0, 1e-4), 1, inflation))
         if index % 25 == 24 and index > 250:
@@ -224,9 +226,9 @@ def test_where_two_sources_contradict_from_the_start_the_first_one_says_where() 
     for index in range(100):
         localizer.move(step(index, speed=0.0, rate=0.0))
         if index % 5 == 0:
-            localizer.fix(Fix(localizer.stamp_ns, (4.0, 0.0, 0.0), SURE, 1))
+            localizer.add_fix(PoseFix(localizer.stamp_ns, (4.0, 0.0, 0.0), SURE, 1))
         if index % 5 == 2 and index > 2:
-            localizer.fix(Fix(localizer.stamp_ns, (0.0, 0.0, 0.0), SURE, 0))
+            localizer.add_fix(PoseFix(localizer.stamp_ns, (0.0, 0.0, 0.0), SURE, 0))
     assert localizer.located and abs(localizer.state.x) < 0.1
 
 
@@ -235,8 +237,8 @@ def test_a_source_that_is_silent_is_not_waited_for() -> None:
     for index in range(200):
         localizer.move(step(index, speed=0.0, rate=0.0))
         if index == 3:
-            localizer.fix(Fix(localizer.stamp_ns, (0.0, 0.0, 0.0), SURE, 0))
+            localizer.add_fix(PoseFix(localizer.stamp_ns, (0.0, 0.0, 0.0), SURE, 0))
         if index % 5 == 0:
-            localizer.fix(Fix(localizer.stamp_ns, (4.0, 0.0, 0.0), SURE, 1))
+            localizer.add_fix(PoseFix(localizer.stamp_ns, (4.0, 0.0, 0.0), SURE, 1))
     assert localizer.located and localizer.state.x == pytest.approx(4.0, abs=0.1)
     assert NS_PER_S < localizer.stamp_ns

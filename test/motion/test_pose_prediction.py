@@ -37,10 +37,10 @@ def test_a_late_pose_is_carried_on_to_now(start: Pose, odom: Pose, linear: float
     """However late the pose is, as long as the odometry of its time is still there."""
     prediction = PosePrediction()
     for ms in range(0, 1001, 20):
-        prediction.odometry(ms * MS, moved(odom, linear * ms / 1000, angular * ms / 1000),
-                            (linear, angular))
+        prediction.add_odometry(ms * MS, moved(odom, linear * ms / 1000, angular * ms / 1000),
+                                (linear, angular))
     then_s = (1000 - late_ms) / 1000
-    prediction.localised((1000 - late_ms) * MS, moved(start, linear * then_s, angular * then_s))
+    prediction.add_pose((1000 - late_ms) * MS, moved(start, linear * then_s, angular * then_s))
     found = prediction.at(1050 * MS, 0.1, 0.02)
     wanted = moved(start, linear * 1.15, angular * 1.15)
     assert found[:2] == pytest.approx(wanted[:2], abs=2e-3)
@@ -49,9 +49,9 @@ def test_a_late_pose_is_carried_on_to_now(start: Pose, odom: Pose, linear: float
 
 def test_a_correction_is_taken_over_at_a_limited_rate() -> None:
     prediction = PosePrediction(correction_m_s=0.1, correction_rad_s=0.3)
-    prediction.odometry(0, (0.0, 0.0, 0.0), (0.0, 0.0))
-    prediction.localised(0, (0.0, 0.0, 0.0))
-    prediction.localised(0, (0.03, 0.04, 0.1))
+    prediction.add_odometry(0, (0.0, 0.0, 0.0), (0.0, 0.0))
+    prediction.add_pose(0, (0.0, 0.0, 0.0))
+    prediction.add_pose(0, (0.03, 0.04, 0.1))
     poses = [prediction.at(0, 0.0, 0.02) for _ in range(40)]
     steps = [math.hypot(b[0] - a[0], b[1] - a[1]) for a, b in zip(poses, poses[1:])]
     turns = [abs(b[2] - a[2]) for a, b in zip(poses, poses[1:])]
@@ -63,20 +63,20 @@ def test_a_correction_is_taken_over_at_a_limited_rate() -> None:
 
 def test_another_place_is_taken_over_at_once_and_counted() -> None:
     prediction = PosePrediction(jump_m=0.5)
-    prediction.odometry(0, (0.0, 0.0, 0.0), (0.0, 0.0))
-    prediction.localised(0, (0.0, 0.0, 0.0))
-    prediction.localised(0, (3.0, 0.0, 0.0))
+    prediction.add_odometry(0, (0.0, 0.0, 0.0), (0.0, 0.0))
+    prediction.add_pose(0, (0.0, 0.0, 0.0))
+    prediction.add_pose(0, (3.0, 0.0, 0.0))
     assert prediction.at(0, 0.0, 0.02) == pytest.approx((3.0, 0.0, 0.0))
     assert prediction.jumps == 1
 
 
 def test_odometry_that_begins_anew_waits_for_a_pose() -> None:
     prediction = PosePrediction()
-    prediction.localised(0, (1.0, 0.0, 0.0))
+    prediction.add_pose(0, (1.0, 0.0, 0.0))
     assert not prediction.known
-    prediction.odometry(0, (50.0, 0.0, 0.0), (0.3, 0.0))
-    prediction.localised(0, (1.0, 0.0, 0.0))
-    prediction.odometry(20 * MS, (50.006, 0.0, 0.0), (0.3, 0.0))
+    prediction.add_odometry(0, (50.0, 0.0, 0.0), (0.3, 0.0))
+    prediction.add_pose(0, (1.0, 0.0, 0.0))
+    prediction.add_odometry(20 * MS, (50.006, 0.0, 0.0), (0.3, 0.0))
     assert prediction.known
     assert prediction.at(20 * MS, 0.0, 0.02) == pytest.approx((1.006, 0.0, 0.0))
     prediction.odometry(40 * MS, (0.0, 0.0, 0.0), (0.3, 0.0))
@@ -88,7 +88,7 @@ def test_odometry_that_begins_anew_waits_for_a_pose() -> None:
 
 def test_nothing_is_carried_on_for_ever_when_odometry_stands_still() -> None:
     prediction = PosePrediction()
-    prediction.odometry(0, (0.0, 0.0, 0.0), (1.0, 0.0))
-    prediction.odometry(0, (9.0, 0.0, 0.0), (1.0, 0.0))
-    prediction.localised(0, (0.0, 0.0, 0.0))
+    prediction.add_odometry(0, (0.0, 0.0, 0.0), (1.0, 0.0))
+    prediction.add_odometry(0, (9.0, 0.0, 0.0), (1.0, 0.0))
+    prediction.add_pose(0, (0.0, 0.0, 0.0))
     assert prediction.at(3_600_000 * MS, 0.0, 0.02)[0] == pytest.approx(0.5)

@@ -27,7 +27,7 @@ from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.reference import Reference
+from rt_robot_os.motion.reference import PathReference
 from rt_robot_os.motion.reference import TimeLaw
 from rt_robot_os.motion.reference_path import checked
 from rt_robot_os.motion.reference_path import PathError
@@ -190,7 +190,7 @@ def test_a_time_law_ends_at_the_end_however_fast_it_begins(length: float, speed:
 
 def test_a_target_holds_what_the_reference_does_in_the_whole_period() -> None:
     path, = legs(circle(1.0), 0.8)
-    reference = Reference(path, LIMITS)
+    reference = PathReference(path, LIMITS)
     x = y = heading = 0.0
     while not reference.finished:
         target = reference.target(0.3)
@@ -205,7 +205,7 @@ def test_a_target_holds_what_the_reference_does_in_the_whole_period() -> None:
 
 
 def test_a_reference_waits_for_a_robot_that_is_held() -> None:
-    reference = Reference(straight((0.0, 0.0), (5.0, 0.0)), LIMITS)
+    reference = PathReference(straight((0.0, 0.0), (5.0, 0.0)), LIMITS)
     for _ in range(2000):
         reference.advance(0.02, reference.along_m)
     assert reference.along_m < 0.31

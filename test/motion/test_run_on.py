@@ -34,8 +34,8 @@ def test_at_its_speed_it_stops_within_the_way(
     run_on = RunOn(silence_s, coast_s)
     speed_m_s = run_on.speed_m_s(way_m, reaction_s)
     if math.isinf(speed_m_s):
-        # It stands at once, or so nearly that no number says the speed.
-        assert run_on.way_m(1.0) + reaction_s < 1e-300
+        # It stops immediately, or so nearly that the speed overflows: no limit follows.
+        assert run_on.way_m(1.0) < 1e-300
     else:
         assert run_on.way_m(speed_m_s) + reaction_s * speed_m_s <= way_m * (1 + 1e-9) + 1e-9
 

@@ -24,7 +24,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 from rt_robot_os.base.units import NS_PER_MS
-from rt_robot_os.motion.wheel_counters import Reading
+from rt_robot_os.motion.wheel_counters import CounterReading
 from rt_robot_os.motion.wheel_counters import WheelCounters
 
 TICK_RAD = math.tau / 1440
@@ -39,10 +39,10 @@ def made(bits: int = 32, left: float = TICK_RAD, right: float = TICK_RAD,
     return WheelCounters(left, right, bits=bits, fastest_rad_s=FASTEST_RAD_S, most=most)
 
 
-def fed(counters: WheelCounters, *readings: tuple[float, float]) -> list[Reading]:
+def fed(counters: WheelCounters, *readings: tuple[float, float]) -> list[CounterReading]:
     """Feed readings a period apart."""
     at_ns = counters.stamp_ns or PERIOD_NS
-    return [counters.take(left, right, at_ns + (n + 1) * PERIOD_NS)
+    return [counters.update(left, right, at_ns + (n + 1) * PERIOD_NS)
             for n, (left, right) in enumerate(readings)]
 
 
@@ -84,7 +84,7 @@ def test_any_movement_is_followed_exactly(steps: list[tuple[int, int]], bits: in
     left = right = start
     total = [0, 0]
     at_ns = PERIOD_NS
-    counters.take(((left + sign) & mask) - sign, ((right + sign) & mask) - sign, at_ns)
+    counters.update(((left + sign) & mask) - sign, ((right + sign) & mask) - sign, at_ns)
     for a, b in steps:
         # Any speed, held long enough to be believed.
         for _ in range(4):
@@ -94,7 +94,7 @@ def test_any_movement_is_followed_exactly(steps: list[tuple[int, int]], bits: in
                 left, right, shown = left + 1, right + 1, (1, 1)  # it might be a reset
             total = [left - start, right - start]
             at_ns += PERIOD_NS
-            counters.take(*shown, at_ns)
+            counters.update(*shown, at_ns)
         assert ticks(counters) == tuple(total)
     assert counters.resets == 0
 
@@ -102,7 +102,8 @@ def test_any_movement_is_followed_exactly(steps: list[tuple[int, int]], bits: in
 def test_a_misread_count_moves_nothing_and_loses_nothing() -> None:
     counters = made()
     readings = fed(counters, (5000, 5000), (5010, 5010), (501, 5020), (5030, 5030))
-    assert readings == [Reading.TAKEN, Reading.TAKEN, Reading.REJECTED, Reading.TAKEN]
+    assert readings == [CounterReading.TAKEN, CounterReading.TAKEN, CounterReading.REJECTED,
+                        CounterReading.TAKEN]
     assert ticks(counters) == (30, 30)
     assert (counters.rejected, counters.resets) == (1, 0)
 
@@ -111,7 +112,8 @@ def test_counters_that_start_anew_move_nothing() -> None:
     counters = made()
     readings = fed(counters, (50_000, 50_000), (50_010, 50_010), (120, 3), (130, 8), (140, 13),
                    (150, 18), (160, 23), (170, 28))
-    assert readings[2:] == [Reading.REJECTED] * 4 + [Reading.REBASED, Reading.TAKEN]
+    assert readings[2:] == [CounterReading.REJECTED] * 4 + [CounterReading.REBASED,
+                                                            CounterReading.TAKEN]
     assert ticks(counters) == (60, 35)
     assert counters.resets == 1
     assert counters.velocity_rad_s == pytest.approx(
@@ -121,47 +123,47 @@ def test_counters_that_start_anew_move_nothing() -> None:
 def test_a_reset_shortly_after_the_start_is_noticed() -> None:
     counters = made()
     readings = fed(counters, (0, 0), (20, 20), (40, 40), (0, 0), (5, 5))
-    assert readings[3:] == [Reading.REBASED, Reading.TAKEN]
+    assert readings[3:] == [CounterReading.REBASED, CounterReading.TAKEN]
     assert ticks(counters) == (45, 45)
 
 
 def test_driving_back_to_the_start_is_no_reset() -> None:
     counters = made()
     readings = fed(counters, (60, 60), (40, 40), (20, 20), (0, 0), (-20, -20))
-    assert readings == [Reading.TAKEN] * 5
+    assert readings == [CounterReading.TAKEN] * 5
     assert ticks(counters) == (-80, -80)
 
 
 def test_after_a_silence_counts_near_zero_are_those_of_a_reset() -> None:
     counters = made()
     fed(counters, (0, 0), (20, 20), (40, 44))
-    counters.doubt()
-    assert fed(counters, (3, 2), (4, 4)) == [Reading.REBASED, Reading.TAKEN]
+    counters.expect_reset()
+    assert fed(counters, (3, 2), (4, 4)) == [CounterReading.REBASED, CounterReading.TAKEN]
     assert ticks(counters) == (41, 46)
-    counters.doubt()
-    assert fed(counters, (10, 10)) == [Reading.TAKEN]
+    counters.expect_reset()
+    assert fed(counters, (10, 10)) == [CounterReading.TAKEN]
     assert ticks(counters) == (47, 52)
 
 
 def test_another_board_moves_nothing() -> None:
     counters = made()
     fed(counters, (100, 100), (110, 110))
-    counters.forget()
-    assert fed(counters, (120, 150), (130, 160)) == [Reading.TAKEN] * 2
+    counters.restart()
+    assert fed(counters, (120, 150), (130, 160)) == [CounterReading.TAKEN] * 2
     assert ticks(counters) == (20, 20)
 
 
 def test_the_jump_may_be_set() -> None:
     counters = made(most=5)
     assert fed(counters, (1, 1), (6, 6), (12, 6)) == [
-        Reading.TAKEN, Reading.TAKEN, Reading.REJECTED]
+        CounterReading.TAKEN, CounterReading.TAKEN, CounterReading.REJECTED]
 
 
 def test_what_surprises_is_added_when_it_is_sure() -> None:
     # Somebody turns the wheel, or many answers stayed away.
     counters = made()
     readings = fed(counters, (0, 0), (1, 1), (150, 1), (300, 1), (450, 1), (600, 1))
-    assert readings[2:] == [Reading.REJECTED] * 2 + [Reading.TAKEN] * 2
+    assert readings[2:] == [CounterReading.REJECTED] * 2 + [CounterReading.TAKEN] * 2
     assert ticks(counters) == (600, 1)
     assert counters.resets == 0
 
@@ -176,7 +178,8 @@ def test_misread_counts_in_a_row_move_nothing() -> None:
 def test_turns_that_are_no_numbers_are_held_back() -> None:
     counters = WheelCounters(math.tau, math.tau, bits=0, fastest_rad_s=FASTEST_RAD_S)
     readings = fed(counters, (0.5, 0.5), (math.nan, 0.5), (0.6, math.inf), (0.7, 0.3))
-    assert readings == [Reading.TAKEN, Reading.REJECTED, Reading.REJECTED, Reading.TAKEN]
+    assert readings == [CounterReading.TAKEN, CounterReading.REJECTED, CounterReading.REJECTED,
+                        CounterReading.TAKEN]
     assert counters.position_rad == pytest.approx((0.2 * math.tau, -0.2 * math.tau))
 
 
@@ -184,8 +187,8 @@ def test_readings_that_come_together_are_no_speed() -> None:
     counters = made()
     fed(counters, (0, 0), (10, 10))
     before = counters.velocity_rad_s
-    counters.take(11, 11, counters.stamp_ns + 1000)
-    counters.take(12, 12, counters.stamp_ns)
+    counters.update(11, 11, counters.stamp_ns + 1000)
+    counters.update(12, 12, counters.stamp_ns)
     assert counters.velocity_rad_s == before
     fed(counters, (22, 22))
     assert counters.velocity_rad_s == pytest.approx(
@@ -198,7 +201,7 @@ def test_misread_counts_never_cost_anything(seed: int, share: float, bits: int) 
     chance = random.Random(seed)
     counters = made(bits)
     at_ns, angle, speed, furthest = PERIOD_NS, 0.0, 0.0, 0.0
-    counters.take(20_000, 20_000, at_ns)
+    counters.update(20_000, 20_000, at_ns)
     for n in range(150):
         at_ns += PERIOD_NS
         speed += chance.uniform(-40.0, 40.0) * 0.033
@@ -210,7 +213,7 @@ def test_misread_counts_never_cost_anything(seed: int, share: float, bits: int) 
         cut = chance.randrange(len(digits))
         shown = int(digits[:cut] + digits[cut + 1:]) if wrong else true
         before = counters.position_rad[0]
-        counters.take(shown, 20_000, at_ns)
+        counters.update(shown, 20_000, at_ns)
         furthest = max(furthest, abs(counters.position_rad[0] - before))
     assert ticks(counters)[0] == true - 20_000
     assert counters.resets == 0
@@ -221,7 +224,7 @@ def test_slow_readings_are_no_silence() -> None:
     counters = WheelCounters(TICK_RAD, TICK_RAD, bits=32, fastest_rad_s=FASTEST_RAD_S,
                              silence_s=1.5)
     for n, count in enumerate((0, 100, 200, 100, 30, -40)):
-        counters.take(count, count, n * 500 * NS_PER_MS)
+        counters.update(count, count, n * 500 * NS_PER_MS)
     assert ticks(counters) == (-40, -40)
     assert counters.resets == 0
 
@@ -230,4 +233,4 @@ def test_a_coarse_encoder_surprises_nobody() -> None:
     counters = WheelCounters(math.tau / 20, math.tau / 20, bits=32, fastest_rad_s=FASTEST_RAD_S)
     for n in range(400):
         count = math.floor(n * 0.13)
-        assert counters.take(count, -count, (n + 1) * 10 * NS_PER_MS) is Reading.TAKEN
+        assert counters.update(count, -count, (n + 1) * 10 * NS_PER_MS) is CounterReading.TAKEN

@@ -26,9 +26,9 @@ from rt_robot_os.motion.differential import moved
 from rt_robot_os.motion.gyro_turn import GyroTurn
 from rt_robot_os.motion.gyro_turn import RestBias
 from rt_robot_os.motion.wheel_odometry import WheelOdometry
-from rt_robot_os.motion.wheel_odometry import Wheels
+from rt_robot_os.motion.wheel_odometry import WheelParameters
 
-WHEELS = Wheels(0.05, 0.05, 0.3)
+WHEELS = WheelParameters(0.05, 0.05, 0.3)
 STEP_NS = 20_000_000
 DT_S = STEP_NS / NS_PER_S
 SPEEDS = st.floats(-1.5, 1.5)
@@ -40,12 +40,12 @@ def driven(odometry: WheelOdometry, steps: int, left_m_s: float, right_m_s: floa
     stamp_ns = odometry.stamp_ns or STEP_NS
     left, right = getattr(odometry, 'wheels_now', (0.0, 0.0))
     if not odometry.stamp_ns:
-        assert odometry.take(stamp_ns, left, right)
+        assert odometry.update(stamp_ns, left, right)
     for _ in range(steps):
         stamp_ns += STEP_NS
         left += left_m_s * DT_S / 0.05
         right += right_m_s * DT_S / 0.05
-        assert odometry.take(stamp_ns, left, right, gyro_rad_s * DT_S)
+        assert odometry.update(stamp_ns, left, right, gyro_rad_s * DT_S)
     odometry.wheels_now = left, right  # type: ignore[attr-defined]
 
 
@@ -100,11 +100,11 @@ def test_a_position_that_is_no_number_costs_nothing(position: float) -> None:
     odometry = WheelOdometry(WHEELS)
     driven(odometry, 10, 0.5, 0.5)
     left, right = odometry.wheels_now  # type: ignore[attr-defined]
-    assert not odometry.take(odometry.stamp_ns + STEP_NS, position, right)
-    assert not odometry.take(odometry.stamp_ns + STEP_NS, left, position)
+    assert not odometry.update(odometry.stamp_ns + STEP_NS, position, right)
+    assert not odometry.update(odometry.stamp_ns + STEP_NS, left, position)
     assert odometry.counters.not_finite == 2
     # The next good one has the whole way, in twice the time.
-    assert odometry.take(odometry.stamp_ns + 2 * STEP_NS, left + 0.4, right + 0.4)
+    assert odometry.update(odometry.stamp_ns + 2 * STEP_NS, left + 0.4, right + 0.4)
     assert odometry.pose[0] == pytest.approx(0.12)
     assert odometry.counters.implausible == 0
 
@@ -124,7 +124,7 @@ def test_encoders_that_jump_are_counted_and_the_robot_goes_on_as_before() -> Non
 
 
 def test_a_speed_that_is_always_too_high_stops_the_pose_and_its_certainty() -> None:
-    odometry = WheelOdometry(Wheels(0.05, 0.05, 0.3, speed_most_m_s=0.1))
+    odometry = WheelOdometry(WheelParameters(0.05, 0.05, 0.3, speed_most_m_s=0.1))
     driven(odometry, 100, 0.5, 0.5)
     assert odometry.in_row == 100
     assert odometry.pose[0] == pytest.approx(0.0, abs=1e-9)
@@ -136,14 +136,14 @@ def test_stamps_that_stand_still_or_go_back_move_nothing() -> None:
     driven(odometry, 10, 0.5, 0.5)
     stamp_ns, (left, right) = odometry.stamp_ns, odometry.wheels_now  # type: ignore[attr-defined]
     pose = odometry.pose
-    assert not odometry.take(stamp_ns, left, right)
-    assert not odometry.take(stamp_ns, left + 0.1, right + 0.1)
-    assert not odometry.take(stamp_ns - STEP_NS, left, right)
+    assert not odometry.update(stamp_ns, left, right)
+    assert not odometry.update(stamp_ns, left + 0.1, right + 0.1)
+    assert not odometry.update(stamp_ns - STEP_NS, left, right)
     assert odometry.pose == pose
     counters = odometry.counters
     assert (counters.duplicates, counters.stopped, counters.backwards) == (1, 1, 1)
     # What was driven meanwhile is not lost.
-    assert odometry.take(stamp_ns + STEP_NS, left + 0.2, right + 0.2)
+    assert odometry.update(stamp_ns + STEP_NS, left + 0.2, right + 0.2)
     assert odometry.pose[0] == pytest.approx(pose[0] + 0.01)
 
 
@@ -152,9 +152,9 @@ def test_a_clock_that_begins_anew_is_followed_from_there() -> None:
     driven(odometry, 200, 0.5, 0.5)
     left, right = odometry.wheels_now  # type: ignore[attr-defined]
     pose = odometry.pose
-    assert not odometry.take(STEP_NS, left, right)
+    assert not odometry.update(STEP_NS, left, right)
     assert odometry.counters.restarts == 1
-    assert odometry.take(2 * STEP_NS, left + 0.2, right + 0.2)
+    assert odometry.update(2 * STEP_NS, left + 0.2, right + 0.2)
     assert odometry.pose[0] == pytest.approx(pose[0] + 0.01)
 
 

@@ -37,7 +37,7 @@ def noticed(speed: Callable[[float], float], command: Callable[[float], float] =
         time_s = n * 0.033
         angle_rad += speed(time_s) * 0.033
         shown_rad = math.floor(angle_rad / TICK_RAD) * TICK_RAD
-        state = watch.look(command(time_s), shown_rad, round(n * 33 * NS_PER_MS))
+        state = watch.update(command(time_s), shown_rad, round(n * 33 * NS_PER_MS))
         if state is not WheelState.RIGHT:
             return state, time_s
     return WheelState.RIGHT, until_s
@@ -93,15 +93,15 @@ def test_a_wheel_that_runs_away_backwards_is_noticed() -> None:
 def test_it_is_noticed_again() -> None:
     watch = WheelWatch(patience_s=0.4, slowest_rad_s=1.0, noise_rad=2.5 * TICK_RAD)
     found = [n for n in range(100)
-             if watch.look(10.0, 0.0, n * 33 * NS_PER_MS) is WheelState.STANDSTILL]
+             if watch.update(10.0, 0.0, n * 33 * NS_PER_MS) is WheelState.STANDSTILL]
     assert len(found) == 7
 
 
 def test_what_nobody_saw_is_held_against_nobody() -> None:
     watch = WheelWatch(patience_s=0.4, slowest_rad_s=1.0, noise_rad=2.5 * TICK_RAD)
     for n in range(10):
-        watch.look(10.0, n * 0.33, n * 33 * NS_PER_MS)
+        watch.update(10.0, n * 0.33, n * 33 * NS_PER_MS)
     # Two seconds without a reading, as after a loose plug, and it stands where it was.
-    found = [watch.look(10.0, 2.97, 2 * NS_PER_S + n * 33 * NS_PER_MS) for n in range(20)]
+    found = [watch.update(10.0, 2.97, 2 * NS_PER_S + n * 33 * NS_PER_MS) for n in range(20)]
     assert found[:12] == [WheelState.RIGHT] * 12
     assert WheelState.STANDSTILL in found

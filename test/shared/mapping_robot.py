@@ -30,7 +30,7 @@ from processes import TIMEOUT_S
 from processes import wait_until
 
 from rt_robot_os.base.errors import LinkError
-from rt_robot_os.features.mapping.process.intake import Sighting
+from rt_robot_os.features.mapping.scan_intake import PosedScan
 from rt_robot_os.features.mapping.slam.deskew import LaserMount
 from rt_robot_os.link import LinkClient
 from rt_robot_os.messages.cdr import LITTLE_ENDIAN
@@ -109,9 +109,9 @@ def odometry_message(pose: Any) -> bytes:
         '<7d', x, y, 0, 0, 0, np.sin(yaw / 2), np.cos(yaw / 2)) + bytes(8 * (36 + 6 + 36))
 
 
-def sightings_of(drive: Drive, mirrored: bool = False) -> list[Sighting]:
+def sightings_of(drive: Drive, mirrored: bool = False) -> list[PosedScan]:
     """Return what the intake makes of a drive."""
     mount = LaserMount(drive.laser)
-    return [Sighting(replace(each, angle_increment=-each.angle_increment,
-                             angle_min=-each.angle_min) if mirrored else each,
-                     mount.base(each.odometry), mount) for each in drive.scans]
+    return [PosedScan(replace(each, angle_increment=-each.angle_increment,
+                              angle_min=-each.angle_min) if mirrored else each,
+                      mount.base(each.odometry), mount) for each in drive.scans]

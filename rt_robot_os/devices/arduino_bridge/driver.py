@@ -213,7 +213,7 @@ class ArduinoBridge(MotorBoard[BridgeReply]):
             self._find_order(now_ns)
             return
         if self._waiting and now_ns - self._waiting[0][1] > _REPLY_NS:
-            self.counters.doubt()  # it may have been reset
+            self.counters.expect_reset()  # it may have been reset
             self._lose_order(now_ns)
             return
         if len(self._waiting) >= _MOST_WAITING:

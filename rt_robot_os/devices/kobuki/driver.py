@@ -214,7 +214,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
         # this computer was suspended, and the waiting packets are read late.
         if abs(off_ms) > _LATE_MS and core.time_ms <= passed_ms + _LATE_MS:
             self.counters.resets += 1
-            self.counters.forget()
+            self.counters.restart()
             self.faults.flag_briefly(MotorFault.COUNTS_NEW, arrival_ns)
             self.log.warn('its clock restarted (switched off and on, or another base): brought to '
                           'rest', throttle_s=1.0)
@@ -230,7 +230,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
         unique_id = parts.get(wire.UNIQUE_ID, b'').hex()
         if self._unique_id and unique_id and unique_id != self._unique_id:
             self.log.warn('another base: it was %s, it is %s', self._unique_id, unique_id)
-            self.counters.forget()
+            self.counters.restart()
         self._unique_id = unique_id or self._unique_id
 
     def _tell(self, topic: str, value: int, arrival_ns: int, rate_hz: float) -> int:

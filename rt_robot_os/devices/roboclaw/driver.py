@@ -303,7 +303,7 @@ class RoboClaw(MotorBoard[RoboClawReply]):
                              f'{self.settings["watchdog_s"]:g} s was set: it may be locked, see '
                              "the maker's program")
         elif command == wire.ENCODERS and self._lost_power(data):
-            self.counters.forget()
+            self.counters.restart()
             self._setup += [wire.encoder(self._address, each, _BEGINNING)
                             for each in (wire.SET_ENCODER_1, wire.SET_ENCODER_2)]
         self._setup.pop(0)
@@ -318,7 +318,7 @@ class RoboClaw(MotorBoard[RoboClawReply]):
                              'set another identity')
         if self._version and version != self._version:
             self.log.warn('another unit: it was a %s, it is a %s', self._version, version)
-            self.counters.forget()
+            self.counters.restart()
         self._version = version
 
     @staticmethod
@@ -329,7 +329,7 @@ class RoboClaw(MotorBoard[RoboClawReply]):
     def _use_counts(self, data: bytes, arrival_ns: int) -> int:
         if self._lost_power(data):
             self.counters.resets += 1
-            self.counters.forget()
+            self.counters.restart()
             self.faults.flag_briefly(MotorFault.COUNTS_NEW, arrival_ns)
             self.log.warn('it has lost its power: brought to rest and set up again',
                           throttle_s=1.0)

@@ -53,7 +53,7 @@ from rt_robot_os.devices.stargazer.wire import CeilingMark
 from rt_robot_os.devices.stargazer.wire import StarGazerDecoder
 from rt_robot_os.devices.stargazer.wire import StarGazerFrame
 from rt_robot_os.motion.angles import wrapped
-from rt_robot_os.motion.landmarks import Landmark
+from rt_robot_os.motion.landmarks import CeilingLandmark
 from rt_robot_os.motion.landmarks import landmarks_of
 from rt_robot_os.motion.mounting import mounting_of
 
@@ -260,7 +260,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
                     self._count_stranger(mark.number)
                     continue
                 self._learns_origin = False
-                landmark = self._landmarks[mark.number] = Landmark(mark.number, *_AT_ORIGIN)
+                landmark = self._landmarks[mark.number] = CeilingLandmark(mark.number, *_AT_ORIGIN)
                 self.log.info('mark %d is the origin of the map, as landmarks has none',
                               mark.number)
             found.append(sighting(mark, landmark, self._sign, self._offset_rad, self._height_m))
@@ -310,7 +310,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
         publisher.publish(arrival_ns - self._latency_ns)
 
 
-def _landmarks(name: str, settings: Mapping[str, Any]) -> dict[int, Landmark]:
+def _landmarks(name: str, settings: Mapping[str, Any]) -> dict[int, CeilingLandmark]:
     """
     Read the landmarks of the settings.
 
@@ -327,8 +327,8 @@ def _landmarks(name: str, settings: Mapping[str, Any]) -> dict[int, Landmark]:
     return found
 
 
-def _reference(name: str, settings: Mapping[str, Any], landmarks: Mapping[int, Landmark]
-               ) -> Landmark | None:
+def _reference(name: str, settings: Mapping[str, Any], landmarks: Mapping[int, CeilingLandmark]
+               ) -> CeilingLandmark | None:
     """
     Return the mark below which all positions are, in map mode; None in the other.
 
@@ -338,7 +338,7 @@ def _reference(name: str, settings: Mapping[str, Any], landmarks: Mapping[int, L
         return None
     number: int = settings['reference_id']
     if not landmarks:
-        return Landmark(number, *_AT_ORIGIN)
+        return CeilingLandmark(number, *_AT_ORIGIN)
     if number not in landmarks:
         raise ConfigError([f'{name}: reference_id {number} is not among landmarks: in mark_mode '
                            'Map say where the reference mark hangs'])

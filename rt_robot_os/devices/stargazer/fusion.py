@@ -32,7 +32,7 @@ from typing import NamedTuple
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.stargazer.wire import CeilingMark
 from rt_robot_os.motion.angles import wrapped
-from rt_robot_os.motion.landmarks import Landmark
+from rt_robot_os.motion.landmarks import CeilingLandmark
 
 # How long the pose before says which of two marks is right, and how fast it may have moved since.
 _MEMORY_NS: Final = NS_PER_S
@@ -76,7 +76,7 @@ class FusedPose(NamedTuple):
     marks: tuple[int, ...]
 
 
-def sighting(mark: CeilingMark, landmark: Landmark, angle_sign: int, angle_offset_rad: float,
+def sighting(mark: CeilingMark, landmark: CeilingLandmark, angle_sign: int, angle_offset_rad: float,
              height_m: float) -> LandmarkSighting:
     """
     Bring what a mark says into the map; safe in the loop.

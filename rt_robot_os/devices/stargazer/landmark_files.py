@@ -17,11 +17,11 @@
 from __future__ import annotations
 
 from rt_robot_os.linux.file_urls import read_text_file
-from rt_robot_os.motion.landmarks import Landmark
+from rt_robot_os.motion.landmarks import CeilingLandmark
 from rt_robot_os.motion.landmarks import read_landmarks
 
 
-def load_landmarks(url: str, key: str) -> dict[int, Landmark]:
+def load_landmarks(url: str, key: str) -> dict[int, CeilingLandmark]:
     """
     Read a file of landmarks, CSV or YAML; not for the real-time loop.
 

@@ -36,7 +36,7 @@ from rt_robot_os.devices.stargazer.wire import StarGazerDecoder
 from rt_robot_os.devices.stargazer.wire import StarGazerFrame
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.landmarks import Landmark
+from rt_robot_os.motion.landmarks import CeilingLandmark
 from rt_robot_os.motion.landmarks import landmarks_of
 from rt_robot_os.motion.poses import composed
 from rt_robot_os.sim.base import RobotSite
@@ -227,14 +227,15 @@ class SimulatedStarGazer(SimulatedDevice):
         return [self._mark(each, beside_x, beside_y, heading)
                 for _, each, beside_x, beside_y in near[:s['most_marks']]]
 
-    def _reference(self) -> Landmark | None:
+    def _reference(self) -> CeilingLandmark | None:
         """Return the mark below which all positions are, once it has a map of its own."""
         if self.parameters['MarkMode'] != 'Map' or not self.parameters['RefID'].isdigit():
             return None
         return self._landmarks.get(int(self.parameters['RefID']))
 
-    def _mark(self, landmark: Landmark, beside_x: float, beside_y: float,
-              heading: float) -> CeilingMark:
+    def _mark(self, landmark: CeilingLandmark, beside_x: float, beside_y: float,
+              heading: float
+              ) -> CeilingMark:
         s = self.settings
         gauss, noise = self.random.gauss, s['noise']
         number = landmark.number
@@ -257,7 +258,7 @@ class SimulatedStarGazer(SimulatedDevice):
                            100 * x, 100 * y, 100 * self._height_m)
 
 
-def _landmarks(settings: Mapping[str, Any], name: str) -> dict[int, Landmark]:
+def _landmarks(settings: Mapping[str, Any], name: str) -> dict[int, CeilingLandmark]:
     """
     Read the landmarks of the simulated device, or of its driver.
 

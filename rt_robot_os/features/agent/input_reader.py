@@ -22,7 +22,7 @@ from typing import Final
 
 from rt_robot_os.features.agent.inputs import AgentInputs
 from rt_robot_os.features.agent.inputs import Location
-from rt_robot_os.features.navigation.trajectory.whereabouts import planar
+from rt_robot_os.features.navigation.trajectory.pose_input import planar
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.topics import Subscription
 

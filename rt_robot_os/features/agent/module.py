@@ -270,7 +270,7 @@ class AgentModule(Module):
     def _take_map(self) -> None:
         """Take the newest map, if there is a new one: 2 ms for 1000 x 1000 cells, in pieces."""
         while self._map.is_behind:
-            if self._map.go_on(_MAP_PIECES):
+            if self._map.advance(_MAP_PIECES):
                 self._around.beside.clearing = clearing_of(self.settings, self._map.grid)
 
     def _take_words(self, agent: Agent) -> None:

@@ -28,8 +28,8 @@ from typing import Any
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.logger import Logger
+from rt_robot_os.motion.base_map import BaseMap
 from rt_robot_os.motion.grid_map import GridMap
-from rt_robot_os.motion.map_below import MapBelow
 from rt_robot_os.motion.map_message import grid_of
 from rt_robot_os.topics.subscription import Subscription
 
@@ -50,7 +50,7 @@ class LiveMap:
     :ivar seq: its number on the topic; -1 before that.
     :ivar count: good maps of the topic.
     :ivar refused: those that were none.
-    :ivar why: the last one was refused for this; empty when it was good.
+    :ivar refusal: the last one was refused for this; empty when it was good.
     """
 
     def __init__(self, path: str, source: Subscription | None, frame_id: str, owner: str,
@@ -60,10 +60,10 @@ class LiveMap:
                 f'{owner}: {source.topic.name} is in the frame {source.msg.header.frame_id!r}, '
                 f'but what is placed on it in {frame_id!r}: declare both in the frame of the map'])
         self.grid = GridMap.load(path) if path else None
-        self._below = MapBelow(self.grid) if self.grid is not None else None
+        self._base_map = BaseMap(self.grid) if self.grid is not None else None
         self.stamp_ns, self.seq = 0, -1
         self.count = self.refused = 0
-        self.why = ''
+        self.refusal = ''
         self._source = source
         self._log = log
         self._work: Generator[None, None, GridMap | None] | None = None
@@ -78,7 +78,7 @@ class LiveMap:
         """Return how many maps have come on the topic, taken or not."""
         return self._source.topic.head if self._source is not None else 0
 
-    def newest(self) -> Generator[None, None, GridMap | None]:
+    def read_newest(self) -> Generator[None, None, GridMap | None]:
         """
         Take the newest map, if there is one; yields after each bounded piece of work.
 
@@ -92,26 +92,26 @@ class LiveMap:
         try:
             grid = yield from grid_of(source.msg)
             stamp_ns, seq = source.stamp_ns, source.seq
-            if self._below is not None:
-                grid = yield from self._below.filled(grid)
+            if self._base_map is not None:
+                grid = yield from self._base_map.filled(grid)
         except ConfigError as error:
             self.refused += 1
-            self.why = '; '.join(error.problems)
+            self.refusal = '; '.join(error.problems)
             self._log.warn('a map on %s was refused, the one before is kept: %s',
-                           source.topic.name, self.why, throttle_s=10.0)
+                           source.topic.name, self.refusal, throttle_s=10.0)
             return None
-        self.grid, self.stamp_ns, self.seq, self.why = grid, stamp_ns, seq, ''
+        self.grid, self.stamp_ns, self.seq, self.refusal = grid, stamp_ns, seq, ''
         self.count += 1
         return grid
 
-    def go_on(self, pieces: int) -> bool:
+    def advance(self, pieces: int) -> bool:
         """
         Do some pieces of taking the newest map; safe in the real-time loop.
 
         :return: whether :attr:`grid` is another one now.
         """
         if self._work is None:
-            self._work = self.newest()
+            self._work = self.read_newest()
         try:
             for _ in range(pieces):
                 next(self._work)
@@ -121,7 +121,7 @@ class LiveMap:
         return False
 
     @property
-    def is_underway(self) -> bool:
+    def is_reading(self) -> bool:
         """Return whether a map is being taken."""
         return self._work is not None
 
@@ -132,8 +132,8 @@ class LiveMap:
 
     def warning(self) -> str:
         """Say what is wrong with the maps that come; empty when nothing is."""
-        if self.why:
-            return f'the last map was refused: {self.why}'
+        if self.refusal:
+            return f'the last map was refused: {self.refusal}'
         return '' if self.grid is not None or self._source is None else (
             f'no map yet on {self._source.topic.name}')
 

@@ -21,6 +21,6 @@ from rt_robot_os.base.features import Feature
 FEATURE: Final = Feature(
     summary='Maps: SLAM, the process that runs it, and the live map',
     programs={
-        'mapping': '.process.program',
+        'mapping': '.cli.program',
     },
 )

@@ -30,7 +30,7 @@ from typing import Final
 
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.reference import Reference
+from rt_robot_os.motion.reference import PathReference
 from rt_robot_os.motion.reference import Target
 
 Velocity = tuple[float, float]
@@ -62,7 +62,7 @@ class Controller(ABC):
         self.error = (0.0, 0.0, 0.0)
 
     @abstractmethod
-    def step(self, pose: Pose, reference: Reference, period_s: float,
+    def step(self, pose: Pose, reference: PathReference, period_s: float,
              velocity: Velocity | None = None) -> Velocity:
         """
         Return the velocity for the period that begins now; safe in the real-time loop.

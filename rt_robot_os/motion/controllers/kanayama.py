@@ -32,7 +32,7 @@ from rt_robot_os.motion.controllers.base import held
 from rt_robot_os.motion.controllers.base import HeldGains
 from rt_robot_os.motion.controllers.base import Velocity
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.reference import Reference
+from rt_robot_os.motion.reference import PathReference
 
 # The steepest way back to the path is at 45 degrees: beyond a right angle the law runs in circles.
 _STEEPEST: Final = math.sin(math.pi / 4)
@@ -61,7 +61,7 @@ class Kanayama(Controller):
         self.gains = gains
         self._held = HeldGains()
 
-    def step(self, pose: Pose, reference: Reference, period_s: float,
+    def step(self, pose: Pose, reference: PathReference, period_s: float,
              velocity: Velocity | None = None) -> Velocity:
         """Return the velocity for the period that begins now."""
         target = reference.target(period_s)

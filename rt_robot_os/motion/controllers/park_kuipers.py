@@ -30,7 +30,7 @@ from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.controllers.base import Controller
 from rt_robot_os.motion.controllers.base import Velocity
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.reference import Reference
+from rt_robot_os.motion.reference import PathReference
 
 _NEAR_M: Final = 1e-3
 
@@ -65,7 +65,7 @@ class ParkKuipers(Controller):
         super().__init__()
         self.gains = gains
 
-    def step(self, pose: Pose, reference: Reference, period_s: float,
+    def step(self, pose: Pose, reference: PathReference, period_s: float,
              velocity: Velocity | None = None) -> Velocity:
         """Return the velocity for the period that begins now."""
         left, turned = reference.locate(pose)

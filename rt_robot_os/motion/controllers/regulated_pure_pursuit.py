@@ -30,7 +30,7 @@ from rt_robot_os.base.schema import setting
 from rt_robot_os.motion.controllers.base import Controller
 from rt_robot_os.motion.controllers.base import Velocity
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.reference import Reference
+from rt_robot_os.motion.reference import PathReference
 from rt_robot_os.motion.reference_path import Path
 from rt_robot_os.motion.reference_path import Point
 
@@ -99,7 +99,7 @@ class RegulatedPurePursuit(Controller):
         return min(gains.lookahead_max_m, max(
             gains.lookahead_min_m, abs(linear_m_s) * gains.lookahead_time_s))
 
-    def step(self, pose: Pose, reference: Reference, period_s: float,
+    def step(self, pose: Pose, reference: PathReference, period_s: float,
              velocity: Velocity | None = None) -> Velocity:
         """Return the velocity for the period that begins now."""
         linear, angular = self._commanded if velocity is None else velocity
@@ -118,7 +118,7 @@ class RegulatedPurePursuit(Controller):
         reference.advance(period_s)
         return found
 
-    def _regulated(self, bend: float, reference: Reference, pose: Pose) -> float:
+    def _regulated(self, bend: float, reference: PathReference, pose: Pose) -> float:
         """Return the speed for a curvature and what is left of the path."""
         gains, path = self.gains, reference.path
         most = reference.limits.speed_m_s

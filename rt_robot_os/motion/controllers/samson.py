@@ -35,7 +35,7 @@ from rt_robot_os.motion.controllers.base import held
 from rt_robot_os.motion.controllers.base import HeldGains
 from rt_robot_os.motion.controllers.base import Velocity
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.reference import Reference
+from rt_robot_os.motion.reference import PathReference
 
 _STEEPEST_RAD: Final = math.pi / 4
 # A reference at rest still has to be reached along the path.
@@ -62,7 +62,7 @@ class Samson(Controller):
         self.gains = gains
         self._held = HeldGains()
 
-    def step(self, pose: Pose, reference: Reference, period_s: float,
+    def step(self, pose: Pose, reference: PathReference, period_s: float,
              velocity: Velocity | None = None) -> Velocity:
         """Return the velocity for the period that begins now."""
         target = reference.target(period_s)

@@ -30,9 +30,9 @@ from mapping_robot import sightings_of  # noqa: E402
 from benchmarks.slam.drives import Drive  # noqa: E402, I100
 from benchmarks.slam.drives import flat_drive  # noqa: E402
 from benchmarks.slam.drives import FLAT_WAY  # noqa: E402
-from rt_robot_os.features.mapping.process.engine import Engine  # noqa: E402
-from rt_robot_os.features.mapping.process.intake import Sighting  # noqa: E402
-from rt_robot_os.features.mapping.process.settings import MappingSettings  # noqa: E402
+from rt_robot_os.features.mapping.engine import Engine  # noqa: E402
+from rt_robot_os.features.mapping.scan_intake import PosedScan  # noqa: E402
+from rt_robot_os.features.mapping.settings import MappingSettings  # noqa: E402
 
 
 @pytest.fixture(scope='session')
@@ -42,7 +42,7 @@ def flat() -> Drive:
 
 
 @pytest.fixture(scope='session')
-def sightings(flat: Drive) -> list[Sighting]:
+def sightings(flat: Drive) -> list[PosedScan]:
     return sightings_of(flat)
 
 
@@ -53,11 +53,11 @@ def engine(flat: Drive) -> Engine:
 
 
 @pytest.fixture(scope='session')
-def mapped(flat: Drive, sightings: list[Sighting]) -> Engine:
+def mapped(flat: Drive, sightings: list[PosedScan]) -> Engine:
     """Give one that has mapped the drive; it is not to be changed."""
     made = Engine(MappingSettings(), lambda sighting: flat.truth[0])
     for each in sightings:
-        made.take(each)
+        made.add_scan(each)
     made.finish_drawing()
     return made
 

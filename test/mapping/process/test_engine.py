@@ -24,39 +24,39 @@ import numpy as np
 import pytest
 
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.mapping.process.engine import Engine
-from rt_robot_os.features.mapping.process.intake import Sighting
-from rt_robot_os.features.mapping.process.places import copy_of
-from rt_robot_os.features.mapping.process.places import Known
-from rt_robot_os.features.mapping.process.places import Place
-from rt_robot_os.features.mapping.process.settings import LOCALIZATION
-from rt_robot_os.features.mapping.process.settings import MAPPING
+from rt_robot_os.features.mapping.engine import Engine
+from rt_robot_os.features.mapping.robot_pose import copy_of
+from rt_robot_os.features.mapping.robot_pose import LoadedMap
+from rt_robot_os.features.mapping.robot_pose import RobotPose
+from rt_robot_os.features.mapping.scan_intake import PosedScan
+from rt_robot_os.features.mapping.settings import LOCALIZATION
+from rt_robot_os.features.mapping.settings import MAPPING
 from rt_robot_os.features.mapping.slam.transforms import between
 from rt_robot_os.features.mapping.slam.transforms import composed
 from rt_robot_os.features.mapping.slam.transforms import Floats
 
 
-def off_m(place: Place, truth: Floats) -> float:
+def off_m(place: RobotPose, truth: Floats) -> float:
     return float(np.hypot(*(place.pose - truth)[:2]))
 
 
-def fed(engine: Engine, sightings: list[Sighting]) -> list[Place | None]:
+def fed(engine: Engine, sightings: list[PosedScan]) -> list[RobotPose | None]:
     """Give an engine scans, and the time that it has between them."""
     places = []
     for each in sightings:
-        places.append(engine.take(each))
+        places.append(engine.add_scan(each))
         for _ in range(20):
-            if not engine.work():
+            if not engine.process_pending():
                 break
     return places
 
 
-def known_of(engine: Engine) -> Known:
-    return Known(copy_of(engine.graph), engine.grid)
+def known_of(engine: Engine) -> LoadedMap:
+    return LoadedMap(copy_of(engine.graph), engine.grid)
 
 
 def test_the_map_has_the_frame_in_which_it_was_begun(mapped: Engine, flat: Drive) -> None:
-    known = mapped.here
+    known = mapped.last_pose
     assert known is not None and mapped.state == MAPPING
     assert np.abs(between(known[0], flat.truth[-1])).max() < 0.06
     truth, made = flat.grid, mapped.grid
@@ -68,9 +68,9 @@ def test_the_map_has_the_frame_in_which_it_was_begun(mapped: Engine, flat: Drive
 
 
 def test_it_finds_itself_on_a_map_and_says_nothing_before(
-        engine: Engine, mapped: Engine, flat: Drive, sightings: list[Sighting]) -> None:
+        engine: Engine, mapped: Engine, flat: Drive, sightings: list[PosedScan]) -> None:
     engine.mode = LOCALIZATION
-    engine.adopt(known_of(mapped), None)
+    engine.use_map(known_of(mapped), None)
     places = fed(engine, sightings[40:])
     said = [(place, truth) for place, truth in zip(places, flat.truth[40:]) if place is not None]
     assert engine.found == 1 and said[0][0].is_found
@@ -82,8 +82,8 @@ def test_it_finds_itself_on_a_map_and_says_nothing_before(
 
 
 def test_a_robot_that_does_not_stand_where_it_stood_looks_for_itself(
-        engine: Engine, mapped: Engine, flat: Drive, sightings: list[Sighting]) -> None:
-    engine.adopt(known_of(mapped), lambda sighting: flat.truth[-1])
+        engine: Engine, mapped: Engine, flat: Drive, sightings: list[PosedScan]) -> None:
+    engine.use_map(known_of(mapped), lambda sighting: flat.truth[-1])
     places = fed(engine, sightings[:60])
     sure = [(place, truth) for place, truth in zip(places, flat.truth)
             if place is not None and place.is_sure]
@@ -92,21 +92,21 @@ def test_a_robot_that_does_not_stand_where_it_stood_looks_for_itself(
 
 
 def test_it_goes_on_with_the_map_of_before_where_odometry_says(
-        engine: Engine, mapped: Engine, flat: Drive, sightings: list[Sighting]) -> None:
-    engine.adopt(known_of(mapped), lambda sighting: flat.truth[-20])
-    engine.trust()
+        engine: Engine, mapped: Engine, flat: Drive, sightings: list[PosedScan]) -> None:
+    engine.use_map(known_of(mapped), lambda sighting: flat.truth[-20])
+    engine.trust_next_hint()
     places = fed(engine, sightings[-20:])
     assert places[0] is not None and places[0].is_sure and engine.found == 0
     assert engine.state == MAPPING
 
 
 def test_somebody_says_where_it_is(engine: Engine, mapped: Engine, flat: Drive,
-                                   sightings: list[Sighting]) -> None:
+                                   sightings: list[PosedScan]) -> None:
     engine.mode = LOCALIZATION
-    engine.adopt(known_of(mapped), lambda sighting: flat.truth[-1])
-    engine.take(sightings[0])
+    engine.use_map(known_of(mapped), lambda sighting: flat.truth[-1])
+    engine.add_scan(sightings[0])
     engine.relocate(sightings[0], flat.truth[0] + np.array((0.1, -0.1, 0.05)))
-    place = engine.take(sightings[1])
+    place = engine.add_scan(sightings[1])
     assert place is not None and place.is_sure and off_m(place, flat.truth[1]) < 0.1
 
 
@@ -119,10 +119,10 @@ def test_a_laser_upside_down_is_told_and_nothing_more_is_mapped(engine: Engine, 
 
 
 def test_one_that_is_covered_is_told_and_it_goes_on_when_it_sees_again(
-        engine: Engine, flat: Drive, sightings: list[Sighting]) -> None:
+        engine: Engine, flat: Drive, sightings: list[PosedScan]) -> None:
     fed(engine, sightings[:30])
     keyframes = len(engine.graph.keyframes) if engine.graph else 0
-    blind = [Sighting(each.scan.__class__(
+    blind = [PosedScan(each.scan.__class__(
         each.scan.stamp_ns, each.scan.odometry, np.full(180, np.inf), each.scan.angle_min,
         each.scan.angle_increment), each.base, each.mount) for each in sightings[30:40]]
     places = fed(engine, blind)
@@ -135,10 +135,10 @@ def test_one_that_is_covered_is_told_and_it_goes_on_when_it_sees_again(
 
 @pytest.mark.parametrize('mode', [MAPPING, LOCALIZATION])
 def test_odometry_that_was_cut_is_not_believed_before_scans_say_so(
-        engine: Engine, flat: Drive, sightings: list[Sighting], mode: str) -> None:
+        engine: Engine, flat: Drive, sightings: list[PosedScan], mode: str) -> None:
     """Its driver was started again in a silence: where it was is 0 now, 2.5 m away."""
     fed(engine, sightings[:60])
-    engine.switch(mode)
+    engine.set_mode(mode)
     graph = engine.graph
     assert graph is not None
     keyframes = len(graph.keyframes)
@@ -157,7 +157,7 @@ def test_odometry_that_was_cut_is_not_believed_before_scans_say_so(
 
 
 def test_odometry_that_was_cut_and_is_right_is_believed_soon(
-        engine: Engine, flat: Drive, sightings: list[Sighting]) -> None:
+        engine: Engine, flat: Drive, sightings: list[PosedScan]) -> None:
     fed(engine, sightings[:60])
     places = fed(engine, [replace(sightings[60], is_cut=True), *sightings[61:66]])
     assert engine.found == 0 and engine.state == MAPPING
@@ -166,13 +166,13 @@ def test_odometry_that_was_cut_and_is_right_is_believed_soon(
 
 
 def test_a_grid_alone_cannot_grow(engine: Engine, mapped: Engine) -> None:
-    engine.adopt(Known(None, mapped.grid), None)
+    engine.use_map(LoadedMap(None, mapped.grid), None)
     assert engine.mode == LOCALIZATION
     with pytest.raises(ConfigError, match='has no graph'):
-        engine.switch(MAPPING)
+        engine.set_mode(MAPPING)
 
 
-def test_paused_it_says_nothing(engine: Engine, sightings: list[Sighting]) -> None:
+def test_paused_it_says_nothing(engine: Engine, sightings: list[PosedScan]) -> None:
     engine.is_paused = True
     assert fed(engine, sightings[:3]) == [None] * 3
     assert engine.state == 'paused' and not engine.drawing.version

@@ -30,9 +30,9 @@ import numpy as np
 from processes import wait_until
 import pytest
 
-from rt_robot_os.features.mapping.process.live import LiveMapping
-from rt_robot_os.features.mapping.process.messages import pose_in
-from rt_robot_os.features.mapping.process.settings import MappingSettings
+from rt_robot_os.features.mapping.messages import pose_in
+from rt_robot_os.features.mapping.process.live_mapping import LiveMapping
+from rt_robot_os.features.mapping.settings import MappingSettings
 from rt_robot_os.features.mapping.slam.archive import load
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.messages.cdr import string_in
@@ -102,7 +102,7 @@ class Beheld:
     def kill(self) -> None:
         """End it as kill -9 does, as far as that goes in one process."""
         self.live.link.stop()
-        self.live.keeper.close()
+        self.live.store.close()
 
 
 @pytest.fixture
@@ -127,9 +127,9 @@ def test_it_maps_saves_and_goes_on_after_it_was_killed(beheld: Beheld, tmp_path:
     assert graph is not None and len(graph.keyframes) > 1
     assert beheld.command('save')['text'] == f'saved as {tmp_path}/map.yaml'
 
-    kept = beheld.live.keeper.counts['states_kept']
+    kept = beheld.live.store.counts['states_kept']
     beheld.drive(60, 66)
-    beheld.until(lambda: beheld.live.keeper.counts['states_kept'] > kept, 'the state on the disk')
+    beheld.until(lambda: beheld.live.store.counts['states_kept'] > kept, 'the state on the disk')
     beheld.kill()
     beheld.begin()
     assert any('going on with' in each for each in beheld.told)
@@ -141,17 +141,17 @@ def test_it_maps_saves_and_goes_on_after_it_was_killed(beheld: Beheld, tmp_path:
 
 def test_who_has_not_seen_where_it_is_leaves_what_it_knew(beheld: Beheld) -> None:
     beheld.drive(0, 12)
-    kept = beheld.live.keeper
+    kept = beheld.live.store
     beheld.until(lambda: kept.counts['states_kept'], 'the state on the disk')
-    beheld.live._keep(is_last=True)
+    beheld.live.save_state(is_last=True)
     beheld.kill()
     for _ in range(2):  # no scan comes, twice
         live = beheld.begin()
         beheld.until(lambda: live.engine.drawing.version, 'the map of before')
-        beheld.until(lambda: live.intake.hindrance, 'silence')
+        beheld.until(lambda: live.intake.blocking_problem, 'silence')
         said = beheld.beside.heard['mapping/state']
         beheld.until(lambda: 'lost: no scans' in string_in(said[-1][1]), 'the state')
-        live._keep(is_last=True)
+        live.save_state(is_last=True)
         beheld.kill()
     beheld.begin()
     beheld.drive(12, 14)

@@ -21,8 +21,8 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.features.mapping.process.looking_round import LookingRound
-from rt_robot_os.features.mapping.process.settings import MappingSettings
+from rt_robot_os.features.mapping.process.recovery_spin import RecoverySpin
+from rt_robot_os.features.mapping.settings import MappingSettings
 
 STEP_NS = 40_000_000
 
@@ -30,12 +30,12 @@ STEP_NS = 40_000_000
 class Looking:
     """Who looks for the robot; and what goes to the wheels."""
 
-    is_looking = is_ambiguous = True
+    is_searching = is_ambiguous = True
 
     def __init__(self, **settings: Any) -> None:
         self.now_ns = 0
         self.rates: list[float] = []
-        self.round = LookingRound(MappingSettings(**settings), self,  # type: ignore[arg-type]
+        self.round = RecoverySpin(MappingSettings(**settings), self,  # type: ignore[arg-type]
                                   self.publish, lambda topic: topic == 'cmd_vel')
 
     def publish(self, topic: str, message: bytes) -> bool:
@@ -58,7 +58,7 @@ def test_it_turns_until_it_has_found_itself(allowed: bool, told: bool) -> None:
     looking = Looking(find_turns=allowed)
     assert looking.steps(10, told) == [0.4] * 10
     assert looking.round.state == 'turning to look round'
-    looking.is_looking = looking.is_ambiguous = False
+    looking.is_searching = looking.is_ambiguous = False
     assert looking.steps(10, told) == [0.0] and looking.round.state == ''
 
 
@@ -74,7 +74,7 @@ def test_after_a_whole_turn_it_asks_to_be_driven() -> None:
     assert 6.28 < sum(rates) * STEP_NS / 1e9 < 8.0 and rates[-1] == 0.0
     assert looking.round.state == 'looked round: drive it elsewhere'
     assert looking.steps(50) == []
-    looking.is_looking = False
+    looking.is_searching = False
     looking.steps(1)
-    looking.is_looking = True  # somewhere else
+    looking.is_searching = True  # somewhere else
     assert looking.steps(5) == [1.0] * 5

@@ -36,10 +36,10 @@ from rosbags.typesys import Stores  # noqa: E402
 from benchmarks.slam.drives import Drive  # noqa: E402, I100
 from benchmarks.slam.drives import flat_drive  # noqa: E402
 from rt_robot_os.base.errors import ConfigError  # noqa: E402
-from rt_robot_os.features.mapping.process.bags.bag_log import BagLog  # noqa: E402
-from rt_robot_os.features.mapping.process.bags.bag_log import BagOptions  # noqa: E402
-from rt_robot_os.features.mapping.process.command import run  # noqa: E402
-from rt_robot_os.features.mapping.process.sources import laser_mount  # noqa: E402
+from rt_robot_os.features.mapping.bags.bag_log import BagLog  # noqa: E402
+from rt_robot_os.features.mapping.bags.bag_log import BagOptions  # noqa: E402
+from rt_robot_os.features.mapping.cli.command import run  # noqa: E402
+from rt_robot_os.features.mapping.cli.scan_source import laser_mount  # noqa: E402
 from rt_robot_os.features.mapping.slam.scan import Scan  # noqa: E402
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -267,7 +267,7 @@ def test_what_is_no_bag_is_told(tmp_path: Path) -> None:
 
 def test_topics_are_chosen_by_their_usual_names_or_asked_for(
         tmp_path: Path, short: Drive) -> None:
-    from rt_robot_os.features.mapping.process.bags.topics import choose
+    from rt_robot_os.features.mapping.bags.topics import choose
     laser, wheels = 'sensor_msgs/msg/LaserScan', 'nav_msgs/msg/Odometry'
     several = {'/front': laser, '/rear': laser, '/odom': wheels, '/visual': wheels}
     with pytest.raises(ConfigError, match='choose one with --scan-topic: /front, /rear'):

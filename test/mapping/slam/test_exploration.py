@@ -31,7 +31,7 @@ import pytest
 pytest.importorskip('scipy', reason='scipy is not installed')
 
 from rt_robot_os.features.mapping.slam.exploration import CLOSED  # noqa: E402
-from rt_robot_os.features.mapping.slam.exploration import Exploration  # noqa: E402
+from rt_robot_os.features.mapping.slam.exploration import ExplorationSettings  # noqa: E402
 from rt_robot_os.features.mapping.slam.exploration import Explorer  # noqa: E402
 from rt_robot_os.features.mapping.slam.frontiers import frontiers_of  # noqa: E402
 from rt_robot_os.features.mapping.slam.growing_grid import GrowingGrid  # noqa: E402
@@ -58,7 +58,7 @@ class Robot:
 
     true: GridMap
     pose: Any
-    settings: Exploration = Exploration()
+    settings: ExplorationSettings = ExplorationSettings()
     refuses: Callable[[Any], bool] = lambda goal: False
     now_ns: int = 0
     driven_m: float = 0.0
@@ -207,7 +207,7 @@ def half_known() -> GridMap:
 
 
 def test_nobody_answers_the_goal_is_given_again_and_then_it_ends() -> None:
-    explorer = Explorer(Exploration(patience_s=20.0))
+    explorer = Explorer(ExplorationSettings(patience_s=20.0))
     goals = step_through(explorer, half_known(), lambda now_s: '', 100.0)
     assert explorer.is_done and len(goals) >= 2
     assert goals[0][1].tolist() == goals[1][1].tolist()
@@ -236,7 +236,7 @@ def test_a_robot_that_was_stopped_is_not_sent_on(said: str, ends: str) -> None:
 
 
 def test_a_planner_that_is_done_elsewhere_ends_it() -> None:
-    explorer = Explorer(Exploration(radius_m=0.2))
+    explorer = Explorer(ExplorationSettings(radius_m=0.2))
     cells = np.array(rooms(1.0).cells)
     cells[:, 100:] = -1
     step_through(explorer, GridMap(cells, 0.05), lambda now_s: 'done', 200.0)

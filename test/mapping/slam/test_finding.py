@@ -31,10 +31,10 @@ from benchmarks.slam.restart_trials import Conditions  # noqa: E402
 from benchmarks.slam.restart_trials import restart_trials  # noqa: E402
 from rt_robot_os.base.errors import ConfigError  # noqa: E402
 from rt_robot_os.features.mapping.slam import place_search  # noqa: E402
-from rt_robot_os.features.mapping.slam.finding import Finder  # noqa: E402
-from rt_robot_os.features.mapping.slam.finding import Found  # noqa: E402
-from rt_robot_os.features.mapping.slam.following import Follower  # noqa: E402
+from rt_robot_os.features.mapping.slam.global_localization import FoundPose  # noqa: E402
+from rt_robot_os.features.mapping.slam.global_localization import GlobalLocalizer  # noqa: E402
 from rt_robot_os.features.mapping.slam.known_map import KnownMap  # noqa: E402
+from rt_robot_os.features.mapping.slam.map_localizer import MapLocalizer  # noqa: E402
 from rt_robot_os.features.mapping.slam.scan import Scan  # noqa: E402
 from rt_robot_os.features.mapping.slam.transforms import between  # noqa: E402
 from rt_robot_os.features.mapping.slam.transforms import composed  # noqa: E402
@@ -60,11 +60,12 @@ def seen(walls: Walls, pose: Floats, number: int, odometry: Floats | None = None
                 -math.pi, math.tau / 180)
 
 
-def search(finder: Finder, walls: Walls, pose: Floats, scans: int = 8) -> Found | None:
+def search(finder: GlobalLocalizer, walls: Walls, pose: Floats, scans: int = 8
+           ) -> FoundPose | None:
     """Show a robot that stands what it sees."""
     for number in range(scans):
-        found = finder.look(seen(walls, pose, number))
-        while found is None and finder.work():
+        found = finder.add_scan(seen(walls, pose, number))
+        while found is None and finder.process_pending():
             pass
         if found is not None:
             return found
@@ -100,17 +101,18 @@ def two_rooms(unlike: bool = False) -> GridMap:
 
 def test_rooms_that_look_alike_get_no_answer_until_the_robot_has_seen_more() -> None:
     grid = two_rooms()
-    walls, finder = Walls.of(grid), Finder(grid)
+    walls, finder = Walls.of(grid), GlobalLocalizer(grid)
     start = np.array((1.2, 0.7, 0.3))  # the door is out of sight, or looks the same
     shut = grid.cells.copy()
     shut[25:43, 60:62] = 100
-    assert search(Finder(GridMap(shut, 0.05)), Walls.of(GridMap(shut, 0.05)), start, 30) is None
-    assert search(Finder(two_rooms(True)), Walls.of(two_rooms(True)), start) is not None
+    assert search(GlobalLocalizer(GridMap(shut, 0.05)), Walls.of(GridMap(shut, 0.05)), start,
+                  30) is None
+    assert search(GlobalLocalizer(two_rooms(True)), Walls.of(two_rooms(True)), start) is not None
     found = None
     for number in range(60):  # to the middle of the room, and through the door
         pose = start + np.array((0.04, 0.02 if number < 50 else 0.0, 0.0)) * number
-        found = finder.look(seen(walls, pose, number, pose))
-        while found is None and finder.work():
+        found = finder.add_scan(seen(walls, pose, number, pose))
+        while found is None and finder.process_pending():
             pass
         if found is not None:
             break
@@ -121,19 +123,19 @@ def test_two_places_are_said_to_be_two() -> None:
     cells = two_rooms().cells.copy()
     cells[25:43, 60:62] = 100
     grid = GridMap(cells, 0.05)
-    finder = Finder(grid)
+    finder = GlobalLocalizer(grid)
     assert search(finder, Walls.of(grid), np.array((1.2, 0.7, 0.3)), 10) is None
     assert finder.state == 'ambiguous between 2 places: move the robot'
-    finder.begin()
+    finder.restart()
     assert finder.state == 'searching: waiting for a scan'
 
 
 def test_a_robot_outside_of_the_map_is_not_found(flat: GridMap) -> None:
-    finder = Finder(flat)
+    finder = GlobalLocalizer(flat)
     other = two_rooms()
     assert search(finder, Walls.of(other), np.array((1.5, 1.5, 0.0)), 12) is None
     blind = Scan(9 * SECOND_NS, np.zeros(3), np.full(180, np.inf), -3.0, 0.03)
-    assert finder.look(blind) is None and 'only 0 beams see something' in finder.state
+    assert finder.add_scan(blind) is None and 'only 0 beams see something' in finder.state
 
 
 @pytest.mark.parametrize('cell_m, origin', [
@@ -146,18 +148,18 @@ def test_maps_of_other_resolutions_and_origins_do(cell_m: float, origin: Any) ->
     scale = grid.resolution_m * grid.columns / 6.1
     inside = np.array((1.2 * scale, 0.9 * scale, 0.3))
     pose = composed(np.array(origin), inside)
-    found = search(Finder(grid), walls, pose)
+    found = search(GlobalLocalizer(grid), walls, pose)
     assert found is not None
     assert off(found.pose, pose)[0] < max(0.1, cell_m) and off(found.pose, pose)[1] < 3.0
 
 
 def test_one_that_stands_is_found_where_a_few_beams_tell_two_rooms_apart() -> None:
     house = shipped_map('house')
-    walls, finder = Walls.of(house), Finder(house)
+    walls, finder = Walls.of(house), GlobalLocalizer(house)
     # The bath and the workshop are of the same shape; one is 10 cm wider than the other.
     for place in ((16.32, 10.08, -1.68), (17.48, 10.68, 0.86), (15.92, 10.68, 1.08)):
         pose = np.array(place)
-        finder.begin()
+        finder.restart()
         found = search(finder, walls, pose)
         assert found is not None, finder.state
         assert off(found.pose, pose)[0] < 0.1 and off(found.pose, pose)[1] < 2.0
@@ -168,7 +170,7 @@ def test_a_search_of_too_many_places_keeps_the_best(
     monkeypatch.setattr(place_search, '_SQUARES_MOST', 500)
     monkeypatch.setattr(place_search, '_LEAVES_MOST', 300)
     pose = np.array((3.44, 1.0, 2.0))
-    found = search(Finder(flat), Walls.of(flat), pose)
+    found = search(GlobalLocalizer(flat), Walls.of(flat), pose)
     assert found is not None and off(found.pose, pose)[0] < 0.1
 
 
@@ -178,7 +180,7 @@ def test_who_is_followed_on_a_large_map_measures_only_what_is_near(flat: GridMap
     cells[2000:2000 + flat.rows, 2000:2000 + flat.columns] = flat.cells
     large = GridMap(cells, flat.resolution_m, flat.origin)
     known, pose = KnownMap(large), np.array((3.44, 1.0, 2.0))
-    follower = Follower(large, None, pose, known=known)
+    follower = MapLocalizer(large, None, pose, known=known)
     assert off(follower.add(seen(Walls.of(flat), pose, 0)).pose, pose)[0] < 0.1
     assert (known.distances[:flat.rows, :flat.columns] < 255).any()
     assert (known.distances[2000:, 2000:] == 255).all()
@@ -186,16 +188,16 @@ def test_who_is_followed_on_a_large_map_measures_only_what_is_near(flat: GridMap
 
 def test_a_map_in_which_nobody_can_be_says_so() -> None:
     with pytest.raises(ConfigError, match='nothing in it is free'):
-        Finder(GridMap(np.full((9, 9), 100, np.int8), 0.05))
+        GlobalLocalizer(GridMap(np.full((9, 9), 100, np.int8), 0.05))
     with pytest.raises(ConfigError, match='nothing in it is occupied'):
-        Follower(GridMap(np.zeros((9, 9), np.int8), 0.05), None, np.zeros(3))
+        MapLocalizer(GridMap(np.zeros((9, 9), np.int8), 0.05), None, np.zeros(3))
 
 
 # ---- following ---------------------------------------------------------------------------------
 
 def test_a_robot_is_followed_through_a_flat_with_people_and_knows_how_well() -> None:
     drive = flat_drive(3, FLAT_WAY[:12], walkers=2, beams=120, scan_hz=2.0)
-    follower = Follower(drive.grid, None, drive.truth[0])
+    follower = MapLocalizer(drive.grid, None, drive.truth[0])
     located = [follower.add(scan) for scan in drive.scans]
     errors = between(drive.truth, np.array([each.pose for each in located]))
     assert np.hypot(errors[:, 0], errors[:, 1]).max() < 0.1
@@ -210,7 +212,7 @@ def test_a_robot_is_followed_through_a_flat_with_people_and_knows_how_well() -> 
 
 def test_a_robot_that_stands_for_an_hour_does_not_turn(flat: GridMap) -> None:
     walls, pose = Walls.of(flat), np.array((3.44, 1.0, 2.0))
-    follower = Follower(flat, None, pose)
+    follower = MapLocalizer(flat, None, pose)
     errors = []
     for number in range(120):  # one scan in half a minute; the gyroscope drifts by 36 degrees
         drift = np.array((0.0, 0.0, math.radians(0.3) * number))
@@ -225,7 +227,7 @@ def test_a_robot_that_stands_for_an_hour_does_not_turn(flat: GridMap) -> None:
 def test_a_robot_that_is_carried_away_notices_and_a_crowd_does_not_confuse_it(
         flat: GridMap) -> None:
     walls, pose = Walls.of(flat), np.array((3.44, 1.0, 2.0))
-    follower = Follower(flat, None, pose)
+    follower = MapLocalizer(flat, None, pose)
     for number in range(5):
         follower.add(seen(walls, pose, number))
     for number in range(5, 105, 5):  # ten seconds among people who leave nothing in sight
@@ -240,13 +242,13 @@ def test_a_robot_that_is_carried_away_notices_and_a_crowd_does_not_confuse_it(
         located = follower.add(seen(walls, other, number, pose))
     assert located.is_lost and 'beams go through walls of the map' in follower.lost
     assert follower.counts['lost'] == 1
-    follower.moved_to(other)
+    follower.relocate(other)
     assert not follower.add(seen(walls, other, 140, pose)).is_lost and not follower.lost
 
 
 def test_odometry_that_is_set_anew_does_not_move_the_robot(flat: GridMap) -> None:
     walls, pose = Walls.of(flat), np.array((3.44, 1.0, 2.0))
-    follower = Follower(flat, None, pose)
+    follower = MapLocalizer(flat, None, pose)
     follower.add(seen(walls, pose, 0, np.array((50.0, -3.0, 1.0))))
     located = follower.add(seen(walls, pose, 1, np.zeros(3)))
     assert off(located.pose, pose)[0] < 0.1 and follower.counts['jumps'] == 1

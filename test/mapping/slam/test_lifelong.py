@@ -29,23 +29,23 @@ import pytest
 
 pytest.importorskip('scipy', reason='scipy is not installed')
 
-from rt_robot_os.features.mapping.slam.forgetting import chain  # noqa: E402
-from rt_robot_os.features.mapping.slam.forgetting import forget  # noqa: E402
-from rt_robot_os.features.mapping.slam.forgetting import reverse  # noqa: E402
-from rt_robot_os.features.mapping.slam.graph import Graph  # noqa: E402
+from rt_robot_os.features.mapping.slam.graph import MapGraph  # noqa: E402
 from rt_robot_os.features.mapping.slam.graph_arrays import arrays_of  # noqa: E402
 from rt_robot_os.features.mapping.slam.graph_arrays import graph_of  # noqa: E402
 from rt_robot_os.features.mapping.slam.keyframes import Keyframe  # noqa: E402
 from rt_robot_os.features.mapping.slam.mapper import Mapper  # noqa: E402
-from rt_robot_os.features.mapping.slam.pose_graph import agree  # noqa: E402
-from rt_robot_os.features.mapping.slam.pose_graph import Edge  # noqa: E402
-from rt_robot_os.features.mapping.slam.pose_graph import Fix  # noqa: E402
+from rt_robot_os.features.mapping.slam.marginalisation import chain  # noqa: E402
+from rt_robot_os.features.mapping.slam.marginalisation import marginalise  # noqa: E402
+from rt_robot_os.features.mapping.slam.marginalisation import reverse  # noqa: E402
+from rt_robot_os.features.mapping.slam.pose_graph import AbsolutePose  # noqa: E402
+from rt_robot_os.features.mapping.slam.pose_graph import optimise  # noqa: E402
+from rt_robot_os.features.mapping.slam.pose_graph import PoseEdge  # noqa: E402
 from rt_robot_os.features.mapping.slam.scan import Scan  # noqa: E402
 from rt_robot_os.features.mapping.slam.scan import surface_of  # noqa: E402
-from rt_robot_os.features.mapping.slam.trajectory import Trajectory  # noqa: E402
+from rt_robot_os.features.mapping.slam.trajectory import ScanTrajectory  # noqa: E402
 from rt_robot_os.features.mapping.slam.transforms import between  # noqa: E402
 from rt_robot_os.features.mapping.slam.transforms import composed  # noqa: E402
-from rt_robot_os.features.mapping.slam.tuning import Tuning  # noqa: E402
+from rt_robot_os.features.mapping.slam.tuning import MapperTuning  # noqa: E402
 from rt_robot_os.motion.grid_map import GridMap  # noqa: E402
 from rt_robot_os.motion.walls import Walls  # noqa: E402
 
@@ -110,7 +110,7 @@ class Robot:
             self.at, self.stamp, is_carried = pose, self.stamp + 1, False
             located = self.mapper.add(seen(self.walls, pose, self.stamp, self.wheels,
                                            self.rng.normal(0, 0.01, BEAMS)))
-            while self.mapper.think():
+            while self.mapper.process_pending():
                 pass
             said.append(located)
             off.append(float(np.hypot(*(located.pose[:2] - pose[:2]))))
@@ -188,12 +188,12 @@ def test_mapping_goes_on_from_a_saved_graph_where_the_robot_is_found(driven: Any
     robot = Robot(Mapper.of_graph(graph), building())
     said, _ = robot.go(np.array(((2.0, 3.0, 0.4),)))
     assert said[0].is_lost and not said[0].is_kept
-    robot.mapper.relocated(np.array((2.1, 2.9, 0.45)), robot.wheels)
+    robot.mapper.relocate(np.array((2.1, 2.9, 0.45)), robot.wheels)
     _, off = robot.go(round_trip()[:20])
     assert off.max() < 0.03
     with pytest.raises(ValueError, match='must be finite'):
-        robot.mapper.relocated(np.array((math.nan, 0.0, 0.0)), robot.wheels)
-    empty = Mapper.of_graph(Graph())
+        robot.mapper.relocate(np.array((math.nan, 0.0, 0.0)), robot.wheels)
+    empty = Mapper.of_graph(MapGraph())
     assert not Robot(empty, building()).go(round_trip()[:2])[0][1].is_lost
 
 
@@ -204,11 +204,12 @@ def test_a_map_follows_absolute_poses_and_says_by_how_much_it_moved() -> None:
     said, _ = robot.go(way[:12])
     for number in range(4, 11):
         true = composed(way[number], between(way[number], way[number + 1]) * 0.5)
-        robot.mapper.fix((number + 1) * PERIOD_NS + PERIOD_NS // 2, true,
-                         np.diag((0.02 ** 2, 0.02 ** 2, 0.01 ** 2)))
-    while robot.mapper.think():
+        robot.mapper.add_absolute_pose((number + 1) * PERIOD_NS + PERIOD_NS // 2, true,
+                                       np.diag((0.02 ** 2, 0.02 ** 2, 0.01 ** 2)))
+    while robot.mapper.process_pending():
         pass
-    robot.mapper.fix(11 * PERIOD_NS, way[10] + (4.0, 4.0, 1.0), np.diag((1e-4, 1e-4, 1e-4)))
+    robot.mapper.add_absolute_pose(11 * PERIOD_NS, way[10] + (4.0, 4.0, 1.0),
+                                   np.diag((1e-4, 1e-4, 1e-4)))
     before = said[-1].pose
     said, off = robot.go(way[12:])
     assert off.max() < 0.05
@@ -216,14 +217,14 @@ def test_a_map_follows_absolute_poses_and_says_by_how_much_it_moved() -> None:
     assert moved and np.hypot(*(composed(moved[0], before) - way[11])[:2]) < 0.05
     assert robot.mapper.counts['fixes'] == 8
     with pytest.raises(ValueError, match='positive definite'):
-        robot.mapper.fix(0, way[0], np.zeros((3, 3)))
-    robot.mapper.fix(1, way[0], np.eye(3))
+        robot.mapper.add_absolute_pose(0, way[0], np.zeros((3, 3)))
+    robot.mapper.add_absolute_pose(1, way[0], np.eye(3))
     assert robot.mapper.counts['fixes_left'] == 1  # older than all scans
 
 
 def test_keyframes_are_bounded_in_a_place_and_in_all() -> None:
     way = round_trip(0.3)
-    tuning = Tuning(keyframes_most=12, keep_share=1.1)
+    tuning = MapperTuning(keyframes_most=12, keep_share=1.1)
     robot = Robot(Mapper(tuning, start=way[0]), building())
     _, off = robot.go(way)
     mapper = robot.mapper
@@ -250,8 +251,8 @@ POSE = st.tuples(NUMBER, NUMBER, st.floats(-3.1, 3.1)).map(np.array)
 @settings(max_examples=25, deadline=None)
 @given(POSE, POSE, st.floats(1.0, 1e4), st.floats(1.0, 1e4))
 def test_edges_turn_round_and_chain(a: Any, b: Any, first: float, second: float) -> None:
-    one = Edge(0, 1, a, np.diag((first, second, first)))
-    there = chain(one, Edge(1, 2, b, np.diag((second, first, second))))
+    one = PoseEdge(0, 1, a, np.diag((first, second, first)))
+    there = chain(one, PoseEdge(1, 2, b, np.diag((second, first, second))))
     assert there.relative == pytest.approx(composed(a, b), abs=1e-9)
     back = reverse(reverse(one))
     assert back.relative == pytest.approx(a, abs=1e-9)
@@ -265,22 +266,22 @@ def test_a_graph_that_forgets_stays_in_one_piece_and_where_it_was(
         seed: int, count: int, gone: int) -> None:
     rng = np.random.default_rng(seed)
     poses = rng.uniform(-5, 5, (count, 3)) * (1, 1, 0.5)
-    graph = Graph([Keyframe(i, pose.copy(), pose, surface_of(
+    graph = MapGraph([Keyframe(i, pose.copy(), pose, surface_of(
         Scan(i, pose, np.zeros(0), 0.0, 0.1), 20.0), float(i)) for i, pose in enumerate(poses)])
     pairs = [(int(rng.integers(0, i)), i) for i in range(1, count)]
     pairs += [(int(a), int(b)) for a, b in rng.integers(0, count, (count, 2)) if a != b]
-    graph.edges = [Edge(a, b, between(poses[a], poses[b]), np.diag(rng.uniform(10, 1e3, 3)),
-                        bool(rng.integers(0, 2))) for a, b in pairs]
-    graph.fixes = [Fix(int(rng.integers(0, count)), np.zeros(3), np.eye(3))]
-    track, where = Trajectory(1000), rng.integers(0, count, 30)
+    graph.edges = [PoseEdge(a, b, between(poses[a], poses[b]), np.diag(rng.uniform(10, 1e3, 3)),
+                            bool(rng.integers(0, 2))) for a, b in pairs]
+    graph.fixes = [AbsolutePose(int(rng.integers(0, count)), np.zeros(3), np.eye(3))]
+    track, where = ScanTrajectory(1000), rng.integers(0, count, 30)
     for at in where.tolist():
         track.append(at, rng.uniform(-1, 1, 3))
     scans, edges = track.poses(list(poses)), len(graph.edges)
     for _ in range(min(gone, count - 1)):
         index = int(rng.integers(0, len(graph.keyframes)))
         seen_at = [each.pose for each in graph.keyframes]
-        heir = forget(graph, index)
-        track.removed(index, heir, between(seen_at[heir], seen_at[index]))
+        heir = marginalise(graph, index)
+        track.remove_keyframe(index, heir, between(seen_at[heir], seen_at[index]))
         left = len(graph.keyframes)
         assert len(graph.edges) < edges or left == 1
         edges = len(graph.edges)
@@ -290,14 +291,14 @@ def test_a_graph_that_forgets_stays_in_one_piece_and_where_it_was(
         assert known == set(range(left))
         assert all(0 <= each.keyframe < left for each in graph.fixes)
         stands = np.array([each.pose for each in graph.keyframes])
-        assert agree(stands, graph.edges, 3).poses == pytest.approx(stands, abs=1e-6)
+        assert optimise(stands, graph.edges, 3).poses == pytest.approx(stands, abs=1e-6)
     assert np.allclose(track.poses([each.pose for each in graph.keyframes])[:, :2],
                        scans[:, :2], atol=1e-9)
 
 
 def test_absolute_poses_are_saved_with_their_graph(driven: Any) -> None:
     graph = copy.deepcopy(driven[0].mapper.graph)
-    graph.fixes = [Fix(1, np.array((1.0, 2.0, 0.5)), np.diag((4.0, 5.0, 6.0)))]
+    graph.fixes = [AbsolutePose(1, np.array((1.0, 2.0, 0.5)), np.diag((4.0, 5.0, 6.0)))]
     arrays = arrays_of(graph)
     found = graph_of(arrays).fixes[0]
     assert found.keyframe == 1 and found.pose.tolist() == [1.0, 2.0, 0.5]
@@ -308,13 +309,13 @@ def test_absolute_poses_are_saved_with_their_graph(driven: Any) -> None:
         graph_of({**arrays, 'fix_at': np.array((999,), np.int32)})
 
 
-def _both_ways(graph: Graph) -> list[tuple[int, int]]:
+def _both_ways(graph: MapGraph) -> list[tuple[int, int]]:
     ends = [(each.first, each.second) for each in graph.edges]
     return ends + [(b, a) for a, b in ends]
 
 
 def test_a_trajectory_remembers_the_last_poses_only() -> None:
-    track = Trajectory(3000)
+    track = ScanTrajectory(3000)
     for number in range(4000):
         track.append(0, np.array((float(number), 0.0, 0.0)))
     assert track.forgotten + len(track) == 4000 and len(track) <= 3000

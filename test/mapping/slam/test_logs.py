@@ -26,7 +26,7 @@ import pytest
 pytest.importorskip('scipy', reason='scipy is not installed')
 
 from rt_robot_os.base.errors import ConfigError  # noqa: E402
-from rt_robot_os.features.mapping.process.command import run  # noqa: E402
+from rt_robot_os.features.mapping.cli.command import run  # noqa: E402
 from rt_robot_os.features.mapping.slam.logs import read_log  # noqa: E402
 from rt_robot_os.features.mapping.slam.logs import TextLog  # noqa: E402
 

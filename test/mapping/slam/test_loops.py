@@ -24,44 +24,44 @@ import pytest
 
 pytest.importorskip('scipy', reason='scipy is not installed')
 
-from rt_robot_os.features.mapping.slam import closing  # noqa: E402
-from rt_robot_os.features.mapping.slam.closing import Closing  # noqa: E402
-from rt_robot_os.features.mapping.slam.graph import Graph  # noqa: E402
+from rt_robot_os.features.mapping.slam import loop_closing  # noqa: E402
+from rt_robot_os.features.mapping.slam.graph import MapGraph  # noqa: E402
 from rt_robot_os.features.mapping.slam.keyframes import Keyframe  # noqa: E402
-from rt_robot_os.features.mapping.slam.loops import Place  # noqa: E402
-from rt_robot_os.features.mapping.slam.loops import Verdict  # noqa: E402
+from rt_robot_os.features.mapping.slam.local_map_query import LocalMapQuery  # noqa: E402
+from rt_robot_os.features.mapping.slam.loop_closing import LoopClosing  # noqa: E402
+from rt_robot_os.features.mapping.slam.loops import LoopCandidate  # noqa: E402
+from rt_robot_os.features.mapping.slam.loops import LoopVerdict  # noqa: E402
 from rt_robot_os.features.mapping.slam.mapper import Mapper  # noqa: E402
-from rt_robot_os.features.mapping.slam.pose_graph import Edge  # noqa: E402
+from rt_robot_os.features.mapping.slam.pose_graph import PoseEdge  # noqa: E402
 from rt_robot_os.features.mapping.slam.scan import Scan  # noqa: E402
 from rt_robot_os.features.mapping.slam.scan import surface_of  # noqa: E402
-from rt_robot_os.features.mapping.slam.surroundings import Surroundings  # noqa: E402
 from rt_robot_os.features.mapping.slam.transforms import between  # noqa: E402
 from rt_robot_os.features.mapping.slam.transforms import composed  # noqa: E402
-from rt_robot_os.features.mapping.slam.tuning import Tuning  # noqa: E402
+from rt_robot_os.features.mapping.slam.tuning import MapperTuning  # noqa: E402
 from rt_robot_os.motion.grid_map import GridMap  # noqa: E402
 from rt_robot_os.motion.walls import Walls  # noqa: E402
 
 NOTHING = surface_of(Scan(0, np.zeros(3), np.full(9, np.inf), 0.0, 0.1), 10.0)
 
 
-def along(count: int, turn_sigma: float = 0.02) -> Graph:
+def along(count: int, turn_sigma: float = 0.02) -> MapGraph:
     """Return keyframes a metre apart along a straight way, joined to the next."""
     frames = [Keyframe(index, np.array((float(index), 0.0, 0.0)), np.zeros(3), NOTHING,
                        float(index)) for index in range(count)]
     information = np.diag((0.02 ** -2, 0.02 ** -2, turn_sigma ** -2))
-    return Graph(frames, [Edge(index, index + 1, np.array((1.0, 0.0, 0.0)), information)
-                          for index in range(count - 1)])
+    return MapGraph(frames, [PoseEdge(index, index + 1, np.array((1.0, 0.0, 0.0)), information)
+                             for index in range(count - 1)])
 
 
-def verdict(keyframes: Any, place: Place, there: Any, places: int = 3) -> Verdict:
+def verdict(keyframes: Any, place: LoopCandidate, there: Any, places: int = 3) -> LoopVerdict:
     """Return that a keyframe is somewhere else, if as many places say the same."""
-    edge = Edge(place.nearest, place.keyframe, between(keyframes[place.nearest].pose, there),
-                np.eye(3) * 100.0, True)
-    return Verdict(place.keyframe, place.nearest, 0.9, 0.9, 0.9, '', edge, places)
+    edge = PoseEdge(place.nearest, place.keyframe, between(keyframes[place.nearest].pose, there),
+                    np.eye(3) * 100.0, True)
+    return LoopVerdict(place.keyframe, place.nearest, 0.9, 0.9, 0.9, '', edge, places)
 
 
 def test_a_heading_that_was_wrong_far_away_makes_a_place_doubtful_by_the_way_from_there() -> None:
-    ways, turns = Surroundings(along(61)).spread(60)
+    ways, turns = LocalMapQuery(along(61)).spread(60)
     # Of 60 headings, each 0.02 rad: at arms of 1 to 60 m, and none below 5 m.
     expected = math.sqrt(sum((0.02 * max(arm, 5)) ** 2 for arm in range(1, 61)))
     assert ways[0] == pytest.approx(expected, rel=0.05)
@@ -76,9 +76,9 @@ def test_a_heading_that_was_wrong_far_away_makes_a_place_doubtful_by_the_way_fro
 def test_a_loop_that_moves_the_robot_far_is_closed_when_three_places_say_the_same(
         monkeypatch: pytest.MonkeyPatch, second: Any, closed: int) -> None:
     graph, counts = along(40), dict.fromkeys(('loops', 'refused', 'near_misses', 'skipped'), 0)
-    doing = Closing(graph, Tuning(), counts)
+    doing = LoopClosing(graph, MapperTuning(), counts)
 
-    def found(keyframes: Any, place: Place, tuning: Tuning) -> Any:
+    def found(keyframes: Any, place: LoopCandidate, tuning: MapperTuning) -> Any:
         yield
         off = (3.0, 0.0, 0.0) if place.keyframe < 39 else second
         if off is None:
@@ -86,42 +86,42 @@ def test_a_loop_that_moves_the_robot_far_is_closed_when_three_places_say_the_sam
         there = keyframes[place.keyframe].pose + off
         return verdict(keyframes, place, there)
 
-    monkeypatch.setattr(closing, 'closing', found)
+    monkeypatch.setattr(loop_closing, 'verified', found)
     for keyframe in (37, 38, 38, 39):
         assert not counts['loops']
-        doing._waiting.append(Place(keyframe, 0, (0,), 3.0, 0.1))
+        doing.add_candidate(LoopCandidate(keyframe, 0, (0,), 3.0, 0.1))
         while doing.is_busy:
-            doing.work()
+            doing.process_pending()
     closed += bool(closed)  # of one place there are two
     assert counts['loops'] == closed == sum(each.is_loop for each in graph.edges)
     # What nothing else confirms is not lost in silence.
     waiting = 4 - closed - (second is None)
     assert counts['near_misses'] == waiting
-    assert not waiting or 'no other keyframe' in doing.near_misses[-1].why
+    assert not waiting or 'no other keyframe' in doing.near_misses[-1].reason
 
 
 def test_a_doubted_loop_follows_keyframes_that_are_taken_out(
         monkeypatch: pytest.MonkeyPatch) -> None:
     graph, counts = along(40), dict.fromkeys(('loops', 'refused', 'near_misses', 'skipped'), 0)
-    doing = Closing(graph, Tuning(), counts)
+    doing = LoopClosing(graph, MapperTuning(), counts)
 
-    def found(keyframes: Any, place: Place, tuning: Tuning) -> Any:
+    def found(keyframes: Any, place: LoopCandidate, tuning: MapperTuning) -> Any:
         yield
         there = keyframes[place.keyframe].pose + (3.0, 0.0, 0.0)
         return verdict(keyframes, place, there)
 
-    monkeypatch.setattr(closing, 'closing', found)
+    monkeypatch.setattr(loop_closing, 'verified', found)
     for keyframe in (37, 38):
-        doing._waiting.append(Place(keyframe, 2, (2,), 3.0, 0.1))
-        doing.work(whole=True)
-    doing._waiting.append(Place(39, 2, (2,), 3.0, 0.1))
-    doing.work()  # the first piece of it; then a keyframe goes
+        doing.add_candidate(LoopCandidate(keyframe, 2, (2,), 3.0, 0.1))
+        doing.process_pending(whole=True)
+    doing.add_candidate(LoopCandidate(39, 2, (2,), 3.0, 0.1))
+    doing.process_pending()  # the first piece of it; then a keyframe goes
     del graph.keyframes[0]
-    graph.edges = [Edge(each.first - 1, each.second - 1, each.relative, each.information)
+    graph.edges = [PoseEdge(each.first - 1, each.second - 1, each.relative, each.information)
                    for each in graph.edges[1:]]
-    doing.removed(0)
+    doing.remove_keyframe(0)
     assert doing.is_busy
-    doing.work(whole=True)
+    doing.process_pending(whole=True)
     assert [(each.first, each.second) for each in graph.edges if each.is_loop] == [
         (1, 38), (1, 36), (1, 37)]
 
@@ -148,7 +148,7 @@ def test_a_turn_that_the_wheels_did_not_count_is_found() -> None:
     assert abs(off[-1][2]) < 0.02 and np.hypot(*off[-1][:2]) < 0.1
     # The scan after the turn saw nothing that was known; those behind it say where it was.
     assert abs(off[10][2]) > 1.0 and mapper.counts['lost'] == 1
-    mapper.finish()
+    mapper.optimise_all()
     late = between(np.array(poses[10]), mapper.trajectory()[10])
     assert abs(late[2]) < 0.02 and np.hypot(*late[:2]) < 0.05
     assert mapper.counts['lost'] == 0

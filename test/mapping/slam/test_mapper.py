@@ -28,7 +28,7 @@ import pytest
 
 pytest.importorskip('scipy', reason='scipy is not installed')
 
-from rt_robot_os.features.mapping.process.command import run  # noqa: E402
+from rt_robot_os.features.mapping.cli.command import run  # noqa: E402
 from rt_robot_os.features.mapping.slam.mapper import Mapper  # noqa: E402
 from rt_robot_os.features.mapping.slam.occupancy import grid_of  # noqa: E402
 from rt_robot_os.features.mapping.slam.scan import Scan  # noqa: E402
@@ -83,7 +83,7 @@ def test_a_flat_is_mapped_to_some_centimetres_and_looks_like_itself(
     mapper = Mapper()
     for scan in scans:
         mapper.add(scan)
-    mapper.finish()
+    mapper.optimise_all()
     found = composed(np.broadcast_to(poses[0], poses.shape), mapper.trajectory())
     wheels = composed(np.broadcast_to(poses[0], poses.shape),
                       np.array([each.odometry for each in scans]))

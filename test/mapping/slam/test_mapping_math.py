@@ -26,13 +26,13 @@ import pytest
 
 pytest.importorskip('scipy', reason='scipy is not installed')
 
-from rt_robot_os.features.mapping.slam.alignment import Lines  # noqa: E402
+from rt_robot_os.features.mapping.slam.alignment import SurfaceLines  # noqa: E402
 from rt_robot_os.features.mapping.slam.correlation import best_fit  # noqa: E402
-from rt_robot_os.features.mapping.slam.correlation import Window  # noqa: E402
+from rt_robot_os.features.mapping.slam.correlation import SearchWindow  # noqa: E402
 from rt_robot_os.features.mapping.slam.likelihood import LikelihoodField  # noqa: E402
-from rt_robot_os.features.mapping.slam.pose_graph import agree  # noqa: E402
-from rt_robot_os.features.mapping.slam.pose_graph import Edge  # noqa: E402
-from rt_robot_os.features.mapping.slam.pose_graph import Fix  # noqa: E402
+from rt_robot_os.features.mapping.slam.pose_graph import AbsolutePose  # noqa: E402
+from rt_robot_os.features.mapping.slam.pose_graph import optimise  # noqa: E402
+from rt_robot_os.features.mapping.slam.pose_graph import PoseEdge  # noqa: E402
 from rt_robot_os.features.mapping.slam.scan import Scan  # noqa: E402
 from rt_robot_os.features.mapping.slam.scan import surface_of  # noqa: E402
 from rt_robot_os.features.mapping.slam.transforms import between  # noqa: E402
@@ -67,9 +67,9 @@ def test_a_scan_is_found_in_a_window_and_aligned_to_the_millimetre(
     there = surface_of(room(np.array((2.0, 1.5, 0.0))), 20.0)
     here = surface_of(room(np.array((2.0 + x, 1.5 + y, yaw))), 20.0)
     pose, score = best_fit(LikelihoodField(there.points), here.points,
-                           Window(np.zeros(3), 0.6, 0.5))
+                           SearchWindow(np.zeros(3), 0.6, 0.5))
     assert score > 0.8
-    aligned = Lines(there.points[there.lined], there.normals[there.lined]).align(
+    aligned = SurfaceLines(there.points[there.lined], there.normals[there.lined]).align(
         here.points, pose)
     assert aligned.share > 0.9
     assert aligned.pose == pytest.approx((x, y, yaw), abs=0.01)
@@ -79,7 +79,7 @@ def test_the_best_of_a_window_is_the_best_of_every_place_of_it() -> None:
     rng = np.random.default_rng(1)
     points, others = rng.uniform(-2, 2, (60, 2)), rng.uniform(-2, 2, (40, 2))
     field = LikelihoodField(points)
-    window = Window(np.zeros(3), 0.4, 0.1, 0.2, 0.1)
+    window = SearchWindow(np.zeros(3), 0.4, 0.1, 0.2, 0.1)
     pose, score = best_fit(field, others, window)
     everywhere = []
     for turn in np.arange(-11, 12) * window.step_rad:
@@ -107,11 +107,11 @@ def test_a_loop_takes_back_what_the_way_has_summed_up_and_a_wrong_one_counts_lit
     for step in steps:
         poses.append(composed(poses[-1], step))
     weak, strong = np.diag((400.0, 400.0, 1e3)), np.diag((1e4, 1e4, 1e4))
-    edges = [Edge(i, i + 1, step, weak) for i, step in enumerate(steps)]
-    edges += [Edge(i, 40 - i, between(true[i], true[40 - i]), strong, True) for i in range(5)]
+    edges = [PoseEdge(i, i + 1, step, weak) for i, step in enumerate(steps)]
+    edges += [PoseEdge(i, 40 - i, between(true[i], true[40 - i]), strong, True) for i in range(5)]
     before = np.hypot(*(np.array(poses) - true)[-1, :2])
-    wrong = Edge(10, 30, np.array((0.0, 0.0, 0.0)), strong, True)
-    found = agree(np.array(poses), [*edges, wrong], 30)
+    wrong = PoseEdge(10, 30, np.array((0.0, 0.0, 0.0)), strong, True)
+    found = optimise(np.array(poses), [*edges, wrong], 30)
     after = np.hypot(*(found.poses - true)[-1, :2])
     assert before > 1.0 and after < 0.1
     assert found.weights[-1] < 0.01 and found.weights[:-1].min() > 0.9
@@ -122,12 +122,12 @@ def test_absolute_poses_move_a_whole_map_to_where_they_say_and_a_wrong_one_does_
         wrong: int) -> None:
     true = np.array([(3.0 + 0.5 * i, 2.0, 0.1) for i in range(20)])
     steps = between(true[:-1], true[1:])
-    edges = [Edge(i, i + 1, step, np.diag((1e4, 1e4, 1e4))) for i, step in enumerate(steps)]
+    edges = [PoseEdge(i, i + 1, step, np.diag((1e4, 1e4, 1e4))) for i, step in enumerate(steps)]
     drawn = composed(np.broadcast_to(np.array((-3.0, 1.0, 0.7)), true.shape), true)
     known = np.diag((400.0, 400.0, 400.0))
-    fixes = [Fix(i, true[i], known) for i in range(0, 20, 4)]
-    fixes += [Fix(i + 1, true[i + 1] + (8.0, 3.0, 0.5), known) for i in range(wrong)]
-    found = agree(drawn, edges, 20, fixes)
+    fixes = [AbsolutePose(i, true[i], known) for i in range(0, 20, 4)]
+    fixes += [AbsolutePose(i + 1, true[i + 1] + (8.0, 3.0, 0.5), known) for i in range(wrong)]
+    found = optimise(drawn, edges, 20, fixes)
     assert found.poses == pytest.approx(true, abs=0.01)
     assert found.fix_weights[:5].min() > 0.9
     assert not wrong or found.fix_weights[5:].max() < 0.01

@@ -27,10 +27,10 @@ import pytest
 
 pytest.importorskip('scipy', reason='scipy is not installed')
 
-from rt_robot_os.features.mapping.process.command import run  # noqa: E402
-from rt_robot_os.features.mapping.process.reach import echoes  # noqa: E402
-from rt_robot_os.features.mapping.process.reach import reach_of  # noqa: E402
+from rt_robot_os.features.mapping.cli.command import run  # noqa: E402
 from rt_robot_os.features.mapping.slam.logs import read_log  # noqa: E402
+from rt_robot_os.features.mapping.slam.max_range import echo_ranges  # noqa: E402
+from rt_robot_os.features.mapping.slam.max_range import reported_max_range  # noqa: E402
 from rt_robot_os.features.mapping.slam.scan import Scan  # noqa: E402
 from rt_robot_os.motion.grid_map import GridMap  # noqa: E402
 from rt_robot_os.motion.walls import Walls  # noqa: E402
@@ -88,16 +88,16 @@ def written(path: Path, scans: list[Scan]) -> Path:
 @pytest.mark.parametrize('spread_m', [0.0, 0.012])
 def test_a_reported_reach_is_recognised_though_single_ranges_are_longer(spread_m: float) -> None:
     scans = reported(drive(REACH_M, WAY), REACH_M + 0.183, spread_m)
-    assert reach_of(scans) == pytest.approx(REACH_M + 0.18, abs=0.031)
+    assert reported_max_range(scans) == pytest.approx(REACH_M + 0.18, abs=0.031)
     scans[3].ranges[7] = 12.0
-    found = reach_of(scans)
+    found = reported_max_range(scans)
     assert found is not None and REACH_M < found <= REACH_M + 0.183
 
 
 def test_walls_are_no_reach() -> None:
     # The whole hall is seen, or no echo is said as it should be.
-    assert reach_of(drive(30.0, WAY)) is None
-    assert reach_of(drive(REACH_M, WAY)) is None
+    assert reported_max_range(drive(30.0, WAY)) is None
+    assert reported_max_range(drive(REACH_M, WAY)) is None
     # A robot that stands, or turns, sees the far wall at one distance all the time.
     for turn in (0.0, 0.1):
         standing = drive(30.0, [(13.0 - REACH_M, 4.0, 0.01 * number * turn)
@@ -105,17 +105,18 @@ def test_walls_are_no_reach() -> None:
         far = [Scan(each.stamp_ns, each.odometry, np.where(
             np.abs(each.ranges - 8.0) < 0.02, each.ranges, np.nan), each.angle_min,
             each.angle_increment) for each in standing]
-        assert reach_of(far) is None
+        assert reported_max_range(far) is None
     # A reach beyond what mapping uses is left out anyway.
-    assert reach_of(reported(drive(REACH_M, WAY), 81.91)) is None
+    assert reported_max_range(reported(drive(REACH_M, WAY), 81.91)) is None
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason='the shared logs are absent')
 @pytest.mark.parametrize('name', ['intel', 'csail', 'edmonton'])
 def test_real_logs_have_none_below_20_m_and_their_true_one_beyond(name: str) -> None:
     scans = read_log(DATA / f'{name}.csv.gz').scans
-    assert [reach_of(scans, most_m) for most_m in (5.0, 8.0, 12.0, 20.0, 40.0)] == [None] * 5
-    assert reach_of(scans, 200.0) == pytest.approx(
+    assert [reported_max_range(scans, most_m)
+            for most_m in (5.0, 8.0, 12.0, 20.0, 40.0)] == [None] * 5
+    assert reported_max_range(scans, 200.0) == pytest.approx(
         {'intel': 81.83, 'csail': 81.91, 'edmonton': 51.14}[name], abs=0.02)
 
 
@@ -141,9 +142,9 @@ def test_mapping_leaves_it_out_says_so_once_and_an_option_overrides_it(
 
 def test_a_laser_scan_says_what_its_reach_is() -> None:
     ranges = np.array((0.0, 0.04, 1.0, 11.9, 12.0, 12.1, np.inf, np.nan, -np.inf), np.float32)
-    seen = echoes(ranges, 0.05, 12.0)
+    seen = echo_ranges(ranges, 0.05, 12.0)
     assert np.isnan(seen[[0, 1, 7, 8]]).all() and np.isposinf(seen[[4, 5, 6]]).all()
     assert seen[[2, 3]] == pytest.approx((1.0, 11.9))
     # A driver that does not state it.
     for least_m, most_m in ((0.0, 0.0), (0.05, math.nan)):
-        assert np.isfinite(echoes(ranges, least_m, most_m)[[2, 3, 4, 5]]).all()
+        assert np.isfinite(echo_ranges(ranges, least_m, most_m)[[2, 3, 4, 5]]).all()

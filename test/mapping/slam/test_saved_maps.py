@@ -33,11 +33,11 @@ from rt_robot_os.features.mapping.slam.archive import save
 from rt_robot_os.features.mapping.slam.archive import steps_of_saving
 from rt_robot_os.features.mapping.slam.array_file import pack
 from rt_robot_os.features.mapping.slam.array_file import unpack
-from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.slam.graph import MapGraph
 from rt_robot_os.features.mapping.slam.graph_arrays import arrays_of
 from rt_robot_os.features.mapping.slam.keyframes import Keyframe
-from rt_robot_os.features.mapping.slam.pose_graph import Edge
-from rt_robot_os.features.mapping.slam.pose_graph import Fix
+from rt_robot_os.features.mapping.slam.pose_graph import AbsolutePose
+from rt_robot_os.features.mapping.slam.pose_graph import PoseEdge
 from rt_robot_os.features.mapping.slam.scan import Scan
 from rt_robot_os.features.mapping.slam.scan import surface_of
 from rt_robot_os.features.mapping.slam.state_file import StateFile
@@ -46,9 +46,9 @@ from rt_robot_os.motion.grid_map import GridMap
 ROOT = Path(__file__).resolve().parents[3]
 
 
-def a_graph(seed: int = 1, keyframes: int = 3, beams: int = 60, reach_m: float = 8.0) -> Graph:
+def a_graph(seed: int = 1, keyframes: int = 3, beams: int = 60, reach_m: float = 8.0) -> MapGraph:
     rng = np.random.default_rng(seed)
-    graph = Graph()
+    graph = MapGraph()
     for number in range(keyframes):
         ranges = rng.uniform(0.5, reach_m) + rng.normal(0, 0.01, beams)
         ranges[rng.integers(0, beams, 5)] = np.inf
@@ -57,9 +57,9 @@ def a_graph(seed: int = 1, keyframes: int = 3, beams: int = 60, reach_m: float =
                                         surface_of(scan, 100.0), 0.3 * number))
         if number:
             half = rng.normal(size=(3, 3))
-            graph.edges.append(Edge(number - 1, number, rng.normal(size=3),
-                                    half @ half.T + np.eye(3), number % 2 == 0))
-    graph.fixes.append(Fix(1, rng.normal(size=3), np.diag((4.0, 4.0, 100.0))))
+            graph.edges.append(PoseEdge(number - 1, number, rng.normal(size=3),
+                                        half @ half.T + np.eye(3), number % 2 == 0))
+    graph.fixes.append(AbsolutePose(1, rng.normal(size=3), np.diag((4.0, 4.0, 100.0))))
     return graph
 
 
@@ -69,7 +69,7 @@ def a_grid(seed: int = 1, resolution_m: float = 0.05) -> GridMap:
     return GridMap(cells, resolution_m, (-1.5, 0.1 * seed, 0.0))
 
 
-def same(a: Graph | None, b: Graph | None) -> bool:
+def same(a: MapGraph | None, b: MapGraph | None) -> bool:
     if a is None or b is None:
         return a is b
     first, second = arrays_of(a), arrays_of(b)
@@ -150,7 +150,7 @@ def test_power_may_fail_at_any_step_of_saving(tmp_path: Path, before: str, then:
             *(['m.graph.npz'] if new else []), 'm.pgm', 'm.yaml']
 
 
-def interrupted(yaml: Path, graph: Graph, grid: GridMap, after: str) -> None:
+def interrupted(yaml: Path, graph: MapGraph, grid: GridMap, after: str) -> None:
     steps = steps_of_saving(yaml, graph, grid)
     while next(steps) != after:
         pass

@@ -42,7 +42,7 @@ def room(x: float, yaw: float, beams: int = 360, seed: int = 0) -> Floats:
 
 def told(scans: Iterable[Floats]) -> list[bool]:
     lasers = TwoLasers()
-    return [lasers.look(ranges) for ranges in scans]
+    return [lasers.update(ranges) for ranges in scans]
 
 
 def test_two_that_send_by_turns_are_told_within_a_second_until_one_is_gone() -> None:

@@ -39,15 +39,15 @@ from rt_robot_os.features.health.whereabouts.module import PLACE_TOPIC
 from rt_robot_os.features.mapping.live_map import check_map
 from rt_robot_os.features.mapping.live_map import LiveMap
 from rt_robot_os.features.mapping.live_map import MAP_MESSAGE
-from rt_robot_os.features.navigation.collision_guard.sensors import place_of
 from rt_robot_os.features.navigation.collision_guard.sensors import Scanner
-from rt_robot_os.features.navigation.trajectory.whereabouts import planar
+from rt_robot_os.features.navigation.collision_guard.sensors import sensor_mounting
+from rt_robot_os.features.navigation.trajectory.pose_input import planar
 from rt_robot_os.kernel import Task
 from rt_robot_os.modules.base import Module
 from rt_robot_os.motion.clearing import Clearing
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.unexplained import clusters
-from rt_robot_os.motion.unexplained import unexplained
+from rt_robot_os.motion.unmapped_points import clusters
+from rt_robot_os.motion.unmapped_points import unmapped_points
 from rt_robot_os.motion.zones import Circle
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics.ports import Input
@@ -171,7 +171,8 @@ class PersonFinder(Module):
         self._clearing = Clearing(self._map.grid) if self._map.grid is not None else None
         outline = Circle(0.1)
         self._scanners = [
-            Scanner(self.listed[topic], place_of(self.listed[topic], self.mountings, self.name),
+            Scanner(self.listed[topic],
+                    sensor_mounting(self.listed[topic], self.mountings, self.name),
                     outline, s['scan_minimum_m']) for topic in s['scan_topics']]
 
     def activate(self) -> None:
@@ -196,7 +197,7 @@ class PersonFinder(Module):
             self._take_map()
         now_ns = self._out.topic.kernel.now_ns()
         for scanner in self._scanners:
-            if scanner.take(now_ns, self.settings['range_m'], 0.0, 0.0):
+            if scanner.update(now_ns, self.settings['range_m'], 0.0, 0.0):
                 self._look(scanner, min(self.listed[scanner.topic].stamp_ns, now_ns))
 
     def statistics(self) -> Mapping[str, Any]:
@@ -221,9 +222,9 @@ class PersonFinder(Module):
 
     def _take_map(self) -> None:
         """Take the newest map, in pieces; later ones have whoever lies there."""
-        if self._map.go_on(_MAP_PIECES) and self._map.grid is not None:
+        if self._map.advance(_MAP_PIECES) and self._map.grid is not None:
             self._clearing = Clearing(self._map.grid)
-        self._takes_map = self._map.is_underway or self._clearing is None
+        self._takes_map = self._map.is_reading or self._clearing is None
 
     def _take_places(self) -> None:
         nodes = self.listed['by nodes']
@@ -254,7 +255,7 @@ class PersonFinder(Module):
             self._turning += 1
             return
         self._scans += 1
-        x, y = unexplained(chart, robot, scanner.x, scanner.y, s['map_tolerance_m'])
+        x, y = unmapped_points(chart, robot, scanner.x, scanner.y, s['map_tolerance_m'])
         self._things.look(clusters(x, y, s['gap_m']), stamp_ns)
         others = [each[1:] for each in self._others.values()
                   if stamp_ns - each[0] <= _OTHERS_NS and math.isfinite(each[1] + each[2])]

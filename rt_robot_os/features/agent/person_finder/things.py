@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from rt_robot_os.motion.unexplained import Array
+from rt_robot_os.motion.unmapped_points import Array
 
 Point = tuple[float, float]
 

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `mapping`: maps of logs, and how right they are."""
+"""Mapping next to a running robot: the process that receives its scans and publishes the map."""

@@ -25,25 +25,25 @@ from urllib.parse import unquote
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.safe_text import safe_line
-from rt_robot_os.features.mapping.process.engine import Engine
+from rt_robot_os.features.mapping.engine import Engine
 from rt_robot_os.features.mapping.process.exploring import Exploring
-from rt_robot_os.features.mapping.process.keeper import Keeper
-from rt_robot_os.features.mapping.process.keeper import told
-from rt_robot_os.features.mapping.process.places import Hint
-from rt_robot_os.features.mapping.process.places import Known
-from rt_robot_os.features.mapping.process.settings import LOCALIZATION
-from rt_robot_os.features.mapping.process.settings import MAPPING
-from rt_robot_os.features.mapping.process.settings import MappingSettings
+from rt_robot_os.features.mapping.process.map_store import error_text
+from rt_robot_os.features.mapping.process.map_store import MapStore
+from rt_robot_os.features.mapping.robot_pose import Hint
+from rt_robot_os.features.mapping.robot_pose import LoadedMap
+from rt_robot_os.features.mapping.settings import LOCALIZATION
+from rt_robot_os.features.mapping.settings import MAPPING
+from rt_robot_os.features.mapping.settings import MappingSettings
 from rt_robot_os.features.mapping.slam import archive
 
 _FILE_URL: Final = 'file://'
 _HELP: Final = ('save [PATH], load PATH, reset, pause, resume, localization, mapping, explore, '
                 'stop')
-_SAVES_MOST: Final = 4
+_SAVES_MAX: Final = 4
 Say = Callable[[str, bool, str], None]
 
 
-class Commands:
+class MappingCommands:
     """
     Do what is asked, and answer.
 
@@ -55,7 +55,7 @@ class Commands:
     :ivar loaded: path of the map that was loaded last; empty when it grew here.
     """
 
-    def __init__(self, settings: MappingSettings, engine: Engine, keeper: Keeper, map_file: Path,
+    def __init__(self, settings: MappingSettings, engine: Engine, keeper: MapStore, map_file: Path,
                  hint: Callable[[], Hint | None], exploring: Exploring, answer: Say) -> None:
         self.counts = {'commands': 0, 'refused': 0}
         self.loaded = ''
@@ -67,17 +67,17 @@ class Commands:
         self._exploring = exploring
         self._answer = answer
         self._saving: list[tuple[str, Future[Path]]] = []
-        self._does: dict[str, Callable[[str, str], str | None]] = {
+        self._handlers: dict[str, Callable[[str, str], str | None]] = {
             'save': self._save, 'load': self._load, 'reset': self._reset, 'pause': self._pause,
             'resume': self._resume, LOCALIZATION: self._mode, MAPPING: self._mode,
             'explore': self._explore, 'stop': self._stop}
 
-    def take(self, text: str) -> None:
+    def execute(self, text: str) -> None:
         """Do one command."""
         self.counts['commands'] += 1
         word, _, rest = text.strip().partition(' ')
         try:
-            does = self._does.get(word)
+            does = self._handlers.get(word)
             if does is None:
                 raise ConfigError([f'{safe_line(word) or "nothing"}: no such command; there are '
                                    f'{_HELP}'])
@@ -87,16 +87,16 @@ class Commands:
                                    f'{safe_line(rest)!r}'])
             said = does(rest, text)
         except (ConfigError, OSError) as error:  # a path may be one that may not be looked at
-            self._refuse(text, told(error))
+            self._reject(text, error_text(error))
             return
         if said is not None:
             self._answer(text, True, said)
 
-    def _refuse(self, text: str, why: str) -> None:
+    def _reject(self, text: str, why: str) -> None:
         self.counts['refused'] += 1
         self._answer(text, False, why)
 
-    def finish(self) -> None:
+    def report_saves(self) -> None:
         """Answer what the disk has done since."""
         for each in [each for each in self._saving if each[1].done()]:
             self._saving.remove(each)
@@ -104,7 +104,7 @@ class Commands:
             try:
                 self._answer(text, True, f'saved as {future.result()}')
             except Exception as error:  # whatever a disk may say
-                self._refuse(text, told(error))
+                self._reject(text, error_text(error))
 
     # ---- each of them ------------------------------------------------------------------------
 
@@ -113,14 +113,14 @@ class Commands:
         engine.finish_drawing()
         if not engine.drawing.version:
             raise ConfigError(['there is no map yet: nothing is saved'])
-        if len(self._saving) >= _SAVES_MOST:
+        if len(self._saving) >= _SAVES_MAX:
             raise ConfigError(['others are being saved: ask again'])
         path = self._path(rest) if rest else self._map_file
         if path.is_dir() or rest.endswith('/'):
             raise ConfigError([f'{path}: is a folder: give the name of a map in it'])
         if rest and not path.parent.is_dir():
             raise ConfigError([f'{path.parent}: this folder does not exist: make it first'])
-        self._saving.append((text, self._keeper.save(
+        self._saving.append((text, self._keeper.save_map(
             path, engine.graph, engine.grid, asdict(self._settings))))
         return None
 
@@ -130,14 +130,14 @@ class Commands:
         said, known = read_map(self._path(rest))
         self.loaded = str(self._path(rest))
         self._exploring.stop()
-        self._engine.adopt(known, self._hint())
+        self._engine.use_map(known, self._hint())
         return said
 
     def _reset(self, rest: str, text: str) -> str:
         self.loaded = ''
         self._exploring.stop()
         self._engine.begin_new()
-        self._keeper.forget()
+        self._keeper.delete_state()
         return 'a new map begins; what was saved is still there'
 
     def _pause(self, rest: str, text: str) -> str:
@@ -150,7 +150,7 @@ class Commands:
 
     def _mode(self, rest: str, text: str) -> str:
         mode = text.strip()
-        self._engine.switch(mode)
+        self._engine.set_mode(mode)
         return 'the map grows' if mode == MAPPING else 'the map stays as it is'
 
     def _explore(self, rest: str, text: str) -> str:
@@ -178,7 +178,7 @@ class Commands:
         return path if path.is_absolute() else self._map_file.parent / path
 
 
-def read_map(path: Path) -> tuple[str, Known]:
+def read_map(path: Path) -> tuple[str, LoadedMap]:
     """
     Read a map.
 
@@ -193,7 +193,7 @@ def read_map(path: Path) -> tuple[str, Known]:
             raise ConfigError([f'{path}: this file does not exist'])
         saved = archive.load(path)
     except OSError as error:
-        raise ConfigError([told(error)]) from error
+        raise ConfigError([error_text(error)]) from error
     size = 'a grid alone' if saved.graph is None else f'{len(saved.graph.keyframes)} scans'
     said = f'loaded {path}: {saved.grid.columns} x {saved.grid.rows} cells, {size}'
-    return '; '.join([said, *saved.notes]), Known(saved.graph, saved.grid)
+    return '; '.join([said, *saved.notes]), LoadedMap(saved.graph, saved.grid)

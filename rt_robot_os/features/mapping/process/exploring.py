@@ -20,11 +20,11 @@ from collections.abc import Callable
 from typing import Any
 
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.mapping.process.engine import Engine
-from rt_robot_os.features.mapping.process.messages import bool_message
-from rt_robot_os.features.mapping.process.messages import goal_message
-from rt_robot_os.features.mapping.process.settings import MappingSettings
-from rt_robot_os.features.mapping.slam.exploration import Exploration
+from rt_robot_os.features.mapping.engine import Engine
+from rt_robot_os.features.mapping.messages import bool_message
+from rt_robot_os.features.mapping.messages import goal_message
+from rt_robot_os.features.mapping.settings import MappingSettings
+from rt_robot_os.features.mapping.slam.exploration import ExplorationSettings
 from rt_robot_os.features.mapping.slam.exploration import Explorer
 from rt_robot_os.messages.cdr import string_in
 
@@ -50,7 +50,7 @@ class Exploring:
         self._explorer: Explorer | None = None
         self._planner_state = ''
 
-    def take_planner_state(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
+    def add_planner_state(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
         """Note what the planner says; in the thread of the link."""
         try:
             self._planner_state = string_in(cdr)
@@ -67,13 +67,13 @@ class Exploring:
         if not settings.goal_topic or not self._has(settings.goal_topic):
             raise ConfigError([f'this robot has no topic {settings.goal_topic!r} (goal_topic): '
                                'nobody would drive'])
-        self._explorer = Explorer(Exploration(
+        self._explorer = Explorer(ExplorationSettings(
             radius_m=settings.explore_radius_m, least_m=settings.explore_least_m,
             patience_s=settings.explore_patience_s, goes_back=settings.explore_goes_back))
         self.state = self._explorer.state
 
     @property
-    def is_on(self) -> bool:
+    def is_active(self) -> bool:
         """Return whether it has been told to drive, and is not done."""
         return self._explorer is not None
 
@@ -87,7 +87,7 @@ class Exploring:
 
     def step(self, now_ns: int) -> None:
         """Go on with it, while the robot knows where it is."""
-        explorer, here = self._explorer, self._engine.here
+        explorer, here = self._explorer, self._engine.last_pose
         if explorer is None:
             return
         if here is not None and not self._engine.is_paused:

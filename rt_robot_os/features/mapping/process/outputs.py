@@ -28,11 +28,11 @@ import numpy as np
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.mapping.graph_markers import EdgeKind
 from rt_robot_os.features.mapping.graph_markers import graph_numbers
-from rt_robot_os.features.mapping.process.messages import grid_message
-from rt_robot_os.features.mapping.process.messages import numbers_message
-from rt_robot_os.features.mapping.process.messages import pose_message
-from rt_robot_os.features.mapping.process.places import Place
-from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.messages import grid_message
+from rt_robot_os.features.mapping.messages import numbers_message
+from rt_robot_os.features.mapping.messages import pose_message
+from rt_robot_os.features.mapping.robot_pose import RobotPose
+from rt_robot_os.features.mapping.slam.graph import MapGraph
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.messages.cdr import string_message
 from rt_robot_os.motion.grid_map import GridMap
@@ -47,15 +47,15 @@ STATUS: Final = 'mapping/status'
 ANSWER: Final = 'mapping/answer'
 TOPICS: Final = (POSE, CORRECTION, MAP, PATH, GRAPH, STATE, STATUS, ANSWER)
 
-_STATE_LETTERS: Final = 199
-_ANSWER_LETTERS: Final = 1500
+_STATE_BYTES: Final = 199
+_ANSWER_CHARACTERS: Final = 1500
 _STATUS_NS: Final = NS_PER_S
 _PATH_POSES: Final = 1000
 #: At most so often, beside the period of the map.
 _GRAPH_NS: Final = 2 * NS_PER_S
 
 
-class Port(Protocol):
+class SamplePublisher(Protocol):
     """Who takes samples to the core."""
 
     def publish(self, topic: str, cdr: bytes, stamp_ns: int = 0) -> bool:
@@ -72,36 +72,37 @@ class Outputs:
     :param map_period_ns: of the map at most.
     """
 
-    def __init__(self, port: Port, map_period_ns: int) -> None:
-        self._port = port
+    def __init__(self, port: SamplePublisher, map_period_ns: int) -> None:
+        self._publisher = port
         self._map_period_ns = map_period_ns
-        self.begin_anew()
+        self.reset()
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Publish everything again: there is another core."""
         self._state = ''
         self._status_ns = self._map_ns = self._graph_ns = -(1 << 62)
         self._map_version = self._graph_version = -1
 
-    def place(self, place: Place) -> None:
+    def publish_pose(self, place: RobotPose) -> None:
         """Publish where the robot is, and before that how the map moved under it."""
         if place.correction is not None:
-            self._port.publish(CORRECTION, pose_message(place.correction, place.covariance),
-                               place.stamp_ns)
+            self._publisher.publish(CORRECTION, pose_message(place.correction, place.covariance),
+                                    place.stamp_ns)
         if place.is_sure:
-            self._port.publish(POSE, pose_message(place.pose, place.covariance), place.stamp_ns)
+            self._publisher.publish(POSE, pose_message(place.pose, place.covariance),
+                                    place.stamp_ns)
 
-    def relocation(self, topic: str, place: Place) -> Floats | None:
+    def publish_relocation(self, topic: str, place: RobotPose) -> Floats | None:
         """
         Tell localization that the robot is somewhere else on the map, which it takes over at once.
 
         :return: what was published, for who reads that topic as well; None when nobody took it.
         """
-        is_taken = self._port.publish(topic, pose_message(place.pose, place.covariance),
-                                      place.stamp_ns)
+        is_taken = self._publisher.publish(topic, pose_message(place.pose, place.covariance),
+                                           place.stamp_ns)
         return place.pose if is_taken else None
 
-    def grid(self, now_ns: int, version: int, grid: GridMap, drawn_ns: int) -> None:
+    def publish_grid(self, now_ns: int, version: int, grid: GridMap, drawn_ns: int) -> None:
         """
         Publish the map when it is another one and its time has come.
 
@@ -111,10 +112,11 @@ class Outputs:
                 or now_ns - self._map_ns < self._map_period_ns):
             return
         self._map_ns = now_ns
-        if self._port.publish(MAP, grid_message(grid), drawn_ns):
+        if self._publisher.publish(MAP, grid_message(grid), drawn_ns):
             self._map_version = version
 
-    def graph(self, now_ns: int, version: int, poses: Floats, graph: Graph | None) -> None:
+    def publish_graph(self, now_ns: int, version: int, poses: Floats, graph: MapGraph | None
+                      ) -> None:
         """
         Publish the way of the keyframes, and what is known between them.
 
@@ -126,35 +128,37 @@ class Outputs:
         self._graph_ns = now_ns
         step = -(-len(poses) // _PATH_POSES) or 1
         shown = poses[::-1][::step][::-1]  # the newest is among them
-        if self._port.publish(PATH, numbers_message(np.ravel(shown))):
+        if self._publisher.publish(PATH, numbers_message(np.ravel(shown))):
             self._graph_version = version
         edges = [(each.first, each.second, EdgeKind.LOOP if each.is_loop else EdgeKind.NEIGHBOUR)
                  for each in graph.edges]
         edges += [(each.keyframe, each.keyframe, EdgeKind.FIX) for each in graph.fixes]
-        self._port.publish(GRAPH, numbers_message(graph_numbers(poses[:, :2].tolist(), edges)))
+        self._publisher.publish(GRAPH,
+                                numbers_message(graph_numbers(poses[:, :2].tolist(), edges)))
 
-    def state(self, text: str) -> None:
+    def publish_state(self, text: str) -> None:
         """Publish what goes on when it is something else."""
-        text = text.encode()[:_STATE_LETTERS].decode(errors='ignore')
-        if text != self._state and self._port.publish(STATE, string_message(text)):
+        text = text.encode()[:_STATE_BYTES].decode(errors='ignore')
+        if text != self._state and self._publisher.publish(STATE, string_message(text)):
             self._state = text
 
     def is_status_due(self, now_ns: int) -> bool:
         """Return whether it is time to say how mapping fares."""
         return now_ns - self._status_ns >= _STATUS_NS
 
-    def status(self, now_ns: int, level: int, message: str, values: Mapping[str, Any]) -> None:
+    def publish_status(self, now_ns: int, level: int, message: str, values: Mapping[str, Any]
+                       ) -> None:
         """Publish how mapping fares."""
         self._status_ns = now_ns
-        self._port.publish(STATUS, string_message(json.dumps({'status': [{
+        self._publisher.publish(STATUS, string_message(json.dumps({'status': [{
             'level': level, 'name': 'robot: mapping', 'message': message,
             'values': {key: _plain(value) for key, value in values.items()}}]})))
 
-    def answer(self, command: str, is_ok: bool, text: str) -> None:
+    def publish_answer(self, command: str, is_ok: bool, text: str) -> None:
         """Answer a command."""
-        self._port.publish(ANSWER, string_message(json.dumps({
-            'command': command[:_ANSWER_LETTERS // 2], 'ok': is_ok,
-            'text': text[:_ANSWER_LETTERS // 2]})))
+        self._publisher.publish(ANSWER, string_message(json.dumps({
+            'command': command[:_ANSWER_CHARACTERS // 2], 'ok': is_ok,
+            'text': text[:_ANSWER_CHARACTERS // 2]})))
 
 
 def _plain(value: Any) -> Any:

@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 
 from rt_robot_os.features.mapping.process.commands import read_map
-from rt_robot_os.features.mapping.process.places import Known
-from rt_robot_os.features.mapping.process.settings import LOCALIZATION
-from rt_robot_os.features.mapping.process.settings import MappingSettings
-from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.robot_pose import LoadedMap
+from rt_robot_os.features.mapping.settings import LOCALIZATION
+from rt_robot_os.features.mapping.settings import MappingSettings
+from rt_robot_os.features.mapping.slam.graph import MapGraph
 from rt_robot_os.features.mapping.slam.transforms import between
 from rt_robot_os.features.mapping.slam.transforms import composed
 from rt_robot_os.features.mapping.slam.transforms import Floats
@@ -44,7 +44,7 @@ class Resumption:
     :ivar loaded: path of the map that was loaded; empty when it grew here.
     """
 
-    known: Known
+    known: LoadedMap
     mode: str
     base: Floats | None
     odometry: Floats
@@ -53,7 +53,7 @@ class Resumption:
     text: str
 
     @classmethod
-    def of(cls, graph: Graph, extra: Mapping[str, Any], settings: MappingSettings
+    def of(cls, graph: MapGraph, extra: Mapping[str, Any], settings: MappingSettings
            ) -> Resumption | None:
         """
         Read what was kept.
@@ -68,7 +68,7 @@ class Resumption:
         mode, loaded = str(extra.get('mode')), str(extra.get('loaded', ''))
         base = None if extra.get('base') is None else _pose(extra['base'])
         if graph.keyframes:
-            known, text = Known(graph), f'{len(graph.keyframes)} scans of before'
+            known, text = LoadedMap(graph), f'{len(graph.keyframes)} scans of before'
         elif loaded:
             text, known = read_map(Path(loaded))
         else:

@@ -80,7 +80,7 @@ class _Pairs(NamedTuple):
     offset: Floats
 
 
-class Lines:
+class SurfaceLines:
     """
     Points with normals, to which others are aligned.
 

@@ -49,7 +49,7 @@ from rt_robot_os.features.mapping.slam.array_file import pack
 from rt_robot_os.features.mapping.slam.array_file import sync_folder
 from rt_robot_os.features.mapping.slam.array_file import unpack
 from rt_robot_os.features.mapping.slam.array_file import write_whole
-from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.slam.graph import MapGraph
 from rt_robot_os.features.mapping.slam.graph_arrays import arrays_of
 from rt_robot_os.features.mapping.slam.graph_arrays import graph_of
 from rt_robot_os.motion.grid_map import GridMap
@@ -80,14 +80,14 @@ class Saved:
     """
 
     grid: GridMap
-    graph: Graph | None = None
+    graph: MapGraph | None = None
     settings: Mapping[str, Any] | None = None
     notes: tuple[str, ...] = ()
 
 
 # ---- writing ------------------------------------------------------------------------------------
 
-def save(path: str | os.PathLike[str], graph: Graph | None, grid: GridMap,
+def save(path: str | os.PathLike[str], graph: MapGraph | None, grid: GridMap,
          settings: Mapping[str, Any] | None = None) -> Path:
     """
     Write a map, whole or not at all; the one that was there stays until then.
@@ -116,7 +116,7 @@ def save(path: str | os.PathLike[str], graph: Graph | None, grid: GridMap,
     return yaml
 
 
-def steps_of_saving(yaml: Path, graph: Graph | None, grid: GridMap,
+def steps_of_saving(yaml: Path, graph: MapGraph | None, grid: GridMap,
                     settings: Mapping[str, Any] | None = None, suffix: str = PICTURES[0]
                     ) -> Iterator[str]:
     """
@@ -131,7 +131,7 @@ def steps_of_saving(yaml: Path, graph: Graph | None, grid: GridMap,
     described, pixels = grid.files(picture.name)
     _settle(yaml)
     # Without a graph an empty one says that the one that is there is of another map.
-    write_whole(waiting, _graph_file(graph or Graph(), grid, settings))
+    write_whole(waiting, _graph_file(graph or MapGraph(), grid, settings))
     yield 'the graph waits'
     other = yaml.with_name(f'.{yaml.stem}.{hashlib.sha256(pixels).hexdigest()[:8]}{suffix}')
     write_whole(other, pixels)
@@ -185,7 +185,7 @@ def _clear(yaml: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _graph_file(graph: Graph, grid: GridMap, settings: Mapping[str, Any] | None) -> bytes:
+def _graph_file(graph: MapGraph, grid: GridMap, settings: Mapping[str, Any] | None) -> bytes:
     told = json.dumps(settings or {}, sort_keys=True).encode()
     return pack({
         'version': np.array([VERSION]), 'settings': np.frombuffer(told, np.uint8),
@@ -305,7 +305,7 @@ def _told(shape: Any, place: Any) -> str:
     return f'{columns} x {rows} cells at [{", ".join(f"{each:g}" for each in place.tolist())}]'
 
 
-def _contents(arrays: Arrays, file: Path) -> tuple[Graph | None, Mapping[str, Any]]:
+def _contents(arrays: Arrays, file: Path) -> tuple[MapGraph | None, Mapping[str, Any]]:
     told = arrays.get('settings')
     try:
         if told is None or told.dtype != np.uint8 or told.size > _SETTINGS_MOST:

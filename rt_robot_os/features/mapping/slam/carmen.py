@@ -52,7 +52,7 @@ _STILL_M: Final = 0.5
 _KINDS: Final = ('ROBOTLASER1', 'FLASER')
 
 
-class Wheels(Enum):
+class WheelPoseSource(Enum):
     """Where a log has what the wheels said at a scan."""
 
     #: The steps between the lines of odometry behind one scan and before the next.
@@ -91,7 +91,7 @@ class Judged:
     """
 
     kind: str
-    wheels: Wheels
+    wheels: WheelPoseSource
     has_wheels: bool
 
 
@@ -168,14 +168,14 @@ def _judged(kind: str, poses: list[tuple[Floats, Floats]], before: list[Floats |
     lasers, robots = np.array(poses).transpose(1, 0, 2)
     moved = float(np.hypot(*(lasers - lasers[0])[:, :2].T).max()) > _STILL_M
     if moved and restarts > len(lasers) // 2:
-        return Judged(kind, Wheels.STEPS, steps > len(lasers) // 2)
+        return Judged(kind, WheelPoseSource.STEPS, steps > len(lasers) // 2)
     mounted = between(robots, lasers)
     if np.abs(mounted - mounted[0]).max() > 1e-3:
-        return Judged(kind, Wheels.ROBOT, True)  # the laser's was corrected
+        return Judged(kind, WheelPoseSource.ROBOT, True)  # the laser's was corrected
     known = [np.hypot(*(laser - each)[:2]) for laser, each in zip(lasers, before)
              if each is not None]
     far = known and float(np.median(known)) > _NEAR_M + float(np.hypot(*mounted[0][:2]))
-    return Judged(kind, Wheels.LINES if far else Wheels.LASER, True)
+    return Judged(kind, WheelPoseSource.LINES if far else WheelPoseSource.LASER, True)
 
 
 class CarmenReader:
@@ -189,7 +189,8 @@ class CarmenReader:
 
     def __init__(self, judged: Judged) -> None:
         self.bad_lines = self.others = 0
-        self.references: list[Floats] | None = None if judged.wheels is Wheels.LASER else []
+        self.references: list[Floats] | None = (
+            None if judged.wheels is WheelPoseSource.LASER else [])
         self._judged = judged
         self._last: Floats | None = None
         self._pending: Floats | None = None
@@ -218,12 +219,12 @@ class CarmenReader:
 
     def _scan(self, line: LaserLine) -> Scan:
         wheels = self._judged.wheels
-        if wheels is Wheels.STEPS:
+        if wheels is WheelPoseSource.STEPS:
             odometry, self._pending = self._track, line.laser
-        elif wheels is Wheels.LINES and self._last is not None:
+        elif wheels is WheelPoseSource.LINES and self._last is not None:
             odometry = self._last
         else:
-            odometry = line.laser if wheels is Wheels.LASER else line.robot
+            odometry = line.laser if wheels is WheelPoseSource.LASER else line.robot
         if self.references is not None:
             self.references.append(line.laser)
         return Scan(round(line.stamp_s * NS_PER_S), odometry, line.ranges, line.start, line.step)

@@ -67,11 +67,11 @@ _RATE_SHARE: Final = 0.5
 #: After such a silence it is measured anew.
 _RATE_GAP_NS: Final = 2 * NS_PER_S
 #: What happened once is told for so long.
-_TOLD_NS: Final = 10 * NS_PER_S
+_REPORT_NS: Final = 10 * NS_PER_S
 
 
 @dataclass
-class _Reference:
+class _ReferenceScan:
     """A scan that later ones are compared with."""
 
     stamp_ns: int
@@ -87,15 +87,16 @@ class ScanChecks:
     :ivar counts: how often each was found: ``upside_down``, ``laser_stands``, ``wheels_stand``,
         ``blind``, ``frozen``, ``two_lasers``, ``lengths`` (scans of another length than the one
         before).
-    :ivar spoils: what would spoil the map, so that scans had better be left out; empty: nothing.
+    :ivar rejection_reason: why scans must be left out, as they would corrupt the map; empty: they
+        need not.
     """
 
     def __init__(self, range_max_m: float) -> None:
         self.counts = dict.fromkeys(('upside_down', 'laser_stands', 'wheels_stand', 'blind',
                                      'frozen', 'two_lasers', 'lengths'), 0)
-        self.spoils = ''
+        self.rejection_reason = ''
         self._range_max_m = range_max_m
-        self._reference: _Reference | None = None
+        self._reference: _ReferenceScan | None = None
         self._last: Scan | None = None
         self._votes = {'against': 0, 'still': 0, 'carried': 0}
         self._blind = self._same = 0
@@ -105,9 +106,9 @@ class ScanChecks:
         self._stamps: list[int] = []
         self._scans: list[int] = []
         self._period_ns = self._best_period_ns = 0.0
-        self._told: dict[str, int] = {}
+        self._reports: dict[str, int] = {}
 
-    def look(self, scan: Scan, base: Floats, left_out: int = 0, are_two: bool = False) -> None:
+    def check(self, scan: Scan, base: Floats, left_out: int = 0, are_two: bool = False) -> None:
         """
         Look at the next scan.
 
@@ -117,15 +118,15 @@ class ScanChecks:
         """
         self.counts['two_lasers'] += are_two and not self._are_two
         self._are_two = are_two
-        self._rate(scan.stamp_ns, 1 + left_out)
-        self._length(scan)
-        self._sight(scan)
-        self._freeze(scan, base)
+        self._update_rate(scan.stamp_ns, 1 + left_out)
+        self._check_length(scan)
+        self._check_blind(scan)
+        self._check_frozen(scan, base)
         if self._blind or are_two:
             self._reference = None  # nothing in it shows a movement
         else:
             self._compare(scan, base)
-        self.spoils = self._spoils()
+        self.rejection_reason = self._defect()
         self._last = scan
 
     @property
@@ -135,15 +136,15 @@ class ScanChecks:
 
     def warnings(self, stamp_ns: int) -> tuple[str, ...]:
         """Return what is wrong now, a line each; the worst first."""
-        late = tuple(text for text, since_ns in self._told.items()
-                     if stamp_ns - since_ns < _TOLD_NS)
-        found = ((self.spoils,) if self.spoils else ()) + late
+        late = tuple(text for text, since_ns in self._reports.items()
+                     if stamp_ns - since_ns < _REPORT_NS)
+        found = ((self.rejection_reason,) if self.rejection_reason else ()) + late
         if self._best_period_ns and self._period_ns * _RATE_SHARE > self._best_period_ns:
             found += (f'scans come {NS_PER_S / self._period_ns:.1f} times a second, and came '
                       f'{NS_PER_S / self._best_period_ns:.1f} times',)
         return found
 
-    def _spoils(self) -> str:
+    def _defect(self) -> str:
         if self._blind >= _BLIND_SCANS:
             return ('the laser sees nothing: it is covered, nothing is in its reach, or its '
                     'ranges are no numbers')
@@ -166,7 +167,7 @@ class ScanChecks:
 
     # ---- each scan by itself -----------------------------------------------------------------
 
-    def _rate(self, stamp_ns: int, scans: int) -> None:
+    def _update_rate(self, stamp_ns: int, scans: int) -> None:
         stamps, counts = self._stamps, self._scans
         if stamps and not 0 < stamp_ns - stamps[-1] < _RATE_GAP_NS:
             stamps.clear()
@@ -181,17 +182,17 @@ class ScanChecks:
                     not self._best_period_ns or self._period_ns < self._best_period_ns):
                 self._best_period_ns = self._period_ns
 
-    def _length(self, scan: Scan) -> None:
+    def _check_length(self, scan: Scan) -> None:
         last = self._last
         if last is not None and len(last.ranges) != len(scan.ranges):
             self.counts['lengths'] += 1
-            for text in [each for each in self._told if each.startswith('scans of')]:
-                del self._told[text]
-            self._told[f'scans of {len(scan.ranges)} beams after scans of {len(last.ranges)}: '
-                       'two lasers on one topic, or a driver that leaves beams out'] = (
-                           scan.stamp_ns)
+            for text in [each for each in self._reports if each.startswith('scans of')]:
+                del self._reports[text]
+            self._reports[
+                f'scans of {len(scan.ranges)} beams after scans of {len(last.ranges)}: '
+                'two lasers on one topic, or a driver that leaves beams out'] = scan.stamp_ns
 
-    def _sight(self, scan: Scan) -> None:
+    def _check_blind(self, scan: Scan) -> None:
         ranges = scan.ranges
         seen = np.isfinite(ranges) & (ranges > 0.0) & (ranges < self._range_max_m)
         if seen.mean() >= _SEEN_LEAST:
@@ -200,7 +201,7 @@ class ScanChecks:
         self._blind += 1
         self.counts['blind'] += self._blind == _BLIND_SCANS
 
-    def _freeze(self, scan: Scan, base: Floats) -> None:
+    def _check_frozen(self, scan: Scan, base: Floats) -> None:
         last = self._last
         if (last is None or not np.isfinite(scan.ranges).any()
                 or not np.array_equal(last.ranges, scan.ranges, equal_nan=True)):
@@ -225,10 +226,10 @@ class ScanChecks:
         ranges, step = self._thinned(scan)
         reference = self._reference
         if (reference is None or len(reference.ranges) != len(ranges)
-                or self._has_served(reference, scan.stamp_ns, base, ranges)):
-            self._reference = _Reference(scan.stamp_ns, base, ranges, step)
+                or self._is_used_up(reference, scan.stamp_ns, base, ranges)):
+            self._reference = _ReferenceScan(scan.stamp_ns, base, ranges, step)
 
-    def _has_served(self, reference: _Reference, stamp_ns: int, base: Floats, ranges: Floats
+    def _is_used_up(self, reference: _ReferenceScan, stamp_ns: int, base: Floats, ranges: Floats
                     ) -> bool:
         """Judge by a scan of before, if the robot moved so that one can; else wait or leave it."""
         moved = between(reference.base, base)
@@ -238,13 +239,13 @@ class ScanChecks:
             return True
         if abs(turn) >= _TURN_LEAST_RAD:
             if not self._repeats:  # of a laser that hangs a turn shows nothing more
-                self._judge_turn(reference, ranges, turn)
+                self._check_turn(reference, ranges, turn)
             return True
         if way < _STANDS_M and abs(turn) < _STANDS_RAD and age_ns >= _STANDS_NS:
-            return self._judge_standing(reference, ranges, age_ns)
+            return self._check_standstill(reference, ranges, age_ns)
         return False
 
-    def _judge_turn(self, reference: _Reference, ranges: Floats, turn: float) -> None:
+    def _check_turn(self, reference: _ReferenceScan, ranges: Floats, turn: float) -> None:
         costs = {what: self._cost_near(reference, ranges, by)
                  for what, by in (('with', turn), ('still', 0.0), ('against', -turn))}
         best, second, _ = sorted(costs, key=lambda what: costs[what])
@@ -252,22 +253,22 @@ class ScanChecks:
             return  # a room in which turning shows nothing
         self._votes['carried'] = 0
         for what in ('still', 'against'):
-            self._vote(what, what == best)
+            self._count_vote(what, what == best)
 
-    def _judge_standing(self, reference: _Reference, ranges: Floats, age_ns: int) -> bool:
+    def _check_standstill(self, reference: _ReferenceScan, ranges: Floats, age_ns: int) -> bool:
         # Who walks by changes some beams; who carries the robot all of them.
         has_changed = self._cost(reference.ranges, ranges, 0) > _CHANGED_M
         if not has_changed and age_ns < _CREEPS_NS:
             return False
-        self._vote('carried', has_changed)
+        self._count_vote('carried', has_changed)
         return True
 
-    def _vote(self, what: str, is_so: bool) -> None:
+    def _count_vote(self, what: str, is_so: bool) -> None:
         self._votes[what] = min(self._votes[what] + 1, _VOTES) if is_so else 0
         name = {'against': 'upside_down', 'still': 'laser_stands', 'carried': 'wheels_stand'}[what]
-        self.counts[name] += is_so and self._votes[what] == _VOTES and not self.spoils
+        self.counts[name] += is_so and self._votes[what] == _VOTES and not self.rejection_reason
 
-    def _cost_near(self, reference: _Reference, ranges: Floats, turn: float) -> float:
+    def _cost_near(self, reference: _ReferenceScan, ranges: Floats, turn: float) -> float:
         """Return how far beams are off, when the robot turned by about so much."""
         step = reference.step
         low, high = sorted((round(-(turn - _NEAR_RAD) / step), round(-(turn + _NEAR_RAD) / step)))

@@ -49,7 +49,7 @@ _PIECE: Final = 3_000_000
 
 
 @dataclass(frozen=True)
-class Window:
+class SearchWindow:
     """
     Where to look.
 
@@ -72,7 +72,7 @@ class Window:
     step_rad: float = float(np.radians(0.5))
 
 
-def best_fit(field: LikelihoodField, points: Floats, window: Window) -> tuple[Floats, float]:
+def best_fit(field: LikelihoodField, points: Floats, window: SearchWindow) -> tuple[Floats, float]:
     """
     Return the pose of the window at which points fit best, and how well: 1 is perfect.
 
@@ -91,14 +91,14 @@ def finished(work: Generator[None, None, Result]) -> Result:
             return result
 
 
-def fitting(field: LikelihoodField, points: Floats, window: Window
+def fitting(field: LikelihoodField, points: Floats, window: SearchWindow
             ) -> Generator[None, None, tuple[Floats, float]]:
     """Do as :func:`best_fit`, in pieces of some milliseconds."""
     found = yield from fittings(field, points, window, 1)
     return found[0]
 
 
-def fittings(field: LikelihoodField, points: Floats, window: Window, count: int
+def fittings(field: LikelihoodField, points: Floats, window: SearchWindow, count: int
              ) -> Generator[None, None, list[tuple[Floats, float]]]:
     """
     Do as :func:`fitting`, for the best places that are some way from each other.
@@ -137,7 +137,7 @@ def fittings(field: LikelihoodField, points: Floats, window: Window, count: int
     return fits
 
 
-def _closest(field: LikelihoodField, window: Window, cells: Any, bounds: Any, shifts: Any,
+def _closest(field: LikelihoodField, window: SearchWindow, cells: Any, bounds: Any, shifts: Any,
              turns: Any) -> tuple[tuple[int, int, int], float]:
     """Look closely where bounds are best; return turn and shifts of the best place, its fit."""
     best, found = -np.inf, (0, 0, 0)
@@ -180,12 +180,12 @@ def _best_first(bounds: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
     return some[np.argsort(-flat[some], kind='stable')]
 
 
-def _plain_cost(window: Window, across_m: Any, up_m: Any, turns: Any) -> Any:
+def _plain_cost(window: SearchWindow, across_m: Any, up_m: Any, turns: Any) -> Any:
     far = (across_m[:, None, :] ** 2 + up_m[:, :, None] ** 2) / window.sigma_m ** 2
     return window.weight * (far + (turns[:, None, None] / window.sigma_rad) ** 2)
 
 
-def _cost(window: Window, shifts_m: Any, turns: Any) -> Any:
+def _cost(window: SearchWindow, shifts_m: Any, turns: Any) -> Any:
     far = (shifts_m[None, :] ** 2 + shifts_m[:, None] ** 2) / window.sigma_m ** 2
     turned = np.maximum(np.abs(turns) - window.step_rad, 0.0) / window.sigma_rad
     return window.weight * (far[None] + (turned ** 2)[:, None, None])

@@ -62,7 +62,7 @@ _FAILURES: Final = 3
 
 
 @dataclass(frozen=True)
-class Exploration:
+class ExplorationSettings:
     """
     How to explore.
 
@@ -88,7 +88,7 @@ class Exploration:
 
 
 @dataclass
-class _Goal:
+class _ExplorationGoal:
     pose: Floats
     frontier: Frontier | None  # None: back to where it began
     given_ns: int
@@ -104,7 +104,7 @@ class _Goal:
 
 
 @dataclass
-class _Left:
+class _FailedFrontier:
     """
     A place that was tried in vain.
 
@@ -130,14 +130,14 @@ class Explorer:
     :ivar counts: ``goals``, ``seen`` (frontiers that are no longer), ``given_up`` and ``looks``.
     """
 
-    def __init__(self, settings: Exploration | None = None) -> None:
-        self.settings = settings or Exploration()
+    def __init__(self, settings: ExplorationSettings | None = None) -> None:
+        self.settings = settings or ExplorationSettings()
         self.state = 'exploring: looking round'
         self.is_done = False
         self.counts = dict.fromkeys(('goals', 'seen', 'given_up', 'looks'), 0)
         self._home: Floats | None = None
-        self._goal: _Goal | None = None
-        self._left: list[_Left] = []
+        self._goal: _ExplorationGoal | None = None
+        self._left: list[_FailedFrontier] = []
         self._look_ns = -1
         self._failures = 0
         self._unplaced_ns = self._closing_ns = -1
@@ -186,7 +186,7 @@ class Explorer:
 
     # ---- how it goes with a goal -------------------------------------------------------------
 
-    def _watch(self, goal: _Goal, now_ns: int, here: Floats, planner_state: str) -> str:
+    def _watch(self, goal: _ExplorationGoal, now_ns: int, here: Floats, planner_state: str) -> str:
         """Return why a goal has to be given up; empty when it has not."""
         goal.is_answered |= planner_state != goal.before
         is_late = now_ns - goal.given_ns > _ANSWER_S * NS_PER_S
@@ -211,7 +211,8 @@ class Explorer:
             return f'not there after {(now_ns - goal.given_ns) / NS_PER_S:.0f} s'
         return ''
 
-    def _is_there(self, goal: _Goal, now_ns: int, here: Floats, planner_state: str) -> bool:
+    def _is_there(self, goal: _ExplorationGoal, now_ns: int, here: Floats, planner_state: str
+                  ) -> bool:
         """Say whether the robot stands where it wanted to, and the map had time to show it."""
         apart_m = math.dist(here[:2], goal.pose[:2])
         is_late = now_ns - goal.given_ns > _ANSWER_S * NS_PER_S
@@ -223,7 +224,7 @@ class Explorer:
         return goal.there_ns >= 0 and (
             now_ns - goal.there_ns >= self.settings.settle_s * NS_PER_S)
 
-    def _is_given_again(self, goal: _Goal, now_ns: int, planner_state: str) -> bool:
+    def _is_given_again(self, goal: _ExplorationGoal, now_ns: int, planner_state: str) -> bool:
         """Give a goal once more that got lost on its way, or was refused at first."""
         if goal.is_given_again or now_ns < goal.again_ns or (
                 goal.has_moved and not planner_state.startswith('refused: ')):
@@ -293,9 +294,9 @@ class Explorer:
               left: int) -> Floats:
         way_m = _WAY_HOME_M if frontier is None else frontier.way_m
         longest_s = 2.0 * self.settings.patience_s + way_m / self.settings.slowest_m_s
-        self._goal = _Goal(pose, frontier, now_ns, planner_state, now_ns,
-                           now_ns + round(longest_s * NS_PER_S),
-                           now_ns + round(_ANSWER_S * NS_PER_S))
+        self._goal = _ExplorationGoal(pose, frontier, now_ns, planner_state, now_ns,
+                                      now_ns + round(longest_s * NS_PER_S),
+                                      now_ns + round(_ANSWER_S * NS_PER_S))
         self.counts['goals'] += 1
         self._say(pose, left)
         return pose
@@ -322,7 +323,7 @@ class Explorer:
         self._goal = None
         left = next((each for each in self._left if _is_same(frontier, each.x, each.y)), None)
         if left is None:
-            left = _Left(frontier.x, frontier.y)
+            left = _FailedFrontier(frontier.x, frontier.y)
             self._left.append(left)
         if failed:
             left.tries, left.why = left.tries + 1, failed[:_WHY_MOST]

@@ -29,9 +29,9 @@ import numpy as np
 import numpy.typing as npt
 
 from rt_robot_os.features.mapping.slam.ground import Cell
-from rt_robot_os.features.mapping.slam.ground import Ground
 from rt_robot_os.features.mapping.slam.ground import Mask
 from rt_robot_os.features.mapping.slam.ground import Place
+from rt_robot_os.features.mapping.slam.ground import ReachableGround
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.grid_map import UNKNOWN
@@ -82,7 +82,7 @@ class Horizon:
 
     frontiers: tuple[Frontier, ...]
     out_of_reach: int
-    ground: Ground | None
+    ground: ReachableGround | None
 
     def ways_between(self, frontiers: list[Frontier]) -> Floats:
         """Return the ways from one to another in m; shape (frontiers, frontiers)."""
@@ -107,7 +107,7 @@ def frontiers_of(grid: GridMap, place: Place, radius_m: float, least_m: float) -
     names, count = ndimage.label(beside, _AROUND)
     large = _large(names, count, least_m / cut.resolution_m)
     try:
-        ground = Ground(cut, place, radius_m)
+        ground = ReachableGround(cut, place, radius_m)
     except ValueError:
         return Horizon((), int(large.sum()), None)
     near = ndimage.binary_dilation(ground.standing, _AROUND, iterations=reach, mask=free)
@@ -148,7 +148,7 @@ def _extent(rows: slice, columns: slice) -> float:
     return math.hypot(rows.stop - rows.start, columns.stop - columns.start)
 
 
-def _frontier(grid: GridMap, cells: Cells, ground: Ground, reach: int, radius_m: float
+def _frontier(grid: GridMap, cells: Cells, ground: ReachableGround, reach: int, radius_m: float
               ) -> Frontier:
     """Describe a cluster: by the cell in its middle, and where the robot can stand near that."""
     middle = cells[np.argmin(np.hypot(*(cells - cells.mean(0)).T))]

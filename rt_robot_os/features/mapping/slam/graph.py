@@ -20,13 +20,13 @@ from dataclasses import dataclass
 from dataclasses import field
 
 from rt_robot_os.features.mapping.slam.keyframes import Keyframe
-from rt_robot_os.features.mapping.slam.pose_graph import Edge
-from rt_robot_os.features.mapping.slam.pose_graph import Edges
-from rt_robot_os.features.mapping.slam.pose_graph import Fix
+from rt_robot_os.features.mapping.slam.pose_graph import AbsolutePose
+from rt_robot_os.features.mapping.slam.pose_graph import PoseEdge
+from rt_robot_os.features.mapping.slam.pose_graph import PoseEdges
 
 
 @dataclass
-class Graph:
+class MapGraph:
     """
     A map as it is kept: a grid is drawn of it, and mapping goes on from it.
 
@@ -36,11 +36,11 @@ class Graph:
     """
 
     keyframes: list[Keyframe] = field(default_factory=list)
-    edges: list[Edge] = field(default_factory=list)
-    fixes: list[Fix] = field(default_factory=list)
-    _arrays: Edges = field(default_factory=Edges, init=False, repr=False, compare=False)
+    edges: list[PoseEdge] = field(default_factory=list)
+    fixes: list[AbsolutePose] = field(default_factory=list)
+    _arrays: PoseEdges = field(default_factory=PoseEdges, init=False, repr=False, compare=False)
 
-    def edge_arrays(self) -> Edges:
+    def edge_arrays(self) -> PoseEdges:
         """Return the edges as they are now, as arrays; they change with the next call."""
-        self._arrays.follow(self.edges)
+        self._arrays.update(self.edges)
         return self._arrays

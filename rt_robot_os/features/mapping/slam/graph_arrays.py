@@ -31,10 +31,10 @@ import numpy as np
 import numpy.typing as npt
 
 from rt_robot_os.features.mapping.slam.array_file import Arrays
-from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.slam.graph import MapGraph
 from rt_robot_os.features.mapping.slam.keyframes import Keyframe
-from rt_robot_os.features.mapping.slam.pose_graph import Edge
-from rt_robot_os.features.mapping.slam.pose_graph import Fix
+from rt_robot_os.features.mapping.slam.pose_graph import AbsolutePose
+from rt_robot_os.features.mapping.slam.pose_graph import PoseEdge
 from rt_robot_os.features.mapping.slam.scan import Surface
 from rt_robot_os.features.mapping.slam.transforms import Floats
 
@@ -50,7 +50,7 @@ _KEYFRAMES_MOST: Final = 1_000_000
 Counts = npt.NDArray[np.int64]
 
 
-def arrays_of(graph: Graph) -> Arrays:
+def arrays_of(graph: MapGraph) -> Arrays:
     """Return what a graph holds, as arrays."""
     frames, edges = graph.keyframes, graph.edges
     surfaces = [each.surface for each in frames]
@@ -84,7 +84,7 @@ def arrays_of(graph: Graph) -> Arrays:
     }
 
 
-def graph_of(arrays: Arrays) -> Graph:
+def graph_of(arrays: Arrays) -> MapGraph:
     """
     Return the graph that arrays hold.
 
@@ -101,7 +101,7 @@ def graph_of(arrays: Arrays) -> Graph:
     surfaces = _surfaces(arrays, count)
     frames = [Keyframe(int(stamps[at]), poses[at].copy(), odometry[at].copy(), surfaces[at],
                        float(travelled[at])) for at in range(count)]
-    return Graph(frames, _edges(arrays, count), _fixes(arrays, count))
+    return MapGraph(frames, _edges(arrays, count), _fixes(arrays, count))
 
 
 def _surfaces(arrays: Arrays, count: int) -> list[Surface]:
@@ -128,7 +128,7 @@ def _surface(*parts: Any) -> Surface:
     return Surface(*parts[:len(fields(Surface))])
 
 
-def _edges(arrays: Arrays, count: int) -> list[Edge]:
+def _edges(arrays: Arrays, count: int) -> list[PoseEdge]:
     ends = _checked(arrays, 'edges', np.int32, (None, 3))
     relative = _checked(arrays, 'edge_relative', np.float64, (len(ends), 3))
     upper = _checked(arrays, 'edge_information', np.float64, (len(ends), 6))
@@ -137,11 +137,11 @@ def _edges(arrays: Arrays, count: int) -> list[Edge]:
     information = np.zeros((len(ends), 3, 3))
     information[:, _UPPER[0], _UPPER[1]] = upper
     information[:, _UPPER[1], _UPPER[0]] = upper
-    return [Edge(first, second, relative[at].copy(), information[at].copy(), bool(is_loop))
+    return [PoseEdge(first, second, relative[at].copy(), information[at].copy(), bool(is_loop))
             for at, (first, second, is_loop) in enumerate(ends.tolist())]
 
 
-def _fixes(arrays: Arrays, count: int) -> list[Fix]:
+def _fixes(arrays: Arrays, count: int) -> list[AbsolutePose]:
     if 'fix_at' not in arrays:
         return []  # of an older file
     at = _checked(arrays, 'fix_at', np.int32, (None,))
@@ -149,7 +149,7 @@ def _fixes(arrays: Arrays, count: int) -> list[Fix]:
     information = _checked(arrays, 'fix_information', np.float64, (len(at), 3, 3))
     if len(at) and not 0 <= at.min() <= at.max() < count:
         raise ValueError('an absolute pose is of a keyframe that is not there')
-    return [Fix(int(each), pose.copy(), known.copy())
+    return [AbsolutePose(int(each), pose.copy(), known.copy())
             for each, pose, known in zip(at, poses, information)]
 
 

@@ -39,7 +39,7 @@ _START_M: Final = 0.6
 _AROUND: Final = np.ones((3, 3), np.bool_)
 
 
-class Ground:
+class ReachableGround:
     """
     The ground that a robot can come to from where it is.
 

@@ -37,9 +37,9 @@ from rt_robot_os.features.mapping.slam.evidence import Counts
 from rt_robot_os.features.mapping.slam.evidence import WEIGHTS
 from rt_robot_os.features.mapping.slam.keyframes import Keyframe
 from rt_robot_os.features.mapping.slam.rays import Box
-from rt_robot_os.features.mapping.slam.rays import Footprint
 from rt_robot_os.features.mapping.slam.rays import footprint_of
-from rt_robot_os.features.mapping.slam.rays import PackedFootprint
+from rt_robot_os.features.mapping.slam.rays import PackedScanFootprint
+from rt_robot_os.features.mapping.slam.rays import ScanFootprint
 from rt_robot_os.features.mapping.slam.scan import Surface
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.motion.grid_map import GridMap
@@ -86,7 +86,7 @@ class _Drawn:
     surface: Surface
     pose: tuple[float, float, float]
     half_reach_m: float
-    footprint: PackedFootprint
+    footprint: PackedScanFootprint
     given: Floats
 
     def moved_by(self, pose: Floats) -> float:
@@ -209,7 +209,7 @@ class GrowingGrid:
                 self._resize(2.0)
                 return _WORK_A_SCAN
             work += self._add(footprint, WEIGHTS)
-            packed = PackedFootprint.of(footprint)
+            packed = PackedScanFootprint.of(footprint)
             half = max(footprint.codes.shape) * self.cell_m / 4.0
             x, y, yaw = pose.tolist()
             self._drawn[id(surface)] = _Drawn(surface, (x, y, yaw), half, packed, pose)
@@ -218,7 +218,7 @@ class GrowingGrid:
         self.counts['keyframes'] = len(self._drawn)
         return work
 
-    def _add(self, footprint: Footprint, weights: Counts) -> int:
+    def _add(self, footprint: ScanFootprint, weights: Counts) -> int:
         rows, columns = footprint.codes.shape
         for tile_row in range(footprint.row // _TILE, (footprint.row + rows - 1) // _TILE + 1):
             first = tile_row * _TILE

@@ -25,18 +25,19 @@ import numpy as np
 from rt_robot_os.features.mapping.slam.keyframes import edge_of
 from rt_robot_os.features.mapping.slam.keyframes import Keyframe
 from rt_robot_os.features.mapping.slam.keyframes import Match
+from rt_robot_os.features.mapping.slam.matching import OdometryDelta
 from rt_robot_os.features.mapping.slam.matching import prior_of
-from rt_robot_os.features.mapping.slam.matching import Way
-from rt_robot_os.features.mapping.slam.pose_graph import Edge
+from rt_robot_os.features.mapping.slam.pose_graph import PoseEdge
 from rt_robot_os.features.mapping.slam.transforms import between
 from rt_robot_os.features.mapping.slam.transforms import Floats
-from rt_robot_os.features.mapping.slam.tuning import Tuning
+from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
 _COMMON: Final = np.array((0.02, 0.02, 0.004))
 
 
-def edges_of_match(keyframes: Sequence[Keyframe], bases: Iterable[int], match: Match, way: Way,
-                   tuning: Tuning) -> list[Edge]:
+def edges_of_match(keyframes: Sequence[Keyframe], bases: Iterable[int], match: Match,
+                   way: OdometryDelta,
+                   tuning: MapperTuning) -> list[PoseEdge]:
     """
     Take what the scan says, and what it does not say as odometry does.
 
@@ -49,11 +50,13 @@ def edges_of_match(keyframes: Sequence[Keyframe], bases: Iterable[int], match: M
                     _COMMON) for base in bases]
 
 
-def edge_of_odometry(keyframes: Sequence[Keyframe], base: int, pose: Floats, way: Way) -> Edge:
+def edge_of_odometry(keyframes: Sequence[Keyframe], base: int, pose: Floats, way: OdometryDelta
+                     ) -> PoseEdge:
     """
     Join a scan that fitted nowhere to where one fitted last.
 
     :param pose: shape (3,): where odometry says that it was taken.
     """
     sigmas = np.array((0.1 + 0.1 * way.way_m, 0.1 + 0.1 * way.way_m, 0.03 + 0.05 * way.turn_rad))
-    return Edge(base, len(keyframes), between(keyframes[base].pose, pose), np.diag(sigmas ** -2))
+    return PoseEdge(base, len(keyframes), between(keyframes[base].pose, pose),
+                    np.diag(sigmas ** -2))

@@ -26,12 +26,12 @@ import numpy as np
 import numpy.typing as npt
 
 from rt_robot_os.features.mapping.slam.alignment import Aligned
-from rt_robot_os.features.mapping.slam.alignment import Lines
+from rt_robot_os.features.mapping.slam.alignment import SurfaceLines
 from rt_robot_os.features.mapping.slam.correlation import finished
 from rt_robot_os.features.mapping.slam.correlation import fittings
-from rt_robot_os.features.mapping.slam.correlation import Window
+from rt_robot_os.features.mapping.slam.correlation import SearchWindow
 from rt_robot_os.features.mapping.slam.likelihood import LikelihoodField
-from rt_robot_os.features.mapping.slam.pose_graph import Edge
+from rt_robot_os.features.mapping.slam.pose_graph import PoseEdge
 from rt_robot_os.features.mapping.slam.scan import Surface
 from rt_robot_os.features.mapping.slam.transforms import between
 from rt_robot_os.features.mapping.slam.transforms import Floats
@@ -92,13 +92,13 @@ class LocalMap:
         self._points, self._normals = np.concatenate(points), np.concatenate(normals)
         self.is_empty = len(self._points) == 0
         self._field: LikelihoodField | None = None
-        self._lines: Lines | None = None
+        self._lines: SurfaceLines | None = None
 
     @property
-    def lines(self) -> Lines:
+    def lines(self) -> SurfaceLines:
         """Return the points with their normals."""
         if self._lines is None:
-            self._lines = Lines(self._points, self._normals)
+            self._lines = SurfaceLines(self._points, self._normals)
         return self._lines
 
     @property
@@ -112,11 +112,12 @@ class LocalMap:
         """Return how many points of a scan at a pose are far from all that is known."""
         return self.lines.far_from(placed(pose, surface.points), _UNKNOWN_M)
 
-    def search(self, surface: Surface, window: Window, prior_information: Floats | None) -> Match:
+    def search(self, surface: Surface, window: SearchWindow, prior_information: Floats | None
+               ) -> Match:
         """Look for a scan in a whole window, then align it exactly."""
         return finished(self.searching(surface, window, prior_information))
 
-    def searching(self, surface: Surface, window: Window, prior_information: Floats | None,
+    def searching(self, surface: Surface, window: SearchWindow, prior_information: Floats | None,
                   tries: int = 1, enough: float = 0.0) -> Generator[None, None, Match]:
         """
         Do as :meth:`search`, in pieces of some milliseconds.
@@ -145,7 +146,7 @@ class LocalMap:
 
 
 def edge_of(first: int, second: int, base: Floats, aligned: Aligned, noise_m: float,
-            common: Floats, is_loop: bool = False) -> Edge:
+            common: Floats, is_loop: bool = False) -> PoseEdge:
     """
     Return the edge that a match is.
 
@@ -158,4 +159,4 @@ def edge_of(first: int, second: int, base: Floats, aligned: Aligned, noise_m: fl
     # Of a corridor's length a scan says nothing: that is little information, not none.
     information = turn @ (aligned.information / noise_m ** 2) @ turn.T + np.diag((1.0, 1.0, 1.0))
     covariance = np.linalg.inv(information) + np.diag(common ** 2)
-    return Edge(first, second, between(base, aligned.pose), np.linalg.inv(covariance), is_loop)
+    return PoseEdge(first, second, between(base, aligned.pose), np.linalg.inv(covariance), is_loop)

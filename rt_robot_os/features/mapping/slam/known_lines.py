@@ -28,10 +28,10 @@ from typing import Final
 import numpy as np
 
 from rt_robot_os.features.mapping.slam.alignment import Aligned
-from rt_robot_os.features.mapping.slam.alignment import Lines
+from rt_robot_os.features.mapping.slam.alignment import SurfaceLines
 from rt_robot_os.features.mapping.slam.correlation import best_fit
-from rt_robot_os.features.mapping.slam.correlation import Window
-from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.slam.correlation import SearchWindow
+from rt_robot_os.features.mapping.slam.graph import MapGraph
 from rt_robot_os.features.mapping.slam.known_map import KnownMap
 from rt_robot_os.features.mapping.slam.likelihood import LikelihoodField
 from rt_robot_os.features.mapping.slam.transforms import Floats
@@ -61,16 +61,16 @@ class KnownLines:
     :param graph: None: of the grid.
     """
 
-    def __init__(self, known: KnownMap, graph: Graph | None) -> None:
+    def __init__(self, known: KnownMap, graph: MapGraph | None) -> None:
         self._known = known
         self._frames = [] if graph is None else graph.keyframes
         poses = np.array([each.pose for each in self._frames]).reshape(-1, 3)
         self._poses = known.inside(poses)
         self._middle: Floats | None = None
-        self._lines: Lines | None = None
+        self._lines: SurfaceLines | None = None
         self._field: LikelihoodField | None = None
 
-    def near(self, pose: Floats) -> Lines | None:
+    def near(self, pose: Floats) -> SurfaceLines | None:
         """
         Return the lines around a pose; None where there are too few.
 
@@ -83,10 +83,10 @@ class KnownLines:
             points, normals = self._of_graph(self._middle)
             if len(points) < _FEW:
                 points, normals = self._of_grid(self._middle)
-            self._lines = Lines(points, normals) if len(points) >= _FEW else None
+            self._lines = SurfaceLines(points, normals) if len(points) >= _FEW else None
         return self._lines
 
-    def search(self, pose: Floats, points: Floats, window: Window, prior: Floats
+    def search(self, pose: Floats, points: Floats, window: SearchWindow, prior: Floats
                ) -> Aligned | None:
         """Look for a scan in a whole window around a pose, then align it exactly."""
         lines = self.near(pose)

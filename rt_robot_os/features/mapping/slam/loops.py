@@ -30,17 +30,17 @@ from typing import Final
 import numpy as np
 
 from rt_robot_os.features.mapping.slam.alignment import Aligned
-from rt_robot_os.features.mapping.slam.correlation import Window
+from rt_robot_os.features.mapping.slam.correlation import SearchWindow
 from rt_robot_os.features.mapping.slam.keyframes import edge_of
 from rt_robot_os.features.mapping.slam.keyframes import Keyframe
 from rt_robot_os.features.mapping.slam.keyframes import LocalMap
 from rt_robot_os.features.mapping.slam.keyframes import Match
+from rt_robot_os.features.mapping.slam.local_map_query import LocalMapQuery
 from rt_robot_os.features.mapping.slam.overlap import Overlap
 from rt_robot_os.features.mapping.slam.overlap import overlap_of
-from rt_robot_os.features.mapping.slam.pose_graph import Edge
-from rt_robot_os.features.mapping.slam.surroundings import Surroundings
+from rt_robot_os.features.mapping.slam.pose_graph import PoseEdge
 from rt_robot_os.features.mapping.slam.transforms import Floats
-from rt_robot_os.features.mapping.slam.tuning import Tuning
+from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
 #: Keyframes that make up a place at most, and how far from the nearest.
 _PLACE: Final = 13
@@ -72,7 +72,7 @@ _CONTRADICTED: Final = 0.1
 
 
 @dataclass(frozen=True)
-class Place:
+class LoopCandidate:
     """
     Keyframes that may be where the robot is.
 
@@ -89,7 +89,8 @@ class Place:
     sigma_rad: float
 
 
-def places_near(around: Surroundings, index: int, tuning: Tuning) -> list[Place]:
+def loop_candidates(around: LocalMapQuery, index: int, tuning: MapperTuning
+                    ) -> list[LoopCandidate]:
     """
     Return where a keyframe may be as well, the nearest first.
 
@@ -106,7 +107,7 @@ def places_near(around: Surroundings, index: int, tuning: Tuning) -> list[Place]
     reach = np.minimum(tuning.loop_reach_m + 2.0 * sigma_m[old], tuning.loop_reach_most_m)
     near = old[distances < reach]
     near = near[np.argsort(distances[distances < reach], kind='stable')]
-    found: list[Place] = []
+    found: list[LoopCandidate] = []
     while len(near) and len(found) < tuning.loop_candidates:
         nearest = int(near[0])
         joined = around.tied(nearest, tuning.place_tied_m)
@@ -114,14 +115,15 @@ def places_near(around: Surroundings, index: int, tuning: Tuning) -> list[Place]
         those = np.flatnonzero(joined & (apart < _PLACE_M) & (
             travelled[index] - travelled > tuning.loop_apart_m))
         members = those[np.argsort(apart[those], kind='stable')][:_PLACE]
-        found.append(Place(index, nearest, tuple(members.tolist()), float(sigma_m[nearest]),
-                           float(sigma_rad[nearest])))
+        found.append(LoopCandidate(index, nearest, tuple(members.tolist()),
+                                   float(sigma_m[nearest]),
+                                   float(sigma_rad[nearest])))
         near = near[~joined[near]]
     return found
 
 
 @dataclass(frozen=True)
-class Verdict:
+class LoopVerdict:
     """
     What became of looking at a place that fits at least nearly.
 
@@ -130,9 +132,9 @@ class Verdict:
     :ivar share: of its points that lie on lines of the place, and
     :ivar of_visible: of those that the place looked at.
     :ivar score: how well they fit.
-    :ivar why: why no loop is closed; empty: one is.
+    :ivar reason: why no loop is closed; empty: one is.
     :ivar edge: the loop; None where ``why`` says that there is none.
-    :ivar places: at so many places, some way apart, loops have to say the same.
+    :ivar places_needed: at so many places, some way apart, loops have to say the same.
     """
 
     keyframe: int
@@ -140,9 +142,9 @@ class Verdict:
     share: float
     of_visible: float
     score: float
-    why: str
-    edge: Edge | None = None
-    places: int = 1
+    reason: str
+    edge: PoseEdge | None = None
+    places_needed: int = 1
 
 
 def is_far(pose: Floats, other: Floats) -> bool:
@@ -150,8 +152,8 @@ def is_far(pose: Floats, other: Floats) -> bool:
     return bool(np.hypot(*(other - pose)[:2]) > _FAR_M)
 
 
-def closing(keyframes: Sequence[Keyframe], place: Place, tuning: Tuning
-            ) -> Generator[None, None, Verdict | None]:
+def verified(keyframes: Sequence[Keyframe], place: LoopCandidate, tuning: MapperTuning
+             ) -> Generator[None, None, LoopVerdict | None]:
     """
     Look whether a keyframe is at a place, in pieces of some milliseconds.
 
@@ -162,7 +164,7 @@ def closing(keyframes: Sequence[Keyframe], place: Place, tuning: Tuning
     last = keyframes[place.keyframe]
     if local.is_empty or not len(last.surface):
         return None
-    window = Window(
+    window = SearchWindow(
         last.pose, min(_WINDOW_MOST_M, 0.3 + 2.0 * place.sigma_m),
         min(_WINDOW_MOST_RAD, float(np.radians(3.0)) + 2.0 * place.sigma_rad),
         max(_SIGMA_LEAST_M, place.sigma_m), max(_SIGMA_LEAST_RAD, place.sigma_rad))
@@ -176,14 +178,15 @@ def closing(keyframes: Sequence[Keyframe], place: Place, tuning: Tuning
     return _judged(match, overlap, keyframes, place, tuning)
 
 
-def _judged(match: Match, overlap: Overlap | None, keyframes: Sequence[Keyframe], place: Place,
-            tuning: Tuning) -> Verdict | None:
+def _judged(match: Match, overlap: Overlap | None, keyframes: Sequence[Keyframe],
+            place: LoopCandidate,
+            tuning: MapperTuning) -> LoopVerdict | None:
     share, score = match.aligned.share, match.score
     visible = 1.0 if overlap is None else overlap.visible
     of_visible = share / max(visible, share)
     if of_visible < _NEARLY:
         return None
-    verdict = partial(Verdict, place.keyframe, place.nearest, share, of_visible, score)
+    verdict = partial(LoopVerdict, place.keyframe, place.nearest, share, of_visible, score)
     if overlap is not None:
         if of_visible < tuning.loop_share or score / max(visible, score) < tuning.loop_score:
             return verdict('too little of what is visible fits')

@@ -26,36 +26,36 @@ from typing import Final
 
 import numpy as np
 
-from rt_robot_os.features.mapping.slam.absolute import Absolute
-from rt_robot_os.features.mapping.slam.afterthought import Afterthought
-from rt_robot_os.features.mapping.slam.closing import Closing
-from rt_robot_os.features.mapping.slam.elsewhere import Elsewhere
-from rt_robot_os.features.mapping.slam.finding import Found
-from rt_robot_os.features.mapping.slam.forgetting import forget
-from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.slam.absolute_poses import AbsoluteConstraints
+from rt_robot_os.features.mapping.slam.deferred_matching import DeferredMatching
+from rt_robot_os.features.mapping.slam.global_localization import FoundPose
+from rt_robot_os.features.mapping.slam.graph import MapGraph
 from rt_robot_os.features.mapping.slam.joining import edge_of_odometry
 from rt_robot_os.features.mapping.slam.joining import edges_of_match
-from rt_robot_os.features.mapping.slam.keeping import crowded
-from rt_robot_os.features.mapping.slam.keeping import OutOfDate
+from rt_robot_os.features.mapping.slam.keyframe_pruning import DynamicPointFilter
+from rt_robot_os.features.mapping.slam.keyframe_pruning import redundant_keyframes
 from rt_robot_os.features.mapping.slam.keyframes import Keyframe
 from rt_robot_os.features.mapping.slam.keyframes import LocalMap
 from rt_robot_os.features.mapping.slam.keyframes import Match
+from rt_robot_os.features.mapping.slam.local_map_query import LocalMapQuery
 from rt_robot_os.features.mapping.slam.located import Located
-from rt_robot_os.features.mapping.slam.loops import Verdict
+from rt_robot_os.features.mapping.slam.loop_closing import LoopClosing
+from rt_robot_os.features.mapping.slam.loops import LoopVerdict
+from rt_robot_os.features.mapping.slam.marginalisation import marginalise
 from rt_robot_os.features.mapping.slam.matching import Certainty
 from rt_robot_os.features.mapping.slam.matching import Matcher
-from rt_robot_os.features.mapping.slam.matching import Way
+from rt_robot_os.features.mapping.slam.matching import OdometryDelta
 from rt_robot_os.features.mapping.slam.novelty import Novelty
+from rt_robot_os.features.mapping.slam.relocalization import Relocalization
 from rt_robot_os.features.mapping.slam.scan import Scan
 from rt_robot_os.features.mapping.slam.scan import Surface
 from rt_robot_os.features.mapping.slam.scan import surface_of
-from rt_robot_os.features.mapping.slam.surroundings import Surroundings
-from rt_robot_os.features.mapping.slam.trajectory import Trajectory
+from rt_robot_os.features.mapping.slam.trajectory import ScanTrajectory
 from rt_robot_os.features.mapping.slam.transforms import between
 from rt_robot_os.features.mapping.slam.transforms import composed
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.features.mapping.slam.transforms import moved_by
-from rt_robot_os.features.mapping.slam.tuning import Tuning
+from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
 _RAD_AS_M: Final = 0.5
 #: What is matched with is chosen anew after this way.
@@ -98,9 +98,9 @@ class Mapper:
     _correction: Floats | None
     _local: LocalMap | None
 
-    def __init__(self, tuning: Tuning | None = None, start: Floats | None = None) -> None:
-        self.tuning = tuning or Tuning()
-        self.graph = Graph()
+    def __init__(self, tuning: MapperTuning | None = None, start: Floats | None = None) -> None:
+        self.tuning = tuning or MapperTuning()
+        self.graph = MapGraph()
         self.version = 0
         self.counts = dict.fromkeys((
             'scans', 'keyframes', 'searched', 'lost', 'loops', 'refused', 'near_misses', 'empty',
@@ -109,11 +109,11 @@ class Mapper:
         self._begin(np.zeros(3) if start is None else np.asarray(start, dtype=np.float64), True)
 
     @classmethod
-    def of_graph(cls, graph: Graph, tuning: Tuning | None = None) -> Mapper:
+    def of_graph(cls, graph: MapGraph, tuning: MapperTuning | None = None) -> Mapper:
         """
         Go on with a map that was made before.
 
-        Until :meth:`relocated` says where the robot is, each scan is looked for on the whole map,
+        Until :meth:`relocate` says where the robot is, each scan is looked for on the whole map,
         nothing is kept, and ``Located.is_lost`` says so.
 
         :param graph: it grows from now on; one without keyframes is begun.
@@ -125,10 +125,10 @@ class Mapper:
         mapper._anchor = max(0, len(graph.keyframes) - 1)
         mapper._travelled_m = 2.0 * mapper.tuning.loop_apart_m + max(
             (each.travelled_m for each in graph.keyframes), default=0.0)
-        mapper._novelty.is_known()
+        mapper._novelty.mark_known()
         return mapper
 
-    def relocated(self, pose: Floats, odometry: Floats) -> None:
+    def relocate(self, pose: Floats, odometry: Floats) -> None:
         """
         Take it that the robot is somewhere else on the map; the map stays as it is.
 
@@ -142,28 +142,28 @@ class Mapper:
                              f'{odometry.tolist()}: both must be finite')
         self._pose, self._odometry = pose, odometry
         self._correction = None
-        self._way = Way(_UNSURE_M, _UNSURE_RAD)
-        self._certainty.begin(np.diag((0.1 ** 2, 0.1 ** 2, 0.05 ** 2)))
-        self._elsewhere.placed()
+        self._since_match = OdometryDelta(_UNSURE_M, _UNSURE_RAD)
+        self._certainty.reset(np.diag((0.1 ** 2, 0.1 ** 2, 0.05 ** 2)))
+        self._relocalization.confirm()
         self._absolute.restart()
         self._local = None
         if self.keyframes:
             poses = np.array([each.pose for each in self.keyframes])
-            self._stand_on(int(np.hypot(*(poses[:, :2] - pose[:2]).T).argmin()))
-            self._novelty.is_known()
+            self._set_anchor(int(np.hypot(*(poses[:, :2] - pose[:2]).T).argmin()))
+            self._novelty.mark_known()
 
     def _begin(self, pose: Floats, is_placed: bool) -> None:
         self.keyframes, self.edges = self.graph.keyframes, self.graph.edges
         self._matcher = Matcher(self.tuning)
         self._certainty = Certainty(self.tuning)
-        self._closing = Closing(self.graph, self.tuning, self.counts)
-        self._absolute = Absolute(self.graph, self.counts)
-        self._elsewhere = Elsewhere(self.graph, self.tuning, is_placed)
-        self._out_of_date = OutOfDate()
+        self._loop_closing = LoopClosing(self.graph, self.tuning, self.counts)
+        self._absolute = AbsoluteConstraints(self.graph, self.counts)
+        self._relocalization = Relocalization(self.graph, self.tuning, is_placed)
+        self._dynamic_points = DynamicPointFilter()
         self._novelty = Novelty(self.keyframes, self.tuning)
-        self._way = Way()
-        self._track = Trajectory(self.tuning.trajectory_most)
-        self._afterthought = Afterthought()
+        self._since_match = OdometryDelta()
+        self._track = ScanTrajectory(self.tuning.trajectory_most)
+        self._deferred = DeferredMatching()
         self._local = None
         self._members: list[int] = []  # of what scans are matched with
         self._chosen = np.full(2, np.inf)  # where they were chosen
@@ -173,7 +173,7 @@ class Mapper:
         self._pose = pose
         self._correction = None
         self._unseen_m = 0.0  # movements of the map that did not make another version
-        self._has_help = False  # somebody works between scans
+        self._has_idle_time = False  # somebody works between scans
 
     def add(self, scan: Scan) -> Located:
         """
@@ -190,35 +190,37 @@ class Mapper:
             return self._first(scan, surface)
         step = self._step(scan.odometry)
         guess = composed(self._pose, step)
-        self._way.add(step)
-        self._certainty.moved(step, float(self._pose[2]))
-        match = (None if self._elsewhere.is_anywhere else self._matcher.match(
-            self._local_map(guess), surface, guess, self._way, self._elsewhere.is_looking))
+        self._since_match.add(step)
+        self._certainty.predict(step, float(self._pose[2]))
+        match = (None if self._relocalization.is_unplaced else self._matcher.match(
+            self._local_map(guess), surface, guess, self._since_match,
+            self._relocalization.is_searching))
         self.counts['searched'] = self._matcher.searched
         self._pose = guess if match is None else match.aligned.pose
         if match is None:
             self.counts['lost'] += 1
-            found = self._elsewhere.missed(scan, self._way.way_m)
+            found = self._relocalization.add_unmatched_scan(scan, self._since_match.way_m)
             if found is not None:
                 return self._found(scan, found)
         else:
-            self._certainty.matched(match.aligned)
-            self._elsewhere.placed()
-            self._novelty.seen(self._local_map(guess).unknown(surface, self._pose), len(surface))
-        is_kept = self._adds(match)
+            self._certainty.update(match.aligned)
+            self._relocalization.confirm()
+            self._novelty.record_match(self._local_map(guess).unknown(surface, self._pose),
+                                       len(surface))
+        is_kept = self._is_novel(match)
         if is_kept:
-            self._keep(scan, surface, match)
+            self._add_keyframe(scan, surface, match)
         elif match is None:
-            self._afterthought.missed(self._track.forgotten + len(self._track), surface)
+            self._deferred.add(self._track.forgotten + len(self._track), surface)
         else:
-            self._stand_on(self._nearest())
+            self._set_anchor(self._nearest())
             if self._matcher.is_sure(match):
-                self._take_out(surface)
+                self._remove_dynamic_points(surface)
         if match is not None:
-            self._way = Way()
+            self._since_match = OdometryDelta()
         self._relative = between(self.keyframes[self._anchor].pose, self._pose)
-        self._passed(scan)
-        self._work(1 if np.hypot(step[0], step[1]) < _THINNED_M else None)
+        self._record_scan(scan)
+        self._process_closing(1 if np.hypot(step[0], step[1]) < _THINNED_M else None)
         correction, self._correction = self._correction, None
         return Located(self._pose, self._certainty.on_map(self._pose, self.keyframes[0].pose),
                        0.0 if match is None else match.aligned.share, match is None, is_kept,
@@ -227,20 +229,20 @@ class Mapper:
     def _first(self, scan: Scan, surface: Surface) -> Located:
         self._odometry = scan.odometry
         self._append(Keyframe(scan.stamp_ns, self._pose, scan.odometry, surface, 0.0))
-        self._passed(scan)
+        self._record_scan(scan)
         return Located(self._pose, self._certainty.on_map(self._pose, self._pose), is_kept=True)
 
-    def _found(self, scan: Scan, found: Found) -> Located:
+    def _found(self, scan: Scan, found: FoundPose) -> Located:
         """Go on from where the robot was found."""
-        self.relocated(found.pose, scan.odometry)
+        self.relocate(found.pose, scan.odometry)
         self.counts['found'] += 1
-        self._passed(scan)
+        self._record_scan(scan)
         return Located(found.pose, found.covariance, found.share)
 
-    def _passed(self, scan: Scan) -> None:
+    def _record_scan(self, scan: Scan) -> None:
         """Remember where a scan was taken."""
-        if self._absolute.passed(scan.stamp_ns, scan.odometry, self._anchor, self._relative):
-            self._closing.changed()
+        if self._absolute.record_scan(scan.stamp_ns, scan.odometry, self._anchor, self._relative):
+            self._loop_closing.request_optimisation()
         self._track.append(self._anchor, self._relative)
         self.counts['forgotten'] = self._track.forgotten
 
@@ -259,7 +261,7 @@ class Mapper:
     def _local_map(self, guess: Floats) -> LocalMap:
         moved = float(np.hypot(*(guess[:2] - self._chosen)))
         if self._local is None or moved > _CHOSEN_M:
-            around = Surroundings(self.graph)
+            around = LocalMapQuery(self.graph)
             members = around.near(guess, self._anchor, self._travelled_m, self.tuning)
             if self._local is None or members != self._members:
                 self._local = LocalMap([self.keyframes[index] for index in members])
@@ -271,38 +273,40 @@ class Mapper:
         poses = np.array([self.keyframes[index].pose[:2] for index in self._members])
         return self._members[int(np.hypot(*(poses - self._pose[:2]).T).argmin())]
 
-    def _stand_on(self, anchor: int) -> None:
+    def _set_anchor(self, anchor: int) -> None:
         self._anchor = anchor
         self._relative = between(self.keyframes[anchor].pose, self._pose)
 
     # ---- how the map grows ---------------------------------------------------------------------
 
-    def _adds(self, match: Match | None) -> bool:
+    def _is_novel(self, match: Match | None) -> bool:
         """Return whether a scan adds something to the map."""
-        if self._elsewhere.is_looking or (
-                match is None and self._way.is_dense and self._way.way_m < _LOST_M):
+        if self._relocalization.is_searching or (
+                match is None and self._since_match.is_dense
+                and self._since_match.way_m < _LOST_M):
             return False  # it is not sure where that would be
         near = self._members if match is not None else [self._anchor]
-        return self._novelty.adds(match, self._pose, near, self._travelled_m)
+        return self._novelty.is_novel(match, self._pose, near, self._travelled_m)
 
-    def _keep(self, scan: Scan, surface: Surface, match: Match | None) -> None:
+    def _add_keyframe(self, scan: Scan, surface: Surface, match: Match | None) -> None:
         """Keep a scan."""
         index = len(self.keyframes)
         if match is None:
             self.edges.append(edge_of_odometry(self.keyframes, self._anchor, self._pose,
-                                               self._way))
+                                               self._since_match))
         else:
             bases = {self._nearest(), *({index - 1} & set(self._members))}
-            self.edges.extend(edges_of_match(self.keyframes, sorted(bases), match, self._way,
+            self.edges.extend(edges_of_match(self.keyframes, sorted(bases), match,
+                                             self._since_match,
                                              self.tuning))
         self._append(Keyframe(scan.stamp_ns, self._pose, scan.odometry, surface,
                               self._travelled_m))
-        self._novelty.kept(self._members, self._travelled_m)
+        self._novelty.record_keyframe(self._members, self._travelled_m)
         self._anchor, self._relative = index, _STILL
-        self._closing.look(index)
-        for gone in crowded(self.keyframes, index, self.tuning):
+        self._loop_closing.add_keyframe(index)
+        for gone in redundant_keyframes(self.keyframes, index, self.tuning):
             self.counts['crowded'] += 1
-            self._forget(gone)
+            self._remove_keyframe(gone)
 
     def _append(self, keyframe: Keyframe) -> None:
         self.keyframes.append(keyframe)
@@ -315,9 +319,10 @@ class Mapper:
 
     # ---- how it is kept up to date -------------------------------------------------------------
 
-    def _take_out(self, surface: Surface) -> None:
+    def _remove_dynamic_points(self, surface: Surface) -> None:
         """Take out what the scan sees through."""
-        gone = self._out_of_date.look(self.keyframes, self._members, self._pose, surface)
+        gone = self._dynamic_points.remove_seen_through(self.keyframes, self._members, self._pose,
+                                                        surface)
         if not gone.points:
             return
         self.counts['points_gone'] += gone.points
@@ -325,25 +330,25 @@ class Mapper:
         for index in sorted(gone.keyframes, reverse=True):
             if index != self._anchor and len(self.keyframes) > 1:
                 self.counts['outdated'] += 1
-                self._forget(index)
+                self._remove_keyframe(index)
 
-    def _forget(self, index: int) -> None:
+    def _remove_keyframe(self, index: int) -> None:
         """Take a keyframe out of everything that knows of it."""
         seen = [each.pose for each in self.keyframes]
-        heir = forget(self.graph, index)
-        relative = between(seen[heir], seen[index])
-        self._track.removed(index, heir, relative)
-        self._absolute.removed(index, heir, relative)
-        self._closing.removed(index)
+        successor = marginalise(self.graph, index)
+        relative = between(seen[successor], seen[index])
+        self._track.remove_keyframe(index, successor, relative)
+        self._absolute.remove_keyframe(index, successor, relative)
+        self._loop_closing.remove_keyframe(index)
         if self._anchor == index:
-            self._anchor, self._relative = heir, between(seen[heir], self._pose)
+            self._anchor, self._relative = successor, between(seen[successor], self._pose)
         self._anchor -= self._anchor > index
         self._members = [each - (each > index) for each in self._members if each != index]
         self._changed()
 
     # ---- loops and absolute poses --------------------------------------------------------------
 
-    def think(self) -> bool:
+    def process_pending(self) -> bool:
         """
         Do one piece of what waits, of some 10 ms: look at a place, or move the keyframes.
 
@@ -351,34 +356,34 @@ class Mapper:
 
         :return: whether there is more.
         """
-        self._has_help = True
-        return self._think(False)
+        self._has_idle_time = True
+        return self._process_piece(False)
 
-    def _think(self, whole: bool) -> bool:
-        if self._closing.is_busy:
-            if self._closing.work(whole):
-                self._moved()
-            return self._closing.is_busy
-        return self._elsewhere.work()
+    def _process_piece(self, whole: bool) -> bool:
+        if self._loop_closing.is_busy:
+            if self._loop_closing.process_pending(whole):
+                self._follow_keyframes()
+            return self._loop_closing.is_busy
+        return self._relocalization.process_pending()
 
-    def _work(self, pieces: int | None) -> None:
-        while self._closing.is_busy and (pieces is None or pieces > 0):
-            self._think(pieces is None or not self._has_help)
+    def _process_closing(self, pieces: int | None) -> None:
+        while self._loop_closing.is_busy and (pieces is None or pieces > 0):
+            self._process_piece(pieces is None or not self._has_idle_time)
             pieces = None if pieces is None else pieces - 1
 
-    def _moved(self) -> None:
+    def _follow_keyframes(self) -> None:
         """Follow the keyframes, which have been moved."""
         was, self._pose = self._pose, composed(self.keyframes[self._anchor].pose, self._relative)
         movement = moved_by(was, self._pose)
         self._correction = (movement if self._correction is None
                             else composed(movement, self._correction))
         self._local = None
-        self._unseen_m += self._closing.moved_m
+        self._unseen_m += self._loop_closing.moved_m
         if self._unseen_m > _CELL_M:
             self.version += 1
             self._unseen_m = 0.0
 
-    def fix(self, stamp_ns: int, pose: Floats, covariance: Floats) -> None:
+    def add_absolute_pose(self, stamp_ns: int, pose: Floats, covariance: Floats) -> None:
         """
         Take an absolute pose of the laser, which the map then follows.
 
@@ -387,31 +392,31 @@ class Mapper:
         :param covariance: shape (3, 3), in m and rad, along the axes of the map.
         :raises ValueError: that is no pose, or its covariance none.
         """
-        if self._absolute.take(stamp_ns, pose, covariance):
-            self._closing.changed()
+        if self._absolute.add(stamp_ns, pose, covariance):
+            self._loop_closing.request_optimisation()
 
-    def finish(self) -> None:
+    def optimise_all(self) -> None:
         """Look at all that waits, move all keyframes until they agree, and what was lost."""
-        self._work(None)
-        self._closing.settle()
-        self._moved()
-        self.counts['lost'] -= self._afterthought.look_again(self.keyframes, self._track,
-                                                             self._matcher)
+        self._process_closing(None)
+        self._loop_closing.optimise_all()
+        self._follow_keyframes()
+        self.counts['lost'] -= self._deferred.match_again(self.keyframes, self._track,
+                                                          self._matcher)
 
     @property
-    def near_misses(self) -> list[Verdict]:
+    def near_misses(self) -> list[LoopVerdict]:
         """Return the last places that fitted nearly, and why no loop was closed there."""
-        return list(self._closing.near_misses)
+        return list(self._loop_closing.near_misses)
 
     def trajectory(self) -> Floats:
         """Return the poses of the scans on the map as it is now; shape (scans, 3)."""
         return self._track.poses([each.pose for each in self.keyframes])
 
 
-def mapped(scans: Iterable[Scan], tuning: Tuning | None = None) -> Mapper:
+def mapped(scans: Iterable[Scan], tuning: MapperTuning | None = None) -> Mapper:
     """Map a whole log."""
     mapper = Mapper(tuning)
     for scan in scans:
         mapper.add(scan)
-    mapper.finish()
+    mapper.optimise_all()
     return mapper

@@ -27,12 +27,12 @@ import numpy as np
 
 from rt_robot_os.features.mapping.slam.alignment import Aligned
 from rt_robot_os.features.mapping.slam.correlation import best_fit
-from rt_robot_os.features.mapping.slam.correlation import Window
+from rt_robot_os.features.mapping.slam.correlation import SearchWindow
 from rt_robot_os.features.mapping.slam.keyframes import LocalMap
 from rt_robot_os.features.mapping.slam.keyframes import Match
 from rt_robot_os.features.mapping.slam.scan import Surface
 from rt_robot_os.features.mapping.slam.transforms import Floats
-from rt_robot_os.features.mapping.slam.tuning import Tuning
+from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
 #: Steps shorter than this need no search: odometry is near enough.
 _SHORT_M: Final = 0.3
@@ -74,7 +74,7 @@ _BENT: Final = 0.001
 
 
 @dataclass
-class Way:
+class OdometryDelta:
     """
     What odometry says since a scan fitted last.
 
@@ -92,7 +92,7 @@ class Way:
         self.turn_rad += abs(float(step[2]))
         self.steps += 1
 
-    def sigmas(self, tuning: Tuning) -> tuple[float, float]:
+    def sigmas(self, tuning: MapperTuning) -> tuple[float, float]:
         """Return how wrong that may be, in m and rad."""
         return (tuning.odometry_m + tuning.odometry_per_m * self.way_m,
                 tuning.odometry_rad + tuning.odometry_per_rad * self.turn_rad)
@@ -113,7 +113,7 @@ class Way:
         return self.way_m < _SHORT_M and self.turn_rad < _SHORT_RAD
 
 
-def prior_of(sigmas: tuple[float, float], tuning: Tuning) -> Floats:
+def prior_of(sigmas: tuple[float, float], tuning: MapperTuning) -> Floats:
     """Return the information of odometry in units of a point's own; shape (3, 3)."""
     noise = tuning.match_noise_m ** 2
     of_place = noise / sigmas[0] ** 2
@@ -127,12 +127,12 @@ class Matcher:
     :ivar searched: how often a whole window was looked through.
     """
 
-    def __init__(self, tuning: Tuning) -> None:
+    def __init__(self, tuning: MapperTuning) -> None:
         self._tuning = tuning
         self.searched = 0
         self._usual = 0.0  # share of points on lines
 
-    def match(self, local: LocalMap, surface: Surface, guess: Floats, way: Way,
+    def match(self, local: LocalMap, surface: Surface, guess: Floats, way: OdometryDelta,
               is_astray: bool = False) -> Match | None:
         """
         Match a scan; None when it fits nowhere.
@@ -160,7 +160,8 @@ class Matcher:
         """Return whether a scan fits so well that what contradicts it is gone."""
         return match.aligned.share > max(self._tuning.loop_share, _SURE * self._usual)
 
-    def _match(self, local: LocalMap, surface: Surface, guess: Floats, way: Way) -> Match | None:
+    def _match(self, local: LocalMap, surface: Surface, guess: Floats, way: OdometryDelta
+               ) -> Match | None:
         if local.is_empty or not len(surface):
             return None
         t = self._tuning
@@ -174,8 +175,8 @@ class Matcher:
         self.searched += 1
         for factor in (1.0, 2.0):
             wide = (factor * sigmas[0], factor * sigmas[1])
-            window = Window(guess, min(_REACH_MOST_M, _WITHIN * wide[0]),
-                            min(_REACH_MOST_RAD, _WITHIN * wide[1]), *wide)
+            window = SearchWindow(guess, min(_REACH_MOST_M, _WITHIN * wide[0]),
+                                  min(_REACH_MOST_RAD, _WITHIN * wide[1]), *wide)
             found = local.search(surface, window, prior_of(wide, t))
             if best is None or found.aligned.share > best.aligned.share:
                 best = found
@@ -190,13 +191,14 @@ class Matcher:
         :return: None unless it fits at one as well as a loop has to, and at no other.
         """
         t = self._tuning
-        window = Window(guess, _TURNED_M, np.pi, step_rad=_TURNED_STEP_RAD)
+        window = SearchWindow(guess, _TURNED_M, np.pi, step_rad=_TURNED_STEP_RAD)
         found = local.search(surface, window, None)
         self.searched += 1
         if found.aligned.share < t.loop_share or found.score < t.loop_score:
             return None
-        others = Window(found.aligned.pose + (0.0, 0.0, np.pi), _TURNED_M, np.pi - _APART_RAD,
-                        step_rad=_TURNED_STEP_RAD)
+        others = SearchWindow(found.aligned.pose + (0.0, 0.0, np.pi), _TURNED_M,
+                              np.pi - _APART_RAD,
+                              step_rad=_TURNED_STEP_RAD)
         _, score = best_fit(local.field, surface.points, others)
         return found if score < found.score - _CLEARLY else None
 
@@ -210,15 +212,15 @@ class Certainty:
     that they do not add up to more than one of them.
     """
 
-    def __init__(self, tuning: Tuning) -> None:
+    def __init__(self, tuning: MapperTuning) -> None:
         self._tuning = tuning
         self._covariance: Floats = np.zeros((3, 3))
 
-    def begin(self, covariance: Floats) -> None:
+    def reset(self, covariance: Floats) -> None:
         """Begin anew; shape (3, 3)."""
         self._covariance = covariance
 
-    def moved(self, step: Floats, heading: float) -> None:
+    def predict(self, step: Floats, heading: float) -> None:
         """
         Add what odometry may be wrong by.
 
@@ -234,7 +236,7 @@ class Certainty:
             t.odometry_per_rad ** 2 * turned * _TOGETHER_RAD + _PER_M_RAD ** 2 * way,)
         self._covariance = turn @ self._covariance @ turn.T + np.diag(more)
 
-    def matched(self, aligned: Aligned) -> None:
+    def update(self, aligned: Aligned) -> None:
         """Take what a scan says of where it lies."""
         known = aligned.information / self._tuning.point_noise_m ** 2
         scale = np.diag((1.0, 1.0, _ARM_M))  # an angle counts as a way at this arm

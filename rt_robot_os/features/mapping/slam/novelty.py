@@ -24,7 +24,7 @@ from rt_robot_os.features.mapping.slam.keyframes import Keyframe
 from rt_robot_os.features.mapping.slam.keyframes import Match
 from rt_robot_os.features.mapping.slam.transforms import between
 from rt_robot_os.features.mapping.slam.transforms import Floats
-from rt_robot_os.features.mapping.slam.tuning import Tuning
+from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
 #: Something new is a part of the points, in so many scans: who walks by is not.
 _NEW_SHARE: Final = 0.04
@@ -40,16 +40,16 @@ class Novelty:
     :param keyframes: the map's, as they are at any time.
     """
 
-    def __init__(self, keyframes: Sequence[Keyframe], tuning: Tuning) -> None:
+    def __init__(self, keyframes: Sequence[Keyframe], tuning: MapperTuning) -> None:
         self._keyframes, self._tuning = keyframes, tuning
         self._news = 0  # scans in a row that see something new
         self._again = 0  # keyframes kept since the robot is where it was before
 
-    def is_known(self) -> None:
+    def mark_known(self) -> None:
         """Notice that the robot is where it was before, and that this is sure."""
         self._again = _AGAIN
 
-    def seen(self, unknown: int, points: int) -> None:
+    def record_match(self, unknown: int, points: int) -> None:
         """
         Notice what a scan that fits sees.
 
@@ -57,7 +57,8 @@ class Novelty:
         """
         self._news = self._news + 1 if unknown > _NEW_SHARE * points else 0
 
-    def adds(self, match: Match | None, pose: Floats, near: list[int], travelled_m: float) -> bool:
+    def is_novel(self, match: Match | None, pose: Floats, near: list[int], travelled_m: float
+                 ) -> bool:
         """
         Return whether a scan adds something.
 
@@ -84,7 +85,7 @@ class Novelty:
         return (match.aligned.share < t.keep_share or self._news >= _NEW_SCANS
                 or bool(far.min() > t.cover_m))
 
-    def kept(self, members: Sequence[int], travelled_m: float) -> None:
+    def record_keyframe(self, members: Sequence[int], travelled_m: float) -> None:
         """
         Notice that a scan was kept.
 

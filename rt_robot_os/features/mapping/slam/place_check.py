@@ -60,7 +60,7 @@ _UNKNOWN: Final = 0.15
 
 
 @dataclass(frozen=True)
-class Check:
+class PlaceFit:
     """
     How well a scan fits places; each of shape (places,).
 
@@ -127,7 +127,7 @@ def _sloped(known: KnownMap, x: Floats, y: Floats) -> tuple[Floats, Floats, Floa
     return away, ((b - a) * (1 - t) + (d - c) * t) / h, (across1 - across0) / h
 
 
-def checked(known: KnownMap, places: Floats, points: Floats) -> Check:
+def checked(known: KnownMap, places: Floats, points: Floats) -> PlaceFit:
     """
     Look at each beam from each place.
 
@@ -156,4 +156,4 @@ def checked(known: KnownMap, places: Floats, points: Floats) -> Check:
                      np.where(before > 0.0, _SHORT, _UNKNOWN))
     fit = np.where(through, 0.0, np.exp(-0.5 * (off / sigma) ** 2))
     likelihood = np.log(floor + (1.0 - floor) * fit)
-    return Check(likelihood.mean(1), explained.mean(1), through.mean(1))
+    return PlaceFit(likelihood.mean(1), explained.mean(1), through.mean(1))

@@ -41,7 +41,7 @@ _SMALL: Final = 1e-4
 #: Squared error, in variances, at which the edge of a loop counts half.
 _SOFT_CHI2: Final = 9.0
 #: Squared error up to which an absolute pose agrees, when the whole map is put where most do.
-_AGREES_CHI2: Final = 16.0
+_CONSISTENT_CHI2: Final = 16.0
 #: So many absolute poses can move a whole map, and so many of them are tried.
 _FIXES_MOVE: Final = 3
 _TRIED_MOST: Final = 50
@@ -50,7 +50,7 @@ _HELD: Final = np.diag((1e-2, 1e-2, 1e-2))
 
 
 @dataclass(frozen=True)
-class Edge:
+class PoseEdge:
     """
     What is known between two poses.
 
@@ -68,7 +68,7 @@ class Edge:
 
 
 @dataclass(frozen=True)
-class Fix:
+class AbsolutePose:
     """
     What an absolute source says of a pose: an edge from the origin.
 
@@ -83,7 +83,7 @@ class Fix:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class OptimisedPoses:
     """
     The poses at which all edges agree best.
 
@@ -99,7 +99,7 @@ class Agreement:
     step: float = 0.0
 
 
-class Edges:
+class PoseEdges:
     """
     Edges as arrays.
 
@@ -115,12 +115,12 @@ class Edges:
     information: Floats
     covariances: Floats
 
-    def __init__(self, edges: Sequence[Edge] = ()) -> None:
+    def __init__(self, edges: Sequence[PoseEdge] = ()) -> None:
         self._clear()
-        self.follow(edges)
+        self.update(edges)
 
     def _clear(self) -> None:
-        self._edges: list[Edge] = []
+        self._edges: list[PoseEdge] = []
         self.first, self.second = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self.is_loop, self.relative = np.zeros(0, np.bool_), np.zeros((0, 3))
         self.information = self.covariances = np.zeros((0, 3, 3))
@@ -128,7 +128,7 @@ class Edges:
     def __len__(self) -> int:
         return len(self._edges)
 
-    def follow(self, edges: Sequence[Edge]) -> None:
+    def update(self, edges: Sequence[PoseEdge]) -> None:
         """Hold other edges; where they begin with those that are held, only new ones are read."""
         if len(edges) < len(self) or not all(map(is_, self._edges, edges)):
             self._clear()
@@ -152,8 +152,9 @@ class Edges:
         return errors, np.where(self.is_loop, 1.0 / (1.0 + chi2 / _SOFT_CHI2), 1.0)
 
 
-def agree(poses: Floats, edges: Sequence[Edge] | Edges, steps: int = 10, fixes: Sequence[Fix] = (),
-          small: float = _SMALL) -> Agreement:
+def optimise(poses: Floats, edges: Sequence[PoseEdge] | PoseEdges, steps: int = 10,
+             fixes: Sequence[AbsolutePose] = (),
+             small: float = _SMALL) -> OptimisedPoses:
     """
     Move poses so that edges agree.
 
@@ -163,9 +164,9 @@ def agree(poses: Floats, edges: Sequence[Edge] | Edges, steps: int = 10, fixes: 
         other, the map is moved as a whole first.
     :param small: a step that moves no pose by more, in m or rad, is the last.
     """
-    known = edges if isinstance(edges, Edges) else Edges(edges)
-    poses, weights = _where_most_agree(poses, fixes), np.ones(len(edges))
-    absolute = _Absolute(fixes)
+    known = edges if isinstance(edges, PoseEdges) else PoseEdges(edges)
+    poses, weights = _aligned_with_most(poses, fixes), np.ones(len(edges))
+    absolute = _AbsolutePoses(fixes)
     moved = 0.0
     for _ in range(steps if len(poses) > 1 and len(edges) or fixes else 0):
         errors, weights = known.errors(poses)
@@ -176,13 +177,13 @@ def agree(poses: Floats, edges: Sequence[Edge] | Edges, steps: int = 10, fixes: 
         moved = float(np.abs(step).max())
         if moved < small:
             break
-    return Agreement(poses, weights, absolute.weights, moved)
+    return OptimisedPoses(poses, weights, absolute.weights, moved)
 
 
-class _Absolute:
+class _AbsolutePoses:
     """Absolute poses as arrays."""
 
-    def __init__(self, fixes: Sequence[Fix]) -> None:
+    def __init__(self, fixes: Sequence[AbsolutePose]) -> None:
         self.at = np.array([each.keyframe for each in fixes], dtype=np.int64)
         self.poses = np.array([each.pose for each in fixes]).reshape(-1, 3)
         self.information = np.array([each.information for each in fixes]).reshape(-1, 3, 3)
@@ -195,26 +196,26 @@ class _Absolute:
         return errors, np.einsum('ni,nij,nj->n', errors, self.information, errors)
 
 
-def _where_most_agree(poses: Floats, fixes: Sequence[Fix]) -> Floats:
+def _aligned_with_most(poses: Floats, fixes: Sequence[AbsolutePose]) -> Floats:
     """Move the whole map where most absolute poses say that it is, if that is not here."""
     if len(fixes) < _FIXES_MOVE:
         return poses.copy()
-    absolute = _Absolute(fixes)
-    most = int((absolute.errors(poses)[1] < _AGREES_CHI2).sum())
+    absolute = _AbsolutePoses(fixes)
+    most = int((absolute.errors(poses)[1] < _CONSISTENT_CHI2).sum())
     if 2 * most >= len(fixes):
         return poses.copy()
     best = poses
     for fix in fixes[::-(-len(fixes) // _TRIED_MOST)]:
         movement = moved_by(poses[fix.keyframe], fix.pose)
         there = composed(np.broadcast_to(movement, poses.shape), poses)
-        agreeing = int((absolute.errors(there)[1] < _AGREES_CHI2).sum())
+        agreeing = int((absolute.errors(there)[1] < _CONSISTENT_CHI2).sum())
         if agreeing > most and 2 * agreeing > len(fixes):
             best, most = there, agreeing
     return best.copy()
 
 
 def _solve(poses: Floats, ends: tuple[Any, Any], errors: Floats, information: Floats,
-           absolute: _Absolute) -> Floats:
+           absolute: _AbsolutePoses) -> Floats:
     """Return the step of all poses; shape (n, 3)."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import splu

@@ -54,7 +54,7 @@ _PACKING: Final = 1
 
 
 @dataclass(frozen=True)
-class Footprint:
+class ScanFootprint:
     """
     What a scan says of a rectangle of cells.
 
@@ -75,30 +75,30 @@ class Footprint:
 
 
 @dataclass(frozen=True)
-class PackedFootprint:
+class PackedScanFootprint:
     """A footprint in a hundredth of its size."""
 
     box: Box
     packed: bytes
 
     @classmethod
-    def of(cls, footprint: Footprint) -> PackedFootprint:
+    def of(cls, footprint: ScanFootprint) -> PackedScanFootprint:
         """Pack a footprint."""
         flat = footprint.codes.reshape(-1)
         bits = np.concatenate((np.packbits(flat & 1), np.packbits(flat >> 1)))
         return cls(footprint.box, zlib.compress(bits.tobytes(), _PACKING))
 
-    def unpacked(self) -> Footprint:
+    def unpacked(self) -> ScanFootprint:
         """Return it as it was."""
         row, column, row_end, column_end = self.box
         shape = row_end - row, column_end - column
         bits = np.frombuffer(zlib.decompress(self.packed), np.uint8).reshape(2, -1)
         low, high = np.unpackbits(bits, axis=1, count=shape[0] * shape[1])
-        return Footprint(row, column, (low | high << 1).reshape(shape))
+        return ScanFootprint(row, column, (low | high << 1).reshape(shape))
 
 
 def footprint_of(pose: Floats, surface: Surface, cell_m: float, reach_m: float,
-                 echoless_m: float) -> Footprint:
+                 echoless_m: float) -> ScanFootprint:
     """
     Return what a scan says of the cells round it.
 
@@ -128,7 +128,7 @@ def footprint_of(pose: Floats, surface: Surface, cell_m: float, reach_m: float,
     flat[_passed(start - low, beams, spare, columns)] = PASSED
     at = (np.concatenate((hits, _between(surface, ends, far, cell_m))) - low).astype(np.int64)
     flat[at[:, 1] * columns + at[:, 0]] = HIT
-    return Footprint(int(low[1]), int(low[0]), flat.reshape(rows, columns))
+    return ScanFootprint(int(low[1]), int(low[0]), flat.reshape(rows, columns))
 
 
 def _spare(surface: Surface) -> Floats:

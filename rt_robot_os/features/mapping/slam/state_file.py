@@ -38,7 +38,7 @@ from rt_robot_os.features.mapping.slam.array_file import pack
 from rt_robot_os.features.mapping.slam.array_file import sync_folder
 from rt_robot_os.features.mapping.slam.array_file import unpack
 from rt_robot_os.features.mapping.slam.array_file import write_whole
-from rt_robot_os.features.mapping.slam.graph import Graph
+from rt_robot_os.features.mapping.slam.graph import MapGraph
 from rt_robot_os.features.mapping.slam.graph_arrays import arrays_of
 from rt_robot_os.features.mapping.slam.graph_arrays import graph_of
 
@@ -62,7 +62,7 @@ class StateFile:
         self.problems: tuple[str, ...] = ()
         self._number: int | None = None
 
-    def write(self, graph: Graph, extra: Mapping[str, Any] | None = None) -> int:
+    def write(self, graph: MapGraph, extra: Mapping[str, Any] | None = None) -> int:
         """
         Write a state; the one before stays until this one is on the disk.
 
@@ -90,7 +90,7 @@ class StateFile:
         self._number = number
         return len(data)
 
-    def read(self) -> tuple[Graph, dict[str, Any]] | None:
+    def read(self) -> tuple[MapGraph, dict[str, Any]] | None:
         """
         Return the newest state that is whole, with what was written beside it.
 

@@ -26,7 +26,7 @@ from rt_robot_os.features.mapping.slam.transforms import Floats
 _FIRST_ROOM = 1024
 
 
-class Trajectory:
+class ScanTrajectory:
     """
     The last poses, each in the frame of a keyframe.
 
@@ -72,20 +72,20 @@ class Trajectory:
         """
         self._at[place], self._relative[place] = keyframe, relative
 
-    def removed(self, index: int, heir: int, seen_from_heir: Floats) -> None:
+    def remove_keyframe(self, index: int, successor: int, seen_from_successor: Floats) -> None:
         """
         Follow a keyframe that is taken out of the list.
 
-        :param heir: which keyframe its poses are given to; its index before.
-        :param seen_from_heir: shape (3,): where the keyframe was.
+        :param successor: which keyframe its poses are given to; its index before.
+        :param seen_from_successor: shape (3,): where the keyframe was.
         """
         at = self._at[:self._count]
         its = at == index
         if its.any():
             relative = self._relative[:self._count][its]
-            base = np.broadcast_to(seen_from_heir, relative.shape)
+            base = np.broadcast_to(seen_from_successor, relative.shape)
             self._relative[:self._count][its] = composed(base, relative)
-            at[its] = heir
+            at[its] = successor
         at[at > index] -= 1
 
     def poses(self, keyframes: Sequence[Floats]) -> Floats:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Tuning:
+class MapperTuning:
     """
     What a mapper takes for granted.
 

@@ -48,7 +48,7 @@ class TwoLasers:
         self._last: tuple[Floats, ...] = ()
         self._sum = 0
 
-    def look(self, ranges: Floats) -> bool:
+    def update(self, ranges: Floats) -> bool:
         """
         Look at the next scan.
 

@@ -16,9 +16,9 @@
 """Attitude: how a robot is turned, from its inertial sensor."""
 
 from rt_robot_os.features.navigation.attitude.base import AttitudeFilter
-from rt_robot_os.features.navigation.attitude.base import Tuning
+from rt_robot_os.features.navigation.attitude.base import FilterTuning
 from rt_robot_os.features.navigation.attitude.mahony import MahonyFilter
 from rt_robot_os.features.navigation.attitude.module import Attitude
 from rt_robot_os.features.navigation.attitude.vqf_filter import VqfFilter
 
-__all__ = ['Attitude', 'AttitudeFilter', 'MahonyFilter', 'Tuning', 'VqfFilter']
+__all__ = ['Attitude', 'AttitudeFilter', 'MahonyFilter', 'FilterTuning', 'VqfFilter']

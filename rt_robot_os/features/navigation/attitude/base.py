@@ -28,7 +28,7 @@ from rt_robot_os.motion.quaternion import Vector
 
 
 @dataclass(frozen=True)
-class Tuning:
+class FilterTuning:
     """
     The tuning of a filter, in units that mean the same to each of them.
 
@@ -72,7 +72,7 @@ class AttitudeFilter(ABC):
 
     name: ClassVar[str] = ''
 
-    def __init__(self, tuning: Tuning) -> None:
+    def __init__(self, tuning: FilterTuning) -> None:
         self.tuning = tuning
         self.attitude: Quaternion = IDENTITY
         self.bias: Vector = (0.0, 0.0, 0.0)
@@ -107,5 +107,5 @@ class AttitudeFilter(ABC):
         """
 
     @abstractmethod
-    def tune(self, tuning: Tuning) -> None:
+    def tune(self, tuning: FilterTuning) -> None:
         """Change the tuning between two samples; safe in the real-time loop."""

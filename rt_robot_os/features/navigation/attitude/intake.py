@@ -42,7 +42,7 @@ _FIELD_LEAST: Final = 1e-12
 
 
 @dataclass
-class Counters:
+class ImuCounters:
     """
     What came in, and what became of it.
 
@@ -74,7 +74,7 @@ class Counters:
         return asdict(self)
 
 
-class Intake:
+class ImuIntake:
     """
     Take samples from the topics of an inertial sensor.
 
@@ -91,7 +91,7 @@ class Intake:
 
     def __init__(self, imu: Subscription, mag: Subscription | None, first_dt_s: float,
                  gap_s: float) -> None:
-        self.counters = Counters()
+        self.counters = ImuCounters()
         self.rate: Vector = (0.0, 0.0, 0.0)
         self.acceleration: Vector | None = None
         self.field: Vector | None = None
@@ -108,7 +108,7 @@ class Intake:
         self._rate_covariance: npt.NDArray[Any] = imu.msg.angular_velocity_covariance
         self._acceleration_covariance: npt.NDArray[Any] = imu.msg.linear_acceleration_covariance
 
-    def take(self) -> bool:
+    def next_sample(self) -> bool:
         """
         Go to the next sample that can be used; safe in the real-time loop.
 

@@ -39,7 +39,7 @@ from typing import ClassVar
 from typing import Final
 
 from rt_robot_os.features.navigation.attitude.base import AttitudeFilter
-from rt_robot_os.features.navigation.attitude.base import Tuning
+from rt_robot_os.features.navigation.attitude.base import FilterTuning
 from rt_robot_os.features.navigation.attitude.guards import FieldGuard
 from rt_robot_os.features.navigation.attitude.guards import GravityGuard
 from rt_robot_os.features.navigation.attitude.rest import RestDetector
@@ -66,7 +66,7 @@ class MahonyFilter(AttitudeFilter):
 
     name: ClassVar[str] = 'mahony'
 
-    def __init__(self, tuning: Tuning) -> None:
+    def __init__(self, tuning: FilterTuning) -> None:
         super().__init__(tuning)
         self.bias_stddev = _STDDEV_START
         self._rest = RestDetector(tuning)
@@ -101,7 +101,7 @@ class MahonyFilter(AttitudeFilter):
         self._age_s = self._field_age_s = self._since_field_s = 0.0
         self._rest.restart()
 
-    def tune(self, tuning: Tuning) -> None:
+    def tune(self, tuning: FilterTuning) -> None:
         """Change the tuning."""
         self.tuning = tuning
         self._rest.tune(tuning)

@@ -34,8 +34,8 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import Field
 from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.features.navigation.attitude.base import AttitudeFilter
-from rt_robot_os.features.navigation.attitude.base import Tuning
-from rt_robot_os.features.navigation.attitude.intake import Intake
+from rt_robot_os.features.navigation.attitude.base import FilterTuning
+from rt_robot_os.features.navigation.attitude.intake import ImuIntake
 from rt_robot_os.features.navigation.attitude.mahony import MahonyFilter
 from rt_robot_os.features.navigation.attitude.uncertainty import Uncertainty
 from rt_robot_os.features.navigation.attitude.vqf_filter import no_vqf
@@ -65,7 +65,8 @@ def chosen(name: str) -> str:
     return 'mahony' if problem else 'vqf'
 
 
-def make_filter(name: str, tuning: Tuning, sample_s: float, field_s: float) -> AttitudeFilter:
+def make_filter(name: str, tuning: FilterTuning, sample_s: float, field_s: float
+                ) -> AttitudeFilter:
     """
     Make a filter; not for the real-time loop.
 
@@ -91,7 +92,7 @@ _FIELD: Final = 'sensor_msgs/msg/MagneticField'
 _USUAL_RATE_HZ: Final = 100.0
 # A gap is at least so many periods of the sensor, whatever is set.
 _GAP_PERIODS: Final = 5.0
-_DEFAULT: Final = Tuning()
+_DEFAULT: Final = FilterTuning()
 _STDDEV: Final = ('of {} that has settled; 0 takes what was measured with recordings, see '
                   'docs/attitude.md')
 
@@ -187,7 +188,7 @@ class Attitude(Module):
             mag = self.mag
             field_hz = mag.topic.rate_hz or sample_hz
         gap_s = max(self.settings['gap_max_s'], _GAP_PERIODS / sample_hz)
-        self._intake = Intake(self.imu, mag, 1 / sample_hz, gap_s)
+        self._intake = ImuIntake(self.imu, mag, 1 / sample_hz, gap_s)
         self._filter = make_filter(
             self.settings['filter'], self._tuning(), 1 / sample_hz, 1 / field_hz)
         self._uncertainty = Uncertainty(
@@ -210,7 +211,7 @@ class Attitude(Module):
     def step(self) -> None:
         """Take every new sample and publish each with its orientation."""
         intake = self._intake
-        while intake.take():
+        while intake.next_sample():
             self._update(intake)
 
     def statistics(self) -> dict[str, Any]:
@@ -236,7 +237,7 @@ class Attitude(Module):
 
     # ---- work --------------------------------------------------------------------------------
 
-    def _update(self, intake: Intake) -> None:
+    def _update(self, intake: ImuIntake) -> None:
         estimate, uncertainty = self._filter, self._uncertainty
         if estimate is None:
             return
@@ -269,9 +270,9 @@ class Attitude(Module):
         message.linear_acceleration_covariance[:] = source.linear_acceleration_covariance
         self.attitude.publish(self.imu.stamp_ns)
 
-    def _tuning(self) -> Tuning:
+    def _tuning(self) -> FilterTuning:
         s = self.settings
-        return Tuning(
+        return FilterTuning(
             s['inclination_time_s'], s['heading_time_s'], s['bias_in_motion'], s['bias_at_rest'],
             s['bias_max_rad_s'], s['rest_rate_rad_s'], s['rest_acceleration_m_s2'],
             s['field_rejection'])

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from rt_robot_os.features.navigation.attitude.base import Tuning
+from rt_robot_os.features.navigation.attitude.base import FilterTuning
 from rt_robot_os.motion.quaternion import Vector
 
 _SMOOTH_S: Final = 0.5
@@ -39,11 +39,11 @@ class RestDetector:
     __slots__ = ('resting', 'rate', '_force', '_still_s', '_age_s', '_rate_limit', '_force_limit',
                  '_bias_limit')
 
-    def __init__(self, tuning: Tuning) -> None:
+    def __init__(self, tuning: FilterTuning) -> None:
         self.tune(tuning)
         self.restart()
 
-    def tune(self, tuning: Tuning) -> None:
+    def tune(self, tuning: FilterTuning) -> None:
         """Change the limits."""
         self._rate_limit = tuning.rest_rate_rad_s ** 2
         self._force_limit = tuning.rest_acceleration_m_s2 ** 2

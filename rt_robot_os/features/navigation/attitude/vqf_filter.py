@@ -33,7 +33,7 @@ import numpy as np
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.needs import lacking
 from rt_robot_os.features.navigation.attitude.base import AttitudeFilter
-from rt_robot_os.features.navigation.attitude.base import Tuning
+from rt_robot_os.features.navigation.attitude.base import FilterTuning
 from rt_robot_os.motion import quaternion
 from rt_robot_os.motion.quaternion import IDENTITY
 from rt_robot_os.motion.quaternion import Quaternion
@@ -62,7 +62,7 @@ class VqfFilter(AttitudeFilter):
 
     name: ClassVar[str] = 'vqf'
 
-    def __init__(self, tuning: Tuning, sample_s: float, field_s: float) -> None:
+    def __init__(self, tuning: FilterTuning, sample_s: float, field_s: float) -> None:
         super().__init__(tuning)
         problem = no_vqf()
         if problem:
@@ -125,7 +125,7 @@ class VqfFilter(AttitudeFilter):
         self._since_field_s = 0.0
         self.aligned = self.heading_known = False
 
-    def tune(self, tuning: Tuning) -> None:
+    def tune(self, tuning: FilterTuning) -> None:
         """Change the tuning; the largest bias stays what it was at first."""
         self.tuning = tuning
         vqf = self._vqf

@@ -28,21 +28,21 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.navigation.collision_guard.blind_sectors import BlindSectors
+from rt_robot_os.features.navigation.collision_guard.obstacle_map import FREE
+from rt_robot_os.features.navigation.collision_guard.obstacle_map import ObstacleMap
+from rt_robot_os.features.navigation.collision_guard.obstacle_map import UNSEEN
+from rt_robot_os.features.navigation.collision_guard.obstacle_map import VelocityVerdict
 from rt_robot_os.features.navigation.collision_guard.sensors import BEARINGS
 from rt_robot_os.features.navigation.collision_guard.sensors import Bumper
-from rt_robot_os.features.navigation.collision_guard.sensors import place_of
+from rt_robot_os.features.navigation.collision_guard.sensors import DistanceSensor
 from rt_robot_os.features.navigation.collision_guard.sensors import RangeFinder
 from rt_robot_os.features.navigation.collision_guard.sensors import Scanner
-from rt_robot_os.features.navigation.collision_guard.sensors import Sensor
+from rt_robot_os.features.navigation.collision_guard.sensors import sensor_mounting
 from rt_robot_os.features.navigation.collision_guard.settings import check_sensors
 from rt_robot_os.features.navigation.collision_guard.settings import footprint_of
 from rt_robot_os.features.navigation.collision_guard.settings import SETTINGS
 from rt_robot_os.features.navigation.collision_guard.settings import STOP
-from rt_robot_os.features.navigation.collision_guard.sight import Sight
-from rt_robot_os.features.navigation.collision_guard.surroundings import FREE
-from rt_robot_os.features.navigation.collision_guard.surroundings import Surroundings
-from rt_robot_os.features.navigation.collision_guard.surroundings import UNSEEN
-from rt_robot_os.features.navigation.collision_guard.surroundings import Verdict
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.wake_up import WakeUp
 from rt_robot_os.motion.differential import moved
@@ -83,7 +83,7 @@ class CollisionGuard(Module):
         check_sensors(name, settings)
         self._footprint = footprint_of(name, settings)
         self._bumper = Bumper(self._footprint) if settings['bumper_topic'] else None
-        self._sensors: list[tuple[Sensor, str]] = []
+        self._sensors: list[tuple[DistanceSensor, str]] = []
         self._v = self._w = 0.0  # as commanded
         self._limits: Subscription | None = None
         self._asked_m_s = math.inf
@@ -121,19 +121,19 @@ class CollisionGuard(Module):
              else RangeFinder(read, self._mounting(read), self._footprint),
              'scan_timeout_s' if topic in self.settings['scan_topics'] else 'range_timeout_s')
             for topic, read in self.listed.items()]
-        self._sights = {sensor.topic: Sight(sensor, self._footprint, self.settings)
+        self._sights = {sensor.topic: BlindSectors(sensor, self._footprint, self.settings)
                         for sensor, _ in self._sensors if isinstance(sensor, Scanner)}
-        self._surroundings = Surroundings(
+        self._obstacle_map = ObstacleMap(
             self._footprint, [sensor for sensor, _ in self._sensors], [*self._sights.values()],
             self._bumper, self.settings, self.run_on)
-        self._surroundings.gather()
-        self._window_m = self._surroundings.window_m()
+        self._obstacle_map.rebuild()
+        self._window_m = self._obstacle_map.window_m()
         self._limits = self.speed_limit if self.connected('speed_limit') else None
         self._wake_up = WakeUp(self.kernel, self.task)
 
     def changed(self, name: str) -> None:
         """Take over a limit."""
-        self._window_m = self._surroundings.window_m()
+        self._window_m = self._obstacle_map.window_m()
 
     def safe_state(self) -> None:
         """Publish a standstill, and forget the command."""
@@ -144,14 +144,14 @@ class CollisionGuard(Module):
         """Take what came, and say what of the command may be carried out."""
         now_ns = self.safe.topic.kernel.now_ns()
         self._count_way(now_ns)
-        self._look(now_ns)
+        self._read_sensors(now_ns)
         is_new = self._take_command(now_ns)
         if not self._deadline_ns:
             return
         if now_ns >= self._deadline_ns:
             self._end(now_ns)
             return
-        self._pass_on(is_new, now_ns)
+        self._forward(is_new, now_ns)
         self._wake_up.no_later_than(min(self._deadline_ns, self._next_silence_ns(now_ns)))
 
     def statistics(self) -> Mapping[str, Any]:
@@ -159,12 +159,12 @@ class CollisionGuard(Module):
         verdict = self._verdict
         warning = ''
         if self._told:
-            warning = f'stopped: {verdict.why}'
+            warning = f'stopped: {verdict.reason}'
         elif verdict.cause.endswith(UNSEEN):
-            warning = f'slowed: {verdict.why}'
+            warning = f'slowed: {verdict.reason}'
         state = 'stop' if verdict.share == 0.0 else 'slow' if verdict.share < 1.0 else 'free'
         return {
-            'warning': warning, 'state': state, 'limited_by': verdict.why,
+            'warning': warning, 'state': state, 'limited_by': verdict.reason,
             'share': verdict.share, 'commands': self._commands, 'refused': self._refused,
             'speed_limit_m_s': min(self.settings['linear_max_m_s'], self._asked_m_s),
             'late_commands': self._late, 'command_timeouts': self._timeouts,
@@ -182,10 +182,10 @@ class CollisionGuard(Module):
         if self._v or self._w:
             self._timeouts += 1
             self._publish(0.0, 0.0, now_ns)
-        self._tell('', '', now_ns)
+        self._log_stop('', '', now_ns)
 
     def _mounting(self, read: Subscription) -> Mounting:
-        return place_of(read, self.mountings, self.name)
+        return sensor_mounting(read, self.mountings, self.name)
 
     def _count_way(self, now_ns: int) -> None:
         """Count what the fastest point of the robot may have driven since the last job."""
@@ -197,24 +197,24 @@ class CollisionGuard(Module):
     def _speed_bound(self) -> float:
         return abs(self._out_v) + abs(self._out_w) * self._footprint.reach_m
 
-    def _look(self, now_ns: int) -> None:
+    def _read_sensors(self, now_ns: int) -> None:
         """Take what the sensors see."""
         speed, is_new = self._speed_bound(), False
         for sensor, _ in self._sensors:
-            if sensor.take(now_ns, self._window_m, self._driven_m, speed):
+            if sensor.update(now_ns, self._window_m, self._driven_m, speed):
                 is_new = True
-                self._look_for_gaps(sensor, now_ns)
+                self._update_blind_sectors(sensor, now_ns)
         if self._bumper is not None:
             hold_ns = round(self.settings['bumper_hold_s'] * NS_PER_S)
             while self.bumper.take():
-                self._bumper.hear(int(self.bumper.msg.data), now_ns, hold_ns)
+                self._bumper.update(int(self.bumper.msg.data), now_ns, hold_ns)
             before = self._bumper.contacts
-            self._wake_up.no_later_than(self._bumper.look(now_ns))
+            self._wake_up.no_later_than(self._bumper.evaluate(now_ns))
             is_new |= before is not self._bumper.contacts
         if is_new:
-            self._surroundings.gather()
+            self._obstacle_map.rebuild()
 
-    def _look_for_gaps(self, sensor: Sensor, now_ns: int) -> None:
+    def _update_blind_sectors(self, sensor: DistanceSensor, now_ns: int) -> None:
         """Find what a scanner cannot see, from where the robot was at the time of its scan."""
         sight = self._sights.get(sensor.topic)
         if sight is not None:
@@ -251,10 +251,10 @@ class CollisionGuard(Module):
                 self._asked_m_s = asked_m_s if asked_m_s > 0.0 else math.inf
         fastest = min(s['linear_max_m_s'], self._asked_m_s)
         if v < 0.0 and not any(sensor.looks_back for sensor, _ in self._sensors):
-            fastest = min(fastest, s['backward_max_m_s'], self._surroundings.unseen_m_s())
+            fastest = min(fastest, s['backward_max_m_s'], self._obstacle_map.unseen_m_s())
         turning = s['angular_max_rad_s']
         if self._swings_unseen(v, w):
-            slow_m_s = min(s['slow_m_s'], self._surroundings.unseen_m_s())
+            slow_m_s = min(s['slow_m_s'], self._obstacle_map.unseen_m_s())
             turning = min(turning, slow_m_s / self._footprint.reach_m)
         share = min(1.0, fastest / abs(v) if v else 1.0, turning / abs(w) if w else 1.0)
         return v * share, w * share
@@ -266,11 +266,11 @@ class CollisionGuard(Module):
         return len(frozenset[int]().union(
             *(sensor.bearings for sensor, _ in self._sensors))) < BEARINGS
 
-    def _pass_on(self, is_new: bool, now_ns: int) -> None:
+    def _forward(self, is_new: bool, now_ns: int) -> None:
         verdict = self._judge(now_ns)
         if verdict.share == 0.0 and self._verdict.share != 0.0:
             self._stops += 1
-            self.log.warn('%s', verdict.why, throttle_s=1.0)
+            self.log.warn('%s', verdict.reason, throttle_s=1.0)
         self._verdict = verdict
         v, w = self._v * verdict.share, self._w * verdict.share
         moves, moved = (v, w) != (0.0, 0.0), (self._out_v, self._out_w) != (0.0, 0.0)
@@ -279,38 +279,39 @@ class CollisionGuard(Module):
             # The stamp stays that of the command, so that the base knows how old it is.
             self._publish(v, w, self._stamp_ns if moves else now_ns)
         stopped = verdict.share == 0.0
-        self._tell(verdict.cause if stopped else '', verdict.why, now_ns)
+        self._log_stop(verdict.cause if stopped else '', verdict.reason, now_ns)
 
-    def _judge(self, now_ns: int) -> Verdict:
+    def _judge(self, now_ns: int) -> VelocityVerdict:
         speed = self._footprint.speed(self._v, self._w)
         if speed == 0.0:
-            return self._surroundings.judge(0.0, 0.0, self._driven_m)
+            return self._obstacle_map.judge(0.0, 0.0, self._driven_m)
         if self._bumper is not None and self._bumper.lifted:
-            return Verdict(0.0, 'wheel drop', 'a wheel hangs in the air')
-        silent = self._silent(now_ns)
+            return VelocityVerdict(0.0, 'wheel drop', 'a wheel hangs in the air')
+        silent = self._timed_out_sensor(now_ns)
         if silent and self.settings['silent'] == STOP:
-            return Verdict(0.0, f'{silent}: silent', f'{silent}: nothing is heard')
-        verdict = self._surroundings.judge(self._v, self._w, self._driven_m)
-        slow_m_s = min(self.settings['slow_m_s'], self._surroundings.unseen_m_s())
+            return VelocityVerdict(0.0, f'{silent}: silent', f'{silent}: nothing is heard')
+        verdict = self._obstacle_map.judge(self._v, self._w, self._driven_m)
+        slow_m_s = min(self.settings['slow_m_s'], self._obstacle_map.unseen_m_s())
         if silent and verdict.share * speed > slow_m_s:
-            return Verdict(slow_m_s / speed, f'{silent}: silent',
-                           f'{silent}: nothing is heard')
+            return VelocityVerdict(slow_m_s / speed, f'{silent}: silent',
+                                   f'{silent}: nothing is heard')
         return verdict
 
-    def _silences(self) -> Iterator[tuple[int, str]]:
+    def _sensor_timeouts(self) -> Iterator[tuple[int, str]]:
         """Yield when each sensor counts as silent, and its name."""
         for sensor, key in self._sensors:
-            yield sensor.silent_at_ns(round(self.settings[key] * NS_PER_S)), sensor.topic
+            yield sensor.times_out_at_ns(round(self.settings[key] * NS_PER_S)), sensor.topic
         if self._bumper is not None and self.settings['bumper_timeout_s']:
-            yield self._bumper.silent_at_ns(
+            yield self._bumper.times_out_at_ns(
                 round(self.settings['bumper_timeout_s'] * NS_PER_S)), self.topic_of('bumper')
 
-    def _silent(self, now_ns: int) -> str:
+    def _timed_out_sensor(self, now_ns: int) -> str:
         """Return the sensor that is not heard; empty when all are."""
-        return next((name for at_ns, name in self._silences() if now_ns >= at_ns), '')
+        return next((name for at_ns, name in self._sensor_timeouts() if now_ns >= at_ns), '')
 
     def _next_silence_ns(self, now_ns: int) -> float:
-        return min((at_ns for at_ns, _ in self._silences() if at_ns > now_ns), default=math.inf)
+        return min((at_ns for at_ns, _ in self._sensor_timeouts() if at_ns > now_ns),
+                   default=math.inf)
 
     def _publish(self, v: float, w: float, stamp_ns: int) -> None:
         message = self.safe.msg
@@ -318,7 +319,7 @@ class CollisionGuard(Module):
         self._out_v, self._out_w = v, w
         self.safe.publish(stamp_ns)
 
-    def _tell(self, cause: str, why: str, now_ns: int) -> None:
+    def _log_stop(self, cause: str, why: str, now_ns: int) -> None:
         """Say why it stands, once for each reason."""
         if cause == self._told:
             return

@@ -58,7 +58,7 @@ _NONE: Final[Array] = np.empty(0)
 _NO_CONTACTS: Final[Array] = np.empty((0, 4))
 
 
-def place_of(read: Subscription, mountings: Mapping[str, Mounting], name: str) -> Mounting:
+def sensor_mounting(read: Subscription, mountings: Mapping[str, Mounting], name: str) -> Mounting:
     """
     Return where on the robot the frame of a topic is.
 
@@ -75,7 +75,7 @@ def place_of(read: Subscription, mountings: Mapping[str, Mounting], name: str) -
     return found
 
 
-class Sensor(ABC):
+class DistanceSensor(ABC):
     """
     A sensor of distances.
 
@@ -106,7 +106,7 @@ class Sensor(ABC):
         self._seen_ns = -1
         self.stamp_ns = -1
 
-    def take(self, now_ns: int, window_m: float, driven_m: float, speed_m_s: float) -> bool:
+    def update(self, now_ns: int, window_m: float, driven_m: float, speed_m_s: float) -> bool:
         """
         Take the newest message, if there is a new one that shows something.
 
@@ -127,7 +127,7 @@ class Sensor(ABC):
         self.driven_m = driven_m - speed_m_s * min((now_ns - stamp_ns) / NS_PER_S, 1.0)
         return True
 
-    def silent_at_ns(self, timeout_ns: int) -> int:
+    def times_out_at_ns(self, timeout_ns: int) -> int:
         """Return when it counts as silent; 0 when it was never heard."""
         return self._seen_ns + timeout_ns if self._seen_ns >= 0 else 0
 
@@ -142,7 +142,7 @@ class Sensor(ABC):
         length = math.hypot(x, y) or 1.0
         return x / length, y / length
 
-    def _look_towards(self, along: Array, across: Array) -> None:
+    def _note_bearings(self, along: Array, across: Array) -> None:
         """Note in which directions of ``base_link`` the rays look."""
         self.looks_back = bool((along < -_BACKWARDS).any())
         tenths = np.floor(np.arctan2(across, along) * (BEARINGS / (2 * math.pi)))
@@ -154,7 +154,7 @@ class Sensor(ABC):
                          for angle in angles])
 
 
-class Scanner(Sensor):
+class Scanner(DistanceSensor):
     """
     A laser scanner.
 
@@ -254,11 +254,11 @@ class Scanner(Sensor):
         along = (ahead[0] - x0) * cosine + (left[0] - x0) * sine
         across = (ahead[1] - y0) * cosine + (left[1] - y0) * sine
         self.directions = along, across
-        self._look_towards(along, across)
+        self._note_bearings(along, across)
         return True
 
 
-class RangeFinder(Sensor):
+class RangeFinder(DistanceSensor):
     """A sensor with one beam: what it sees may be anywhere across the beam, at that distance."""
 
     _width = math.nan
@@ -286,7 +286,7 @@ class RangeFinder(Sensor):
         count = min(_RAYS_MAXIMUM, 1 + 2 * math.ceil(half / _RAY_RAD))
         rays = np.array([self._direction(angle) for angle in np.linspace(-half, half, count)])
         self._along, self._across = rays[:, 0], rays[:, 1]
-        self._look_towards(self._along, self._across)
+        self._note_bearings(self._along, self._across)
 
 
 class Bumper:
@@ -294,7 +294,7 @@ class Bumper:
     Switches that something touches, as bits.
 
     :ivar lifted: whether a wheel hangs in the air.
-    :ivar contacts: see :class:`Sensor`.
+    :ivar contacts: see :class:`DistanceSensor`.
     """
 
     RIGHT: Final = 1
@@ -314,7 +314,7 @@ class Bumper:
         self.cliff = False
         self.contacts = _NO_CONTACTS
 
-    def hear(self, bits: int, now_ns: int, hold_ns: int) -> None:
+    def update(self, bits: int, now_ns: int, hold_ns: int) -> None:
         """Take what the switches say; what is let go counts for a while."""
         self._heard_ns = now_ns
         for bit in self._until_ns:
@@ -324,11 +324,11 @@ class Bumper:
                 self._until_ns[bit] = now_ns + hold_ns
         self.bits = bits
 
-    def silent_at_ns(self, timeout_ns: int) -> int:
+    def times_out_at_ns(self, timeout_ns: int) -> int:
         """Return when it counts as silent; 0 when it was never heard."""
         return self._heard_ns + timeout_ns if self._heard_ns >= 0 else 0
 
-    def look(self, now_ns: int) -> float:
+    def evaluate(self, now_ns: int) -> float:
         """
         Find what touches it now.
 

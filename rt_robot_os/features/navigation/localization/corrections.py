@@ -57,7 +57,7 @@ class CorrectionCounters:
     corrections_late: int = 0
 
 
-class Corrections:
+class MapCorrections:
     """
     Read a topic of ``geometry_msgs/msg/PoseWithCovarianceStamped``, and let the estimate follow.
 
@@ -67,7 +67,7 @@ class Corrections:
     :param most_m: what moves the robot by more is refused.
     :param log: is told of what was refused, and of jumps.
     :raises ConfigError: the topic is in another frame.
-    :ivar why: the last one was refused; empty when it was not.
+    :ivar refusal: the last one was refused; empty when it was not.
     """
 
     def __init__(self, source: Subscription, topic: str, frame_id: str, most_m: float,
@@ -79,23 +79,23 @@ class Corrections:
                                'source'])
         self.counters = CorrectionCounters()
         self.topic = topic
-        self.why = ''
+        self.refusal = ''
         self._source = source
         self._most_m = most_m
         self._log = log
         self._unpack = source.topic.layout.packer('pose.pose').unpack
         self._stamp_ns = 0
 
-    def follow(self, localizer: Localizer, now_ns: int) -> None:
+    def apply(self, localizer: Localizer, now_ns: int) -> None:
         """Take all that have come; safe in the real-time loop."""
         source = self._source
         while source.take():
             stamp_ns = source.stamp_ns
             movement = self._movement(stamp_ns, now_ns)
             if movement is None or not self._is_near(localizer, movement):
-                self.counters.corrections_refused += bool(self.why)
-                if self.why:
-                    self._log.warn('a correction on %s was refused: %s', self.topic, self.why)
+                self.counters.corrections_refused += bool(self.refusal)
+                if self.refusal:
+                    self._log.warn('a correction on %s was refused: %s', self.topic, self.refusal)
                 continue
             self._stamp_ns = stamp_ns
             if not localizer.displace(stamp_ns, movement):
@@ -103,9 +103,9 @@ class Corrections:
                 self._log.warn('a correction on %s came %.1f s late, and was not followed',
                                self.topic, (now_ns - stamp_ns) / NS_PER_S)
             elif localizer.located:
-                self._tell_jump(*localizer.jump)
+                self._log_jump(*localizer.jump)
 
-    def _tell_jump(self, distance_m: float, turn_rad: float) -> None:
+    def _log_jump(self, distance_m: float, turn_rad: float) -> None:
         """Tell a person what can be seen; each loop moves a map by a little."""
         if distance_m > _TOLD_M or turn_rad > _TOLD_RAD:
             tell = (self._log.warn if distance_m > _WARNED_M or turn_rad > _WARNED_RAD
@@ -115,23 +115,25 @@ class Corrections:
 
     def warning(self) -> str:
         """Say what is wrong with the last correction; empty when nothing is."""
-        return f'the last correction on {self.topic} was refused: {self.why}' if self.why else ''
+        if not self.refusal:
+            return ''
+        return f'the last correction on {self.topic} was refused: {self.refusal}'
 
     def _movement(self, stamp_ns: int, now_ns: int) -> Pose | None:
         x, y, z, qx, qy, qz, qw = self._unpack(self._source.buffer)
         length = math.hypot(qx, qy, qz, qw)
-        self.why = ''
+        self.refusal = ''
         if not (abs(x) < _FURTHEST_M and abs(y) < _FURTHEST_M and 0.5 < length < 2.0):
-            self.why = 'it is not finite, or has no direction'
+            self.refusal = 'it is not finite, or has no direction'
         elif not (abs(z) < 1.0 and math.hypot(qx, qy) < _TILT_MOST):
-            self.why = 'it would tilt or lift the map'
+            self.refusal = 'it would tilt or lift the map'
         elif stamp_ns > now_ns + _FUTURE_NS:
-            self.why = (f'it is stamped {(stamp_ns - now_ns) / NS_PER_S:.1f} s ahead of now: are '
-                        'the clocks synchronised?')
+            self.refusal = (f'it is stamped {(stamp_ns - now_ns) / NS_PER_S:.1f} s ahead of now: '
+                            'are the clocks synchronised?')
         elif stamp_ns <= self._stamp_ns:
             self.counters.corrections_again += 1
             return None
-        return None if self.why else (x, y, yaw_of(qx, qy, qz, qw))
+        return None if self.refusal else (x, y, yaw_of(qx, qy, qz, qw))
 
     def _is_near(self, localizer: Localizer, movement: Pose) -> bool:
         if not localizer.located:
@@ -140,8 +142,8 @@ class Corrections:
         there = composed(movement, (x, y, 0.0))
         distance = math.hypot(there[0] - x, there[1] - y)
         if distance > self._most_m or abs(there[2]) > _TURN_MOST_RAD:
-            self.why = (f'it would move the robot by {distance:.1f} m and '
-                        f'{math.degrees(abs(there[2])):.0f} degrees: correction_max_m is '
-                        f'{self._most_m:g}')
+            self.refusal = (f'it would move the robot by {distance:.1f} m and '
+                            f'{math.degrees(abs(there[2])):.0f} degrees: correction_max_m is '
+                            f'{self._most_m:g}')
             return False
         return True

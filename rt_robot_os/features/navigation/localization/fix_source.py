@@ -25,7 +25,7 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.navigation.odometry.planar import planar_covariance
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.localizer import fix_covariance
-from rt_robot_os.motion.pose_history import Fix
+from rt_robot_os.motion.pose_history import PoseFix
 from rt_robot_os.topics import Subscription
 
 # Clocks of one machine agree better; what is further ahead has a wrong stamp.
@@ -55,7 +55,7 @@ class IntakeCounters:
     duplicates: int = 0
 
 
-class FixSource:
+class PoseFixSource:
     """
     Read one topic of ``geometry_msgs/msg/PoseWithCovarianceStamped``.
 
@@ -70,7 +70,7 @@ class FixSource:
     :raises ConfigError: the topic is in another frame.
     :ivar number: of the source.
     :ivar refused: poses that could not be used.
-    :ivar why: the last pose that came cannot be used; empty when it could.
+    :ivar problem: the last pose that came cannot be used; empty when it could.
     """
 
     def __init__(self, source: Subscription, number: int, topic: str, frame_id: str,
@@ -93,9 +93,9 @@ class FixSource:
         self._stamp_ns = self._before_ns = 0
         self._values: tuple[float, ...] = ()
         self._bad = self.refused = 0
-        self.why = ''
+        self.problem = ''
 
-    def next(self, now_ns: int) -> Fix | None:  # noqa: A003
+    def next(self, now_ns: int) -> PoseFix | None:  # noqa: A003
         """Return the next measured pose that can be used; safe in the real-time loop."""
         source = self._source
         while source.take():
@@ -105,14 +105,14 @@ class FixSource:
                 covariance = fix_covariance(planar_covariance(self._covariance), *self._least)
                 x, y, _, *orientation = self._values
                 if covariance is not None:
-                    found = Fix(source.stamp_ns, (x, y, yaw_of(*orientation)), covariance,
-                                self.number, self._inflation(source.stamp_ns))
+                    found = PoseFix(source.stamp_ns, (x, y, yaw_of(*orientation)), covariance,
+                                    self.number, self._inflation(source.stamp_ns))
                 else:
                     self.counters.bad_covariance += 1
                     why = 'their covariance is none'
             self._bad = self._bad + 1 if why else 0
             self.refused += bool(why)
-            self.why = why
+            self.problem = why
             if found is not None:
                 return found
         return None
@@ -121,7 +121,7 @@ class FixSource:
         """Say what is wrong with the source; empty when nothing is."""
         if self._bad < _BAD_IN_ROW:
             return ''
-        return f'the last {self._bad} poses of {self.topic} cannot be used: {self.why}'
+        return f'the last {self._bad} poses of {self.topic} cannot be used: {self.problem}'
 
     def _inflation(self, stamp_ns: int) -> float:
         """

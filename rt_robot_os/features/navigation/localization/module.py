@@ -32,8 +32,8 @@ from typing import Final
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.navigation.localization.corrections import Corrections
-from rt_robot_os.features.navigation.localization.fix_source import FixSource
+from rt_robot_os.features.navigation.localization.corrections import MapCorrections
+from rt_robot_os.features.navigation.localization.fix_source import PoseFixSource
 from rt_robot_os.features.navigation.localization.odometry_intake import OdometryIntake
 from rt_robot_os.features.navigation.localization.odometry_intake import StepTuning
 from rt_robot_os.features.navigation.localization.settings import SETTINGS
@@ -42,9 +42,9 @@ from rt_robot_os.features.navigation.odometry.planar import flatten
 from rt_robot_os.features.navigation.odometry.planar import half_turn
 from rt_robot_os.features.navigation.odometry.planar import set_covariance
 from rt_robot_os.modules.base import Module
-from rt_robot_os.motion.fix_record import disagreement
+from rt_robot_os.motion.fix_statistics import disagreement
 from rt_robot_os.motion.localizer import Localizer
-from rt_robot_os.motion.localizer import Tuning
+from rt_robot_os.motion.localizer import LocalizerTuning
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 
@@ -112,7 +112,7 @@ class Localization(Module):
         :raises ConfigError: an input is in another frame.
         """
         s = self.settings
-        self._localizer = Localizer(Tuning(
+        self._localizer = Localizer(LocalizerTuning(
             kidnapped_s=s['kidnapped_s'], kidnapped_fixes=s['kidnapped_fixes'],
             start_fixes=s['start_fixes'], scale=s['scale_stddev']))
         self._localizer.state.begin_drift(0.0, s[
@@ -135,7 +135,7 @@ class Localization(Module):
             if s['use_imu_heading']:
                 raise ConfigError([f'{self.name}: correction_topic turns the map, and '
                                    'use_imu_heading keeps its direction: use one of them'])
-            self._corrections = Corrections(
+            self._corrections = MapCorrections(
                 self.correction, self.topic_of('correction'), s['map_frame_id'],
                 s['correction_max_m'], self.log)
         if s['initial_pose_known']:
@@ -156,19 +156,19 @@ class Localization(Module):
         located, recovered = localizer.located, localizer.counters.recovered
         reopened = localizer.headings.reopened
         if self._initial is not None:
-            self._take_initial(localizer, self._initial, now_ns)
+            self._apply_initial_pose(localizer, self._initial, now_ns)
         if self._corrections is not None:
-            self._corrections.follow(localizer, now_ns)
+            self._corrections.apply(localizer, now_ns)
         for source in self._fixes:
             fix = source.next(now_ns)
             while fix is not None:
-                localizer.fix(fix)
+                localizer.add_fix(fix)
                 fix = source.next(now_ns)
         step = intake.next()
         silent_ns = now_ns - (self._arrived_ns or self._first_ns)
         if step is None and localizer.waiting_ns and (
                 silent_ns > max(_ODOM_WAIT_NS, 3 * intake.period_ns)):
-            self._go_on_without(localizer, intake)
+            self._move_without_odometry(localizer, intake)
         while step is not None:
             self._arrived_ns = now_ns
             if intake.restarted:
@@ -179,24 +179,25 @@ class Localization(Module):
                 if localizer.located:
                     self._publish(localizer, intake)
             step = intake.next()
-        self._tell(localizer, located, recovered)
+        self._log_events(localizer, located, recovered)
         if localizer.headings.reopened != reopened:
             self.log.warn('headings of %s contradicted for %.1f s and agree with each other: the '
                           'heading turns by %.0f degrees', self.topic_of('imu'),
                           s['kidnapped_s'], math.degrees(localizer.headings.offset))
 
-    def _take_initial(self, localizer: Localizer, source: FixSource, now_ns: int) -> None:
+    def _apply_initial_pose(self, localizer: Localizer, source: PoseFixSource, now_ns: int
+                            ) -> None:
         """Believe who says where the robot is."""
         refused = source.refused
         given = source.next(now_ns)
         if source.refused != refused:
-            self.log.warn('a pose on %s was refused: %s', source.topic, source.why)
+            self.log.warn('a pose on %s was refused: %s', source.topic, source.problem)
         if given is not None:
             localizer.begin(given.pose, given.covariance)
             self.log.info('told to be at (%.2f m, %.2f m), %.0f degrees', *given.pose[:2],
                           math.degrees(given.pose[2]))
 
-    def _tell(self, localizer: Localizer, located: bool, recovered: int) -> None:
+    def _log_events(self, localizer: Localizer, located: bool, recovered: int) -> None:
         """Log what a person wants to know: the robot was found, or carried away."""
         if not located and localizer.located:
             self.log.info('found at (%.2f m, %.2f m), %.0f degrees', localizer.state.x,
@@ -252,13 +253,13 @@ class Localization(Module):
 
     # ---- work --------------------------------------------------------------------------------
 
-    def _source(self, attribute: str, number: int, timed: bool = True) -> FixSource:
+    def _source(self, attribute: str, number: int, timed: bool = True) -> PoseFixSource:
         s = self.settings
-        return FixSource(getattr(self, attribute), number, self.topic_of(attribute),
-                         s['map_frame_id'],
-                         max(s['fix_stddev_min_m'], s.get(f'{attribute}_stddev_min_m', 0.0)),
-                         s['fix_stddev_min_rad'],
-                         s.get(f'{attribute}_correlation_s', 0.0), timed)
+        return PoseFixSource(getattr(self, attribute), number, self.topic_of(attribute),
+                             s['map_frame_id'],
+                             max(s['fix_stddev_min_m'], s.get(f'{attribute}_stddev_min_m', 0.0)),
+                             s['fix_stddev_min_rad'],
+                             s.get(f'{attribute}_correlation_s', 0.0), timed)
 
     def _publish(self, localizer: Localizer, intake: OdometryIntake) -> None:
         state, stamp_ns = localizer.state, localizer.stamp_ns
@@ -273,7 +274,7 @@ class Localization(Module):
         transform.rotation = 0.0, 0.0, *half_turn(heading)
         self.map_to_odom.publish(stamp_ns)
 
-    def _go_on_without(self, localizer: Localizer, intake: OdometryIntake) -> None:
+    def _move_without_odometry(self, localizer: Localizer, intake: OdometryIntake) -> None:
         """Let measured poses alone move the estimate, up to the newest of them."""
         before_ns = localizer.stamp_ns
         if localizer.move(intake.without(localizer.waiting_ns)):

@@ -25,7 +25,7 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.navigation.odometry.gyro import VerticalGyro
 from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.differential import Pose
-from rt_robot_os.motion.pose_history import Step
+from rt_robot_os.motion.pose_history import OdometryStep
 from rt_robot_os.motion.poses import arc_between
 from rt_robot_os.topics import Subscription
 
@@ -118,7 +118,7 @@ class OdometryIntake:
         self._standing_s = 0.0
         self._silent_ns = 0
 
-    def next(self) -> Step | None:  # noqa: A003
+    def next(self) -> OdometryStep | None:  # noqa: A003
         """Return what happened up to the next sample that can be used."""
         odom = self._odom
         while odom.take():
@@ -145,11 +145,11 @@ class OdometryIntake:
                 self.counters.restarts += self.restarted
                 if self._gyro is not None:
                     self._gyro.until(odom.stamp_ns)
-                return Step(odom.stamp_ns)
+                return OdometryStep(odom.stamp_ns)
             return self._step(before, dt_ns / NS_PER_S)
         return None
 
-    def without(self, stamp_ns: int, back: bool = False) -> Step:
+    def without(self, stamp_ns: int, back: bool = False) -> OdometryStep:
         """
         Return what is known of a time without odometry: the turn, when there is a gyroscope.
 
@@ -159,19 +159,21 @@ class OdometryIntake:
         begin_ns = self._silent_ns or self._stamp_ns
         self._silent_ns = 0 if back else stamp_ns
         dt_s = max(0, stamp_ns - begin_ns) / NS_PER_S if begin_ns else 0.0
-        step = Step(stamp_ns, distance_variance=(_UNKNOWN_M_S * dt_s) ** 2,
-                    turn_variance=(_UNKNOWN_RAD_S * dt_s) ** 2)
+        step = OdometryStep(stamp_ns, distance_variance=(_UNKNOWN_M_S * dt_s) ** 2,
+                            turn_variance=(_UNKNOWN_RAD_S * dt_s) ** 2)
         if self._gyro is not None:
             self._turn_by(self._gyro, step, dt_s or 1.0, False)
         return step
 
-    def _step(self, before: Pose, dt_s: float) -> Step:
+    def _step(self, before: Pose, dt_s: float) -> OdometryStep:
         tuning, gyro = self._tuning, self._gyro
         distance, turn = arc_between(before, self.pose)
         covariance = self._twist_covariance
-        step = Step(self._stamp_ns, distance, turn, distance, float(covariance[0]) * dt_s * dt_s,
-                    float(covariance[35]) * dt_s * dt_s, float(covariance[5]) * dt_s * dt_s,
-                    tuning.drift_walk ** 2 * abs(distance))
+        step = OdometryStep(self._stamp_ns, distance, turn, distance,
+                            float(covariance[0]) * dt_s * dt_s,
+                            float(covariance[35]) * dt_s * dt_s,
+                            float(covariance[5]) * dt_s * dt_s,
+                            tuning.drift_walk ** 2 * abs(distance))
         if not (0.0 < step.distance_variance < _VARIANCE_MOST
                 and 0.0 < step.turn_variance < _VARIANCE_MOST
                 and step.covariance ** 2 <= step.distance_variance * step.turn_variance):
@@ -191,7 +193,7 @@ class OdometryIntake:
                           and gone_m < _STANDING_M_S * dt_s)
         return step
 
-    def _turn_by(self, gyro: VerticalGyro, step: Step, dt_s: float, stands: bool) -> None:
+    def _turn_by(self, gyro: VerticalGyro, step: OdometryStep, dt_s: float, stands: bool) -> None:
         """Put what the inertial sensor says in the place of the turn of odometry."""
         tuning = self._tuning
         turned = gyro.until(step.stamp_ns)

@@ -40,7 +40,7 @@ from rt_robot_os.features.navigation.odometry.planar import set_covariance
 from rt_robot_os.modules.base import Module
 from rt_robot_os.motion.mounting import BASE_FRAME
 from rt_robot_os.motion.wheel_odometry import WheelOdometry
-from rt_robot_os.motion.wheel_odometry import Wheels
+from rt_robot_os.motion.wheel_odometry import WheelParameters
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 
@@ -126,7 +126,7 @@ class Odometry(Module):
         self._left, self._right = names.index(s['left_joint']), names.index(s['right_joint'])
         self._unpack = self.joint_states.topic.layout.packer('position').unpack
         radius = s['wheel_radius_m']
-        self._wheels = WheelOdometry(Wheels(
+        self._wheels = WheelOdometry(WheelParameters(
             radius * s['left_wheel_radius_multiplier'],
             radius * s['right_wheel_radius_multiplier'],
             s['wheel_separation_m'] * s['wheel_separation_multiplier'], s['wheel_speed_max_m_s'],
@@ -151,7 +151,7 @@ class Odometry(Module):
             if gyro is not None and stamp_ns > wheels.stamp_ns:
                 turned = gyro.until(stamp_ns)
             positions = self._unpack(joints.buffer)
-            if wheels.take(stamp_ns, positions[self._left], positions[self._right], turned):
+            if wheels.update(stamp_ns, positions[self._left], positions[self._right], turned):
                 self._dropped_in_row = 0
                 self._travelled_m += abs(wheels.distance_m)
                 self._publish(wheels)

@@ -27,7 +27,7 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.features.mapping.live_map import LiveMap
-from rt_robot_os.features.navigation.planner.way import rest_of
+from rt_robot_os.features.navigation.planner.planned_path import rest_of
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.route import RoutePlanner
@@ -39,7 +39,7 @@ POSES_MAXIMUM: Final = 1000
 _CLEARANCE_SHARE: Final = 0.5
 
 
-class Ground:
+class PlanningGround:
     """
     Map, terrain and planner, which belong together.
 
@@ -77,7 +77,7 @@ class Ground:
         return self._work is not None or self.map.is_behind or (
             self.map.grid is not None and self._is_with_unknown != self.unknown_is_free)
 
-    def go_on(self, pieces: int) -> bool:
+    def advance(self, pieces: int) -> bool:
         """
         Do some pieces of making the newest map the ground; safe in the real-time loop.
 
@@ -101,7 +101,7 @@ class Ground:
         self._use(terrain)
         return True
 
-    def closed_at(self, way: Sequence[Pose], here: Pose) -> tuple[float, float] | None:
+    def blocked_at(self, way: Sequence[Pose], here: Pose) -> tuple[float, float] | None:
         """
         Return the first place where the map closes the rest of a way; None when it is open.
 
@@ -135,7 +135,7 @@ class Ground:
 
     def _made(self) -> Generator[None, None, Terrain | None]:
         wanted = self.unknown_is_free
-        grid = yield from self.map.newest()
+        grid = yield from self.map.read_newest()
         if grid is None:
             grid = self.map.grid
             if grid is None or wanted == self._is_with_unknown:

@@ -32,16 +32,16 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.mapping.live_map import check_map
 from rt_robot_os.features.mapping.live_map import LiveMap
 from rt_robot_os.features.mapping.live_map import MAP_MESSAGE
-from rt_robot_os.features.navigation.collision_guard.sensors import place_of
-from rt_robot_os.features.navigation.planner.corrections import Corrections
-from rt_robot_os.features.navigation.planner.ground import Ground
+from rt_robot_os.features.navigation.collision_guard.sensors import sensor_mounting
+from rt_robot_os.features.navigation.planner.dynamic_obstacles import DynamicObstacles
+from rt_robot_os.features.navigation.planner.ground import PlanningGround
 from rt_robot_os.features.navigation.planner.ground import POSES_MAXIMUM
+from rt_robot_os.features.navigation.planner.map_movements import MapMovements
+from rt_robot_os.features.navigation.planner.planned_path import ahead_on
+from rt_robot_os.features.navigation.planner.planned_path import moved_with
+from rt_robot_os.features.navigation.planner.planned_path import PathProgress
 from rt_robot_os.features.navigation.planner.settings import SETTINGS
-from rt_robot_os.features.navigation.planner.strangers import Strangers
-from rt_robot_os.features.navigation.planner.way import ahead_on
-from rt_robot_os.features.navigation.planner.way import moved_with
-from rt_robot_os.features.navigation.planner.way import Progress
-from rt_robot_os.features.navigation.trajectory.whereabouts import planar
+from rt_robot_os.features.navigation.trajectory.pose_input import planar
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.command_age import stale_reason
 from rt_robot_os.modules.wake_up import WakeUp
@@ -92,17 +92,17 @@ class Planner(Module):
         self._route: Route | None = None
         self._route_ns = self._begun_ns = 0
         self._is_followed = False
-        self._is_given = False  # a plan that may still be driven
-        self._is_of_before = False  # and leads to the goal before
+        self._has_plan = False  # a plan that may still be driven
+        self._is_previous_goal = False  # and leads to the goal before
         self._is_possible = False  # there is a way when nothing stands in it
-        self._in_the_way = ''  # why there is none beside what stands there
+        self._blocked_reason = ''  # why there is none beside what stands there
         self._obstacles: list[int] = []
-        self._progress = Progress()
+        self._progress = PathProgress()
         self._retry_ns = self._look_ns = 0
-        self._is_held = False  # whoever follows says that something is in the way
+        self._is_blocked = False  # whoever follows says that something is in the way
         self._goals = self._plans = self._refused = self._expanded = self._closed = 0
         self._took_ms = 0.0
-        self._told = ''
+        self._reported = ''
 
     # ---- ports -------------------------------------------------------------------------------
 
@@ -130,15 +130,16 @@ class Planner(Module):
             told = ', '.join(f'{topic} in {frame!r}' for topic, frame in frames.items())
             raise ConfigError([f'{self.name}: {told}: declare both in the frame of the map'])
         self._radius_m = s['robot_radius_m'] + s['clearance_m']
-        self._ground = Ground(LiveMap(
+        self._ground = PlanningGround(LiveMap(
             s['map'], self.map if self.connected('map') else None, frames[self.topic_of('pose')],
             self.name, self.log), s)
-        self._corrections = Corrections(
+        self._corrections = MapMovements(
             self.correction if self.connected('correction') else None, self._ground.map)
-        self._strangers = Strangers(
-            [(read, place_of(read, self.mountings, self.name)) for read in self.listed.values()],
+        self._dynamic_obstacles = DynamicObstacles(
+            [(read, sensor_mounting(read, self.mountings, self.name))
+             for read in self.listed.values()],
             s)
-        self._strangers.terrain = self._ground.terrain
+        self._dynamic_obstacles.terrain = self._ground.terrain
         self._wake_up = WakeUp(self.kernel, self.task)
 
     def activate(self) -> None:
@@ -154,47 +155,49 @@ class Planner(Module):
     def step(self) -> None:
         """Take what came, and plan on."""
         now_ns = self.plan.topic.kernel.now_ns()
-        self._take_pose(now_ns)
+        self._read_pose(now_ns)
         if is_new := self.goal.latest():
-            self._take_goal(now_ns)
-        self._take_cancels(is_new, now_ns)
-        self._take_corrections(now_ns)
+            self._read_goal(now_ns)
+        self._read_cancels(is_new, now_ns)
+        self._apply_map_movements(now_ns)
         if self._corrections.pending:
             self._wake_up.no_later_than(now_ns + _PAUSE_NS)
             return
         if self.connected('followed'):
             while self.followed.take():
-                self._take_state(str(self.followed.msg.data), self.followed.stamp_ns, now_ns)
+                self._read_follower_state(str(self.followed.msg.data), self.followed.stamp_ns,
+                                          now_ns)
         awaits_map = self._corrections.awaits_map(now_ns)
         if self._pose_is_fresh(now_ns) and not awaits_map:
-            self._strangers.look(self._pose, now_ns)
+            self._dynamic_obstacles.update(self._pose, now_ns)
         if self._job is None and self._ground.is_behind:
-            self._renew_ground(now_ns)
+            self._update_ground(now_ns)
         if self._goal is None:
             return
         if self._pose_is_fresh(now_ns):
-            self._look_ahead(now_ns)
+            self._check_path_ahead(now_ns)
         if self._is_wanted and now_ns >= self._retry_ns and not awaits_map:
             self._begin(now_ns)
         if self._job is not None:
-            self._go_on(now_ns)
+            self._continue(now_ns)
 
     def statistics(self) -> Mapping[str, Any]:
         """Tell what is planned, how long it took, and what is in the way."""
         if not hasattr(self, '_ground'):
             return {}
-        no_way = self._told.startswith(('refused: ', 'waiting: '))
-        return {'warning': self._told if no_way else self._ground.warning(), 'state': self._told,
+        no_way = self._reported.startswith(('refused: ', 'waiting: '))
+        return {'warning': self._reported if no_way else self._ground.warning(),
+                'state': self._reported,
                 'goals': self._goals, 'goals_refused': self._refused, 'plans': self._plans,
                 'ways_closed_by_map': self._closed,
                 'planned_in_ms': self._took_ms, 'cells_expanded': self._expanded,
-                'obstacle_cells': len(self._strangers),
+                'obstacle_cells': len(self._dynamic_obstacles),
                 'length_m': self._route.length_m if self._route else 0.0,
                 'corrections': self._corrections.count, **self._ground.statistics()}
 
     # ---- what comes --------------------------------------------------------------------------
 
-    def _take_pose(self, now_ns: int) -> None:
+    def _read_pose(self, now_ns: int) -> None:
         if self.pose.latest():
             pose = planar(self.pose.msg.pose.pose)
             if pose is not None:
@@ -204,22 +207,22 @@ class Planner(Module):
         return self._pose_ns >= 0 and (
             now_ns - self._pose_ns <= self.settings['pose_timeout_s'] * NS_PER_S)
 
-    def _take_goal(self, now_ns: int) -> None:
+    def _read_goal(self, now_ns: int) -> None:
         goal = planar(self.goal.msg.pose)
         self._goals += 1
         self._goal, self._job, self._route = goal, None, None
-        self._told = ''  # whoever gave it waits for a word, also for one that was said before
-        self._progress.begin()
+        self._reported = ''  # whoever gave it waits for a word, also for one that was said before
+        self._progress.restart()
         self._retry_ns = self._look_ns = now_ns
-        self._is_held = self._is_possible = False
-        self._is_of_before = self._is_given
+        self._is_blocked = self._is_possible = False
+        self._is_previous_goal = self._has_plan
         self._is_wanted = goal is not None
         why = ('the goal is no pose' if goal is None else
                stale_reason(self.goal.stamp_ns, now_ns, self.settings))
         if why:
             self._refuse(why, now_ns)
 
-    def _take_cancels(self, is_new: bool, now_ns: int) -> None:
+    def _read_cancels(self, is_new: bool, now_ns: int) -> None:
         """
         Give the goal up; who follows the plan hears it, too, unless the plan came later.
 
@@ -229,12 +232,12 @@ class Planner(Module):
             stamp_ns = self.cancel.stamp_ns
             is_for_it = not is_new or stamp_ns >= self.goal.stamp_ns
             if self.cancel.msg.data and self._goal is not None and is_for_it:
-                if self._is_given and self._route_ns >= stamp_ns:
-                    self._give(None, now_ns)
-                self._is_given = False
+                if self._has_plan and self._route_ns >= stamp_ns:
+                    self._publish_plan(None, now_ns)
+                self._has_plan = False
                 self._end('stopped: cancelled', now_ns)
 
-    def _take_state(self, state: str, stamp_ns: int, now_ns: int) -> None:
+    def _read_follower_state(self, state: str, stamp_ns: int, now_ns: int) -> None:
         """Take how it goes with whoever follows the plan."""
         if self._goal is None or self._route is None or stamp_ns < self._route_ns:
             return
@@ -244,27 +247,27 @@ class Planner(Module):
         if not self._is_followed and stamp_ns < self._route_ns + _ANSWER_NS:
             return  # that was said of what was before
         if state == 'done':
-            self._is_given = False
+            self._has_plan = False
             self._end('done', now_ns)
         elif state.startswith('stopped: off the path') and self._ground.map.is_live:
             self._is_followed = False  # maps that are being made move under the robot
-            self._ask_again(now_ns)
+            self._retry(now_ns)
         elif state.startswith('stopped: blocked'):
             if self._is_followed:
                 self._is_followed = False
-                self._is_held = True
-                self._ask_again(now_ns)
+                self._is_blocked = True
+                self._retry(now_ns)
         elif state.startswith('stopped: '):
-            self._is_given = False
+            self._has_plan = False
             self._end(state, now_ns)
 
-    def _take_corrections(self, now_ns: int) -> None:
+    def _apply_map_movements(self, now_ns: int) -> None:
         """Let the plan move with the map, and plan anew on the map that has moved."""
-        self._corrections.take(now_ns)
+        self._corrections.receive(now_ns)
         movement = self._corrections.settled(self._pose, self._pose_ns, now_ns)
         if movement is None:
             return
-        self._strangers.onto(self._ground.terrain, movement.moved)
+        self._dynamic_obstacles.set_terrain(self._ground.terrain, movement.moved)
         if self._goal is None:
             return
         self._job, self._is_wanted = None, True
@@ -273,43 +276,43 @@ class Planner(Module):
             # Beside the robot all is where it was: it drives on as if nothing had happened.
             self._route, self._route_ns = moved_with(movement.moved, self._route), now_ns
             self._is_followed = False
-            self._give(self._route, now_ns)
-            self._is_of_before = True
-        elif self._is_given:
-            self._is_of_before = True
+            self._publish_plan(self._route, now_ns)
+            self._is_previous_goal = True
+        elif self._has_plan:
+            self._is_previous_goal = True
             self._wait(f'the map moved by {movement.by_m:.2f} m', now_ns)
 
-    def _look_ahead(self, now_ns: int) -> None:
+    def _check_path_ahead(self, now_ns: int) -> None:
         """Plan anew when something has stood in the way for a while."""
         if self._route is None or self._is_wanted or self._job is not None:
             return
-        if now_ns >= self._look_ns and self._strangers.is_on(
+        if now_ns >= self._look_ns and self._dynamic_obstacles.blocks(
                 ahead_on(self._route.poses, self._pose, self._radius_m, _AHEAD_M),
                 self._radius_m, now_ns, round(self.settings['blocked_s'] * NS_PER_S)):
             self._look_ns = now_ns + round(self.settings['retry_s'] * NS_PER_S)
-            self._ask_again(now_ns)
+            self._retry(now_ns)
 
-    def _renew_ground(self, now_ns: int) -> None:
+    def _update_ground(self, now_ns: int) -> None:
         """Take the newest map; a way that it leaves open is driven on."""
         ground = self._ground
-        if not ground.go_on(_MAP_PIECES):
+        if not ground.advance(_MAP_PIECES):
             if ground.is_behind:
                 self._wake_up.no_later_than(self.plan.topic.kernel.now_ns() + _PAUSE_NS)
             return
-        self._strangers.onto(ground.terrain)
+        self._dynamic_obstacles.set_terrain(ground.terrain)
         if self._is_wanted:
             self._retry_ns = now_ns
         elif self._route is not None and (
-                place := ground.closed_at(self._route.poses, self._pose)) is not None:
+                place := ground.blocked_at(self._route.poses, self._pose)) is not None:
             self._closed += 1
             self.log.info('the map closes the way at %.2f, %.2f: another one is looked for',
                           *place)
-            self._is_of_before = True
-            self._ask_again(now_ns)
+            self._is_previous_goal = True
+            self._retry(now_ns)
 
     # ---- planning ----------------------------------------------------------------------------
 
-    def _ask_again(self, now_ns: int) -> None:
+    def _retry(self, now_ns: int) -> None:
         held_ns = self._progress.held_ns(self._pose, now_ns)
         if held_ns > self.settings['patience_s'] * NS_PER_S:
             self._refuse(f'blocked for {self.settings["patience_s"]:g} s', now_ns)
@@ -326,15 +329,15 @@ class Planner(Module):
             self._wait('no pose' + (' yet' if self._pose_ns < 0 else ' any more'), now_ns)
             return
         self._is_wanted = False
-        self._in_the_way = ''
+        self._blocked_reason = ''
         self._begun_ns = now_ns
-        self._obstacles = self._strangers.standing(
-            now_ns, 0 if self._is_held else round(self.settings['blocked_s'] * NS_PER_S))
-        self._is_held = False
+        self._obstacles = self._dynamic_obstacles.standing(
+            now_ns, 0 if self._is_blocked else round(self.settings['blocked_s'] * NS_PER_S))
+        self._is_blocked = False
         self._job = self._ground.planner.plan(self._pose, self._goal, self._obstacles)
-        self._tell('planning', now_ns)
+        self._report('planning', now_ns)
 
-    def _go_on(self, now_ns: int) -> None:
+    def _continue(self, now_ns: int) -> None:
         """Do some pieces of the planning."""
         job = self._job
         try:
@@ -353,8 +356,8 @@ class Planner(Module):
     def _planned(self, route: Route) -> None:
         now_ns = self.plan.topic.kernel.now_ns()
         self._is_possible = True
-        if self._in_the_way:
-            self._try_later(self._in_the_way, now_ns)
+        if self._blocked_reason:
+            self._schedule_retry(self._blocked_reason, now_ns)
             return
         self._route, self._route_ns = route, now_ns
         self._is_followed = False
@@ -362,24 +365,24 @@ class Planner(Module):
         self._took_ms = (now_ns - self._begun_ns) / NS_PER_MS
         if self._ground.planner is not None:
             self._expanded = self._ground.planner.search.expanded
-        self._give(route, now_ns)
+        self._publish_plan(route, now_ns)
         moved = f', goal moved by {route.moved_m:.2f} m' if route.moved_m > 0.0 else ''
-        self._tell(f'planned: {route.length_m:.2f} m{moved}', now_ns)
+        self._report(f'planned: {route.length_m:.2f} m{moved}', now_ns)
 
     def _failed(self, why: str, now_ns: int) -> None:
         """Wait for what stands in the way to go; refuse what the map forbids."""
         if self._is_possible and (self._obstacles or self._ground.map.is_live):
-            self._try_later(why, now_ns)  # maps change, too
-        elif not self._obstacles or self._in_the_way:
+            self._schedule_retry(why, now_ns)  # maps change, too
+        elif not self._obstacles or self._blocked_reason:
             self._refuse(why, now_ns)
         elif self._ground.planner is not None and self._goal is not None:
             # Whether waiting helps is seen on the map alone.
-            self._in_the_way = why
+            self._blocked_reason = why
             self._job = self._ground.planner.plan(self._pose, self._goal, ())
             self._wake_up.no_later_than(now_ns + _PAUSE_NS)
 
-    def _try_later(self, why: str, now_ns: int) -> None:
-        self._ask_again(now_ns)
+    def _schedule_retry(self, why: str, now_ns: int) -> None:
+        self._retry(now_ns)
         if self._goal is not None:
             self._retry_ns = now_ns + round(self.settings['retry_s'] * NS_PER_S)
             self._wake_up.no_later_than(self._retry_ns)
@@ -387,32 +390,32 @@ class Planner(Module):
 
     def _wait(self, why: str, now_ns: int) -> None:
         """Say why there is no plan; nobody drives on to the goal before."""
-        if self._is_of_before:
+        if self._is_previous_goal:
             self._route = None
-            self._give(None, now_ns)
-        self._tell(f'waiting: {why}', now_ns)
+            self._publish_plan(None, now_ns)
+        self._report(f'waiting: {why}', now_ns)
 
-    def _give(self, route: Route | None, now_ns: int) -> None:
+    def _publish_plan(self, route: Route | None, now_ns: int) -> None:
         """Publish a plan; an empty one stops whoever follows the one before."""
-        self._is_given, self._is_of_before = route is not None, False
+        self._has_plan, self._is_previous_goal = route is not None, False
         self.plan.msg.data = [number for pose in route.poses for number in pose] if route else []
         self.plan.publish(now_ns)
 
     def _refuse(self, why: str, now_ns: int) -> None:
         self._refused += 1
         self.log.warn('goal refused: %s', why)
-        if self._is_given:
-            self._give(None, now_ns)
+        if self._has_plan:
+            self._publish_plan(None, now_ns)
         self._end(f'refused: {why}', now_ns)
 
     def _end(self, state: str, now_ns: int) -> None:
         self._goal = self._route = self._job = None
         self._is_wanted = False
-        self._tell(state, now_ns)
+        self._report(state, now_ns)
 
-    def _tell(self, state: str, now_ns: int) -> None:
-        if state == self._told:
+    def _report(self, state: str, now_ns: int) -> None:
+        if state == self._reported:
             return
-        self._told = state
+        self._reported = state
         self.state.msg.data = state[:_TEXT_LENGTH]
         self.state.publish(now_ns)

@@ -27,6 +27,7 @@ from dataclasses import replace
 import math
 from typing import Any
 from typing import Final
+from typing import NamedTuple
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import declared
@@ -35,8 +36,8 @@ from rt_robot_os.base.schema import made
 from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.motor_faults import hold_reason
-from rt_robot_os.features.navigation.trajectory.whereabouts import planar
-from rt_robot_os.features.navigation.trajectory.whereabouts import Whereabouts
+from rt_robot_os.features.navigation.trajectory.pose_input import planar
+from rt_robot_os.features.navigation.trajectory.pose_input import PoseInput
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.command_age import COMMAND_AGE
 from rt_robot_os.modules.command_age import stale_reason
@@ -56,11 +57,23 @@ from rt_robot_os.topics.subscription import Subscription
 
 _GOAL: Final = 'geometry_msgs/msg/PoseStamped'
 _TRIPLETS: Final = 'std_msgs/msg/Float64MultiArray'
-_WISHES: Final = ('goal', 'plan', 'path')
-_ENDS: Final = {'cancel': 'cancelled', 'estop': 'e-stop'}
+_REQUEST_TOPICS: Final = ('goal', 'plan', 'path')
+_STOP_REASONS: Final = {'cancel': 'cancelled', 'estop': 'e-stop'}
 _STATE_LENGTH: Final = 200
 # Who comes late hears the state within that time.
 _STATE_AGAIN_NS: Final = NS_PER_S
+
+
+class _Request(NamedTuple):
+    """
+    A goal, a plan or a path.
+
+    :ivar kind: ``goal``, ``plan`` or ``path``.
+    """
+
+    stamp_ns: int
+    kind: str
+    input: Subscription  # noqa: A003
 
 
 class Trajectory(Module):
@@ -124,17 +137,17 @@ class Trajectory(Module):
         :raises ConfigError: there is nothing to follow, or no rate.
         """
         super().__init__(name, settings)
-        if not any(settings[f'{wish}_topic'] for wish in _WISHES):
+        if not any(settings[f'{wish}_topic'] for wish in _REQUEST_TOPICS):
             raise ConfigError([f'{name}: goal_topic, plan_topic and path_topic are all empty: '
                                'there is nothing to follow; set one of them'])
         self._follower = Follower(make_controller(settings['law'], settings))
-        self._whereabouts: Whereabouts | None = None
+        self._pose_input: PoseInput | None = None
         self._faults: Subscription | None = None
-        self._release: Subscription | None = None
-        self._is_pressed = self._is_stopped = False
-        self._held_by = ''
-        self._told = ''
-        self._told_ns = 0
+        self._estop_release: Subscription | None = None
+        self._is_estop_pressed = self._is_estop_latched = False
+        self._motor_fault_reason = ''
+        self._reported = ''
+        self._reported_ns = 0
         self._goals = self._refused = self._cancelled = 0
         self._apply()
 
@@ -165,15 +178,16 @@ class Trajectory(Module):
                 f'{self.name}: {self.topic_of("goal")} is in the frame '
                 f'{self.goal.msg.header.frame_id!r}, {self.topic_of("pose")} in {frame!r}: '
                 'declare both in the frame of the map'])
-        self._wishes: list[tuple[str, Subscription]] = [
-            (wish, getattr(self, wish)) for wish in _WISHES if self.connected(wish)]
+        self._request_inputs: list[tuple[str, Subscription]] = [
+            (wish, getattr(self, wish)) for wish in _REQUEST_TOPICS if self.connected(wish)]
         # Looked up once: to ask which ports there are costs more than a step.
-        self._ends: list[tuple[str, Subscription]] = [
-            (why, getattr(self, port)) for port, why in _ENDS.items() if self.connected(port)]
-        self._release = (self.estop_release if self.connected('estop_release')
-                         and self.connected('estop') else None)
+        self._stop_inputs: list[tuple[str, Subscription]] = [
+            (why, getattr(self, port)) for port, why in _STOP_REASONS.items()
+            if self.connected(port)]
+        self._estop_release = (self.estop_release if self.connected('estop_release')
+                               and self.connected('estop') else None)
         self._faults = self.motor_faults if self.connected('motor_faults') else None
-        self._whereabouts = Whereabouts(self.pose, self.odom)
+        self._pose_input = PoseInput(self.pose, self.odom)
         self._apply()
 
     def activate(self) -> None:
@@ -199,8 +213,8 @@ class Trajectory(Module):
         s, follower = self.settings, self._follower
         follower.limits = made(VelocityLimits, s)
         follower.tuning = made(FollowerTuning, s)
-        if self._whereabouts is not None:
-            prediction = self._whereabouts.prediction
+        if self._pose_input is not None:
+            prediction = self._pose_input.prediction
             prediction.correction_m_s = s['correction_m_s']
             prediction.correction_rad_s = s['correction_rad_s']
 
@@ -208,18 +222,18 @@ class Trajectory(Module):
 
     def step(self) -> None:
         """Take what has come, and publish the command for the period that begins now."""
-        where, follower, s = self._whereabouts, self._follower, self.settings
+        where, follower, s = self._pose_input, self._follower, self.settings
         if where is None or self.kernel is None:
             return
         now_ns = self.kernel.now_ns()
         period_s = self.period_ns / NS_PER_S
-        where.take(now_ns)
+        where.receive(now_ns)
         problem = where.problem(now_ns, s['pose_timeout_s'], s['position_stddev_max_m'],
-                                s['heading_stddev_max_rad']) or self._held()
+                                s['heading_stddev_max_rad']) or self._motor_fault()
         pose = (0.0, 0.0, 0.0)
         if where.prediction.known:
             pose = where.prediction.at(now_ns, s['motor_lag_s'], period_s)
-        pose = self._take_wishes(pose, where.prediction.velocity, problem, now_ns)
+        pose = self._read_requests(pose, where.prediction.velocity, problem, now_ns)
         if problem and follower.driving:
             follower.stop(problem)
         command = follower.step(pose, period_s, where.prediction.velocity)
@@ -229,65 +243,90 @@ class Trajectory(Module):
             self.progress.publish(now_ns)
             self.error.msg.vector = follower.error
             self.error.publish(now_ns)
-        self._tell(now_ns)
+        self._report_state(now_ns)
 
-    def _held(self) -> str:
+    def _motor_fault(self) -> str:
         """Return why the motor board holds the wheels; empty when it does not."""
         source, bits, new = self._faults, 0, False
         while source is not None and source.take():
             # What came and went since the last step stopped the wheels, too.
             bits, new = bits | int(source.msg.data), True
         if new:
-            self._held_by = hold_reason(bits)
-        return self._held_by
+            self._motor_fault_reason = hold_reason(bits)
+        return self._motor_fault_reason
 
-    def _take_wishes(self, pose: Pose, velocity: Velocity, problem: str, now_ns: int) -> Pose:
-        """Take the newest goal, path or cancellation; return the pose to go on with."""
-        newest: tuple[int, str, Subscription] | None = None
-        for wish, source in self._wishes:
-            if source.latest() and (newest is None or source.stamp_ns >= newest[0]):
-                newest = source.stamp_ns, wish, source
-        for why, source in self._ends:
-            while source.take():
-                if why == _ENDS['estop']:
-                    self._is_pressed = bool(source.msg.data)
-                    self._is_stopped |= self._is_pressed and self._release is not None
-                if source.msg.data and (newest is None or source.stamp_ns >= newest[0]):
-                    newest = None
-                    if self._follower.driving:
-                        self._cancelled += 1
-                        self._follower.stop(why)
-        while self._release is not None and self._release.take():
-            if self._release.msg.data:
-                self._is_stopped = self._is_pressed  # as the multiplexer takes it
-        if newest is None:
+    def _read_requests(self, pose: Pose, velocity: Velocity, problem: str, now_ns: int) -> Pose:
+        """Execute the newest goal, path or cancellation; return the pose to continue with."""
+        request = self._newest_request()
+        is_stopped = self._apply_stops(request)
+        self._apply_estop_release()
+        if request is None or is_stopped:
             return pose
         self._goals += 1
         try:
-            poses = self._goal_poses() if newest[1] == 'goal' else _triplets(newest[2].msg)
-            if newest[1] == 'plan' and not poses:
-                raise PathError('the planner took the plan back')
-            # A plan is the planner's, which has looked at the age of the goal.
-            if newest[1] != 'plan' and (why := stale_reason(newest[0], now_ns, self.settings)):
-                raise PathError(why)
-            if self._is_stopped:
-                problem = 'e-stop, not released yet'
-            if problem:
-                raise PathError(problem)
-            pose = self._settled(pose)
+            poses = self._requested_poses(request, problem, now_ns)
+            pose = self._without_corrections(pose)
             self._follower.go(poses, pose, velocity)
         except PathError as error:
             self._refused += 1
             self._follower.stop(str(error))
-            self.log.warn('%s: not driven: %s', newest[2].topic.name, error, throttle_s=1.0)
+            self.log.warn('%s: not driven: %s', request.input.topic.name, error, throttle_s=1.0)
         return pose
 
-    def _settled(self, pose: Pose) -> Pose:
+    def _newest_request(self) -> _Request | None:
+        newest: _Request | None = None
+        for kind, source in self._request_inputs:
+            if source.latest() and (newest is None or source.stamp_ns >= newest.stamp_ns):
+                newest = _Request(source.stamp_ns, kind, source)
+        return newest
+
+    def _apply_stops(self, request: _Request | None) -> bool:
+        """Execute cancellations and e-stops; return whether one is newer than a request."""
+        is_newer = False
+        for reason, source in self._stop_inputs:
+            while source.take():
+                if reason == _STOP_REASONS['estop']:
+                    self._is_estop_pressed = bool(source.msg.data)
+                    self._is_estop_latched |= (
+                        self._is_estop_pressed and self._estop_release is not None)
+                if source.msg.data and (request is None or is_newer
+                                        or source.stamp_ns >= request.stamp_ns):
+                    is_newer = True
+                    if self._follower.driving:
+                        self._cancelled += 1
+                        self._follower.stop(reason)
+        return is_newer
+
+    def _apply_estop_release(self) -> None:
+        while self._estop_release is not None and self._estop_release.take():
+            if self._estop_release.msg.data:
+                self._is_estop_latched = self._is_estop_pressed  # as in the multiplexer
+
+    def _requested_poses(self, request: _Request, problem: str, now_ns: int) -> list[Pose]:
+        """
+        Return the poses of a request.
+
+        :raises PathError: it is malformed or too old, or the robot must not drive now.
+        """
+        poses = self._goal_poses() if request.kind == 'goal' else _triplets(request.input.msg)
+        if request.kind == 'plan' and not poses:
+            raise PathError('the planner took the plan back')
+        # The age of a plan does not count: the planner has checked that of its goal.
+        if request.kind != 'plan' and (
+                why := stale_reason(request.stamp_ns, now_ns, self.settings)):
+            raise PathError(why)
+        if self._is_estop_latched:
+            problem = 'e-stop, not released yet'
+        if problem:
+            raise PathError(problem)
+        return poses
+
+    def _without_corrections(self, pose: Pose) -> Pose:
         """Return where the robot is without what is left of corrections: the new way has them."""
-        where = self._whereabouts
+        where = self._pose_input
         if where is None or self.kernel is None or not where.prediction.known:
             return pose
-        where.prediction.settle()
+        where.prediction.apply_corrections()
         return where.prediction.at(self.kernel.now_ns(), self.settings['motor_lag_s'], 0.0)
 
     def _goal_poses(self) -> list[Pose]:
@@ -306,18 +345,18 @@ class Trajectory(Module):
         message.angular = 0.0, 0.0, command[1]
         self.command.publish()
 
-    def _tell(self, now_ns: int) -> None:
+    def _report_state(self, now_ns: int) -> None:
         state = self._follower.state
-        if state != self._told or now_ns - self._told_ns >= _STATE_AGAIN_NS:
-            if state != self._told:
+        if state != self._reported or now_ns - self._reported_ns >= _STATE_AGAIN_NS:
+            if state != self._reported:
                 self.log.info('%s', state)
-            self._told, self._told_ns = state, now_ns
+            self._reported, self._reported_ns = state, now_ns
             self.state.msg.data = state[:_STATE_LENGTH]
             self.state.publish(now_ns)
 
     def statistics(self) -> Mapping[str, Any]:
         """Return what is driven, what came in, and what was wrong with it."""
-        where, follower = self._whereabouts, self._follower
+        where, follower = self._pose_input, self._follower
         if where is None or self.kernel is None:
             return {}
         counters = where.counters

@@ -38,10 +38,10 @@ from rt_robot_os.features.navigation.velocity_mux.sources import holder
 from rt_robot_os.features.navigation.velocity_mux.sources import Latch
 from rt_robot_os.features.navigation.velocity_mux.sources import LATE
 from rt_robot_os.features.navigation.velocity_mux.sources import REFUSED
-from rt_robot_os.features.navigation.velocity_mux.sources import Source
 from rt_robot_os.features.navigation.velocity_mux.sources import STANDSTILL
 from rt_robot_os.features.navigation.velocity_mux.sources import Switch
 from rt_robot_os.features.navigation.velocity_mux.sources import Triple
+from rt_robot_os.features.navigation.velocity_mux.sources import VelocitySource
 from rt_robot_os.modules.base import Module
 from rt_robot_os.modules.run_on import run_on_speed_m_s
 from rt_robot_os.modules.wake_up import WakeUp
@@ -85,7 +85,7 @@ class VelocityMux(Module):
         if settings['estop_at_start']:
             self._latch.set('start', 'held since the start')
             self._latch.end('start')
-        self._steers: Source | None = None
+        self._steers: VelocitySource | None = None
         self._told = ''
         self._switches = self._lost = self._slowed = self._stopped_ns = 0
 
@@ -122,10 +122,10 @@ class VelocityMux(Module):
     def step(self) -> None:
         """Take what came, and pass on what steers."""
         now_ns = self.command.topic.kernel.now_ns()
-        self._take_switches(now_ns)
-        was_stopped = bool(self._latch.why)
-        stopped = self._look_at_estop(now_ns)
-        self._take_commands(now_ns)
+        self._read_switches(now_ns)
+        was_stopped = bool(self._latch.reason)
+        stopped = self._read_estop(now_ns)
+        self._read_commands(now_ns)
         if was_stopped or stopped:
             for source in self._sources:
                 source.forget()  # what was commanded before the release moves nothing after it
@@ -143,15 +143,15 @@ class VelocityMux(Module):
         for source in self._sources:
             source.is_new = False
         self._watch(steers, now_ns)
-        self._tell(steers, now_ns)
+        self._report_steering(steers, now_ns)
 
     def statistics(self) -> Mapping[str, Any]:
         """Tell who steers, why nobody does, and what came from each source."""
         refused = [s.name for s in self._sources if s.last == REFUSED]
         late = [s.name for s in self._sources if s.last == LATE]
         warning = ''
-        if self._latch.why:
-            warning = f'e-stop: {self._latch.why}; it is left by {self._release_topic()}'
+        if self._latch.reason:
+            warning = f'e-stop: {self._latch.reason}; it is left by {self._release_topic()}'
         elif refused:
             warning = f'not a number, or absurd: commands of {", ".join(refused)}'
         elif late:
@@ -160,7 +160,7 @@ class VelocityMux(Module):
         found: dict[str, Any] = {
             'slowed': self._slowed, **({'speed_limit_m_s': limit_m_s} if limit_m_s < math.inf
                                        else {}),
-            'warning': warning, 'steering': self._told, 'estop': self._latch.why or 'free',
+            'warning': warning, 'steering': self._told, 'estop': self._latch.reason or 'free',
             'estops': self._latch.stops, 'releases_refused': self._latch.refused,
             'switches': self._switches, 'estop_samples_lost': self._lost}
         for source in self._sources:
@@ -171,16 +171,16 @@ class VelocityMux(Module):
 
     # ---- work --------------------------------------------------------------------------------
 
-    def _take_switches(self, now_ns: int) -> None:
+    def _read_switches(self, now_ns: int) -> None:
         for lock, told in self._lock_inputs:
             while told.take():
-                lock.hear(bool(told.msg.data), min(told.stamp_ns, now_ns))
+                lock.update(bool(told.msg.data), min(told.stamp_ns, now_ns))
         if self._has_dead_man:
             while self.dead_man.take():
-                self._dead_man.hear(bool(self.dead_man.msg.data),
-                                    min(self.dead_man.stamp_ns, now_ns))
+                self._dead_man.update(bool(self.dead_man.msg.data),
+                                      min(self.dead_man.stamp_ns, now_ns))
 
-    def _look_at_estop(self, now_ns: int) -> bool:
+    def _read_estop(self, now_ns: int) -> bool:
         """Return whether it has just been set."""
         latch, stopped = self._latch, False
         if self.connected('estop'):
@@ -206,10 +206,10 @@ class VelocityMux(Module):
                     latch.end('motors')
         if self.connected('estop_release'):
             while self.estop_release.take():
-                if self.estop_release.msg.data and latch.why:
+                if self.estop_release.msg.data and latch.reason:
                     self._release(now_ns)
         if stopped:
-            self.log.warn('e-stop: %s', latch.why)
+            self.log.warn('e-stop: %s', latch.reason)
         return stopped
 
     def _release(self, now_ns: int) -> None:
@@ -225,16 +225,16 @@ class VelocityMux(Module):
         else:
             self.log.info('e-stop released')
 
-    def _take_commands(self, now_ns: int) -> None:
+    def _read_commands(self, now_ns: int) -> None:
         linear_limit: float = self.settings['linear_absurd_m_s']
         angular_limit: float = self.settings['angular_absurd_rad_s']
         for source, command in self._commands:
             while command.take():
                 msg = command.msg
                 refused = source.refused
-                source.take((msg.linear.x, msg.linear.y, msg.linear.z),
-                            (msg.angular.x, msg.angular.y, msg.angular.z),
-                            command.stamp_ns, now_ns, linear_limit, angular_limit)
+                source.receive((msg.linear.x, msg.linear.y, msg.linear.z),
+                               (msg.angular.x, msg.angular.y, msg.angular.z),
+                               command.stamp_ns, now_ns, linear_limit, angular_limit)
                 if source.refused != refused:
                     self.log.warn('%s commands %s m/s, %s rad/s: taken as a standstill',
                                   source.name, tuple(msg.linear), tuple(msg.angular),
@@ -259,7 +259,7 @@ class VelocityMux(Module):
         return ((linear[0] * share, linear[1] * share, linear[2] * share),
                 (angular[0] * share, angular[1] * share, angular[2] * share))
 
-    def _watch(self, steers: Source | None, now_ns: int) -> None:
+    def _watch(self, steers: VelocitySource | None, now_ns: int) -> None:
         """Have a look when something that lets somebody steer, or keeps others off, is over."""
         if steers is None:
             held_by = holder(self._sources, now_ns)
@@ -274,19 +274,19 @@ class VelocityMux(Module):
                 next_ns = min(next_ns, lock.silent_at_ns())
         self._wake_up.no_later_than(next_ns)
 
-    def _tell(self, steers: Source | None, now_ns: int) -> None:
+    def _report_steering(self, steers: VelocitySource | None, now_ns: int) -> None:
         if steers is not None:
             text = steers.name
-        elif self._latch.why:
-            text = f'{_NOBODY}: e-stop, {self._latch.why}'
+        elif self._latch.reason:
+            text = f'{_NOBODY}: e-stop, {self._latch.reason}'
         else:
-            text = self._why_nobody(now_ns)
+            text = self._idle_reason(now_ns)
         if text != self._told:
             self._told = text
             self.steering.msg.data = text[:200]
             self.steering.publish(now_ns)
 
-    def _why_nobody(self, now_ns: int) -> str:
+    def _idle_reason(self, now_ns: int) -> str:
         fresh = [source for source in self._sources if source.is_fresh(now_ns)]
         if not fresh:
             return _NOBODY

@@ -24,7 +24,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import Field
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.navigation.velocity_mux.sources import Lock
-from rt_robot_os.features.navigation.velocity_mux.sources import Source
+from rt_robot_os.features.navigation.velocity_mux.sources import VelocitySource
 from rt_robot_os.modules.run_on import RUN_ON_MAX
 
 _PRIORITY_MAXIMUM: Final = 255  # as in twist_mux
@@ -75,7 +75,7 @@ SETTINGS: Final = (
 )
 
 
-def sources_of(name: str, settings: Mapping[str, Any]) -> list[Source]:
+def sources_of(name: str, settings: Mapping[str, Any]) -> list[VelocitySource]:
     """
     Make the sources, the highest priority first; of equal ones the first stays first.
 
@@ -103,8 +103,8 @@ def sources_of(name: str, settings: Mapping[str, Any]) -> list[Source]:
         for written in ('command_topic', 'steering_topic') if settings[written] in settings[key]]
     if problems:
         raise ConfigError(problems)
-    made = [Source(each, priority, round(timeout_s * NS_PER_S),
-                   each in settings['dead_man_sources'], round(hold_s * NS_PER_S))
+    made = [VelocitySource(each, priority, round(timeout_s * NS_PER_S),
+                           each in settings['dead_man_sources'], round(hold_s * NS_PER_S))
             for each, priority, timeout_s, hold_s in zip(
                 names, settings['source_priorities'], settings['source_timeouts_s'], holds_s)]
     return sorted(made, key=lambda source: -source.priority)

@@ -32,7 +32,7 @@ REFUSED: Final = 'refused'
 LATE: Final = 'late'
 
 
-class Source:
+class VelocitySource:
     """
     Somebody who steers.
 
@@ -67,8 +67,8 @@ class Source:
         self.last = GOOD
         self.is_new = False
 
-    def take(self, linear: Triple, angular: Triple, stamp_ns: int, now_ns: int,
-             linear_limit: float, angular_limit: float) -> None:
+    def receive(self, linear: Triple, angular: Triple, stamp_ns: int, now_ns: int,
+                linear_limit: float, angular_limit: float) -> None:
         """
         Take a command; one that nobody can mean is a standstill, and counted.
 
@@ -116,25 +116,25 @@ class Switch:
     A Bool that is sent again and again.
 
     :ivar value: as it came last.
-    :ivar heard_ns: when; -1 before the first.
+    :ivar received_ns: when; -1 before the first.
     :ivar timeout_ns: silence after which the value is not to be relied on; 0: never.
     """
 
-    __slots__ = ('value', 'heard_ns', 'timeout_ns')
+    __slots__ = ('value', 'received_ns', 'timeout_ns')
 
     def __init__(self, timeout_ns: int) -> None:
         self.value = False
-        self.heard_ns = -1
+        self.received_ns = -1
         self.timeout_ns = timeout_ns
 
-    def hear(self, value: bool, stamp_ns: int) -> None:
+    def update(self, value: bool, stamp_ns: int) -> None:
         """Take a value; its age counts from its stamp, which is not in the future."""
-        self.value, self.heard_ns = value, stamp_ns
+        self.value, self.received_ns = value, stamp_ns
 
     def is_silent(self, now_ns: int) -> bool:
         """Return whether it has a time-out and was not heard within it."""
         return self.timeout_ns > 0 and (
-            self.heard_ns < 0 or now_ns >= self.heard_ns + self.timeout_ns)
+            self.received_ns < 0 or now_ns >= self.received_ns + self.timeout_ns)
 
     def is_held(self, now_ns: int) -> bool:
         """Return whether it is on, as a dead-man switch: silence is off."""
@@ -142,8 +142,9 @@ class Switch:
 
     def silent_at_ns(self) -> float:
         """Return when its time is out; infinite without one, or when it is out already."""
-        return self.heard_ns + self.timeout_ns if self.timeout_ns and self.heard_ns >= 0 else (
-            math.inf)
+        if not self.timeout_ns or self.received_ns < 0:
+            return math.inf
+        return self.received_ns + self.timeout_ns
 
 
 class Lock(Switch):
@@ -169,15 +170,15 @@ class Latch:
     """
     An e-stop: many things set it, one thing alone frees it, and not while any of them lasts.
 
-    :ivar why: what set it; empty when it is free.
+    :ivar reason: what set it; empty when it is free.
     :ivar stops: how often it was set.
     :ivar refused: releases that came while a cause lasted.
     """
 
-    __slots__ = ('why', 'stops', 'refused', '_lasting')
+    __slots__ = ('reason', 'stops', 'refused', '_lasting')
 
     def __init__(self) -> None:
-        self.why = ''
+        self.reason = ''
         self.stops = self.refused = 0
         self._lasting: dict[str, str] = {}
 
@@ -188,9 +189,9 @@ class Latch:
         :return: whether it was free before.
         """
         self._lasting[cause] = why
-        if self.why:
+        if self.reason:
             return False
-        self.why = why
+        self.reason = why
         self.stops += 1
         return True
 
@@ -208,12 +209,12 @@ class Latch:
         if lasting:
             self.refused += 1
         else:
-            self.why = ''
+            self.reason = ''
         return lasting
 
 
-def chosen(sources: Sequence[Source], locks: Sequence[Lock], held: bool, now_ns: int
-           ) -> Source | None:
+def chosen(sources: Sequence[VelocitySource], locks: Sequence[Lock], held: bool, now_ns: int
+           ) -> VelocitySource | None:
     """
     Return who steers: of the sources that are fresh and not locked the one of highest priority.
 
@@ -234,7 +235,7 @@ def chosen(sources: Sequence[Source], locks: Sequence[Lock], held: bool, now_ns:
     return None
 
 
-def holder(sources: Sequence[Source], now_ns: int) -> Source | None:
+def holder(sources: Sequence[VelocitySource], now_ns: int) -> VelocitySource | None:
     """Return the source of highest priority that holds the robot, fresh or not."""
     return next((each for each in sources if now_ns < each.held_until_ns), None)
 
