@@ -30,11 +30,11 @@ import math
 from pathlib import Path
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.wsn.network_model import NetworkModel
-from rt_robot_os.features.wsn.network_watch import Limits
-from rt_robot_os.features.wsn.network_watch import NetworkWatch
 from rt_robot_os.features.wsn.packets.decode import PacketDecoder
 from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
+from rt_robot_os.features.wsn.sensor_network.watch import Limits
+from rt_robot_os.features.wsn.sensor_network.watch import NetworkWatch
 from rt_robot_os.features.wsn.sink.simulated import SimulatedSink
 from rt_robot_os.link.marker import Marker
 from rt_robot_os.link.markers import LABELS

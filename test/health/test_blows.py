@@ -21,9 +21,9 @@ import pytest
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
-from rt_robot_os.features.health.falls import Evidence
-from rt_robot_os.features.health.falls import FallDetector
-from rt_robot_os.features.health.falls import What
+from rt_robot_os.features.health.fall_detector.detector import Evidence
+from rt_robot_os.features.health.fall_detector.detector import FallDetector
+from rt_robot_os.features.health.fall_detector.detector import What
 from rt_robot_os.sim.world.body_motion import body_motion
 from rt_robot_os.sim.world.body_motion import IMPACT_S
 

@@ -26,10 +26,10 @@ from broad import VARIABLE
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.features.health.news2 import PARAMETERS
-from rt_robot_os.features.health.news2 import Risk
-from rt_robot_os.features.health.news2 import rounded
-from rt_robot_os.features.health.news2 import score
+from rt_robot_os.features.health.assessment.news2 import PARAMETERS
+from rt_robot_os.features.health.assessment.news2 import Risk
+from rt_robot_os.features.health.assessment.news2 import rounded
+from rt_robot_os.features.health.assessment.news2 import score
 from rt_robot_os.messages.signs import SIGNS
 
 # As it is printed: a column for each score, from 3 over 0 to 3.

@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 import pytest
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.health.beats import ecg_beats
-from rt_robot_os.features.health.beats import pulse_beats
-from rt_robot_os.features.health.pulse import ASYSTOLE_S
-from rt_robot_os.features.health.pulse import course
-from rt_robot_os.features.health.pulse import PulseMeter
+from rt_robot_os.features.health.pulse_check.beats import ecg_beats
+from rt_robot_os.features.health.pulse_check.beats import pulse_beats
+from rt_robot_os.features.health.pulse_check.pulse_meter import ASYSTOLE_S
+from rt_robot_os.features.health.pulse_check.pulse_meter import course
+from rt_robot_os.features.health.pulse_check.pulse_meter import PulseMeter
 from rt_robot_os.features.health.waveforms import read_record
 
 

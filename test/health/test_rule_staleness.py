@@ -17,8 +17,8 @@
 from __future__ import annotations
 
 import pytest
-from rt_robot_os.features.health.rule_state import RuleState
-from rt_robot_os.features.health.rule_text import read_rule
+from rt_robot_os.features.health.rule.evaluation import RuleState
+from rt_robot_os.features.health.rule.parser import read_rule
 
 S = 10**9
 

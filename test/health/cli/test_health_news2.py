@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rt_robot_os.features.health.assessment.news2 import PARAMETERS
 from rt_robot_os.features.health.cli.program import main
-from rt_robot_os.features.health.news2 import PARAMETERS
 
 GOOD = {'id': 'well', 'resp': 18, 'spo2': 97, 'oxygen': False, 'systolic': 120, 'pulse': 70,
         'consciousness': 'Alert', 'temperature': 36.8, 'scale': 1}
@@ -79,7 +79,7 @@ def test_other_names_and_nesting() -> None:
         'ACVPU': 'C', 'Temp': 35.5}, 'expected': {'News2': 8, 'RR_score': 1}}, 1)
     assert [case.values[name] for name in PARAMETERS] == [9, 95, 0, 105, 45, 1, 35.5]
     assert not case.problems
-    from rt_robot_os.features.health.news2 import score
+    from rt_robot_os.features.health.assessment.news2 import score
     assert case.compare(score(case.values, case.scale)) == (2, [])
 
 

@@ -23,12 +23,12 @@ from typing import Final
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import Field
-from rt_robot_os.features.health.limit_text import Limit
-from rt_robot_os.features.health.limit_text import LIMIT_FORM
-from rt_robot_os.features.health.limit_text import limit_of
-from rt_robot_os.features.health.limit_text import TREND_FORM
-from rt_robot_os.features.health.limit_text import TrendLimit
-from rt_robot_os.features.health.news2 import SCALES
+from rt_robot_os.features.health.assessment.limits import Limit
+from rt_robot_os.features.health.assessment.limits import LIMIT_FORM
+from rt_robot_os.features.health.assessment.limits import limit_of
+from rt_robot_os.features.health.assessment.limits import TREND_FORM
+from rt_robot_os.features.health.assessment.limits import TrendLimit
+from rt_robot_os.features.health.assessment.news2 import SCALES
 from rt_robot_os.features.health.vital_signs.settings import PERSON
 
 #: Of one person.

@@ -28,10 +28,10 @@ from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.features.health.cli.fall_recordings import Recording
-from rt_robot_os.features.health.fall_limits import FallLimits
-from rt_robot_os.features.health.falls import FallDetector
-from rt_robot_os.features.health.falls import Happened
-from rt_robot_os.features.health.falls import What
+from rt_robot_os.features.health.fall_detector.detector import FallDetector
+from rt_robot_os.features.health.fall_detector.detector import Happened
+from rt_robot_os.features.health.fall_detector.detector import What
+from rt_robot_os.features.health.fall_detector.limits import FallLimits
 
 #: A detection later than that after the impact is none.
 WITHIN_S: Final = 5.0

@@ -38,9 +38,9 @@ from rt_robot_os.features.health.cli.fall_evaluation import LYING
 from rt_robot_os.features.health.cli.fall_evaluation import summary
 from rt_robot_os.features.health.cli.fall_recordings import read_recordings
 from rt_robot_os.features.health.cli.fall_recordings import Recording
-from rt_robot_os.features.health.fall_limits import FALL_FIELDS
-from rt_robot_os.features.health.fall_limits import FallLimits
-from rt_robot_os.features.health.fall_limits import problem_of
+from rt_robot_os.features.health.fall_detector.limits import FALL_FIELDS
+from rt_robot_os.features.health.fall_detector.limits import FallLimits
+from rt_robot_os.features.health.fall_detector.limits import problem_of
 
 
 def add_to(commands: Any) -> None:

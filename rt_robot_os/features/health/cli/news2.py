@@ -26,10 +26,10 @@ from typing import Any
 
 from rt_robot_os.base.programs import FAILED
 from rt_robot_os.base.programs import OK
+from rt_robot_os.features.health.assessment.news2 import PARAMETERS
+from rt_robot_os.features.health.assessment.news2 import score
 from rt_robot_os.features.health.cli.news2_cases import Case
 from rt_robot_os.features.health.cli.news2_cases import read_cases
-from rt_robot_os.features.health.news2 import PARAMETERS
-from rt_robot_os.features.health.news2 import score
 
 
 def add_to(commands: Any) -> None:

@@ -27,15 +27,15 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.health.news2 import CONSCIOUSNESS
-from rt_robot_os.features.health.news2 import OXYGEN
-from rt_robot_os.features.health.news2 import PULSE
-from rt_robot_os.features.health.news2 import RESPIRATION
-from rt_robot_os.features.health.news2 import Risk
-from rt_robot_os.features.health.news2 import Score
-from rt_robot_os.features.health.news2 import SPO2
-from rt_robot_os.features.health.news2 import SYSTOLIC
-from rt_robot_os.features.health.news2 import TEMPERATURE
+from rt_robot_os.features.health.assessment.news2 import CONSCIOUSNESS
+from rt_robot_os.features.health.assessment.news2 import OXYGEN
+from rt_robot_os.features.health.assessment.news2 import PULSE
+from rt_robot_os.features.health.assessment.news2 import RESPIRATION
+from rt_robot_os.features.health.assessment.news2 import Risk
+from rt_robot_os.features.health.assessment.news2 import Score
+from rt_robot_os.features.health.assessment.news2 import SPO2
+from rt_robot_os.features.health.assessment.news2 import SYSTOLIC
+from rt_robot_os.features.health.assessment.news2 import TEMPERATURE
 from rt_robot_os.messages.signs import Consciousness
 from rt_robot_os.messages.signs import SIGNS
 

@@ -25,11 +25,11 @@ from typing import Final
 
 import numpy as np
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.health.beats import ecg_beats
-from rt_robot_os.features.health.pulse import ASYSTOLE_S
-from rt_robot_os.features.health.pulse import course
-from rt_robot_os.features.health.pulse import Pulse
-from rt_robot_os.features.health.pulse import WINDOW_S
+from rt_robot_os.features.health.pulse_check.beats import ecg_beats
+from rt_robot_os.features.health.pulse_check.pulse_meter import ASYSTOLE_S
+from rt_robot_os.features.health.pulse_check.pulse_meter import course
+from rt_robot_os.features.health.pulse_check.pulse_meter import Pulse
+from rt_robot_os.features.health.pulse_check.pulse_meter import WINDOW_S
 from rt_robot_os.features.health.waveforms import read_record
 from rt_robot_os.features.health.waveforms import Record
 from rt_robot_os.features.health.waveforms import Signal

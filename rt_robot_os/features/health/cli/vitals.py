@@ -26,14 +26,14 @@ from typing import Final
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.programs import OK
+from rt_robot_os.features.health.assessment.limits import LIMIT_FORM
+from rt_robot_os.features.health.assessment.limits import limit_of
+from rt_robot_os.features.health.assessment.limits import TREND_FORM
 from rt_robot_os.features.health.cli.vitals_file import read_recording
 from rt_robot_os.features.health.cli.vitals_report import Asked
 from rt_robot_os.features.health.cli.vitals_report import report
 from rt_robot_os.features.health.cli.vitals_report import totals
 from rt_robot_os.features.health.cli.vitals_run import play
-from rt_robot_os.features.health.limit_text import LIMIT_FORM
-from rt_robot_os.features.health.limit_text import limit_of
-from rt_robot_os.features.health.limit_text import TREND_FORM
 
 _OXYGEN: Final = {'reported': None, 'air': 0.0, 'oxygen': 1.0}
 

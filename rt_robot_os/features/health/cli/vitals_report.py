@@ -25,13 +25,13 @@ from statistics import median
 from typing import Any
 from typing import Final
 
+from rt_robot_os.features.health.assessment.limits import Limit
+from rt_robot_os.features.health.assessment.limits import TrendLimit
+from rt_robot_os.features.health.assessment.news2 import score
+from rt_robot_os.features.health.assessment.news2_watch import LEVELS_OF_RISK
 from rt_robot_os.features.health.cli.vitals_file import Recording
 from rt_robot_os.features.health.cli.vitals_run import Course
-from rt_robot_os.features.health.limit_text import Limit
-from rt_robot_os.features.health.limit_text import TrendLimit
-from rt_robot_os.features.health.news2 import score
-from rt_robot_os.features.health.news2_watch import LEVELS_OF_RISK
-from rt_robot_os.features.health.sign_watch import QUALITIES
+from rt_robot_os.features.health.vital_signs.sign_watch import QUALITIES
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.messages.signs import SIGNS

@@ -15,7 +15,7 @@
 """
 Falls of one person, from the inertial sensor that they wear: a cause of an alarm, and its end.
 
-The detector is that of :mod:`rt_robot_os.features.health.falls`, the same that ``health falls``
+The detector is that of :mod:`rt_robot_os.features.health.fall_detector.detector`, the same that ``health falls``
 evaluates on recordings. Time comes from the stamps of the samples alone.
 """
 
@@ -32,17 +32,17 @@ from rt_robot_os.base.schema import Field
 from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
-from rt_robot_os.features.health.fall_limits import FALL_FIELDS
-from rt_robot_os.features.health.fall_limits import limits_of
-from rt_robot_os.features.health.fall_limits import problem_of
-from rt_robot_os.features.health.fall_peaks import CONFIDENCE
-from rt_robot_os.features.health.fall_peaks import PeakLimits
-from rt_robot_os.features.health.fall_peaks import PeakWatch
-from rt_robot_os.features.health.falls import Evidence
-from rt_robot_os.features.health.falls import FallDetector
-from rt_robot_os.features.health.falls import Happened
-from rt_robot_os.features.health.falls import State
-from rt_robot_os.features.health.falls import What
+from rt_robot_os.features.health.fall_detector.detector import Evidence
+from rt_robot_os.features.health.fall_detector.detector import FallDetector
+from rt_robot_os.features.health.fall_detector.detector import Happened
+from rt_robot_os.features.health.fall_detector.detector import State
+from rt_robot_os.features.health.fall_detector.detector import What
+from rt_robot_os.features.health.fall_detector.limits import FALL_FIELDS
+from rt_robot_os.features.health.fall_detector.limits import limits_of
+from rt_robot_os.features.health.fall_detector.limits import problem_of
+from rt_robot_os.features.health.fall_detector.peak_watch import CONFIDENCE
+from rt_robot_os.features.health.fall_detector.peak_watch import PeakLimits
+from rt_robot_os.features.health.fall_detector.peak_watch import PeakWatch
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.modules.base import Module

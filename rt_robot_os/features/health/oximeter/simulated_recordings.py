@@ -24,9 +24,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.health.beats import slope_sum
-from rt_robot_os.features.health.pulse import course
-from rt_robot_os.features.health.pulse import WINDOW_S
+from rt_robot_os.features.health.pulse_check.beats import slope_sum
+from rt_robot_os.features.health.pulse_check.pulse_meter import course
+from rt_robot_os.features.health.pulse_check.pulse_meter import WINDOW_S
 from rt_robot_os.features.health.waveforms import read_record
 
 Floats = npt.NDArray[np.float64]

@@ -24,19 +24,19 @@ from typing import Final
 
 from rt_robot_os.base.errors import LayoutError
 from rt_robot_os.base.schema import TopicSpec
-from rt_robot_os.features.health.rule_terms import Compare
-from rt_robot_os.features.health.rule_terms import Condition
-from rt_robot_os.features.health.rule_terms import conditions_of
-from rt_robot_os.features.health.rule_terms import mapped
-from rt_robot_os.features.health.rule_terms import Moved
-from rt_robot_os.features.health.rule_terms import Number
-from rt_robot_os.features.health.rule_terms import Ref
-from rt_robot_os.features.health.rule_terms import Rule
-from rt_robot_os.features.health.rule_terms import Silent
-from rt_robot_os.features.health.rule_terms import Text
-from rt_robot_os.features.health.rule_units import converted
-from rt_robot_os.features.health.rule_units import unit_of
-from rt_robot_os.features.health.rule_words import RuleError
+from rt_robot_os.features.health.rule.terms import Compare
+from rt_robot_os.features.health.rule.terms import Condition
+from rt_robot_os.features.health.rule.terms import conditions_of
+from rt_robot_os.features.health.rule.terms import mapped
+from rt_robot_os.features.health.rule.terms import Moved
+from rt_robot_os.features.health.rule.terms import Number
+from rt_robot_os.features.health.rule.terms import Ref
+from rt_robot_os.features.health.rule.terms import Rule
+from rt_robot_os.features.health.rule.terms import Silent
+from rt_robot_os.features.health.rule.terms import Text
+from rt_robot_os.features.health.rule.tokens import RuleError
+from rt_robot_os.features.health.rule.units import converted
+from rt_robot_os.features.health.rule.units import unit_of
 from rt_robot_os.topics import Layout
 from rt_robot_os.topics.field_path import field_reader
 

@@ -17,7 +17,7 @@
 A rule of a user's own: while it is true, it is the cause of an alarm.
 
 The text is read, and its topics and fields are checked, with the rest of the configuration. What a
-rule means is in :mod:`rt_robot_os.features.health.rule_state`; here are topics, times and words.
+rule means is in :mod:`rt_robot_os.features.health.rule.evaluation`; here are topics, times and words.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.base.schema import STAR
 from rt_robot_os.base.schema import TopicRead
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.health.rule.evaluation import RuleState
+from rt_robot_os.features.health.rule.evaluation import Transition
 from rt_robot_os.features.health.rule.fields import checked
 from rt_robot_os.features.health.rule.fields import lines_of
+from rt_robot_os.features.health.rule.parser import read_rule
+from rt_robot_os.features.health.rule.parser import RuleError
+from rt_robot_os.features.health.rule.terms import conditions_of
+from rt_robot_os.features.health.rule.terms import refs_of
+from rt_robot_os.features.health.rule.terms import Silent
 from rt_robot_os.features.health.rule.watched import bound_rules
 from rt_robot_os.features.health.rule.watched import WatchedRules
-from rt_robot_os.features.health.rule_state import RuleState
-from rt_robot_os.features.health.rule_state import Transition
-from rt_robot_os.features.health.rule_terms import conditions_of
-from rt_robot_os.features.health.rule_terms import refs_of
-from rt_robot_os.features.health.rule_terms import Silent
-from rt_robot_os.features.health.rule_text import read_rule
-from rt_robot_os.features.health.rule_text import RuleError
 from rt_robot_os.kernel import Task
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import check_kind

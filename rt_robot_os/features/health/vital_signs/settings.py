@@ -27,7 +27,7 @@ from rt_robot_os.base.schema import Field
 from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.health.duration import duration_ns
-from rt_robot_os.features.health.sensor_source import Times
+from rt_robot_os.features.health.vital_signs.sensor import Times
 from rt_robot_os.messages.signs import checked_sign
 from rt_robot_os.messages.signs import SIGNS
 

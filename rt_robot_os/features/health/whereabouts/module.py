@@ -16,8 +16,8 @@
 """
 Where a person is, and whether they have not moved, stay or are away for too long.
 
-What is known of places and movements is in :mod:`rt_robot_os.features.health.place` and
-:mod:`rt_robot_os.features.health.activity`; here are topics, the order of samples, and words.
+What is known of places and movements is in :mod:`rt_robot_os.features.health.whereabouts.place_estimate` and
+:mod:`rt_robot_os.features.health.whereabouts.activity`; here are topics, the order of samples, and words.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from typing import Final
 from rt_robot_os.base.schema import TopicRead
 from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.health.activity import Activity
-from rt_robot_os.features.health.activity import Finding
-from rt_robot_os.features.health.activity import LEFT_HOME
-from rt_robot_os.features.health.activity import NO_MOVEMENT
-from rt_robot_os.features.health.activity import WANDERING
-from rt_robot_os.features.health.place import PlaceEstimate
-from rt_robot_os.features.health.place import Rooms
-from rt_robot_os.features.health.place import Sighting
+from rt_robot_os.features.health.rule.evaluation import RuleState
 from rt_robot_os.features.health.rule.fields import checked
+from rt_robot_os.features.health.rule.terms import refs_of
 from rt_robot_os.features.health.rule.watched import bound_rules
 from rt_robot_os.features.health.rule.watched import SETTLING_NS
 from rt_robot_os.features.health.rule.watched import WatchedRules
-from rt_robot_os.features.health.rule_state import RuleState
-from rt_robot_os.features.health.rule_terms import refs_of
 from rt_robot_os.features.health.vital_signs.settings import checked_person
+from rt_robot_os.features.health.whereabouts.activity import Activity
+from rt_robot_os.features.health.whereabouts.activity import Finding
+from rt_robot_os.features.health.whereabouts.activity import LEFT_HOME
+from rt_robot_os.features.health.whereabouts.activity import NO_MOVEMENT
+from rt_robot_os.features.health.whereabouts.activity import WANDERING
+from rt_robot_os.features.health.whereabouts.place_estimate import PlaceEstimate
+from rt_robot_os.features.health.whereabouts.place_estimate import Rooms
+from rt_robot_os.features.health.whereabouts.place_estimate import Sighting
 from rt_robot_os.features.health.whereabouts.senses import Senses
 from rt_robot_os.features.health.whereabouts.senses import taking
 from rt_robot_os.features.health.whereabouts.settings import check_names

@@ -24,9 +24,9 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.health.place import PlaceEstimate
-from rt_robot_os.features.health.place import SEEN
-from rt_robot_os.features.health.place import Sighting
+from rt_robot_os.features.health.whereabouts.place_estimate import PlaceEstimate
+from rt_robot_os.features.health.whereabouts.place_estimate import SEEN
+from rt_robot_os.features.health.whereabouts.place_estimate import Sighting
 from rt_robot_os.messages.network_rows import rows_of
 from rt_robot_os.messages.survey import SurveyedNode
 from rt_robot_os.topics import Subscription

@@ -21,9 +21,9 @@ import math
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.features.health.sensor_source import Change
-from rt_robot_os.features.health.sensor_source import SensorSource
-from rt_robot_os.features.health.sensor_source import SILENT
+from rt_robot_os.features.health.vital_signs.sensor import Change
+from rt_robot_os.features.health.vital_signs.sensor import SensorSource
+from rt_robot_os.features.health.vital_signs.sensor import SILENT
 from rt_robot_os.messages.signs import Sign
 from rt_robot_os.modules.debounce import Debounce
 

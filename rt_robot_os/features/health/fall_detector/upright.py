@@ -28,9 +28,9 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.health.motion_history import angle_deg
-from rt_robot_os.features.health.motion_history import MotionHistory
-from rt_robot_os.features.health.motion_history import Vector
+from rt_robot_os.features.health.fall_detector.motion_history import angle_deg
+from rt_robot_os.features.health.fall_detector.motion_history import MotionHistory
+from rt_robot_os.features.health.fall_detector.motion_history import Vector
 
 _STEP_G: Final = 1.12
 _STEP_NS: Final = 250 * NS_PER_MS

@@ -23,9 +23,9 @@ from typing import Final
 
 from rt_robot_os.base.schema import Field
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.health.pulse import Pulse
-from rt_robot_os.features.health.pulse import PulseMeter
-from rt_robot_os.features.health.pulse import WINDOW_S
+from rt_robot_os.features.health.pulse_check.pulse_meter import Pulse
+from rt_robot_os.features.health.pulse_check.pulse_meter import PulseMeter
+from rt_robot_os.features.health.pulse_check.pulse_meter import WINDOW_S
 from rt_robot_os.modules.base import Module
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output

@@ -23,7 +23,7 @@ import pytest
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.features.health.oximeter.driver import Oximeter
 from rt_robot_os.features.health.oximeter.simulated import SimulatedOximeter
-from rt_robot_os.features.health.pulse import PulseMeter
+from rt_robot_os.features.health.pulse_check.pulse_meter import PulseMeter
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world_settings import WorldSettings
 from rt_robot_os.testing import rig

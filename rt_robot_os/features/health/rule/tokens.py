@@ -23,7 +23,7 @@ import re
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.features.health.rule_terms import Span
+from rt_robot_os.features.health.rule.terms import Span
 
 #: Longer texts are no rules.
 LONGEST: Final = 2000

@@ -22,9 +22,9 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.wsn.battery_life import BatteryLife
 from rt_robot_os.features.wsn.battery_life import Curve
-from rt_robot_os.features.wsn.node_position import LinkLog
-from rt_robot_os.features.wsn.node_position import Place
-from rt_robot_os.features.wsn.sequence_account import SequenceAccount
+from rt_robot_os.features.wsn.sensor_network.node_position import LinkLog
+from rt_robot_os.features.wsn.sensor_network.node_position import Place
+from rt_robot_os.features.wsn.sensor_network.sequence_account import SequenceAccount
 from rt_robot_os.messages.network_rows import NodeRow
 from rt_robot_os.messages.network_rows import NodeState
 

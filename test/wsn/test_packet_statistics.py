@@ -23,8 +23,8 @@ import struct
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rt_robot_os.features.wsn.simulator.ledger import Gap
-from rt_robot_os.features.wsn.simulator.ledger import Ledger
+from rt_robot_os.features.wsn.simulator.packet_statistics import Gap
+from rt_robot_os.features.wsn.simulator.packet_statistics import Ledger
 from rt_robot_os.features.wsn.simulator.pcap import PcapWriter
 
 

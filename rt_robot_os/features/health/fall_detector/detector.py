@@ -34,14 +34,14 @@ from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.health.fall_limits import FallLimits
-from rt_robot_os.features.health.motion_history import angle_deg
-from rt_robot_os.features.health.motion_history import MotionHistory
-from rt_robot_os.features.health.motion_history import Span
-from rt_robot_os.features.health.motion_history import Vector
-from rt_robot_os.features.health.not_worn import NotWorn
-from rt_robot_os.features.health.recovery import Recovery
-from rt_robot_os.features.health.upright import UprightDirection
+from rt_robot_os.features.health.fall_detector.limits import FallLimits
+from rt_robot_os.features.health.fall_detector.motion_history import angle_deg
+from rt_robot_os.features.health.fall_detector.motion_history import MotionHistory
+from rt_robot_os.features.health.fall_detector.motion_history import Span
+from rt_robot_os.features.health.fall_detector.motion_history import Vector
+from rt_robot_os.features.health.fall_detector.not_worn import NotWorn
+from rt_robot_os.features.health.fall_detector.recovery import Recovery
+from rt_robot_os.features.health.fall_detector.upright import UprightDirection
 
 #: No accelerometer that is worn feels more, in g.
 IMPLAUSIBLE_G: Final = 400.0

@@ -21,20 +21,20 @@ from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.features.health.rule_state import RuleState
-from rt_robot_os.features.health.rule_state import Transition
-from rt_robot_os.features.health.rule_terms import And
-from rt_robot_os.features.health.rule_terms import Changed
-from rt_robot_os.features.health.rule_terms import Compare
-from rt_robot_os.features.health.rule_terms import For
-from rt_robot_os.features.health.rule_terms import Moved
-from rt_robot_os.features.health.rule_terms import Not
-from rt_robot_os.features.health.rule_terms import Number
-from rt_robot_os.features.health.rule_terms import Or
-from rt_robot_os.features.health.rule_terms import Ref
-from rt_robot_os.features.health.rule_terms import Rule
-from rt_robot_os.features.health.rule_terms import Silent
-from rt_robot_os.features.health.rule_text import read_rule
+from rt_robot_os.features.health.rule.evaluation import RuleState
+from rt_robot_os.features.health.rule.evaluation import Transition
+from rt_robot_os.features.health.rule.parser import read_rule
+from rt_robot_os.features.health.rule.terms import And
+from rt_robot_os.features.health.rule.terms import Changed
+from rt_robot_os.features.health.rule.terms import Compare
+from rt_robot_os.features.health.rule.terms import For
+from rt_robot_os.features.health.rule.terms import Moved
+from rt_robot_os.features.health.rule.terms import Not
+from rt_robot_os.features.health.rule.terms import Number
+from rt_robot_os.features.health.rule.terms import Or
+from rt_robot_os.features.health.rule.terms import Ref
+from rt_robot_os.features.health.rule.terms import Rule
+from rt_robot_os.features.health.rule.terms import Silent
 
 S = 10**9
 NAMES = ('a', 'b')

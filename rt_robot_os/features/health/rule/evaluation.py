@@ -34,20 +34,20 @@ import operator
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.features.health.rule_terms import And
-from rt_robot_os.features.health.rule_terms import Changed
-from rt_robot_os.features.health.rule_terms import Compare
-from rt_robot_os.features.health.rule_terms import For
-from rt_robot_os.features.health.rule_terms import Moved
-from rt_robot_os.features.health.rule_terms import Not
-from rt_robot_os.features.health.rule_terms import Number
-from rt_robot_os.features.health.rule_terms import Or
-from rt_robot_os.features.health.rule_terms import Ref
-from rt_robot_os.features.health.rule_terms import refs_of
-from rt_robot_os.features.health.rule_terms import Rule
-from rt_robot_os.features.health.rule_terms import Silent
-from rt_robot_os.features.health.rule_terms import Text
-from rt_robot_os.features.health.sample_window import SampleWindow
+from rt_robot_os.features.health.rule.sample_window import SampleWindow
+from rt_robot_os.features.health.rule.terms import And
+from rt_robot_os.features.health.rule.terms import Changed
+from rt_robot_os.features.health.rule.terms import Compare
+from rt_robot_os.features.health.rule.terms import For
+from rt_robot_os.features.health.rule.terms import Moved
+from rt_robot_os.features.health.rule.terms import Not
+from rt_robot_os.features.health.rule.terms import Number
+from rt_robot_os.features.health.rule.terms import Or
+from rt_robot_os.features.health.rule.terms import Ref
+from rt_robot_os.features.health.rule.terms import refs_of
+from rt_robot_os.features.health.rule.terms import Rule
+from rt_robot_os.features.health.rule.terms import Silent
+from rt_robot_os.features.health.rule.terms import Text
 
 NEVER: Final = math.inf
 Value = float | str

@@ -27,10 +27,10 @@ import pytest
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.health.assessment import Assessment
-from rt_robot_os.features.health.sensor_source import Change
-from rt_robot_os.features.health.sensor_source import SensorSource
-from rt_robot_os.features.health.sensor_source import Times
 from rt_robot_os.features.health.vital_signs import VitalSigns
+from rt_robot_os.features.health.vital_signs.sensor import Change
+from rt_robot_os.features.health.vital_signs.sensor import SensorSource
+from rt_robot_os.features.health.vital_signs.sensor import Times
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.messages.signs import SIGNS
 from rt_robot_os.testing.fakes import settings_of

@@ -25,8 +25,8 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.wsn.network_model import NetworkModel
-from rt_robot_os.features.wsn.network_node import NetworkNode
+from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
+from rt_robot_os.features.wsn.sensor_network.node import NetworkNode
 from rt_robot_os.messages.network_rows import NodeState
 
 #: Troubles that are told at once, at most; the rest are counted.

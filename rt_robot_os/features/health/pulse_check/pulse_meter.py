@@ -17,7 +17,7 @@ The pulse rate as the waveform of a pulse oximeter shows it, while it comes or f
 
 It is a second opinion on what the device says: found in another way, from the same finger. Where
 the wave cannot be believed there is no rate, with the reason; see
-:mod:`rt_robot_os.features.health.beats`.
+:mod:`rt_robot_os.features.health.pulse_check.beats`.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from rt_robot_os.features.health.beats import bridged
-from rt_robot_os.features.health.beats import pulse_beats
-from rt_robot_os.features.health.beats import slope_sum
-from rt_robot_os.features.health.beats import STRONGEST
-from rt_robot_os.features.health.beats import THRESHOLD
-from rt_robot_os.features.health.beats import usual_peak
+from rt_robot_os.features.health.pulse_check.beats import bridged
+from rt_robot_os.features.health.pulse_check.beats import pulse_beats
+from rt_robot_os.features.health.pulse_check.beats import slope_sum
+from rt_robot_os.features.health.pulse_check.beats import STRONGEST
+from rt_robot_os.features.health.pulse_check.beats import THRESHOLD
+from rt_robot_os.features.health.pulse_check.beats import usual_peak
 
 Floats = npt.NDArray[np.float64]
 

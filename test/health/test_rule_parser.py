@@ -22,23 +22,23 @@ from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.features.health.rule_terms import And
-from rt_robot_os.features.health.rule_terms import Changed
-from rt_robot_os.features.health.rule_terms import Compare
-from rt_robot_os.features.health.rule_terms import For
-from rt_robot_os.features.health.rule_terms import Moved
-from rt_robot_os.features.health.rule_terms import Not
-from rt_robot_os.features.health.rule_terms import Number
-from rt_robot_os.features.health.rule_terms import Or
-from rt_robot_os.features.health.rule_terms import Ref
-from rt_robot_os.features.health.rule_terms import Rule
-from rt_robot_os.features.health.rule_terms import Silent
-from rt_robot_os.features.health.rule_terms import Text
-from rt_robot_os.features.health.rule_text import read_rule
-from rt_robot_os.features.health.rule_text import RuleError
-from rt_robot_os.features.health.rule_units import converted
-from rt_robot_os.features.health.rule_units import unit_of
-from rt_robot_os.features.health.rule_units import UNITS
+from rt_robot_os.features.health.rule.parser import read_rule
+from rt_robot_os.features.health.rule.parser import RuleError
+from rt_robot_os.features.health.rule.terms import And
+from rt_robot_os.features.health.rule.terms import Changed
+from rt_robot_os.features.health.rule.terms import Compare
+from rt_robot_os.features.health.rule.terms import For
+from rt_robot_os.features.health.rule.terms import Moved
+from rt_robot_os.features.health.rule.terms import Not
+from rt_robot_os.features.health.rule.terms import Number
+from rt_robot_os.features.health.rule.terms import Or
+from rt_robot_os.features.health.rule.terms import Ref
+from rt_robot_os.features.health.rule.terms import Rule
+from rt_robot_os.features.health.rule.terms import Silent
+from rt_robot_os.features.health.rule.terms import Text
+from rt_robot_os.features.health.rule.units import converted
+from rt_robot_os.features.health.rule.units import unit_of
+from rt_robot_os.features.health.rule.units import UNITS
 
 SMOKE = Compare(Ref('wsn/kitchen/smoke', 'data'), '>', Number(0.5))
 HEAT = Compare(Ref('t', 'temperature'), '>', Number(45.0, 'degC'))

@@ -25,9 +25,9 @@ from collections.abc import Iterable
 import math
 from typing import NamedTuple
 
-from rt_robot_os.features.health.limit_text import Limit
-from rt_robot_os.features.health.limit_text import TrendLimit
-from rt_robot_os.features.health.trend import Trend
+from rt_robot_os.features.health.assessment.limits import Limit
+from rt_robot_os.features.health.assessment.limits import TrendLimit
+from rt_robot_os.features.health.assessment.trend import Trend
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.messages.signs import SIGNS
 from rt_robot_os.modules.debounce import Debounce

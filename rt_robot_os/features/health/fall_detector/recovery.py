@@ -20,11 +20,11 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.health.fall_limits import FallLimits
-from rt_robot_os.features.health.motion_history import angle_deg
-from rt_robot_os.features.health.motion_history import MotionHistory
-from rt_robot_os.features.health.motion_history import Vector
-from rt_robot_os.features.health.upright import StepCounter
+from rt_robot_os.features.health.fall_detector.limits import FallLimits
+from rt_robot_os.features.health.fall_detector.motion_history import angle_deg
+from rt_robot_os.features.health.fall_detector.motion_history import MotionHistory
+from rt_robot_os.features.health.fall_detector.motion_history import Vector
+from rt_robot_os.features.health.fall_detector.upright import StepCounter
 
 # A sensor that was taken off and put upright does not move by that.
 _MOVES_G: Final = 0.12

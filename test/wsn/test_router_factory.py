@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from fake_node import FakeNode
 from rt_robot_os.features.wsn.routing.ctp import Ctp
-from rt_robot_os.features.wsn.simulator.routers import router_factory
+from rt_robot_os.features.wsn.simulator.router_factory import router_factory
 from rt_robot_os.features.wsn.simulator.scenario import Scenario
 from rt_robot_os.features.wsn.simulator.scenario import settled
 

@@ -24,9 +24,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 import math
 
-from rt_robot_os.features.health.news2 import Risk
-from rt_robot_os.features.health.news2 import risk_of
-from rt_robot_os.features.health.news2 import Score
+from rt_robot_os.features.health.assessment.news2 import Risk
+from rt_robot_os.features.health.assessment.news2 import risk_of
+from rt_robot_os.features.health.assessment.news2 import Score
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.modules.debounce import Debounce
 
