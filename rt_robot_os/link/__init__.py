@@ -37,7 +37,7 @@ _PLACES: Final = {
     'LinkClient': 'client',
     'LinkServer': 'server',
     'TopicInfo': 'client',
-    'socket_path': 'paths',
+    'socket_path': '.linux.paths',
 }
 __all__ = ['LinkClient', 'LinkServer', 'socket_path', 'TopicInfo']
 

@@ -34,7 +34,7 @@ _OWN: Final = {
     'person_finder': 'rt_robot_os.features.agent.person_finder:PersonFinder',
     'planner': 'rt_robot_os.features.navigation.planner:Planner',
     'pulse_check': 'rt_robot_os.features.health.pulse_check:PulseCheck',
-    'rule': 'rt_robot_os.features.health.rule:Rule',
+    'rule': 'rt_robot_os.features.health.rule:RuleModule',
     'sensor_network': 'rt_robot_os.features.wsn.sensor_network:SensorNetwork',
     'sensor_readings': 'rt_robot_os.features.wsn.sensor_readings:SensorReadings',
     'trajectory': 'rt_robot_os.features.navigation.trajectory:Trajectory',

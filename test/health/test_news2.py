@@ -181,7 +181,7 @@ def test_scale_2_above_92_without_knowing_of_oxygen_is_missing() -> None:
 
 
 def test_a_scale_that_there_is_not_is_refused() -> None:
-    with pytest.raises(ValueError, match='it must be 1, or 2'):
+    with pytest.raises(ValueError, match='must be 1, or 2'):
         score(NORMAL, 3)
 
 

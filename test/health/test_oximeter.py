@@ -86,7 +86,7 @@ def test_a_frame_of_each_format_is_that_of_the_specification() -> None:
     # Status with SYNC and a good pulse, sample 0x1234, float byte 0x48; the sum modulo 256.
     assert wire.frame(7, wire.SYNC | wire.GOOD, 0x1234, 0x48) == bytes.fromhex('83 12 34 48 11')
     assert wire.frame(2, wire.SYNC | wire.GOOD, 0x1234, 0x48) == bytes.fromhex('01 83 12 48 de')
-    assert wire.order(7) == bytes.fromhex('02 70 02 02 07 03')
+    assert wire.format_command(7) == bytes.fromhex('02 70 02 02 07 03')
 
 
 def test_pulse_and_timer_are_put_together_of_seven_bits_each() -> None:
@@ -230,12 +230,12 @@ def test_the_format_is_ordered_until_it_comes() -> None:
     with scripted(Oximeter, [b'\x06' + packet()], configure=True) as (device, _):
         device.write(10**9)
         device.write(15 * 10**8)
-        assert b''.join(device._port.written) == wire.order(7)
+        assert b''.join(device._port.written) == wire.format_command(7)
         device.write(20 * 10**8)
-        assert b''.join(device._port.written) == 2 * wire.order(7)
+        assert b''.join(device._port.written) == 2 * wire.format_command(7)
         device.read(21 * 10**8)
         device.write(40 * 10**8)
-        assert b''.join(device._port.written) == 2 * wire.order(7)
+        assert b''.join(device._port.written) == 2 * wire.format_command(7)
 
 
 def test_another_format_is_recognised() -> None:

@@ -89,7 +89,7 @@ def test_a_device_that_is_right_is_agreed_with() -> None:
 
 def test_a_device_that_is_wrong_is_suspect_after_a_while_and_trusted_again() -> None:
     texts, _, _ = verdicts([(80, 40), (80, 80)], 48)
-    suspect = 'suspect: the device says 40/min and its wave shows 80/min'
+    suspect = 'suspect: the device reports 40/min and its wave shows 80/min'
     assert suspect not in texts[:18] and texts[22] == suspect
     assert texts[-1] == 'agrees'
     _, _, statistics = verdicts([(80, 40)], 24)
@@ -106,7 +106,7 @@ def test_a_wave_without_a_pulse_says_nothing_against_the_device() -> None:
 def test_a_device_without_a_value_is_no_disagreement() -> None:
     texts, rates, _ = verdicts([(72, math.nan)], 24)
     assert len(rates) > 10
-    assert texts[-1] == 'unknown: the device tells no pulse'
+    assert texts[-1] == 'unknown: the device reports no pulse'
 
 
 def test_a_wave_with_a_gap_is_begun_anew() -> None:

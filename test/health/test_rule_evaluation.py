@@ -45,19 +45,19 @@ def transitions(text: str, samples: Samples, until: int, *, stale: int = 0, clea
                 rule: Rule | None = None) -> list[tuple[int, bool]]:
     """Return what a rule did, in seconds; samples are (second, topic, value)."""
     state = RuleState(rule or read_rule(text), stale * S, clear * S)
-    state.begin(0)
+    state.start(0)
     found: list[Transition] = []
     times: dict[int, list[tuple[str, float]]] = {}
     for time, topic, value in samples:
         times.setdefault(time, []).append((topic, value))
     for time, values in sorted(times.items()):
-        found += state.pass_time(time * S, through=False)
+        found += state.advance(time * S, through=False)
         for topic, value in values:
             for number, ref in enumerate(state.refs):
                 if ref.topic == topic:
-                    state.take(number, value if ref.path else None, time * S)
-        found += state.pass_time(time * S)
-    found += state.pass_time(until * S)
+                    state.update(number, value if ref.path else None, time * S)
+        found += state.advance(time * S)
+    found += state.advance(until * S)
     assert all(each.time_ns % S == 0 for each in found)
     return [(each.time_ns // S, each.active) for each in found]
 
@@ -108,12 +108,12 @@ def test_it_is_over_only_after_the_time_to_clear() -> None:
 
 def test_what_comes_too_late_counts_from_then() -> None:
     state = RuleState(read_rule('a.x > 0.5 for 3 s'))
-    state.begin(0)
-    state.pass_time(10 * S)
-    state.take(0, 1.0, 10 * S)
-    state.pass_time(10 * S)
-    state.take(0, 0.0, 2 * S)
-    assert state.pass_time(20 * S) == []
+    state.start(0)
+    state.advance(10 * S)
+    state.update(0, 1.0, 10 * S)
+    state.advance(10 * S)
+    state.update(0, 0.0, 2 * S)
+    assert state.advance(20 * S) == []
 
 
 # ---- against a plain reading --------------------------------------------------------------------
@@ -139,7 +139,7 @@ class Plain:
             return [decides if decides in row else None if None in row else not decides
                     for row in zip(*map(self.truth, rule.rules))]
         if isinstance(rule, For):
-            inner, length = self.truth(rule.rule), rule.lasting_ns // S
+            inner, length = self.truth(rule.rule), rule.duration_ns // S
             return [None if inner[now] is None else
                     bool(inner[now]) and now >= length and all(inner[now - length:now + 1])
                     for now in range(self.until + 1)]
@@ -173,7 +173,7 @@ class Plain:
     def event(self, rule: Silent | Changed | Moved, now: int) -> bool | None:
         known = [each for each in self.by_topic[rule.ref.topic] if each[0] <= now]
         if isinstance(rule, Silent):
-            return now - (known[-1][0] if known else 0) >= rule.lasting_ns // S
+            return now - (known[-1][0] if known else 0) >= rule.duration_ns // S
         within = rule.within_ns // S
         if isinstance(rule, Changed):
             so = any(before[1] != after[1] and now - after[0] < within
@@ -184,9 +184,9 @@ class Plain:
             recent = [value for time, value in known if time // part > now // part - 60]
             pairs = [later - first for place, first in enumerate(recent)
                      for later in recent[place:]]
-            if rule.way == 'falls':
+            if rule.direction == 'falls':
                 pairs = [-each for each in pairs]
-            elif rule.way == 'moves':
+            elif rule.direction == 'moves':
                 pairs = [abs(each) for each in pairs]
             so = any(each >= rule.amount.value for each in pairs)
         if so:
@@ -240,11 +240,11 @@ def test_it_does_what_the_words_say(rule: Rule, samples: Samples, stale: int, cl
 @pytest.mark.parametrize('length_s', [1, 60, 3600])
 def test_a_window_takes_no_more_room_however_fast_the_samples(length_s: int) -> None:
     state = RuleState(read_rule(f'a.x moves 5000 within {length_s} s'))
-    state.begin(0)
+    state.start(0)
     for each in range(5000):
         time_ns = each * length_s * S // 1000
-        state.pass_time(time_ns, through=False)
-        state.take(0, float(each), time_ns)
-        state.pass_time(time_ns)
+        state.advance(time_ns, through=False)
+        state.update(0, float(each), time_ns)
+        state.advance(time_ns)
     window = state._sources[0].windows[0]
     assert len(window._parts) <= 61 and window.spans('rises') == pytest.approx(1000.0, abs=20.0)

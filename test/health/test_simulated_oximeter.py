@@ -51,7 +51,7 @@ def test_its_wave_has_the_pulse_that_it_says(tmp_path: Path) -> None:
         assert values(made, 3)[-1] == 'measuring, perfusion good'
         meter = PulseMeter(75.0)
         meter.add(wave(made))
-        assert meter.look().rate_per_min == pytest.approx(88.0, abs=1.0)
+        assert meter.measure().rate_per_min == pytest.approx(88.0, abs=1.0)
 
 
 def test_what_befalls_it_is_told_and_no_number_is_published(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_a_recorded_wave_is_played_with_its_own_pulse(data_dir: Path, tmp_path: 
         assert values(made, 0)[-1] == pytest.approx(127.0, abs=3.0)
         meter = PulseMeter(75.0)
         meter.add(wave(made))
-        assert meter.look().rate_per_min == pytest.approx(127.0, abs=3.0)
+        assert meter.measure().rate_per_min == pytest.approx(127.0, abs=3.0)
 
 
 def test_it_measures_who_wears_it(tmp_path: Path) -> None:
@@ -128,6 +128,6 @@ def test_a_recording_that_cannot_be_read_is_told(
 def test_numbers_in_other_columns_are_told(tmp_path: Path) -> None:
     path = tmp_path / 'numbers.csv'
     path.write_text('time,heart\n1,2\n')
-    with pytest.raises(ConfigError, match='it needs the columns minute, PULSE or HR and SpO2'):
+    with pytest.raises(ConfigError, match='must have the columns minute, PULSE or HR and SpO2'):
         with rig(tmp_path, SimulatedOximeter, Oximeter, sim={'numerics': str(path)}):
             pass

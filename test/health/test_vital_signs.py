@@ -28,9 +28,9 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.health.assessment import Assessment
 from rt_robot_os.features.health.vital_signs import VitalSigns
-from rt_robot_os.features.health.vital_signs.sensor import Change
-from rt_robot_os.features.health.vital_signs.sensor import SensorSource
-from rt_robot_os.features.health.vital_signs.sensor import Times
+from rt_robot_os.features.health.vital_signs.sensor import SensorChange
+from rt_robot_os.features.health.vital_signs.sensor import SensorTimeouts
+from rt_robot_os.features.health.vital_signs.sensor import SignSensor
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.messages.signs import SIGNS
 from rt_robot_os.testing.fakes import settings_of
@@ -196,15 +196,15 @@ def test_one_reading_far_from_all_others_is_not_believed_but_a_change_that_lasts
 
 @pytest.mark.parametrize('looks_per_s', [0, 1, 7])
 def test_it_is_the_same_however_often_somebody_looks(looks_per_s: int) -> None:
-    source = SensorSource(SIGNS['pulse_per_min'], 'wrist', Times(
+    source = SignSensor(SIGNS['pulse_per_min'], 'wrist', SensorTimeouts(
         120 * NS_PER_S, 60 * NS_PER_S, 10 * NS_PER_S), 0)
-    found: list[Change] = []
+    found: list[SensorChange] = []
     for time_s in range(200):
         stamp_ns = time_s * NS_PER_S
         for look in range(looks_per_s):
             found += source.advance(stamp_ns - NS_PER_S + look * NS_PER_S // looks_per_s)
         found += source.advance(stamp_ns - 1)
-        source.take(0.0 if 20 <= time_s < 150 else 72.0, stamp_ns)
+        source.update(0.0 if 20 <= time_s < 150 else 72.0, stamp_ns)
     assert [(each.stamp_ns / NS_PER_S, bool(each.trouble)) for each in found] == [
         (80.0, True), (160.0, False)]
 
@@ -213,13 +213,13 @@ def test_it_is_the_same_however_often_somebody_looks(looks_per_s: int) -> None:
     ({'sources': []}, 'sources is empty'),
     ({'sources': ['wsn/wrist/puls_per_min']}, 'did you mean pulse_per_min?'),
     ({'sources': ['pulse_per_min a b c']}, 'must be TOPIC, SIGN TOPIC'),
-    ({'sources': [PULSE, PULSE]}, 'it is there twice'),
-    ({'sources': [PULSE + ' as 1x']}, 'is no name'),
+    ({'sources': [PULSE, PULSE]}, 'it is listed twice'),
+    ({'sources': [PULSE + ' as 1x']}, 'is not a name'),
     ({'sources': [PULSE], 'person': 'anna smith'}, 'must be a letter'),
-    ({'sources': [PULSE], 'stale_limits': ['pulse_per_min soon']}, 'is no duration'),
-    ({'sources': [PULSE], 'stale_limits': ['pulse_per_min 0 s']}, 'must be 1 s at least'),
-    ({'sources': ['spo2_percent ' + PULSE]}, 'by its name pulse_per_min, not spo2_percent'),
-    ({'sources': [PULSE], 'stale_limits': ['puls 3 s']}, 'is no sign')])
+    ({'sources': [PULSE], 'stale_limits': ['pulse_per_min soon']}, 'is not a duration'),
+    ({'sources': [PULSE], 'stale_limits': ['pulse_per_min 0 s']}, 'must be at least 1 s'),
+    ({'sources': ['spo2_percent ' + PULSE]}, 'that of the sign pulse_per_min, not spo2_percent'),
+    ({'sources': [PULSE], 'stale_limits': ['puls 3 s']}, 'unknown sign')])
 def test_what_cannot_be_meant_is_refused(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=words.replace('?', r'\?')):
         VitalSigns('signs', settings_of(VitalSigns, **{'person': 'anna', **changes}))
@@ -261,5 +261,5 @@ def test_a_module_that_no_silence_would_release_is_refused(kind: Any, changes: A
     with ModuleBench() as bench:
         bench.topic(PULSE, 'std_msgs/msg/Float64' if kind is VitalSigns else 'std_msgs/msg/String')
         bench.add(kind, person='anna', **changes)
-        with pytest.raises(ConfigError, match='rate_hz is 0: nothing would release it'):
+        with pytest.raises(ConfigError, match='rate_hz is 0: the module must be released'):
             bench.run(1.0)

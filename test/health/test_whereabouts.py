@@ -362,14 +362,14 @@ def test_who_was_seen_at_the_door_last_has_left() -> None:
 
 @pytest.mark.parametrize('settings, told', [
     ({'person': 'an na'}, 'anna.person'),
-    ({'rooms': ['kitchen 0 0 3']}, 'is no room: write a name and two corners'),
+    ({'rooms': ['kitchen 0 0 3']}, 'is not a room: write a name and two corners'),
     ({'rooms': ['kitchen 3 0 0 4']}, 'the lower left one first'),
-    ({'still': ['attic 2 h']}, "'attic' is none of the rooms, entry, hall, kitchen"),
-    ({'still': ['hall forever']}, "'forever' is no duration"),
-    ({'exits': ['gate']}, "'gate' is none of the nodes"),
-    ({'away_s': 60.0}, 'name the nodes at the ways out'),
-    ({'others': ['anna']}, 'take it out'),
-    ({'movement': ['wsn/wrist/x.data moves']}, 'anna.movement: the end cannot stand here'),
+    ({'still': ['attic 2 h']}, "unknown room 'attic', must be one of the setting rooms: entry, hall, kitchen"),
+    ({'still': ['hall forever']}, "'forever' is not a duration"),
+    ({'exits': ['gate']}, "unknown node 'gate'"),
+    ({'away_s': 60.0}, 'name the nodes at the exits'),
+    ({'others': ['anna']}, 'remove it'),
+    ({'movement': ['wsn/wrist/x.data moves']}, 'anna.movement: the end is not valid here'),
 ])
 def test_settings_that_cannot_be_are_refused(settings: dict[str, Any], told: str) -> None:
     with pytest.raises(ConfigError, match=told):

@@ -19,7 +19,7 @@
  * and how is told by compiled/__init__.py, which decides whether it is used.
  */
 
-#include "../kernel/_core.h"
+#include "../../kernel/_core.h"
 
 #if defined(__clang__)
 #define COMPILER __VERSION__

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Personal limits and trends at work: which are broken, from when to when.
+Evaluation of personal limits and trends: which are exceeded, from when to when.
 
-Nothing is concluded from what is not known: while a sign has no good value no limit begins to be
-broken, and none that is broken is over.
+A sign without a good value changes nothing: no limit becomes exceeded, and a limit that is
+exceeded stays so.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ from rt_robot_os.messages.signs import SIGNS
 from rt_robot_os.modules.debounce import Debounce
 
 _NS_PER_S = 1_000_000_000
-# What has no duration of its own is over only when it has been for so long.
+# Least time below a limit before it counts as no longer exceeded.
 _CLEAR_NS = 10 * _NS_PER_S
-# A trend is over when it is less than that share of its limit.
+# A trend ends below this share of its limit.
 _TREND_CLEAR = 0.5
 
 
-class Finding(NamedTuple):
+class LimitChange(NamedTuple):
     """
-    What limits and trends say of one kind of trouble.
+    The level of one kind of cause has changed.
 
     :ivar kind: of the cause.
-    :ivar level: the worst of those that are broken; None: it is over.
+    :ivar level: the highest level of the exceeded limits; None: no limit is exceeded.
     :ivar text: for people.
     :ivar value: of the sign, or of its change.
-    :ivar stamp_ns: since when.
+    :ivar stamp_ns: time of the change.
     """
 
     kind: str
@@ -57,8 +57,8 @@ class Finding(NamedTuple):
     stamp_ns: int
 
 
-class _Broken:
-    """Whether a limit is broken."""
+class _LimitState:
+    """State of a limit."""
 
     __slots__ = ('limit', 'debounce')
 
@@ -67,8 +67,8 @@ class _Broken:
         self.debounce = Debounce(limit.for_ns, max(limit.for_ns, _CLEAR_NS))
 
 
-class _Changing:
-    """Whether a sign changes too fast."""
+class _TrendState:
+    """State of a trend limit."""
 
     __slots__ = ('limit', 'trend', 'on')
 
@@ -78,7 +78,7 @@ class _Changing:
         self.on = False
 
     def put(self, value: float, stamp_ns: int) -> bool:
-        """Take a value; return whether it is another than before."""
+        """Add a value; return whether the state changed."""
         if not self.trend.put(value, stamp_ns) or math.isnan(self.trend.change):
             return False
         change = self.trend.change if self.limit.is_rising else -self.trend.change
@@ -90,72 +90,72 @@ class LimitWatch:
     """All limits and trends of a person; safe in the real-time loop."""
 
     def __init__(self, limits: Iterable[Limit | TrendLimit]) -> None:
-        """Take the limits; several of one kind, such as two levels, are one trouble."""
+        """Store the limits; several of one kind, such as two levels, are one cause."""
         limits = tuple(limits)
-        self._broken = [_Broken(each) for each in limits if isinstance(each, Limit)]
-        self._changing = [_Changing(each) for each in limits if isinstance(each, TrendLimit)]
+        self._limits = [_LimitState(each) for each in limits if isinstance(each, Limit)]
+        self._trends = [_TrendState(each) for each in limits if isinstance(each, TrendLimit)]
         self._values: dict[str, float] = {}
-        self._told: dict[str, Level | None] = {}
+        self._reported: dict[str, Level | None] = {}
 
     @property
     def due_ns(self) -> float:
-        """When :meth:`advance` has something to do if nothing comes; infinite for never."""
-        return min((each.debounce.due_ns for each in self._broken), default=math.inf)
+        """Time of the next deadline; infinite without one."""
+        return min((each.debounce.due_ns for each in self._limits), default=math.inf)
 
-    def put(self, sign: str, value: float | None, stamp_ns: int) -> list[Finding]:
+    def put(self, sign: str, value: float | None, stamp_ns: int) -> list[LimitChange]:
         """
-        Take how a sign is; :meth:`advance` to the moment before it first.
+        Add a value of a sign; the caller has called :meth:`advance` with the time before it.
 
         :param value: None while there is no good one.
-        :param stamp_ns: never before an earlier one.
+        :param stamp_ns: not before an earlier one.
         """
-        for broken in self._broken:
-            if broken.limit.sign == sign:
+        for limit_state in self._limits:
+            if limit_state.limit.sign == sign:
                 if value is None:
-                    broken.debounce.reset()
+                    limit_state.debounce.reset()
                 else:
-                    broken.debounce.put(
-                        broken.limit.is_broken(value, broken.debounce.on), stamp_ns)
+                    limit_state.debounce.put(
+                        limit_state.limit.is_exceeded(value, limit_state.debounce.on), stamp_ns)
         if value is None:
             return []
         self._values[sign] = value
-        changed = [each.put(value, stamp_ns) for each in self._changing
+        changed = [each.put(value, stamp_ns) for each in self._trends
                    if each.limit.sign == sign]
-        return self._findings(stamp_ns) if any(changed) else []
+        return self._changes(stamp_ns) if any(changed) else []
 
-    def advance(self, now_ns: int) -> list[Finding]:
-        """Let time pass, each deadline at its own moment; return what begins, or is over."""
-        found: list[Finding] = []
+    def advance(self, now_ns: int) -> list[LimitChange]:
+        """Process the deadlines until a time, in order; return what changed."""
+        found: list[LimitChange] = []
         while (due_ns := self.due_ns) <= now_ns:
-            for each in self._broken:
+            for each in self._limits:
                 each.debounce.advance(int(due_ns))
-            found += self._findings(int(due_ns))
+            found += self._changes(int(due_ns))
         return found
 
-    def _findings(self, stamp_ns: int) -> list[Finding]:
+    def _changes(self, stamp_ns: int) -> list[LimitChange]:
         now: dict[str, tuple[Level, str, float]] = {}
-        for broken in self._broken:
-            limit = broken.limit
-            if broken.debounce.on and limit.level > now.get(limit.kind, (0,))[0]:
+        for limit_state in self._limits:
+            limit = limit_state.limit
+            if limit_state.debounce.on and limit.level > now.get(limit.kind, (0,))[0]:
                 value = self._values[limit.sign]
                 now[limit.kind] = limit.level, (
-                    f'{_said(limit.sign, value)}, limit {limit.value:g}'), value
-        for changing in self._changing:
-            trend = changing.limit
-            if changing.on and trend.level > now.get(trend.kind, (0,))[0]:
-                change = changing.trend.change
+                    f'{_value_text(limit.sign, value)}, limit {limit.value:g}'), value
+        for trend_state in self._trends:
+            trend = trend_state.limit
+            if trend_state.on and trend.level > now.get(trend.kind, (0,))[0]:
+                change = trend_state.trend.change
                 now[trend.kind] = trend.level, (
-                    f'{_said(trend.sign, self._values[trend.sign])}, {change:+.1f} within '
+                    f'{_value_text(trend.sign, self._values[trend.sign])}, {change:+.1f} within '
                     f'{trend.window_ns / 60 / _NS_PER_S:g} min'), change
         found = []
-        for kind in (*now, *(kind for kind in self._told if kind not in now)):
+        for kind in (*now, *(kind for kind in self._reported if kind not in now)):
             level, text, value = now.get(kind, (None, '', math.nan))
-            if self._told.get(kind) != level:
-                found.append(Finding(kind, level, text, value, stamp_ns))
-                self._told[kind] = level
+            if self._reported.get(kind) != level:
+                found.append(LimitChange(kind, level, text, value, stamp_ns))
+                self._reported[kind] = level
         return found
 
 
-def _said(name: str, value: float) -> str:
+def _value_text(name: str, value: float) -> str:
     sign = SIGNS[name]
     return f'{sign.title} {value:g} {sign.unit}'.strip()

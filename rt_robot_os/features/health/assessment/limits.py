@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Personal limits and trends of vital signs, as texts of the configuration.
+Parser of personal limits and trends of vital signs.
 
 A limit is ``SIGN > NUMBER [for TIME] [clear NUMBER] [level LEVEL]``, with ``>`` or ``<``; a trend
 is ``SIGN rising|falling NUMBER in TIME [level LEVEL]``::
@@ -55,12 +55,12 @@ class Limit(NamedTuple):
     """
     A limit of a sign.
 
-    :ivar sign: which.
-    :ivar is_high: what is above it is too much, else what is below it is too little.
-    :ivar value: the limit itself is still allowed.
-    :ivar for_ns: it has to be so for that long.
-    :ivar clear: from here on it is over.
-    :ivar level: how much it matters.
+    :ivar sign: name of the sign.
+    :ivar is_high: an upper limit; else a lower one.
+    :ivar value: the last value that is allowed.
+    :ivar for_ns: time for which the value must be beyond the limit.
+    :ivar clear: the cause ends at this value.
+    :ivar level: of the cause.
     """
 
     sign: str
@@ -75,21 +75,21 @@ class Limit(NamedTuple):
         """Return the kind of its cause."""
         return f'{self.sign}_{"high" if self.is_high else "low"}'
 
-    def is_broken(self, value: float, is_so: bool) -> bool:
-        """Return whether a value is beyond it; where it is so already, beyond ``clear``."""
-        limit = self.clear if is_so else self.value
+    def is_exceeded(self, value: float, was_exceeded: bool) -> bool:
+        """Return whether a value is beyond the limit; if it was before, beyond ``clear``."""
+        limit = self.clear if was_exceeded else self.value
         return value > limit if self.is_high else value < limit
 
 
 class TrendLimit(NamedTuple):
     """
-    A change of a sign that is too fast.
+    A limit for the change of a sign within a time.
 
-    :ivar sign: which.
+    :ivar sign: name of the sign.
     :ivar is_rising: else falling.
     :ivar amount: in the unit of the sign, above 0.
-    :ivar window_ns: within it.
-    :ivar level: how much it matters.
+    :ivar window_ns: the time.
+    :ivar level: of the cause.
     """
 
     sign: str
@@ -104,36 +104,36 @@ class TrendLimit(NamedTuple):
         return f'{self.sign}_{"rising" if self.is_rising else "falling"}'
 
 
-def limit_of(text: str) -> Limit | TrendLimit:
+def parse_limit(text: str) -> Limit | TrendLimit:
     """
-    Read one text.
+    Parse a limit or a trend.
 
-    :raises ValueError: with what is wrong and what would be right.
+    :raises ValueError: with the problem and the correct form.
     """
     text = ' '.join(text.split())
     if found := _LIMIT.fullmatch(text):
         return _limit(*found.groups())
     if found := _TREND.fullmatch(text):
         return _trend(*found.groups())
-    raise ValueError(_misunderstood(text))
+    raise ValueError(_syntax_problem(text))
 
 
-def _misunderstood(text: str) -> str:
-    """Say at which word a text is no limit and no trend, and what has to stand there."""
+def _syntax_problem(text: str) -> str:
+    """Return which word is wrong, and what is expected there."""
     words = _WORD.findall(text)
     if not words:
-        return f'it is empty: it must be {LIMIT_FORM}, or {TREND_FORM}, {_EXAMPLE}'
+        return f'it is empty: must be {LIMIT_FORM}, or {TREND_FORM}, {_EXAMPLE}'
     sign = SIGNS[checked_sign(words[0])]
     words += ['', '']
     if words[1] not in _RELATIONS:
-        return (f'{_shown(words[1])} cannot stand behind the sign, only {" ".join(_RELATIONS)}: '
-                f'it must be {LIMIT_FORM}, or {TREND_FORM}, {_EXAMPLE}')
+        return (f'{_shown(words[1])} is not valid after the sign, only {" ".join(_RELATIONS)}: '
+                f'must be {LIMIT_FORM}, or {TREND_FORM}, {_EXAMPLE}')
     form = LIMIT_FORM if words[1] in '<>' else TREND_FORM
     if not re.fullmatch(_NUMBER, words[2]):
         unit = f', in {sign.unit}' if sign.unit else ''
-        return f'{_shown(words[2])} is no number; write it without a unit{unit}: it must be {form}'
+        return f'{_shown(words[2])} is not a number; write it without a unit{unit}: must be {form}'
     rest = ' '.join(words[3:]).strip()
-    return (f'{_shown(rest)} cannot stand behind {words[2]}: it must be {form}, in this order, '
+    return (f'{_shown(rest)} is not valid after {words[2]}: must be {form}, in this order, '
             f'times with a unit (s, min, h, d), {_EXAMPLE}')
 
 
@@ -146,18 +146,18 @@ def _limit(sign: str, relation: str, value: str, time: str | None, clear: str | 
     checked_sign(sign)
     is_high = relation == '>'
     number = _number(value)
-    over = number if clear is None else _number(clear)
-    if over != number and (over > number) == is_high:
-        raise ValueError(f'clear {over:g} is beyond the limit {number:g}: it must be '
+    clear_at = number if clear is None else _number(clear)
+    if clear_at != number and (clear_at > number) == is_high:
+        raise ValueError(f'clear {clear_at:g} is beyond the limit {number:g}: must be '
                          f'{"below" if is_high else "above"} it')
     low, high = SIGNS[sign].low, SIGNS[sign].high
     if not low <= number <= high or number == (high if is_high else low):
-        raise ValueError(f'{sign} is never {relation} {number:g}: what is not from {low:g} to '
-                         f'{high:g} is no value')
-    if clear is not None and not low <= over <= high:
-        raise ValueError(f'clear {over:g}: {sign} is from {low:g} to {high:g}, it would never be '
-                         'over')
-    return Limit(sign, is_high, number, 0 if time is None else duration_ns(time), over,
+        raise ValueError(f'{sign} is never {relation} {number:g}: plausible values are from '
+                         f'{low:g} to {high:g}')
+    if clear is not None and not low <= clear_at <= high:
+        raise ValueError(f'clear {clear_at:g}: the cause would never end; plausible values of '
+                         f'{sign} are from {low:g} to {high:g}')
+    return Limit(sign, is_high, number, 0 if time is None else duration_ns(time), clear_at,
                  _level(level))
 
 
@@ -165,11 +165,11 @@ def _trend(sign: str, direction: str, amount: str, time: str, level: str | None)
     checked_sign(sign)
     number = _number(amount)
     if not 0.0 < number <= SIGNS[sign].high - SIGNS[sign].low:
-        raise ValueError(f'{direction} {number:g}: it must be above 0, and no more than {sign} '
-                         'can change')
+        raise ValueError(f'{direction} {number:g}: must be above 0, and at most the range of '
+                         f'{sign}')
     window_ns = duration_ns(time)
     if not _WINDOW_MINIMUM_NS <= window_ns <= _WINDOW_MAXIMUM_NS:
-        raise ValueError(f'in {time}: it must be from 30 s to 14 d')
+        raise ValueError(f'in {time}: must be from 30 s to 14 d')
     return TrendLimit(sign, direction == 'rising', number, window_ns, _level(level))
 
 
@@ -179,7 +179,7 @@ def _number(text: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f'{text[:40]!r} is no number')
+        raise ValueError(f'{text[:40]!r} is not a finite number')
     return value
 
 
@@ -187,5 +187,5 @@ def _level(text: str | None) -> Level:
     if text is None:
         return Level.WARNING
     if text not in LEVELS:
-        raise ValueError(f'level {text[:20]!r}: it must be one of {", ".join(LEVELS)}')
+        raise ValueError(f'level {text[:20]!r}: must be one of {", ".join(LEVELS)}')
     return LEVELS[text]

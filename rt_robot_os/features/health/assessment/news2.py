@@ -13,17 +13,16 @@
 # limitations under the License.
 
 """
-The National Early Warning Score 2, as its chart has it.
+The National Early Warning Score 2, by its chart.
 
-It is the Royal College of Physicians' (National Early Warning Score (NEWS) 2, London, 2017), which
-lets it be used free of charge, with acknowledgement. For people of 16 years and more who are not
-pregnant. The second scale of SpO2 is for those whose hypercapnic respiratory failure a clinician
-has confirmed, and for nobody else.
+The score belongs to the Royal College of Physicians (National Early Warning Score (NEWS) 2,
+London, 2017), which permits its use free of charge, with acknowledgement. It applies to people of
+16 years and more who are not pregnant. The second SpO2 scale applies only to patients with
+hypercapnic respiratory failure that a clinician has confirmed.
 
-The chart knows whole numbers, and tenths of a degree, so values are rounded before they are
-looked up: half up, as people do, and by their decimal digits, so that 38.05 is 38.1 although no
-binary number is 38.05. What is missing is never taken to be normal: the sum of the others is only
-what the score is at least.
+The chart has integers, and tenths of a degree, so values are rounded first: half up, and by their
+decimal digits, so that 38.05 becomes 38.1 although no binary number is 38.05. A missing value
+never counts as normal: the sum of the others is a lower bound of the score.
 """
 
 from __future__ import annotations
@@ -47,24 +46,24 @@ SYSTOLIC: Final = 'systolic_mmhg'
 PULSE: Final = 'pulse_per_min'
 CONSCIOUSNESS: Final = 'consciousness'
 TEMPERATURE: Final = 'body_temperature'
-#: What the score is made of, in the order of the chart.
+#: Parameters of the score, in the order of the chart.
 PARAMETERS: Final = (RESPIRATION, SPO2, OXYGEN, SYSTOLIC, PULSE, CONSCIOUSNESS, TEMPERATURE)
 SCALES: Final = (1, 2)
 MOST: Final = 20
 
 
 class Risk(IntEnum):
-    """The clinical risk of a score; more is worse."""
+    """The clinical risk of a score; a higher value is worse."""
 
     LOW = 0
-    #: One parameter alone has 3.
+    #: A single parameter scores 3.
     LOW_MEDIUM = 1
     MEDIUM = 2
     HIGH = 3
 
     @property
     def title(self) -> str:
-        """Return it as the chart writes it."""
+        """Return the name in the chart."""
         return _TITLES[self]
 
 
@@ -81,7 +80,7 @@ _URGENT: Final = 5
 _EMERGENCY: Final = 7
 _RED: Final = 3
 
-# (up to this value, inclusive; the score): the first that fits counts.
+# (upper bound, inclusive; points): the first band that contains a value counts.
 _Bands = tuple[tuple[float, int], ...]
 _BANDS: Final[Mapping[str, _Bands]] = MappingProxyType({
     RESPIRATION: ((8, 3), (11, 1), (20, 0), (24, 2), (math.inf, 3)),
@@ -93,10 +92,10 @@ _SPO2_SCALE_1: Final[_Bands] = ((91, 3), (93, 2), (95, 1), (math.inf, 0))
 _SPO2_SCALE_2_AIR: Final[_Bands] = ((83, 3), (85, 2), (87, 1), (math.inf, 0))
 _SPO2_SCALE_2_OXYGEN: Final[_Bands] = (
     (83, 3), (85, 2), (87, 1), (92, 0), (94, 1), (96, 2), (math.inf, 3))
-# From it on scale 2 depends on what is breathed.
+# Above it scale 2 depends on supplemental oxygen.
 _SPO2_SCALE_2_ANY: Final = 92
 
-# Finer digits than these are the noise of binary numbers, 32 bits of them included.
+# Decimal digits that count; further ones are the rounding error of a float.
 _DIGITS: Final = 4
 _ONE: Final = Decimal(1)
 _TENTH: Final = Decimal('0.1')
@@ -104,11 +103,11 @@ _TENTH: Final = Decimal('0.1')
 
 class Score(NamedTuple):
     """
-    What the chart says of a set of values.
+    The score of a set of values.
 
-    :ivar scores: of each parameter that is known.
-    :ivar missing: parameters that are not, in the order of the chart.
-    :ivar scale: of SpO2.
+    :ivar scores: points of each known parameter.
+    :ivar missing: the other parameters, in the order of the chart.
+    :ivar scale: SpO2 scale, 1 or 2.
     """
 
     scores: Mapping[str, int]
@@ -117,51 +116,51 @@ class Score(NamedTuple):
 
     @property
     def complete(self) -> bool:
-        """Return whether nothing is missing; else there is no score."""
+        """Return whether no parameter is missing; else there is no score."""
         return not self.missing
 
     @property
     def at_least(self) -> int:
-        """Return the sum of what is known: no score, what is missing can only add to it."""
+        """Return the sum of the known points, a lower bound of the score."""
         return sum(self.scores.values())
 
     @property
     def total(self) -> int | None:
-        """Return the score; None when something is missing."""
+        """Return the score; None when a parameter is missing."""
         return None if self.missing else self.at_least
 
     @property
     def red(self) -> tuple[str, ...]:
-        """Return the parameters that have 3 by themselves."""
+        """Return the parameters that score 3."""
         return tuple(name for name, score in self.scores.items() if score == _RED)
 
     @property
     def least_risk(self) -> Risk:
-        """Return the risk of what is known: that of the score, or a higher one, once complete."""
+        """Return the risk of the known points, a lower bound of the risk."""
         return risk_of(self.at_least, bool(self.red))
 
     @property
     def risk(self) -> Risk | None:
-        """Return the clinical risk; None when something is missing."""
+        """Return the clinical risk; None when a parameter is missing."""
         return None if self.missing else self.least_risk
 
     @property
     def response(self) -> str:
-        """Return who has to come: at least; empty when something is missing and nothing scores."""
+        """Return the least response; empty when parameters are missing and none scores."""
         if self.missing and not self.at_least:
             return ''
         return _RESPONSES[self.least_risk]
 
     @property
     def frequency(self) -> str:
-        """Return how often to measure; empty when something is missing and nothing scores."""
+        """Return how often to measure; empty when parameters are missing and none scores."""
         if not self.at_least:
             return '' if self.missing else _FREQUENCY_OF_0
         return _FREQUENCIES[self.least_risk]
 
 
 def risk_of(total: int, has_red: bool) -> Risk:
-    """Return the clinical risk of a sum, and of whether one parameter alone has 3."""
+    """Return the clinical risk of a sum, and of whether a single parameter scores 3."""
     if total >= _EMERGENCY:
         return Risk.HIGH
     if total >= _URGENT:
@@ -171,7 +170,7 @@ def risk_of(total: int, has_red: bool) -> Risk:
 
 def rounded(name: str, value: float) -> float:
     """
-    Round a value as the chart needs it: temperature to tenths, others to whole numbers; half up.
+    Round a value for the chart: a temperature to tenths, others to integers; half up.
 
     Safe in the real-time loop.
     """
@@ -181,15 +180,15 @@ def rounded(name: str, value: float) -> float:
 
 def score(values: Mapping[str, float | None], scale: int = 1) -> Score:
     """
-    Look a set of values up in the chart; safe in the real-time loop.
+        Score a set of values; safe in the real-time loop.
 
-    :param values: by parameter, in the units of :data:`SIGNS`; what is not there, None, not a
-        number or not plausible is missing. Oxygen in l/min: 0 is air.
-    :param scale: of SpO2: 1, or 2 on a clinician's decision.
+        :param values: by parameter, in the units of :data:`SIGNS`; an absent, implausible or NaN
+            value is missing. Oxygen in l/min: 0 is air.
+        :param scale: SpO2 scale: 1, or 2 on a clinician's decision.
     :raises ValueError: there is no such scale.
     """
     if scale not in SCALES:
-        raise ValueError(f'SpO2 scale {scale!r}: it must be 1, or 2 where a clinician says so')
+        raise ValueError(f'SpO2 scale {scale!r}: must be 1, or 2 by the decision of a clinician')
     known = {name: float(value) for name in PARAMETERS
              if (value := values.get(name)) is not None and SIGNS[name].is_plausible(value)}
     found: dict[str, int] = {}
@@ -210,18 +209,18 @@ def _points(name: str, known: Mapping[str, float], scale: int) -> int | None:
         return 0 if value == Consciousness.ALERT else _RED
     number = rounded(name, value)
     if name != SPO2:
-        return _looked_up(_BANDS[name], number)
+        return _band_points(_BANDS[name], number)
     if scale == 1:
-        return _looked_up(_SPO2_SCALE_1, number)
+        return _band_points(_SPO2_SCALE_1, number)
     if number <= _SPO2_SCALE_2_ANY:
-        return _looked_up(_SPO2_SCALE_2_AIR, number)
+        return _band_points(_SPO2_SCALE_2_AIR, number)
     if OXYGEN not in known:
-        return None  # good on air, too much on oxygen: nobody knows which
-    return _looked_up(_SPO2_SCALE_2_OXYGEN if known[OXYGEN] > 0.0 else _SPO2_SCALE_2_AIR, number)
+        return None  # no points on air, points on oxygen
+    return _band_points(_SPO2_SCALE_2_OXYGEN if known[OXYGEN] > 0.0 else _SPO2_SCALE_2_AIR, number)
 
 
-def _looked_up(bands: _Bands, number: float) -> int:
+def _band_points(bands: _Bands, number: float) -> int:
     for most, points in bands:
         if number <= most:
             return points
-    raise AssertionError('the last band has no end')
+    raise AssertionError('the last band is unbounded')

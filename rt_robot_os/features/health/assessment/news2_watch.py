@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-When a NEWS2 score is a reason for an alarm, and when it is one no longer.
+When a NEWS2 score is a cause of an alarm, and when that ends.
 
-What is not known never helps: an alarm begins by what is known for sure, as what is missing can
-only add to it; and it is over only when each sign that had points has been measured anew.
+Missing values never help: an alarm starts by the known points, to which missing signs can only
+add, and it ends only when each sign that had points has been measured again.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ from rt_robot_os.features.health.assessment.news2 import Score
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.modules.debounce import Debounce
 
-#: The least risk of each level, the worst first.
+#: Least risk of each level, the highest level first.
 LEVELS_OF_RISK = ((Level.CRITICAL, Risk.HIGH), (Level.URGENT, Risk.LOW_MEDIUM))
 
 
 class News2Watch:
     """
-    The level of alarm of scores; safe in the real-time loop.
+    Alarm level of successive scores; safe in the real-time loop.
 
-    :ivar level: in force; None without an alarm.
+    :ivar level: the active one; None without an alarm.
     """
 
     __slots__ = ('level', '_levels', '_points')
 
     def __init__(self, for_ns: int, clear_ns: int) -> None:
         """
-        Begin without an alarm.
+                Start without an alarm.
 
-        :param for_ns: a score has to be so high for that long.
-        :param clear_ns: it has to be lower for that long.
+                :param for_ns: time for which a score must be high before an alarm starts.
+                :param clear_ns: time for which it must be lower before the alarm ends.
         """
         self.level: Level | None = None
         self._levels = [(level, risk, Debounce(for_ns, clear_ns))
@@ -57,16 +57,16 @@ class News2Watch:
 
     @property
     def due_ns(self) -> float:
-        """When :meth:`advance` has something to do if nothing comes; infinite for never."""
+        """Time of the next deadline; infinite without one."""
         return min(debounce.due_ns for _, _, debounce in self._levels)
 
     @property
     def held(self) -> Mapping[str, int]:
-        """Return the points that count in an alarm, those of signs that are missing now too."""
+        """Return the points that count in an active alarm, also of signs that are missing now."""
         return self._points
 
     def put(self, score: Score, stamp_ns: int) -> None:
-        """Take a score; :meth:`advance` to the moment before it first."""
+        """Add a score; the caller has called :meth:`advance` with the time before it."""
         if self.level is None:
             self._points.clear()
         self._points.update(score.scores)
@@ -75,7 +75,7 @@ class News2Watch:
             debounce.put((held if debounce.on else score.least_risk) >= risk, stamp_ns)
 
     def advance(self, now_ns: int) -> list[tuple[int, Level | None]]:
-        """Let time pass; return each change of the level with its moment."""
+        """Process the deadlines until a time; return each change of the level with its time."""
         found: list[tuple[int, Level | None]] = []
         while (due_ns := self.due_ns) <= now_ns and due_ns != math.inf:
             for _, _, debounce in self._levels:

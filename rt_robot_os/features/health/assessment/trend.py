@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-How fast a vital sign rises or falls: the median of the slopes between all pairs of moments.
+Trend of a vital sign: the median of the slopes between all pairs of values.
 
-Single wrong values do not move it (Theil 1950, Sen 1968: up to 29 % of them may be wrong). Whether
-there is a change at all is asked of the signs of these slopes (Mann 1945, Kendall 1975), so that a
-few values that scatter are none.
+Single outliers do not affect it (Theil 1950, Sen 1968: up to 29 % of the values may be wrong).
+A test on the signs of the slopes (Mann 1945, Kendall 1975) decides whether there is a trend at
+all, so that scattered values give none.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ import math
 from statistics import median
 from typing import Final
 
-#: The window is cut into so many parts; the values of one are one value, their mean.
+#: Parts of the window; the mean of the values in a part is one value.
 PARTS: Final = 30
-# Fewer parts with values, or over less of the window, are no trend.
+# Fewer parts with values, or a smaller share of the window, give no trend.
 _PARTS_MINIMUM: Final = 5
 _SHARE_MINIMUM: Final = 2 / 3
-# So many standard deviations more pairs rise than fall, or fewer, or nothing changes.
+# Least excess of rising over falling pairs, or of falling over rising, in standard deviations.
 _DEVIATIONS: Final = 2.3
 
 
 class Trend:
     """
-    The change of a number over a window; safe in the real-time loop.
+    Change of a number over a sliding window; safe in the real-time loop.
 
-    :ivar change: over the window, in the unit of the number; 0 where chance would explain it, NaN
-        while there is too little.
+    :ivar change: over the window, in the unit of the number; 0 where it is not significant, NaN
+        with too few values.
     """
 
     __slots__ = ('window_ns', 'change', '_part_ns', '_parts', '_part', '_sum', '_count')
@@ -57,9 +57,9 @@ class Trend:
 
     def put(self, value: float, stamp_ns: int) -> bool:
         """
-        Take a value; moments never go back.
+                Add a value; stamps never decrease.
 
-        :return: whether :attr:`change` was found anew, which it is when a part is over.
+                :return: whether :attr:`change` was updated, which it is at the end of a part.
         """
         part = stamp_ns // self._part_ns
         is_new = part != self._part and self._count > 0

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The last seconds of what a worn accelerometer felt, with means of any part of them."""
+"""History of the last seconds of a worn accelerometer, with means of any interval."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
 
 Vector: TypeAlias = tuple[float, float, float]
 
-# A gap in the samples is bridged for so long where something is summed over time.
+# Longest gap between samples that an integral bridges.
 _BRIDGED_S: Final = 0.15
 _LEAST_BLOCKS: Final = 3
-# An impact and its rebounds: from so long before its peak until so long after it.
+# Interval of an impact and its rebounds, before and after its peak.
 _STOP_FROM_NS: Final = 200 * NS_PER_MS
 _STOP_UNTIL_NS: Final = 500 * NS_PER_MS
 
 
 class Span(NamedTuple):
     """
-    A part of the past.
+    Statistics of an interval.
 
     :ivar mean: of the specific force, in g.
-    :ivar spread_g: standard deviation of its size.
-    :ivar turning_deg: the most that any of its thirds is turned against another.
-    :ivar lasts_s: from its first to its last block.
+    :ivar spread_g: standard deviation of its magnitude.
+    :ivar turning_deg: largest angle between the means of its thirds.
+    :ivar lasts_s: from the first to the last block.
     """
 
     mean: Vector
@@ -53,7 +53,7 @@ class Span(NamedTuple):
 
 
 def angle_deg(one: Vector, two: Vector) -> float:
-    """Return the angle between two vectors in degrees; 0 if one of them is none."""
+    """Return the angle between two vectors in degrees; 0 if one of them is zero."""
     sizes = math.hypot(*one) * math.hypot(*two)
     if sizes <= 0.0:
         return 0.0
@@ -63,11 +63,11 @@ def angle_deg(one: Vector, two: Vector) -> float:
 
 class MotionHistory:
     """
-    Keep blocks of samples; sums up to each make every mean cheap.
+    Store blocks of samples with prefix sums, so that every mean is cheap.
 
-    :param blocks: as many are kept, at least.
+    Safe in the real-time loop: plain numbers, bounded memory.
 
-    Safe in the real-time loop: plain numbers, no more memory than twice the blocks.
+    :param blocks: at least as many are stored, at most twice as many.
     """
 
     def __init__(self, blocks: int) -> None:
@@ -75,16 +75,16 @@ class MotionHistory:
         self._times: list[int] = []
         self._sizes: list[float] = []
         self._turns: list[float] = []
-        # Sums of all blocks before that of the index, one more than there are blocks.
+        # Prefix sums: entry i is the sum of the blocks before i.
         self._x, self._y, self._z = [0.0], [0.0], [0.0]
         self._size, self._square = [0.0], [0.0]
 
     def add(self, stamp_ns: int, x: float, y: float, z: float, turn_deg_s: float) -> float:
         """
-        Append a block, in g; stamps rise.
+        Append a block, in g; stamps increase.
 
-        :param turn_deg_s: how fast it turned; 0 without a gyroscope.
-        :return: the size of the vector.
+        :param turn_deg_s: angular rate; 0 without a gyroscope.
+        :return: the magnitude of the vector.
         """
         size = math.sqrt(x * x + y * y + z * z)
         self._times.append(stamp_ns)
@@ -101,7 +101,7 @@ class MotionHistory:
         return size
 
     def span(self, from_ns: int, until_ns: int) -> Span | None:
-        """Return what was from one time to another, both included; None with hardly a block."""
+        """Return statistics from one time to another, both inclusive; None with too few blocks."""
         times = self._times
         first, end = bisect_left(times, from_ns), bisect_left(times, until_ns + 1)
         if end - first < _LEAST_BLOCKS:
@@ -117,19 +117,19 @@ class MotionHistory:
             (times[end - 1] - times[first]) / NS_PER_S)
 
     def fastest_deg_s(self, from_ns: int) -> float:
-        """Return the fastest turn since a time."""
+        """Return the largest angular rate since a time."""
         return max(self._turns[bisect_left(self._times, from_ns):], default=0.0)
 
     def range_g(self, from_ns: int) -> float:
-        """Return how far apart the largest and the smallest size since a time are."""
+        """Return the range of the magnitude since a time."""
         sizes = self._sizes[bisect_left(self._times, from_ns):]
         return max(sizes) - min(sizes) if sizes else 0.0
 
     def descent(self, at_ns: int, within_s: float = 1.2) -> tuple[float, float]:
         """
-        Return how fast it went down before a time, and the least that was felt meanwhile.
+        Return the downward speed before a time, and the least specific force meanwhile.
 
-        The speed is the integral of what is missing from 1 g: exact for a fall straight down from
+        The speed is the integral of 1 g minus the specific force: exact for a vertical fall from
         rest, an estimate for a body that turns.
 
         :param at_ns: of an impact.
@@ -141,7 +141,7 @@ class MotionHistory:
             return 0.0, 1.0
         earliest_ns = at_ns - round(within_s * NS_PER_S)
         while index > 0 and sizes[index] > 1.0 and times[index] > at_ns - NS_PER_S // 3:
-            index -= 1  # the rise of the impact itself
+            index -= 1  # skip the rising edge of the impact
         speed = best = 0.0
         least = sizes[index]
         while index > 0 and times[index - 1] >= earliest_ns:
@@ -155,13 +155,12 @@ class MotionHistory:
 
     def stop_m_s(self, at_ns: int, rest_g: float) -> float:
         """
-        Return how much speed an impact took away: the integral of what is beyond rest around it.
+        Return the speed that an impact absorbed: the integral of the force beyond that at rest.
 
-        A soft floor takes longer for it and is felt less, but has to take away as much as a hard
-        one.
+        A soft floor takes longer with a lower peak, but absorbs the same speed as a hard one.
 
         :param at_ns: of its peak.
-        :param rest_g: what the sensor feels at rest: 1 g, but for its scale and its zero.
+        :param rest_g: specific force at rest: 1 g with the errors of the sensor.
         """
         times, sizes = self._times, self._sizes
         index = bisect_left(times, at_ns - _STOP_FROM_NS)

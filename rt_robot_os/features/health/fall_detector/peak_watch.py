@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Suspicion of a fall from a node that reports nothing but how hard it was struck.
+Suspected falls from a node that reports only peaks of its acceleration.
 
-A blow, then nothing that moves: that is all such a node can tell, so the suspicion is a weak one,
-and comes late. Who is struck and goes on moving has not fallen.
+An impact without movement after it is all that such a node can show, so the suspicion is weak and
+late. A person who keeps moving after an impact has not fallen.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_S
 
-#: How much such a suspicion is worth, 0 to 1.
+#: Confidence of such a suspicion, 0 to 1.
 CONFIDENCE: Final = 0.3
 
 _MOVES: Final = 3
@@ -34,11 +34,11 @@ _MOVES: Final = 3
 
 class PeakLimits(NamedTuple):
     """
-    When a blow is one, in g and s.
+    Limits in g and s.
 
-    :ivar blow_g: from here on it is a blow.
-    :ivar moves_g: a report of as much, after the blow, is a movement.
-    :ivar quiet_s: so long nothing may move after the blow.
+    :ivar blow_g: least peak of an impact.
+    :ivar moves_g: least peak of a movement after an impact.
+    :ivar quiet_s: time without movement after an impact that makes a suspected fall.
     """
 
     blow_g: float = 3.0
@@ -48,10 +48,10 @@ class PeakLimits(NamedTuple):
 
 class PeakWatch:
     """
-    Watch the reports of one node; safe in the real-time loop.
+    Evaluate the reports of one node; safe in the real-time loop.
 
-    :ivar blow_g: the blow that is thought of; 0 without.
-    :ivar fallen: that is what is suspected.
+    :ivar blow_g: peak of the current impact; 0 without one.
+    :ivar fallen: whether a fall is suspected.
     """
 
     def __init__(self, limits: PeakLimits = PeakLimits()) -> None:
@@ -64,19 +64,19 @@ class PeakWatch:
 
     @property
     def due_ns(self) -> int | None:
-        """Return when it has been quiet long enough; None without a blow."""
+        """Return when a fall will be suspected; None without an impact."""
         return None if self.fallen or not self.blow_g else self._since_ns + self._quiet_ns
 
     def add(self, stamp_ns: int, peak_g: float) -> bool:
         """
-        Take a report.
+        Process a report.
 
-        :return: whether it shows that somebody who was thought to have fallen moves again.
+        :return: whether a person with a suspected fall moves again.
         """
         limits = self._limits
         if peak_g >= limits.blow_g and not self.fallen:
             self.blow_g = max(self.blow_g, peak_g)
-            self._since_ns = stamp_ns  # reports of one blow, or of steps that are no fall
+            self._since_ns = stamp_ns  # several reports of one impact, or steps
         elif peak_g >= limits.moves_g:
             if not self.fallen:
                 self.blow_g = 0.0
@@ -87,8 +87,8 @@ class PeakWatch:
                 return True
         return False
 
-    def pass_time(self, now_ns: int) -> bool:
-        """Return whether it has now been quiet for so long that a fall is suspected."""
+    def advance(self, now_ns: int) -> bool:
+        """Process the deadline until a time; return whether a fall is suspected now."""
         due_ns = self.due_ns
         if due_ns is None or now_ns < due_ns:
             return False

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When somebody who has fallen has got up: upright again and moving, or walking."""
+"""Detection that a fallen person has got up: upright again and moving, or walking."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from rt_robot_os.features.health.fall_detector.motion_history import MotionHisto
 from rt_robot_os.features.health.fall_detector.motion_history import Vector
 from rt_robot_os.features.health.fall_detector.upright import StepCounter
 
-# A sensor that was taken off and put upright does not move by that.
+# Least range of motion: a sensor that was taken off and put upright moves less.
 _MOVES_G: Final = 0.12
-# Breathing stays below it.
+# Breathing stays below this.
 _STIRS_G: Final = 0.04
-_LOOKED_AT_EVERY_NS: Final = 200 * NS_PER_MS
+_EVALUATE_EVERY_NS: Final = 200 * NS_PER_MS
 
 
 class Recovery:
     """
-    Watch somebody who lies.
+    Monitor a person lying after a fall.
 
     :param limits: of the detector.
-    :param before: the specific force before the fall, upright.
-    :param lying: that after it.
-    :param now_ns: when that was seen.
-    :ivar moved_ns: when they moved last.
+    :param before: specific force before the fall.
+    :param lying: specific force after the fall.
+    :param now_ns: time of the detection.
+    :ivar moved_ns: time of the last movement.
     """
 
     def __init__(self, limits: FallLimits, before: Vector, lying: Vector, now_ns: int) -> None:
@@ -50,20 +50,20 @@ class Recovery:
         self._lying = lying
         self.moved_ns = now_ns
         self._upright_ns = -1
-        self._looked_ns = 0
+        self._evaluated_ns = 0
         self._steps = StepCounter()
 
     def add(self, history: MotionHistory, now_ns: int, size: float) -> bool:
         """
-        Take a block.
+        Add a block.
 
-        :param size: what is felt, in g.
-        :return: whether they have got up.
+        :param size: magnitude of the specific force, in g.
+        :return: whether the person has got up.
         """
         self._steps.add(now_ns, size)
-        if now_ns - self._looked_ns < _LOOKED_AT_EVERY_NS:
+        if now_ns - self._evaluated_ns < _EVALUATE_EVERY_NS:
             return False
-        self._looked_ns = now_ns
+        self._evaluated_ns = now_ns
         now = history.span(now_ns - round(self._limits.after_s * NS_PER_S), now_ns)
         if now is None:
             return False
@@ -81,6 +81,6 @@ class Recovery:
                 and history.range_g(self._upright_ns) >= _MOVES_G)
 
     def _walks(self, mean: Vector) -> bool:
-        # Also of somebody who fell out of bed, and was not upright before.
+        # Also detects a person who fell out of bed, and was not upright before.
         return (self._steps.walk_from_ns is not None
                 and angle_deg(mean, self._lying) >= self._limits.posture_least_deg)

@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-Which way is up along the trunk of a wearer: learned from their steps.
+Upright direction of a worn sensor, learned from steps.
 
-A person lying down does not take eight steps in eight seconds, so the mean force of a walk, a run
-or a row of jumps is the direction that is up when the wearer stands, whatever the mounting of the
-sensor.
+A person lying down does not take eight steps in eight seconds. So the mean force of a walk, a run
+or a series of jumps points upwards for a standing wearer, whatever the mounting of the sensor.
 """
 
 from __future__ import annotations
@@ -36,19 +35,19 @@ _STEP_G: Final = 1.12
 _STEP_NS: Final = 250 * NS_PER_MS
 _STEPS: Final = 8
 _STEPS_WITHIN_NS: Final = 8 * NS_PER_S
-# A trunk leans and sways by less during a walk.
+# Largest sway of the trunk during a walk.
 _STEADY_DEG: Final = 25.0
-# Two walks with a mean that far apart: the sensor is mounted otherwise.
+# A larger angle between the means of two walks: the mounting has changed.
 _REMOUNTED_DEG: Final = 45.0
-# The mean of a walk is gravity; what is off by more is no accelerometer's walk.
+# Largest deviation of the mean of a walk from 1 g.
 _OFF_G: Final = 0.2
-# Share of a newer walk in what is known.
+# Weight of a new walk in the learned direction.
 _NEWER: Final = 0.25
 
 
 class StepCounter:
     """
-    Recognise a walk: eight peaks in eight seconds, none nearer than a quarter of a second.
+    Detect a walk: eight peaks in eight seconds, at least a quarter of a second apart.
 
     Safe in the real-time loop.
     """
@@ -60,7 +59,7 @@ class StepCounter:
         self._steps: deque[int] = deque(maxlen=_STEPS)
 
     def add(self, now_ns: int, size_g: float) -> None:
-        """Consider a block of samples with the given mean size."""
+        """Add a block of samples with the given mean magnitude."""
         if size_g >= _STEP_G and not self._above and (
                 not self._steps or now_ns - self._steps[-1] >= _STEP_NS):
             self._steps.append(now_ns)
@@ -68,7 +67,7 @@ class StepCounter:
 
     @property
     def walk_from_ns(self) -> int | None:
-        """Return when the last eight steps began; None if that was no walk."""
+        """Return when the last eight steps started; None if they are not a walk."""
         steps = self._steps
         if len(steps) < _STEPS or steps[-1] - steps[0] > _STEPS_WITHIN_NS:
             return None
@@ -83,10 +82,10 @@ class UprightDirection:
     """
     Learn the direction of the force that the sensor measures while its wearer is upright.
 
-    :ivar known: a unit vector in the axes of the sensor; None before the first walk.
+    A walk with another direction replaces it when the next walk confirms that: the mounting of the
+    sensor has changed. Safe in the real-time loop.
 
-    A walk that disagrees with what is known replaces it when the next walk confirms it: the
-    sensor was mounted otherwise. Safe in the real-time loop.
+    :ivar known: a unit vector in the axes of the sensor; None before the first walk.
     """
 
     __slots__ = ('_candidate', '_counter', 'known')
@@ -96,7 +95,7 @@ class UprightDirection:
         self.forget()
 
     def forget(self) -> None:
-        """Forget the direction: the sensor may be mounted otherwise from now on."""
+        """Forget the direction: the mounting of the sensor may have changed."""
         self.known: Vector | None = None
         self._candidate: Vector | None = None
         self._counter.clear()
@@ -106,7 +105,7 @@ class UprightDirection:
         return math.nan if self.known is None else angle_deg(force, self.known)
 
     def add(self, history: MotionHistory, now_ns: int, size_g: float) -> None:
-        """Consider a block of samples that was just added to the history."""
+        """Add a block of samples that was just added to the history."""
         counter = self._counter
         counter.add(now_ns, size_g)
         from_ns = counter.walk_from_ns

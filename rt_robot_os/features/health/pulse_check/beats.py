@@ -13,19 +13,19 @@
 # limitations under the License.
 
 """
-Heart beats in a few seconds of a waveform, and whether they can be believed.
+Detection of heart beats in a few seconds of a waveform, and of their reliability.
 
-A beat is where the wave rises: the *slope sum*, the rises of the last 128 ms added up, is high at
-the foot of each pulse and low elsewhere (Zong et al., "An open-source algorithm to detect onset of
-arterial blood pressure pulses", Computers in Cardiology 2003). Of an ECG the falls count as well.
-Where a beat is missing a weaker one is looked for (Pan and Tompkins, "A real-time QRS detection
-algorithm", IEEE Trans. Biomed. Eng. 32(3), 1985). The dicrotic wave, the second rise of a pulse
-when the aortic valve closes, is no beat: it follows one within 0.42 s and is weaker than both its
-neighbours.
+A beat is where the wave rises: the *slope sum*, the sum of the rises of the last 128 ms, is high
+at the foot of each pulse and low elsewhere (Zong et al., "An open-source algorithm to detect
+onset of arterial blood pressure pulses", Computers in Cardiology 2003). In an ECG the falls count
+as well. Where a beat is missing the search is repeated with a lower threshold (Pan and Tompkins,
+"A real-time QRS detection algorithm", IEEE Trans. Biomed. Eng. 32(3), 1985). The dicrotic wave,
+the second rise of a pulse when the aortic valve closes, is not a beat: it follows one within
+0.42 s and is weaker than both its neighbours.
 
-They are believed when they could be a pulse and look like each other (Orphanidou et al.,
+The beats are reliable when they are a plausible pulse and similar (Orphanidou et al.,
 "Signal-quality indices for the electrocardiogram and photoplethysmogram", IEEE J. Biomed. Health
-Inform. 19(3), 2015): a rate that can be, no gap above 3 s, no interval more than 2.2 times
+Inform. 19(3), 2015): a plausible rate, no gap above 3 s, no interval more than 2.2 times
 another, and a mean correlation with their own mean of at least 0.86 (0.66 of an ECG).
 """
 
@@ -41,25 +41,25 @@ Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 SLOPE_S: Final = 0.128
-#: No two beats are nearer: 240 a minute.
+#: Least interval of two beats: 240 a minute.
 REFRACTORY_S: Final = 0.25
-#: Share of the usual slope sum of a beat that makes one.
+#: Threshold of a beat, as a share of the usual slope sum.
 THRESHOLD: Final = 0.5
 #: After a longer interval, as a multiple of the usual one, a beat of half the threshold counts.
 SEARCH_BACK: Final = 1.66
-#: The dicrotic wave begins at most so long after its beat: ejection of the left ventricle takes
-#: 0.42 s minus 1.7 ms for each beat a minute (Weissler et al., Circulation 37(2), 1968).
+#: Longest time from a beat to its dicrotic wave: ejection of the left ventricle takes 0.42 s
+#: minus 1.7 ms for each beat a minute (Weissler et al., Circulation 37(2), 1968).
 DICROTIC_S: Final = 0.42
-#: It is weaker than the beats on both sides, at most this share of them.
+#: Largest dicrotic wave, as a share of the beats on both sides.
 DICROTIC_SHARE: Final = 0.8
-#: Or just weaker, where it divides an interval that is no longer than the usual one but for this.
+#: A dicrotic wave may be stronger in an interval of at most this multiple of the usual one.
 DIVIDED: Final = 1.25
-#: Share of the usual interval; a weak beat at the beginning that is nearer to the next is none.
+#: Share of the usual interval; a weak first beat that is nearer to the next does not count.
 EARLY: Final = 0.8
-#: A gap in the samples is bridged by a line up to this length, in all gaps up to that share.
+#: Longest gap in the samples that is interpolated, and largest share of all gaps.
 BRIDGED_S: Final = 0.1
 BRIDGED_SHARE: Final = 0.05
-#: A pulse is not that many times stronger than the usual one: somebody moves.
+#: A rise this many times the usual one is a movement.
 STRONGEST: Final = 3.0
 LONGEST_GAP_S: Final = 3.0
 MOST_RATIO: Final = 2.2
@@ -68,29 +68,29 @@ FASTEST_PER_MIN: Final = 240.0
 ALIKE_PULSE: Final = 0.86
 ALIKE_ECG: Final = 0.66
 
-# Noise of the converter is taken away by a mean of so long; a pulse is slower, a QRS is not.
+# Moving average against noise of the converter; for a pulse only, a QRS is faster.
 _SMOOTH_PULSE_S: Final = 0.04
-# In each part of the window of so long there is a beat, unless there is a gap.
+# Length of a part of the window that contains a beat, unless there is a gap.
 _PART_S: Final = 2.0
 _FEWEST_BEATS: Final = 3
-# The wave repeats itself after the interval of its beats, to that share of it.
+# Largest difference between the period of the wave and the interval of beats, as a share.
 _PERIOD_SHARE: Final = 0.08
-# Where a beat begins and ends around its steepest place, as shares of the interval.
+# Start and end of a beat around its steepest point, as shares of the interval.
 _BEFORE: Final = 0.3
 _AFTER: Final = 0.6
-# More than that share of all samples at one of the two ends: the converter is at its limit. Of a
-# wave in few steps many are at its foot.
+# Share of samples at one extreme from which the converter is saturated. A coarsely quantised wave
+# has many samples at its foot.
 _CLIPPED: Final = 0.5
 
 
 class Beats(NamedTuple):
     """
-    What a window of a wave shows.
+    Beats of a window.
 
-    :ivar at_s: shape (n,), when each beat was, in s from the beginning of the window.
-    :ivar rate_per_min: of the beats; NaN with less than two.
-    :ivar alike: how much they look like each other, -1 to 1; NaN while that was not looked at.
-    :ivar doubt: why they are not believed; empty: they are.
+    :ivar at_s: shape (n,), time of each beat, in s from the start of the window.
+    :ivar rate_per_min: of the beats; NaN with fewer than two.
+    :ivar alike: mean correlation of the beats, -1 to 1; NaN if not computed.
+    :ivar doubt: why they are unreliable; empty: they are reliable.
     """
 
     at_s: Floats
@@ -103,8 +103,8 @@ def pulse_beats(wave: Floats, rate_hz: float) -> Beats:
     """
     Find the beats in a pulse wave.
 
-    :param wave: shape (n,), some seconds, in any unit, systole upwards; NaN: no sample, bridged
-        up to :data:`BRIDGED_S`.
+    :param wave: shape (n,), some seconds, in any unit, systole upwards; NaN: no sample,
+        interpolated up to :data:`BRIDGED_S`.
     :param rate_hz: samples a second, 25 or more.
     """
     return _beats(wave, rate_hz, False)
@@ -132,29 +132,29 @@ def _beats(wave: Floats, rate_hz: float, ecg: bool) -> Beats:
     if low == high:
         return Beats(nothing, np.nan, np.nan, 'flat')
     sums = slope_sum(wave, rate_hz, ecg)
-    found = _places(sums, rate_hz, ecg)
+    found = _peaks(sums, rate_hz, ecg)
     at_s = found / rate_hz
     rate = np.nan
     if found.size > 1:
         rate = 60.0 * (found.size - 1) / (at_s[-1] - at_s[0])
     clipped = max(np.count_nonzero(wave == low), np.count_nonzero(wave == high))
     if clipped > _CLIPPED * wave.size:
-        return Beats(at_s, rate, np.nan, 'at the limit of the converter')
+        return Beats(at_s, rate, np.nan, 'the converter is saturated')
     doubt = _implausible(at_s, wave.size / rate_hz) or _disturbed(sums, found, ecg)
     if doubt:
         return Beats(at_s, rate, np.nan, doubt)
-    alike = likeness(wave, found)
+    alike = similarity(wave, found)
     least = ALIKE_ECG if ecg else ALIKE_PULSE
-    # Written so that a NaN is a doubt.
-    return Beats(at_s, rate, alike, '' if alike >= least else 'the beats are not alike')
+    # A NaN counts as unreliable.
+    return Beats(at_s, rate, alike, '' if alike >= least else 'the beats are not similar')
 
 
 def bridged(wave: Floats, rate_hz: float) -> Floats:
     """
-    Replace short gaps by the line between their neighbours.
+    Interpolate short gaps linearly.
 
     :param wave: shape (n,), NaN where a sample is missing.
-    :return: the wave itself where nothing is missing; what is too long or too much stays NaN.
+    :return: the wave; gaps that are too long or too many stay NaN.
     """
     missing = ~np.isfinite(wave)
     if not missing.any() or missing.mean() > BRIDGED_SHARE:
@@ -164,7 +164,7 @@ def bridged(wave: Floats, rate_hz: float) -> Floats:
     whole = wave.copy()
     there = np.flatnonzero(~missing)
     for begin, end in zip(begins.tolist(), ends.tolist()):
-        # At least one sample, at the slowest rate too.
+        # At least one sample, also at the slowest rate.
         if end - begin <= max(BRIDGED_S * rate_hz, 1.0):
             whole[begin:end] = np.interp(np.arange(begin, end), there, wave[there])
     return whole
@@ -172,13 +172,13 @@ def bridged(wave: Floats, rate_hz: float) -> Floats:
 
 def slope_sum(wave: Floats, rate_hz: float, ecg: bool = False) -> Floats:
     """
-    Add up the rises of the last 128 ms; of an ECG the falls as well.
+    Return the sum of the rises of the last 128 ms; for an ECG of the falls as well.
 
     :param wave: shape (n,).
     :return: shape (n,).
     """
     if not ecg:
-        wave = _mean_of(wave, max(round(_SMOOTH_PULSE_S * rate_hz), 1))
+        wave = _moving_average(wave, max(round(_SMOOTH_PULSE_S * rate_hz), 1))
     steps = np.diff(wave, prepend=wave[0])
     rises = np.abs(steps) if ecg else np.maximum(steps, 0.0)
     count = max(round(SLOPE_S * rate_hz), 1)
@@ -189,14 +189,14 @@ def slope_sum(wave: Floats, rate_hz: float, ecg: bool = False) -> Floats:
 
 
 def usual_peak(sums: Floats, rate_hz: float) -> float:
-    """Return what the slope sum of a beat usually is: the median of the highest of each 2 s."""
+    """Return the usual slope sum of a beat: the median of the maxima of each 2 s."""
     part = max(round(_PART_S * rate_hz), 1)
     whole = sums[sums.size % part:]
     return float(np.median(whole.reshape(-1, part).max(axis=1)))
 
 
-def _places(sums: Floats, rate_hz: float, ecg: bool) -> Indices:
-    """Return where the slope sum has its peaks, one a beat."""
+def _peaks(sums: Floats, rate_hz: float, ecg: bool) -> Indices:
+    """Return the indices of the peaks of the slope sum, one for each beat."""
     inner = sums[1:-1]
     least = THRESHOLD * usual_peak(sums, rate_hz)
     weak = np.flatnonzero(
@@ -214,7 +214,7 @@ def _places(sums: Floats, rate_hz: float, ecg: bool) -> Indices:
 
 
 def _without_dicrotic(places: list[int], sums: Floats, within: float) -> list[int]:
-    """Leave out the second rise of a pulse: soon after a beat, and weaker than both neighbours."""
+    """Remove dicrotic waves: soon after a beat, and weaker than both neighbours."""
     places = _without_weak(places, sums, within, DICROTIC_SHARE, np.inf)
     if len(places) < _FEWEST_BEATS:
         return places
@@ -241,7 +241,7 @@ def _without_weak(places: list[int], sums: Floats, within: float, share: float, 
 
 
 def _searched_back(kept: list[int], weak: Indices, sums: Floats, apart: float) -> Indices:
-    """Add the strongest of the weak peaks where an interval is too long; breath hides beats."""
+    """Add the strongest weak peak in intervals that are too long, since breathing hides beats."""
     places = np.array(kept, dtype=np.intp)
     if places.size < _FEWEST_BEATS:
         return places
@@ -260,13 +260,13 @@ def _searched_back(kept: list[int], weak: Indices, sums: Floats, apart: float) -
 
 def _implausible(at_s: Floats, window_s: float) -> str:
     if at_s.size < _FEWEST_BEATS:
-        return 'hardly a beat'
+        return 'too few beats'
     gaps = np.diff(at_s)
     if max(gaps.max(), at_s[0], window_s - at_s[-1]) > LONGEST_GAP_S:
         return f'no beat for more than {LONGEST_GAP_S:g} s'
     rate = 60.0 / float(gaps.mean())
     if not SLOWEST_PER_MIN <= rate <= FASTEST_PER_MIN:
-        return 'a rate that cannot be'
+        return 'an implausible rate'
     if gaps.max() > MOST_RATIO * gaps.min():
         return 'an irregular rhythm, or artefacts'
     return ''
@@ -277,15 +277,15 @@ def _disturbed(sums: Floats, places: Indices, ecg: bool) -> str:
         return 'a movement'
     interval = (places[-1] - places[0]) / (places.size - 1)
     if abs(period(sums, interval) - interval) > _PERIOD_SHARE * interval:
-        return 'beats are missing, or are none'
+        return 'missing or false beats'
     return ''
 
 
 def period(sums: Floats, interval: float) -> float:
     """
-    Return after how many samples a wave repeats itself best: the peak of its autocorrelation.
+    Return the period of a wave in samples: the peak of its autocorrelation.
 
-    :param interval: about so many; half of it to not quite twice of it are looked at.
+    :param interval: its approximate value; the search range is 0.5 to 1.9 times that.
     """
     size = 1 << (2 * sums.size - 1).bit_length()
     spectrum = np.fft.rfft(sums - sums.mean(), size)
@@ -296,8 +296,8 @@ def period(sums: Floats, interval: float) -> float:
     return float(first + np.argmax(alike[first:last + 1]))
 
 
-def likeness(wave: Floats, places: Indices) -> float:
-    """Return the mean correlation of the beats with their mean; NaN with less than three."""
+def similarity(wave: Floats, places: Indices) -> float:
+    """Return the mean correlation of the beats with their mean; NaN with fewer than three."""
     interval = float(np.median(np.diff(places)))
     before, after = round(_BEFORE * interval), round(_AFTER * interval)
     whole = [place for place in places.tolist()
@@ -305,7 +305,7 @@ def likeness(wave: Floats, places: Indices) -> float:
     if len(whole) < _FEWEST_BEATS:
         return float('nan')
     beats = np.stack([wave[place - before:place + after] for place in whole])
-    # The line from the first to the last sample of each is breath, not pulse.
+    # The line from the first to the last sample of each is breathing, not pulse.
     line = np.linspace(0.0, 1.0, before + after)
     beats = beats - beats[:, :1] - (beats[:, -1:] - beats[:, :1]) * line
     beats -= beats.mean(axis=1, keepdims=True)
@@ -317,7 +317,7 @@ def likeness(wave: Floats, places: Indices) -> float:
     return float((unit @ mean).mean() / np.linalg.norm(mean))
 
 
-def _mean_of(wave: Floats, count: int) -> Floats:
+def _moving_average(wave: Floats, count: int) -> Floats:
     if count < 2:
         return wave
     padded = np.pad(wave, (count // 2, count - 1 - count // 2), mode='edge')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A second opinion on a pulse oximeter: the pulse as its waveform shows it, beside its own."""
+"""A check of a pulse oximeter: the pulse rate of its waveform against the rate it reports."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from typing import Final
 
 from rt_robot_os.base.schema import Field
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.health.pulse_check.pulse_meter import Pulse
+from rt_robot_os.features.health.pulse_check.pulse_meter import PulseMeasurement
 from rt_robot_os.features.health.pulse_check.pulse_meter import PulseMeter
 from rt_robot_os.features.health.pulse_check.pulse_meter import WINDOW_S
 from rt_robot_os.modules.base import Module
@@ -32,9 +32,9 @@ from rt_robot_os.topics.ports import Output
 
 _FLOAT: Final = 'std_msgs/msg/Float64'
 _TEXT_BYTES: Final = 120
-# The device's own rate is not older than this when it is compared.
+# Largest age of the device's rate in a comparison.
 _FRESH_NS: Final = 5 * NS_PER_S
-# A longer gap is a new beginning: the wave before it has left the window.
+# A longer gap restarts the measurement: the wave before it is outside the window.
 _KEPT_NS: Final = round(WINDOW_S * NS_PER_S)
 
 AGREES: Final = 'agrees'
@@ -44,10 +44,10 @@ UNKNOWN: Final = 'unknown'
 
 class PulseCheck(Module):
     """
-    Find the pulse in a waveform, and say where the device differs for long.
+    Measure the pulse in a waveform, and report when the device differs for long.
 
-    A difference lowers the quality of a measurement; it is no alarm. Each third packet, a second
-    of the wave, is followed by a look at the last ten; all times are those of the samples.
+    A difference lowers the quality of a measurement; it is not an alarm. After each third packet,
+    a second of the wave, the last ten seconds are evaluated. All times are stamps of samples.
     """
 
     pleth = Input('oximeter/pleth', message='std_msgs/msg/UInt16MultiArray', wake=3)
@@ -56,28 +56,28 @@ class PulseCheck(Module):
     verdict = Output('oximeter/pulse_check', 'std_msgs/msg/String', tail=_TEXT_BYTES)
 
     SETTINGS = (
-        Field('sample_rate_hz', float, 75.0, 'Samples a second of the waveform.', 'Hz', 25.0,
+        Field('sample_rate_hz', float, 75.0, 'Sampling rate of the waveform.', 'Hz', 25.0,
               1000.0),
-        Field('difference_per_min', float, 10.0, 'The two differ when they are farther apart, and '
-              'by more than a tenth.', '1/min', 1.0, 200.0, live=True),
-        Field('for_s', float, 10.0, 'Time for which they have to differ, or the wave to say '
-              'nothing, before that is told.', 's', 0.0, 600.0, live=True),
+        Field('difference_per_min', float, 10.0, 'Largest difference of the two rates that counts '
+              'as agreement; a tenth of the rate always does.', '1/min', 1.0, 200.0, live=True),
+        Field('for_s', float, 10.0, 'Time for which they must differ, or the wave be unreliable, '
+              'before that is reported.', 's', 0.0, 600.0, live=True),
     )
 
     def configure(self) -> None:
-        """Make the meter."""
+        """Create the pulse meter."""
         self._rate_hz: float = self.settings['sample_rate_hz']
         self._meter = PulseMeter(self._rate_hz)
-        # What the next sample would be stamped if none is missing.
+        # Stamp of the newest packet.
         self._last_ns = 0
-        # Since when it is not known, and since when they differ; 0: it is, they do not.
+        # Since when the pulse is unknown, and since when the rates differ; 0: not.
         self._unknown_ns = self._differ_ns = 0
-        self._told = UNKNOWN
+        self._verdict = UNKNOWN
         self._counts = {'looks': 0, 'believed': 0, 'differed': 0, 'gaps': 0}
-        self._why = ''
+        self._reason = ''
 
     def step(self) -> None:
-        """Take what came of the wave, and look at it."""
+        """Process new packets of the wave, and evaluate it."""
         stamp_ns = 0
         while self.pleth.take():
             stamp_ns = self.pleth.stamp_ns
@@ -85,59 +85,59 @@ class PulseCheck(Module):
         self.device.latest()
         if not stamp_ns:
             return
-        found = self._meter.look()
+        measurement = self._meter.measure()
         self._counts['looks'] += 1
-        if not found.doubt:
+        if not measurement.doubt:
             self._counts['believed'] += 1
-            self.pulse.msg.data = found.rate_per_min
+            self.pulse.msg.data = measurement.rate_per_min
             self.pulse.publish(stamp_ns)
-        self.verdict.msg.data = self._judge(found, stamp_ns)[:_TEXT_BYTES]
+        self.verdict.msg.data = self._judge(measurement, stamp_ns)[:_TEXT_BYTES]
         self.verdict.publish(stamp_ns)
 
     def statistics(self) -> Mapping[str, Any]:
-        """Return how often the wave was looked at, believed, and another than the device."""
-        return {**self._counts, 'verdict': self._told,
-                'warning': self._why if self._told == SUSPECT else ''}
+        """Return how often the wave was evaluated, reliable, and different from the device."""
+        return {**self._counts, 'verdict': self._verdict,
+                'warning': self._reason if self._verdict == SUSPECT else ''}
 
     def _add(self, stamp_ns: int) -> None:
         samples = self.pleth.msg.data
         length_ns = round(len(samples) * NS_PER_S / self._rate_hz)
-        # Half a packet aside is jitter of the line; more is a wave that does not go on.
+        # Up to half a packet is jitter of the line; more is a gap.
         missing_ns = stamp_ns - self._last_ns - length_ns
         if self._last_ns and abs(missing_ns) > length_ns // 2:
             self._counts['gaps'] += 1
             if 0 < missing_ns <= _KEPT_NS:
-                # The wave before it still tells when the pulse has stopped.
+                # With the wave before the gap a pause of the pulse can be measured.
                 self._meter.add([math.nan] * round(missing_ns * self._rate_hz / NS_PER_S))
             else:
                 self._meter.restart()
         self._last_ns = stamp_ns
         self._meter.add(samples)
 
-    def _judge(self, found: Pulse, stamp_ns: int) -> str:
+    def _judge(self, measurement: PulseMeasurement, stamp_ns: int) -> str:
         for_ns = round(self.settings['for_s'] * NS_PER_S)
-        told = self._of_device(stamp_ns)
-        if found.doubt or math.isnan(told):
+        device_per_min = self._device_rate(stamp_ns)
+        if measurement.doubt or math.isnan(device_per_min):
             self._unknown_ns = self._unknown_ns or stamp_ns
             if stamp_ns - self._unknown_ns >= for_ns:
-                self._told, self._differ_ns = UNKNOWN, 0
-                self._why = found.doubt or 'the device tells no pulse'
-            return f'{self._told}: {self._why}' if self._why else self._told
+                self._verdict, self._differ_ns = UNKNOWN, 0
+                self._reason = measurement.doubt or 'the device reports no pulse'
+            return f'{self._verdict}: {self._reason}' if self._reason else self._verdict
         self._unknown_ns = 0
-        apart = abs(found.rate_per_min - told)
-        if apart <= max(self.settings['difference_per_min'], told / 10.0):
-            self._told, self._differ_ns, self._why = AGREES, 0, ''
+        apart = abs(measurement.rate_per_min - device_per_min)
+        if apart <= max(self.settings['difference_per_min'], device_per_min / 10.0):
+            self._verdict, self._differ_ns, self._reason = AGREES, 0, ''
             return AGREES
         self._counts['differed'] += 1
         self._differ_ns = self._differ_ns or stamp_ns
         if stamp_ns - self._differ_ns >= for_ns:
-            self._told = SUSPECT
-            self._why = (f'the device says {told:.0f}/min and its wave shows '
-                         f'{found.rate_per_min:.0f}/min')
-        return f'{self._told}: {self._why}' if self._why else self._told
+            self._verdict = SUSPECT
+            self._reason = (f'the device reports {device_per_min:.0f}/min and its wave shows '
+                            f'{measurement.rate_per_min:.0f}/min')
+        return f'{self._verdict}: {self._reason}' if self._reason else self._verdict
 
-    def _of_device(self, stamp_ns: int) -> float:
-        """Return the device's own rate; NaN when it is old, or there is none."""
+    def _device_rate(self, stamp_ns: int) -> float:
+        """Return the device's rate; NaN when it is old, or there is none."""
         if self.device.seq < 0 or stamp_ns - self.device.stamp_ns > _FRESH_NS:
             return math.nan
         return float(self.device.msg.data)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The pulse rate as the waveform of a pulse oximeter shows it, while it comes or from a recording.
+Pulse rate of the waveform of a pulse oximeter, live or recorded.
 
-It is a second opinion on what the device says: found in another way, from the same finger. Where
-the wave cannot be believed there is no rate, with the reason; see
+It is independent of the rate that the device computes from the same wave. Where the wave is
+unreliable there is no rate, but a reason; see
 :mod:`rt_robot_os.features.health.pulse_check.beats`.
 """
 
@@ -39,30 +39,30 @@ from rt_robot_os.features.health.pulse_check.beats import usual_peak
 
 Floats = npt.NDArray[np.float64]
 
-#: Ten seconds are what the rules for good beats were made for.
+#: The criteria of reliable beats were published for ten seconds.
 WINDOW_S: Final = 10.0
 #: No QRS complex for so long is an asystole (PhysioNet/Computing in Cardiology Challenge 2015).
 ASYSTOLE_S: Final = 4.0
 SLOWEST_RATE_HZ: Final = 25.0
 FASTEST_RATE_HZ: Final = 1000.0
 
-# The rises of a wave without a pulse, as a share of those of a pulse.
+# Largest rises of a wave without a pulse, as a share of those of a pulse.
 _STILL: Final = THRESHOLD / 2
-# After a gap, a piece of so much tells whether there is a pulse.
+# Least length of the wave after a gap that shows whether there is a pulse.
 _LEAST_S: Final = 1.0
 
 
-class Pulse(NamedTuple):
+class PulseMeasurement(NamedTuple):
     """
-    What the last seconds of a wave show.
+    Result of the last seconds of a wave.
 
     :ivar time_s: of the last sample, since the first.
-    :ivar rate_per_min: NaN when it cannot be believed.
-    :ivar doubt: why not; empty: it is believed.
-    :ivar alike: how much the beats look like each other, -1 to 1; NaN when that was not looked at.
-    :ivar beats: how many were seen, believed or not.
-    :ivar still_s: so long there was no pulse in a wave that showed good ones before; 0: there is
-        one, or the wave cannot tell.
+    :ivar rate_per_min: NaN when it is unreliable.
+    :ivar doubt: why it is unreliable; empty: it is reliable.
+    :ivar alike: mean correlation of the beats, -1 to 1; NaN if not computed.
+    :ivar beats: number of detected beats, reliable or not.
+    :ivar still_s: duration without a pulse in a wave that had reliable ones before; 0: there is
+        one, or that is unknown.
     """
 
     time_s: float
@@ -75,74 +75,74 @@ class Pulse(NamedTuple):
 
 class PulseMeter:
     """
-    Measure the pulse in a wave that comes piece by piece; keeps the last ten seconds.
+    Measure the pulse in a wave that arrives in pieces; stores the last ten seconds.
 
-    A look takes about 0.3 ms: not for each sample.
+    A measurement takes about 0.3 ms: not for each sample.
     """
 
     def __init__(self, rate_hz: float, window_s: float = WINDOW_S) -> None:
         """
-        Begin without a sample.
+        Start without a sample.
 
         :param rate_hz: samples a second.
-        :param window_s: so much of the wave is looked at.
-        :raises ValueError: the rate cannot be.
+        :param window_s: length of the wave that is evaluated.
+        :raises ValueError: the rate is out of range.
         """
         if not SLOWEST_RATE_HZ <= rate_hz <= FASTEST_RATE_HZ:
-            raise ValueError(f'{rate_hz:g} Hz: a wave of {SLOWEST_RATE_HZ:g} to '
-                             f'{FASTEST_RATE_HZ:g} samples a second is needed')
+            raise ValueError(f'{rate_hz:g} Hz: the sampling rate of the wave must be '
+                             f'{SLOWEST_RATE_HZ:g} to {FASTEST_RATE_HZ:g} Hz')
         self.rate_hz = rate_hz
         self._wave = np.empty(round(window_s * rate_hz))
         self.restart()
 
     def restart(self) -> None:
-        """Forget the wave: what comes does not follow on it."""
+        """Forget the wave: the next samples do not continue it."""
         self._count = self._seen = 0
-        # Of the last seconds that were believed: the slope sum of a beat, and how far the wave
-        # reached down and up.
+        # Of the last reliable seconds: the slope sum of a beat, and the range of the wave.
         self._usual = 0.0
-        self._reach = (0.0, 0.0)
+        self._range = (0.0, 0.0)
 
     def add(self, samples: Sequence[float] | npt.NDArray[np.generic]) -> None:
-        """Take the next samples, in any unit, systole upwards; NaN where there is none."""
+        """Add samples, in any unit, systole upwards; NaN where one is missing."""
         new = np.asarray(samples, dtype=np.float64)[-self._wave.size:]
         kept = min(self._count, self._wave.size - new.size)
-        # Newest last: what is looked at is one piece.
+        # Newest last, contiguous.
         self._wave[:kept] = self._wave[self._count - kept:self._count]
         self._wave[kept:kept + new.size] = new
         self._count = kept + new.size
         self._seen += len(samples)
 
-    def look(self) -> Pulse:
-        """Return what the last seconds show."""
+    def measure(self) -> PulseMeasurement:
+        """Evaluate the last seconds."""
         wave = self._wave[:self._count]
         time_s = self._seen / self.rate_hz
         if self._count < self._wave.size:
-            return Pulse(time_s, math.nan, 'too short', math.nan, 0, 0.0)
+            return PulseMeasurement(time_s, math.nan, 'too short', math.nan, 0, 0.0)
         found = pulse_beats(wave, self.rate_hz)
         still_s = 0.0
         if not found.doubt:
             whole = bridged(wave, self.rate_hz)
             self._usual = usual_peak(slope_sum(whole, self.rate_hz), self.rate_hz)
-            self._reach = (float(np.nanmin(wave)), float(np.nanmax(wave)))
+            self._range = (float(np.nanmin(wave)), float(np.nanmax(wave)))
         elif self._usual:
             still_s = self._still_s(_newest(bridged(wave, self.rate_hz)))
-        return Pulse(time_s, math.nan if found.doubt else float(found.rate_per_min), found.doubt,
-                     float(found.alike), found.at_s.size, still_s)
+        return PulseMeasurement(
+            time_s, math.nan if found.doubt else float(found.rate_per_min), found.doubt,
+            float(found.alike), found.at_s.size, still_s)
 
     def _still_s(self, wave: Floats) -> float:
-        """Return for how long at the end nothing rises in a wave that is no other than before."""
+        """Return for how long at its end a wave of the same range has had no pulse."""
         if wave.size < _LEAST_S * self.rate_hz:
             return 0.0
-        low, high = self._reach
+        low, high = self._range
         room = high - low
         sums = slope_sum(wave, self.rate_hz)
         if sums.max() > STRONGEST * self._usual:
-            return 0.0  # somebody moves: what follows on that is no pause before it settles
+            return 0.0  # a movement: no pause until the wave has settled
         rising = np.flatnonzero(sums >= _STILL * self._usual)
         still = wave.size - 1 - int(rising[-1]) if rising.size else wave.size
         end = wave[wave.size - still:]
-        # A sensor that came off is somewhere else, or says the same number all the time.
+        # A sensor that came off has another range, or repeats the same number.
         stuck = np.count_nonzero(np.diff(end) == 0.0)
         if not end.size or end.min() < low - room or end.max() > high + room or (
                 2 * stuck >= end.size):
@@ -151,25 +151,26 @@ class PulseMeter:
 
 
 def _newest(wave: Floats) -> Floats:
-    """Return what came after the last gap."""
+    """Return the part after the last gap."""
     missing = np.flatnonzero(~np.isfinite(wave))
     return wave[missing[-1] + 1:] if missing.size else wave
 
 
-def course(wave: Floats, rate_hz: float, every_s: float = 1.0) -> Iterator[Pulse]:
+def measure_recording(wave: Floats, rate_hz: float, every_s: float = 1.0
+                      ) -> Iterator[PulseMeasurement]:
     """
-    Measure a recorded wave as one that comes.
+    Measure a recorded wave as if it were live.
 
-    :param wave: shape (n,), in any unit, systole upwards; NaN where there is none.
-    :param every_s: time between two looks.
-    :return: a measurement for each whole window, then each ``every_s``.
-    :raises ValueError: the rate cannot be.
+    :param wave: shape (n,), in any unit, systole upwards; NaN where a sample is missing.
+    :param every_s: time between two measurements.
+    :return: a measurement for the first whole window, then each ``every_s``.
+    :raises ValueError: the rate is out of range.
     """
     meter = PulseMeter(rate_hz)
     window = round(WINDOW_S * rate_hz)
     meter.add(wave[:window])
     at, step = window, max(round(every_s * rate_hz), 1)
     while at <= wave.size:
-        yield meter.look()
+        yield meter.measure()
         meter.add(wave[at:at + step])
         at += step

@@ -14,15 +14,15 @@
 
 
 """
-Whether a rule is true, as samples come and time passes; no topics, no kernel.
+Evaluation of a rule over samples and time; no topics, no kernel.
 
-A rule is true, false or not known. Not known is what nobody has measured yet, or what is too old;
-``not`` of it is not known either, ``and`` and ``or`` are when the others do not decide. A rule
-that is not known stays as it was: what was wrong is not well because nobody looks any more.
+A rule is true, false or unknown. It is unknown without a sample, or with one that is stale.
+``not`` of unknown is unknown; ``and`` and ``or`` are unknown when the other operands do not
+decide. An active rule stays active while its inputs are stale, and an inactive one inactive.
 
-All times are ns of one clock. Between two samples a value holds. What time alone changes (a length
-of time that is full, a window that nothing is left in) is judged at that very moment, before any
-sample that is later: the same samples give the same transitions, whenever they are handed in.
+All times are ns of one clock. Between two samples a value holds. Deadlines (the end of a
+duration, of a window) are evaluated at their own time, before any later sample: the same samples
+give the same transitions, whenever they are handed in.
 """
 
 from __future__ import annotations
@@ -59,31 +59,31 @@ _COMPARISONS: Final[Mapping[str, Callable[[Value, Value], bool]]] = {
 
 
 class Transition(NamedTuple):
-    """A rule began or ceased to be true, and when."""
+    """A change of a rule between true and false, and its time."""
 
     active: bool
     time_ns: int
 
 
-class _Source:
+class _FieldHistory:
     """
-    What is known of a field, or of a topic as a whole.
+    Newest sample of a field, or of a topic as a whole, and its times.
 
     :ivar value: the last one; None before the first.
     """
 
-    __slots__ = ('value', 'stamp_ns', 'changed_ns', 'since_ns', 'heard_ns', 'windows')
+    __slots__ = ('value', 'stamp_ns', 'changed_ns', 'since_ns', 'received_ns', 'windows')
 
     def __init__(self) -> None:
         self.value: Value | None = None
-        self.stamp_ns = self.heard_ns = 0
+        self.stamp_ns = self.received_ns = 0
         self.changed_ns = -1
         self.since_ns = -1
         self.windows: list[SampleWindow] = []
 
-    def take(self, value: Value | None, time_ns: int) -> None:
-        self.heard_ns = time_ns
-        if value is None:  # the whole topic is meant
+    def update(self, value: Value | None, time_ns: int) -> None:
+        self.received_ns = time_ns
+        if value is None:  # the field is the whole topic
             return
         if self.value is None:
             self.since_ns = time_ns
@@ -98,7 +98,7 @@ class _Node:
     """
     A part of a rule.
 
-    :ivar due_ns: the next moment at which it may change though nothing comes.
+    :ivar due_ns: the next time at which it may change without a sample.
     """
 
     __slots__ = ('due_ns',)
@@ -106,24 +106,25 @@ class _Node:
     def __init__(self) -> None:
         self.due_ns: float = NEVER
 
-    def look(self, now_ns: int) -> bool | None:
-        """Say how it is; None when that is not known."""
+    def evaluate(self, now_ns: int) -> bool | None:
+        """Return whether it is true; None when that is unknown."""
         raise NotImplementedError
 
 
 class _Comparison(_Node):
-    __slots__ = ('_left', '_right', '_compare', '_clear', '_clear_at', '_stale_ns', '_was')
+    __slots__ = ('_left', '_right', '_compare', '_clear', '_clear_at', '_stale_ns', '_active')
 
-    def __init__(self, left: _Source, right: _Source, term: Compare, stale_ns: int) -> None:
+    def __init__(self, left: _FieldHistory, right: _FieldHistory, term: Compare, stale_ns: int
+                 ) -> None:
         super().__init__()
         self._left, self._right = left, right
         self._compare = _COMPARISONS[term.comparison]
         self._clear = _COMPARISONS['<' if term.comparison[0] == '>' else '>']
         self._clear_at = None if term.clear is None else term.clear.value
         self._stale_ns = stale_ns
-        self._was = False
+        self._active = False
 
-    def look(self, now_ns: int) -> bool | None:
+    def evaluate(self, now_ns: int) -> bool | None:
         left, right = self._left.value, self._right.value
         if left is None or right is None:
             return None
@@ -133,50 +134,51 @@ class _Comparison(_Node):
                 self.due_ns = NEVER
                 return None
             self.due_ns = stale_ns
-        if self._was and self._clear_at is not None:
-            self._was = not self._clear(left, self._clear_at)
+        if self._active and self._clear_at is not None:
+            self._active = not self._clear(left, self._clear_at)
         else:
-            self._was = self._compare(left, right)
-        return self._was
+            self._active = self._compare(left, right)
+        return self._active
 
 
-class _Silence(_Node):
-    __slots__ = ('_source', '_lasting_ns')
+class _Absent(_Node):
+    __slots__ = ('_source', '_duration_ns')
 
-    def __init__(self, source: _Source, lasting_ns: int) -> None:
+    def __init__(self, source: _FieldHistory, duration_ns: int) -> None:
         super().__init__()
-        self._source, self._lasting_ns = source, lasting_ns
+        self._source, self._duration_ns = source, duration_ns
 
-    def look(self, now_ns: int) -> bool | None:
-        full_ns = self._source.heard_ns + self._lasting_ns
+    def evaluate(self, now_ns: int) -> bool | None:
+        full_ns = self._source.received_ns + self._duration_ns
         self.due_ns = full_ns if now_ns < full_ns else NEVER
         return now_ns >= full_ns
 
 
-class _Change(_Node):
+class _ChangedWithin(_Node):
     """
-    Whether a value changed lately.
+    Whether a value changed within a time.
 
-    That it did not is known only after it was watched for so long, and while it still comes.
+    False only after samples have arrived for the whole time, and while they still arrive.
     """
 
     __slots__ = ('_source', '_within_ns')
 
-    def __init__(self, source: _Source, within_ns: int) -> None:
+    def __init__(self, source: _FieldHistory, within_ns: int) -> None:
         super().__init__()
         self._source, self._within_ns = source, within_ns
 
-    def look(self, now_ns: int) -> bool | None:
+    def evaluate(self, now_ns: int) -> bool | None:
         source = self._source
-        over_ns = source.changed_ns + self._within_ns
-        if source.changed_ns >= 0 and now_ns < over_ns:
-            self.due_ns = over_ns
+        end_ns = source.changed_ns + self._within_ns
+        if source.changed_ns >= 0 and now_ns < end_ns:
+            self.due_ns = end_ns
             return True
-        return _not_so(self, source, now_ns, self._within_ns)
+        return _false_if_watched(self, source, now_ns, self._within_ns)
 
 
-def _not_so(node: _Node, source: _Source, now_ns: int, within_ns: int) -> bool | None:
-    """Return False when nothing happened in all the time, else None."""
+def _false_if_watched(node: _Node, source: _FieldHistory, now_ns: int, within_ns: int
+                      ) -> bool | None:
+    """Return False when samples have covered the whole time, else None."""
     stale_ns, watched_ns = source.stamp_ns + within_ns, source.since_ns + within_ns
     if source.value is None or now_ns >= stale_ns:
         node.due_ns = NEVER
@@ -188,66 +190,66 @@ def _not_so(node: _Node, source: _Source, now_ns: int, within_ns: int) -> bool |
     return False
 
 
-class _Move(_Node):
+class _MovedWithin(_Node):
     __slots__ = ('_source', '_window', '_term')
 
-    def __init__(self, source: _Source, term: Moved) -> None:
+    def __init__(self, source: _FieldHistory, term: Moved) -> None:
         super().__init__()
         self._source, self._term = source, term
         self._window = SampleWindow(term.within_ns)
         source.windows.append(self._window)
 
-    def look(self, now_ns: int) -> bool | None:
+    def evaluate(self, now_ns: int) -> bool | None:
         term, window = self._term, self._window
-        window.forget(now_ns)
-        if window.spans(term.way) >= term.amount.value:
+        window.expire(now_ns)
+        if window.spans(term.direction) >= term.amount.value:
             self.due_ns = window.next_ns
             return True
-        found = _not_so(self, self._source, now_ns, term.within_ns)
+        found = _false_if_watched(self, self._source, now_ns, term.within_ns)
         self.due_ns = min(self.due_ns, window.next_ns)
         return found
 
 
-class _Lasting(_Node):
-    __slots__ = ('_part', '_lasting_ns', '_since_ns')
+class _Sustained(_Node):
+    __slots__ = ('_part', '_duration_ns', '_since_ns')
 
-    def __init__(self, part: _Node, lasting_ns: int) -> None:
+    def __init__(self, part: _Node, duration_ns: int) -> None:
         super().__init__()
-        self._part, self._lasting_ns = part, lasting_ns
+        self._part, self._duration_ns = part, duration_ns
         self._since_ns = -1
 
-    def look(self, now_ns: int) -> bool | None:
-        found = self._part.look(now_ns)
+    def evaluate(self, now_ns: int) -> bool | None:
+        found = self._part.evaluate(now_ns)
         self.due_ns = self._part.due_ns
         if not found:
             self._since_ns = -1
             return found
         if self._since_ns < 0:
             self._since_ns = now_ns
-        full_ns = self._since_ns + self._lasting_ns
+        full_ns = self._since_ns + self._duration_ns
         if now_ns < full_ns:
             self.due_ns = min(self.due_ns, full_ns)
         return now_ns >= full_ns
 
 
-class _Opposite(_Node):
+class _Not(_Node):
     __slots__ = ('_part',)
 
     def __init__(self, part: _Node) -> None:
         super().__init__()
         self._part = part
 
-    def look(self, now_ns: int) -> bool | None:
-        found = self._part.look(now_ns)
+    def evaluate(self, now_ns: int) -> bool | None:
+        found = self._part.evaluate(now_ns)
         self.due_ns = self._part.due_ns
         return None if found is None else not found
 
 
-class _Several(_Node):
+class _NaryOperator(_Node):
     """
-    Of several parts one decides.
+    And, or: one part decides.
 
-    All are looked at, also when the first decides: they have to know since when they are so.
+    All parts are evaluated, even when the first decides, because they measure durations.
     """
 
     __slots__ = ('_parts', '_decides')
@@ -256,13 +258,13 @@ class _Several(_Node):
         super().__init__()
         self._parts, self._decides = parts, decides
 
-    def look(self, now_ns: int) -> bool | None:
+    def evaluate(self, now_ns: int) -> bool | None:
         decides = self._decides
         decided = False
         known = True
         due_ns: float = NEVER
         for part in self._parts:
-            found = part.look(now_ns)
+            found = part.evaluate(now_ns)
             if found is None:
                 known = False
             elif found is decides:
@@ -277,16 +279,15 @@ class _Several(_Node):
 
 class RuleState:
     """
-    One rule at work; safe in the real-time loop once it is made.
+    State of one rule; safe in the real-time loop once it is constructed.
 
-    :param rule: its numbers are in the units of their fields; without stars.
-    :param stale_ns: age at which a value is not known any more, in comparisons; 0: it holds until
-        the next one.
-    :param clear_ns: so long it must be false until it counts as over.
-    :ivar refs: its fields, by the numbers that :meth:`take` wants.
-    :ivar active: whether it is true.
-    :ivar known: how it was last: True, False or None for not known.
-    :ivar due_ns: when time alone may change something; infinite for never.
+    :param rule: without stars, its numbers in the units of their fields.
+    :param stale_ns: age at which a value in a comparison becomes unknown; 0: never.
+    :param clear_ns: time for which the rule must be false before it becomes inactive.
+    :ivar refs: its fields; :meth:`update` takes their indices.
+    :ivar active: whether it is active.
+    :ivar known: result of the last evaluation: True, False or None for unknown.
+    :ivar due_ns: next deadline; infinite without one.
     """
 
     __slots__ = ('refs', 'active', 'known', 'due_ns', '_sources', '_root', '_now_ns', '_clear_ns',
@@ -294,8 +295,8 @@ class RuleState:
 
     def __init__(self, rule: Rule, stale_ns: int = 0, clear_ns: int = 0) -> None:
         self.refs = refs_of(rule)
-        self._sources = [_Source() for _ in self.refs]
-        self._root = _made(rule, dict(zip(self.refs, self._sources)), stale_ns)
+        self._sources = [_FieldHistory() for _ in self.refs]
+        self._root = _build(rule, dict(zip(self.refs, self._sources)), stale_ns)
         self._clear_ns = clear_ns
         self._false_ns = -1
         self._now_ns = 0
@@ -303,54 +304,54 @@ class RuleState:
         self.known: bool | None = None
         self.due_ns: float = NEVER
 
-    def begin(self, now_ns: int) -> None:
-        """Begin to look: a topic that is never heard is silent since then."""
+    def start(self, now_ns: int) -> None:
+        """Start: a topic without a message counts as silent since then."""
         self._now_ns = now_ns
         self.due_ns = now_ns
         for source in self._sources:
-            source.heard_ns = now_ns
+            source.received_ns = now_ns
 
-    def take(self, number: int, value: Value | None, time_ns: int) -> None:
+    def update(self, number: int, value: Value | None, time_ns: int) -> None:
         """
-        Take a value; :meth:`pass_time` up to that moment, and then to it, is the caller's.
+        Add a sample; the caller calls :meth:`advance` up to its time before, and to it after.
 
-        What is older than what was judged already counts from then: time does not go back.
+        A sample that is older than the last evaluation counts from then: time does not go back.
 
-        :param number: of the field in :attr:`refs`.
-        :param value: a number that is one, or a text; None for one that is a whole topic.
+        :param number: index of the field in :attr:`refs`.
+        :param value: a finite number, or a string; None for a whole topic.
         """
         time_ns = max(time_ns, self._now_ns)
-        self._sources[number].take(value, time_ns)
+        self._sources[number].update(value, time_ns)
         self.due_ns = time_ns
 
-    def pass_time(self, to_ns: int, through: bool = True) -> list[Transition]:
+    def advance(self, to_ns: int, through: bool = True) -> list[Transition]:
         """
-        Let time pass.
+        Process the deadlines until a time.
 
-        :param through: what is due at that very moment as well; else only what was before.
-        :return: what changed, in order; hardly ever more than one.
+        :param through: also those at that time; else only earlier ones.
+        :return: the transitions, in order.
         """
         found: list[Transition] = []
         to_ns = max(to_ns, self._now_ns)
         while self.due_ns < to_ns or (through and self.due_ns <= to_ns):
             self._now_ns = int(self.due_ns)
-            if self._judge(self._now_ns):
+            if self._evaluate_root(self._now_ns):
                 found.append(Transition(self.active, self._now_ns))
         return found
 
     def value(self) -> float:
-        """Return the number that its first field has; NaN without one."""
+        """Return the number of its first field; NaN without one."""
         value = self._sources[0].value
         return value if isinstance(value, float) else math.nan
 
     def last_values(self) -> list[Value | None]:
-        """Return what each field had last; None for what was never heard."""
+        """Return the last value of each field; None without a sample."""
         return [source.value for source in self._sources]
 
-    def _judge(self, now_ns: int) -> bool:
-        """Look how it is; say whether it began or is over."""
+    def _evaluate_root(self, now_ns: int) -> bool:
+        """Evaluate the rule; return whether it became active or inactive."""
         root = self._root
-        known = self.known = root.look(now_ns)
+        known = self.known = root.evaluate(now_ns)
         self.due_ns = root.due_ns
         if known is None or known == self.active:
             if known:
@@ -361,34 +362,34 @@ class RuleState:
             return True
         if self._false_ns < 0:
             self._false_ns = now_ns
-        over_ns = self._false_ns + self._clear_ns
-        if now_ns < over_ns:
-            self.due_ns = min(self.due_ns, over_ns)
+        end_ns = self._false_ns + self._clear_ns
+        if now_ns < end_ns:
+            self.due_ns = min(self.due_ns, end_ns)
             return False
         self.active, self._false_ns = False, -1
         return True
 
 
-def _made(rule: Rule, sources: Mapping[Ref, _Source], stale_ns: int) -> _Node:
+def _build(rule: Rule, sources: Mapping[Ref, _FieldHistory], stale_ns: int) -> _Node:
     if isinstance(rule, And | Or):
-        return _Several([_made(each, sources, stale_ns) for each in rule.rules],
-                        decides=isinstance(rule, Or))
+        return _NaryOperator([_build(each, sources, stale_ns) for each in rule.rules],
+                             decides=isinstance(rule, Or))
     if isinstance(rule, Not):
-        return _Opposite(_made(rule.rule, sources, stale_ns))
+        return _Not(_build(rule.rule, sources, stale_ns))
     if isinstance(rule, For):
-        return _Lasting(_made(rule.rule, sources, stale_ns), rule.lasting_ns)
+        return _Sustained(_build(rule.rule, sources, stale_ns), rule.duration_ns)
     if isinstance(rule, Silent):
-        return _Silence(sources[rule.ref], rule.lasting_ns)
+        return _Absent(sources[rule.ref], rule.duration_ns)
     if isinstance(rule, Changed):
-        return _Change(sources[rule.ref], rule.within_ns)
+        return _ChangedWithin(sources[rule.ref], rule.within_ns)
     if isinstance(rule, Moved):
-        return _Move(sources[rule.ref], rule)
+        return _MovedWithin(sources[rule.ref], rule)
     right = _constant(rule.right) if isinstance(rule.right, Number | Text) else (
         sources[rule.right])
     return _Comparison(sources[rule.left], right, rule, stale_ns)
 
 
-def _constant(term: Number | Text) -> _Source:
-    source = _Source()
+def _constant(term: Number | Text) -> _FieldHistory:
+    source = _FieldHistory()
     source.value, source.stamp_ns = term.value, 1 << 62
     return source

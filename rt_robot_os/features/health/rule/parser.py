@@ -14,9 +14,9 @@
 
 
 """
-Rules of a user's own, as text: ``wsn/kitchen/smoke.data > 0.5 for 3 s``.
+Parser of rules such as ``wsn/kitchen/smoke.data > 0.5 for 3 s``.
 
-The grammar, in which ``for`` binds closest, then ``not``, ``and``, ``or``::
+The grammar; ``for`` binds closest, then ``not``, ``and``, ``or``::
 
     rule       = part {"or" part}
     part       = item {"and" item}
@@ -28,7 +28,7 @@ The grammar, in which ``for`` binds closest, then ``not``, ``and``, ``or``::
                | TOPIC "silent for" DURATION
     value      = NUMBER | TEXT | FIELD | "true" | "false"
 
-Nothing is evaluated by Python: the text becomes terms, or an error that shows the place.
+Python evaluates nothing: the result is a tree of terms, or an error with the position.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ from rt_robot_os.features.health.rule.tokens import RuleError
 from rt_robot_os.features.health.rule.tokens import shown
 from rt_robot_os.features.health.rule.tokens import Token
 from rt_robot_os.features.health.rule.tokens import tokens_of
-from rt_robot_os.features.health.rule.units import spelled
+from rt_robot_os.features.health.rule.units import canonical_unit
 from rt_robot_os.features.health.rule.units import UNITS
 
 __all__ = ['read_rule', 'RuleError']
@@ -84,15 +84,15 @@ Operand = Ref | Number | Text
 
 def read_rule(text: str) -> Rule:
     """
-    Read a rule; not for the real-time loop.
+    Parse a rule; not for the real-time loop.
 
-    :raises RuleError: it is none; the error shows what is wrong, where, and what would be right.
+    :raises RuleError: it is not valid; with the problem, the position and the remedy.
     """
     return _Parser(text).rule()
 
 
 class _Parser:
-    """Read a rule from left to right, one token ahead."""
+    """Recursive descent parser with one token of lookahead."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -109,9 +109,9 @@ class _Parser:
         if token.kind == 'comparison':
             self._fail('one comparison at a time: write x > 10 and x < 20 instead of 10 < x < 20')
         if token.text == ')':
-            self._fail("this ')' closes nothing: take it out")
-        self._fail(f"{shown(token)} cannot stand here: what may follow is 'and', 'or', "
-                   f"'for' with a length of time{meant(token.text, _WORDS)}")
+            self._fail("this ')' closes nothing: remove it")
+        self._fail(f"{shown(token)} is not valid here: expected 'and', 'or', "
+                   f"'for' with a duration{meant(token.text, _WORDS)}")
 
     def _or(self) -> Rule:
         found = [self._and()]
@@ -136,7 +136,8 @@ class _Parser:
         if self._word('for'):
             found = For(found, self._duration())
             if self._token.text == 'for':
-                self._fail("'for' twice: keep one, or put brackets round what the first is for")
+                self._fail("'for' twice: remove one, or put the first and its condition in "
+                           'brackets')
         return found
 
     def _group(self) -> Rule:
@@ -145,15 +146,16 @@ class _Parser:
         if self._token.text != ')' or self._token.kind != 'bracket':
             if self._token.kind == 'end':
                 self._fail("this '(' is never closed: add ')'", opened)
-            self._fail(f"{shown(self._token)} cannot stand here: 'and', 'or', 'for' or ')' may"
-                       f'{meant(self._token.text, _WORDS)}')
+            self._fail(f"{shown(self._token)} is not valid here: expected 'and', 'or', 'for' or "
+                       f"')'{meant(self._token.text, _WORDS)}")
         self._next()
         return found
 
     def _deeper(self, read: Callable[[], Rule]) -> Rule:
         self._depth += 1
         if self._depth > _DEEPEST:
-            self._fail(f"brackets and 'not' are more than {_DEEPEST} deep: make several rules")
+            self._fail(f"brackets and 'not' are nested more than {_DEEPEST} deep: write several "
+                       'rules')
         token = self._token
         if token.text == 'not':
             self._next()
@@ -166,45 +168,45 @@ class _Parser:
     def _condition(self) -> Condition:
         self._conditions += 1
         if self._conditions > _MOST_CONDITIONS:
-            self._fail(f'more than {_MOST_CONDITIONS} conditions: make several rules')
+            self._fail(f'more than {_MOST_CONDITIONS} conditions: write several rules')
         first = self._token
         left = self._operand('a topic with a field, ' + _EXAMPLE)
         if self._token.kind == 'comparison':
             return self._comparison(left, first)
         if not isinstance(left, Ref):
-            self._fail('a condition begins with a topic and its field, ' + _EXAMPLE, first)
+            self._fail('a condition starts with a topic and its field, ' + _EXAMPLE, first)
         return self._event(left)
 
     def _event(self, ref: Ref) -> Condition:
         token = self._token
         if self._word('silent'):
-            self._needed('for', 'a length of time, such as silent for 60 s')
+            self._expect('for', 'a duration, such as silent for 60 s')
             return Silent(ref, self._duration())
         if self._word('changed'):
-            self._needed('within', 'a length of time, such as changed within 12 h')
+            self._expect('within', 'a duration, such as changed within 12 h')
             return Changed(ref, self._duration())
         if self._word('begins'):
-            self._needed('with', "a text, such as begins with 'idle'")
+            self._expect('with', "a string, such as begins with 'idle'")
             return Compare(ref, 'begins', self._quoted())
         if token.text in ('moves', 'rises', 'falls'):
             self._next()
             by = self._token
-            amount = self._number(f'by how much, such as {token.text} 0.5 within 10 min')
+            amount = self._number(f'an amount, such as {token.text} 0.5 within 10 min')
             if not amount.value > 0.0:
                 self._fail('must be more than 0', by)
-            self._needed('within', f'a length of time, such as {token.text} 0.5 within 10 min')
+            self._expect('within', f'a duration, such as {token.text} 0.5 within 10 min')
             return Moved(ref, token.text, amount, self._duration())
         if token.kind == 'end' or token.text in ('and', 'or', 'for', ')'):
-            self._fail(f'nothing is said about {ref}: compare it, such as {ref} > 0.5, or '
-                       f'{ref} == true, or say what it does: silent for 60 s, changed within 1 h')
-        self._fail(f'{shown(token)} cannot stand here: what may follow is one of < <= > >= == !=, '
+            self._fail(f'{ref} has no condition: add one such as {ref} > 0.5, {ref} == true, '
+                       'silent for 60 s, changed within 1 h')
+        self._fail(f'{shown(token)} is not valid here: expected one of < <= > >= == !=, '
                    'silent, changed, moves, rises, falls, begins'
                    f'{meant(token.text, _WORDS)}')
 
     def _comparison(self, left: Operand, first: Token) -> Condition:
         sign = self._next()
         second = self._token
-        right = self._operand(f'what it is compared with, such as {sign.text} 0.5')
+        right = self._operand(f'a value to compare with, such as {sign.text} 0.5')
         comparison = sign.text
         if not isinstance(left, Ref):
             if not isinstance(right, Ref):
@@ -212,9 +214,9 @@ class _Parser:
             left, right, comparison = right, left, _MIRRORED[comparison]
             first, second = second, first
         if isinstance(right, Text) and comparison not in ('==', '!='):
-            self._fail('a text can be equal or not: use == or !=, or begins with', sign)
+            self._fail('a string can only be compared with == or !=, or begins with', sign)
         if isinstance(right, Ref) and right == left:
-            self._fail('this is what stands on the other side', second)
+            self._fail('both sides are the same field', second)
         return Compare(left, comparison, right, self._clear(comparison, right, sign))
 
     def _clear(self, comparison: str, right: Operand, sign: Token) -> Number | None:
@@ -222,14 +224,14 @@ class _Parser:
         if not self._word('clear'):
             return None
         if comparison[0] not in '<>' or not isinstance(right, Number):
-            self._fail("'clear' goes with < <= > >= and a number only", clear)
+            self._fail("'clear' is only valid with < <= > >= and a number", clear)
         wanted = 'below' if comparison[0] == '>' else 'above'
-        self._needed(wanted, f'a number: {sign.text} is over when the value is {wanted} it')
+        self._expect(wanted, f'a number: {sign.text} ends when the value is {wanted} it')
         place = self._token
         found = self._number(f'a number, such as clear {wanted} {right}')
-        if spelled(found.unit) == spelled(right.unit) and (
+        if canonical_unit(found.unit) == canonical_unit(right.unit) and (
                 found.value > right.value if wanted == 'below' else found.value < right.value):
-            self._fail(f'must be {wanted} {right}, at which it begins', place)
+            self._fail(f'must be {wanted} {right}, the limit of the condition', place)
         return found
 
     # ---- words -------------------------------------------------------------------------------
@@ -246,7 +248,7 @@ class _Parser:
         if token.text == 'between':
             self._time_of_day()
         if token.kind != 'word' or token.text in _WORDS:
-            self._fail(f'{shown(token)} cannot stand here: it must be {wanted}'
+            self._fail(f'{shown(token)} is not valid here: must be {wanted}'
                        f'{meant(token.text, ()) if token.kind == "other" else ""}')
         return self._ref()
 
@@ -255,19 +257,19 @@ class _Parser:
         found = _REF.fullmatch(token.text)
         if found is None:
             if token.text.startswith(('/', '~')) and _REF.fullmatch(token.text.lstrip('/~')):
-                self._fail('topics of the core have no / at the beginning: write '
+                self._fail('topics of the core have no leading /: write '
                            f'{token.text.lstrip("/~")}', token)
-            self._fail(f'{shown(token)} is no topic with a field: it must be {_EXAMPLE[8:]}'
+            self._fail(f'{shown(token)} is not a topic with a field: must be {_EXAMPLE[8:]}'
                        f'{meant(token.text, _WORDS)}', token)
         topic = found['topic']
         if topic.count(STAR) > 1:
-            self._fail(f'{topic} has more than one {STAR}: name the other parts', token)
+            self._fail(f'{topic} has more than one {STAR}: write the other parts', token)
         return Ref(topic, found['path'] or '', token.span)
 
     def _number(self, wanted: str) -> Number:
         token = self._token
         if token.kind != 'number':
-            self._fail(f'{shown(token)} cannot stand here: it must be {wanted}')
+            self._fail(f'{shown(token)} is not valid here: must be {wanted}')
         self._next()
         value = float(token.text)
         if not math.isfinite(value):
@@ -276,9 +278,9 @@ class _Parser:
         if follows.kind == 'word' and follows.text not in _WORDS:
             if _TIME_OF_DAY.fullmatch(follows.text):
                 self._time_of_day(token)
-            unit = spelled(follows.text)
+            unit = canonical_unit(follows.text)
             if unit not in UNITS:
-                self._fail(f'{shown(follows)} is no unit, or cannot stand here: units are '
+                self._fail(f'{shown(follows)} is not a unit, and not valid here: units are '
                            f'{_UNIT_LIST}{meant(follows.text, _WORDS)}')
             self._next()
             return Number(value, unit, (token.span[0], follows.span[1]))
@@ -287,7 +289,7 @@ class _Parser:
     def _quoted(self) -> Text:
         token = self._token
         if token.kind != 'text':
-            self._fail(f"{shown(token)} cannot stand here: it must be a text in quotes, 'idle'")
+            self._fail(f"{shown(token)} is not valid here: must be a string in quotes, 'idle'")
         self._next()
         return Text(token.text[1:-1], token.span)
 
@@ -299,13 +301,13 @@ class _Parser:
             if _TIME_OF_DAY.fullmatch(unit.text):
                 self._time_of_day(number)
             if unit.kind != 'word' or unit.text not in DURATIONS:
-                self._fail(f'{shown(unit)} is no unit of time: it must be one of '
+                self._fail(f'{shown(unit)} is not a unit of time: must be one of '
                            f'{", ".join(reversed(DURATIONS))}')
             self._next()
             parts += 1
             total_ns += _nanoseconds(number.text, DURATIONS[unit.text])
         if not parts:
-            self._fail(f'{shown(first)} cannot stand here: it must be a length of time, such as '
+            self._fail(f'{shown(first)} is not valid here: must be a duration, such as '
                        '3 s or 1 h 30 min')
         span = first.span[0], self._tokens[self._at - 1].span[1]
         if not 0 < total_ns <= _LONGEST_NS:
@@ -327,23 +329,21 @@ class _Parser:
             self._next()
         return found
 
-    def _needed(self, word: str, then: str) -> None:
+    def _expect(self, word: str, then: str) -> None:
         token = self._token
         if not self._word(word):
-            self._fail(f'{shown(token)} cannot stand here: it must be {word!r} and {then}')
+            self._fail(f'{shown(token)} is not valid here: must be {word!r} and {then}')
 
     def _time_of_day(self, token: Token | None = None) -> NoReturn:
-        self._fail('the time of day is nothing that a rule can know, so that a recording gives '
-                   'the same again: publish it on a topic, and compare that: '
-                   'clock/hour.data >= 22',
-                   token)
+        self._fail('a rule has no time of day, so that replays give the same result: publish it '
+                   'on a topic, and compare that: clock/hour.data >= 22', token)
 
     def _fail(self, problem: str, token: Token | None = None) -> NoReturn:
         raise RuleError(problem, self._text, (token or self._token).span)
 
 
 def _nanoseconds(number: str, unit_ns: int) -> int:
-    """Return a length of time exactly; more than the longest when it is absurd."""
+    """Return a duration exactly; out of the valid range if it is far out of it."""
     about_ns = float(number) * unit_ns
     if not 0.5 < about_ns <= 2 * _LONGEST_NS:
         return 0 if about_ns < 1.0 else 2 * _LONGEST_NS

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The samples of the last minutes, as their lowest and highest in each part of that time."""
+"""Sliding window of samples that stores the minimum and maximum of each part."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from collections import deque
 import math
 from typing import Final
 
-# A window has so many parts, whatever its length and the rate of the samples.
+# Parts of a window, whatever its length and the rate of the samples.
 _PARTS: Final = 60
 
 
 class SampleWindow:
     """
-    How much a value went up or down lately; safe in the real-time loop.
+    How much a value rose or fell within a time; safe in the real-time loop.
 
-    Memory and time are bounded: samples are kept by sixtieths of the window, and a sixtieth is
-    forgotten as a whole, so that a window may reach back by that much less than it should.
+    Memory and time are bounded: the window consists of 60 parts, and a part expires as a whole, so
+    a window may be shorter by up to one part.
 
     :param length_ns: of the window, at least 60 ns.
     """
@@ -39,13 +39,12 @@ class SampleWindow:
 
     def __init__(self, length_ns: int) -> None:
         self._part_ns = max(1, length_ns // _PARTS)
-        # Of each part: its number, its lowest, highest and last value; the most that it rose and
-        # fell within it.
+        # Of each part: index, minimum, maximum, largest rise and largest fall within it.
         self._parts: deque[list[float]] = deque()
         self._spans: dict[str, float] | None = None
 
     def add(self, value: float, time_ns: int) -> None:
-        """Take a sample that is not before the last one."""
+        """Add a sample that is not older than the last one."""
         number = time_ns // self._part_ns
         parts = self._parts
         self._spans = None
@@ -60,8 +59,8 @@ class SampleWindow:
         part[1] = min(part[1], value)
         part[2] = max(part[2], value)
 
-    def forget(self, now_ns: int) -> None:
-        """Forget what is too old."""
+    def expire(self, now_ns: int) -> None:
+        """Remove the parts that have expired."""
         oldest = now_ns // self._part_ns - _PARTS
         parts = self._parts
         while parts and parts[0][0] <= oldest:
@@ -70,20 +69,20 @@ class SampleWindow:
 
     @property
     def next_ns(self) -> float:
-        """When there is something to forget; infinite without a sample."""
+        """Time at which the oldest part expires; infinite without a sample."""
         if not self._parts:
             return math.inf
         return (int(self._parts[0][0]) + _PARTS) * self._part_ns
 
-    def spans(self, way: str) -> float:
+    def spans(self, direction: str) -> float:
         """
-        Return how much a value rose, fell or moved from any sample to a later one; 0 at least.
+        Return the largest rise, fall or either of them from a sample to a later one; 0 at least.
 
-        :param way: ``rises``, ``falls`` or ``moves``.
+        :param direction: ``rises``, ``falls`` or ``moves``.
         """
         if self._spans is None:
             self._spans = self._measured()
-        return self._spans[way]
+        return self._spans[direction]
 
     def _measured(self) -> dict[str, float]:
         low, high = math.inf, -math.inf

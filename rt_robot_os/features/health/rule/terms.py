@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What a rule consists of, and how it is written; see :mod:`.rule_text`."""
+"""Terms of a rule, and their text; see :mod:`.parser`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Span = tuple[int, int]
 
 
 def _span() -> Span:
-    # Where it stands in the text is told in errors, and makes no difference.
+    # The position in the text is for errors only, and ignored in comparisons.
     return field(default=(0, 0), compare=False, repr=False)
 
 
@@ -46,9 +46,9 @@ class Ref:
     A field of the messages of a topic.
 
     :ivar topic: its name; with a star it stands for all that match.
-    :ivar path: of the field, such as ``linear_acceleration.z`` or ``ranges[3]``; empty when the
-        topic as a whole is meant.
-    :ivar span: where it stands in the text.
+    :ivar path: of the field, such as ``linear_acceleration.z`` or ``ranges[3]``; empty for the
+        topic as a whole.
+    :ivar span: position in the text of the rule.
     """
 
     topic: str
@@ -59,17 +59,17 @@ class Ref:
         return f'{self.topic}.{self.path}' if self.path else self.topic
 
     def matched(self, topic: str) -> str | None:
-        """Return what the star stands for if a topic matches; empty without a star."""
+        """Return the part of a matching topic that replaces the star; empty without a star."""
         return star_match(self.topic, topic)
 
     def starred(self, name: str) -> Ref:
-        """Return it with a name in the place of the star."""
+        """Return the field with a name instead of the star."""
         return Ref(self.topic.replace(STAR, name), self.path, self.span)
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A number, in a unit of its own or, without one, in that of the field."""
+    """A number with a unit, or without one in that of the field."""
 
     value: float
     unit: str = ''
@@ -82,7 +82,7 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A text; it has single or double quotes in it, not both."""
+    """A string; it contains single or double quotes, not both."""
 
     value: str
     span: Span = _span()
@@ -94,10 +94,10 @@ class Text:
 @dataclass(frozen=True, slots=True)
 class Compare:
     """
-    A field compared with a number, a text or another field.
+    A field compared with a number, a string or another field.
 
-    :ivar comparison: one of ``< <= > >= == !=``, or ``begins`` with a text.
-    :ivar clear: once true, it is so until the value is beyond this number; None without.
+    :ivar comparison: one of ``< <= > >= == !=``, or ``begins`` with a string.
+    :ivar clear: once true, it stays true until the value is beyond this number; None: none.
     """
 
     left: Ref
@@ -115,18 +115,18 @@ class Compare:
 
 @dataclass(frozen=True, slots=True)
 class Silent:
-    """Nothing came for so long."""
+    """No message for a duration."""
 
     ref: Ref
-    lasting_ns: int
+    duration_ns: int
 
     def __str__(self) -> str:
-        return f'{self.ref} silent for {duration_text(self.lasting_ns)}'
+        return f'{self.ref} silent for {duration_text(self.duration_ns)}'
 
 
 @dataclass(frozen=True, slots=True)
 class Changed:
-    """A field got another value than it had before."""
+    """The value of a field changed."""
 
     ref: Ref
     within_ns: int
@@ -138,35 +138,35 @@ class Changed:
 @dataclass(frozen=True, slots=True)
 class Moved:
     """
-    A field went up or down by so much.
+    A field rose or fell by an amount.
 
-    :ivar way: ``rises``, ``falls``, or ``moves`` for either.
+    :ivar direction: ``rises``, ``falls``, or ``moves`` for either.
     """
 
     ref: Ref
-    way: str
+    direction: str
     amount: Number
     within_ns: int
 
     def __str__(self) -> str:
-        return f'{self.ref} {self.way} {self.amount} within {duration_text(self.within_ns)}'
+        return f'{self.ref} {self.direction} {self.amount} within {duration_text(self.within_ns)}'
 
 
 @dataclass(frozen=True, slots=True)
 class For:
-    """A rule that is true for so long, without a break."""
+    """A rule that is true for a duration without a break."""
 
     rule: Rule
-    lasting_ns: int
+    duration_ns: int
 
     def __str__(self) -> str:
         inner = f'({self.rule})' if isinstance(self.rule, For | Not | And | Or) else str(self.rule)
-        return f'{inner} for {duration_text(self.lasting_ns)}'
+        return f'{inner} for {duration_text(self.duration_ns)}'
 
 
 @dataclass(frozen=True, slots=True)
 class Not:
-    """A rule that is false."""
+    """Negation of a rule."""
 
     rule: Rule
 
@@ -176,7 +176,7 @@ class Not:
 
 @dataclass(frozen=True, slots=True)
 class And:
-    """Rules that are all true."""
+    """Conjunction of rules."""
 
     rules: tuple[Rule, ...]
 
@@ -186,7 +186,7 @@ class And:
 
 @dataclass(frozen=True, slots=True)
 class Or:
-    """Rules of which one is true, or more."""
+    """Disjunction of rules."""
 
     rules: tuple[Rule, ...]
 
@@ -203,7 +203,7 @@ def _inner(rule: Rule) -> str:
 
 
 def duration_text(length_ns: int) -> str:
-    """Write a length of time in the largest unit that it is a whole number of, else exactly."""
+    """Return a duration in the largest unit of which it is a multiple, else exactly in s."""
     for unit, unit_ns in DURATIONS.items():
         if length_ns and not length_ns % unit_ns:
             return f'{length_ns // unit_ns} {unit}'
@@ -212,7 +212,7 @@ def duration_text(length_ns: int) -> str:
 
 
 def conditions_of(rule: Rule) -> Iterator[Condition]:
-    """Yield the conditions of a rule, as they stand in it."""
+    """Yield the conditions of a rule, in their order."""
     if isinstance(rule, And | Or):
         for each in rule.rules:
             yield from conditions_of(each)
@@ -223,7 +223,7 @@ def conditions_of(rule: Rule) -> Iterator[Condition]:
 
 
 def mapped(rule: Rule, change: Callable[[Condition], Condition]) -> Rule:
-    """Return a rule with its conditions changed."""
+    """Return a rule with its conditions replaced."""
     if isinstance(rule, And):
         return And(tuple(mapped(each, change) for each in rule.rules))
     if isinstance(rule, Or):
@@ -231,12 +231,12 @@ def mapped(rule: Rule, change: Callable[[Condition], Condition]) -> Rule:
     if isinstance(rule, Not):
         return Not(mapped(rule.rule, change))
     if isinstance(rule, For):
-        return For(mapped(rule.rule, change), rule.lasting_ns)
+        return For(mapped(rule.rule, change), rule.duration_ns)
     return change(rule)
 
 
 def refs_of(rule: Rule) -> tuple[Ref, ...]:
-    """Return the fields that a rule is about, each once, as they stand in it."""
+    """Return the fields of a rule, each once, in their order."""
     found: dict[Ref, None] = {}
     for each in conditions_of(rule):
         if isinstance(each, Compare):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The words of a rule, and the error that shows where one of them is wrong."""
+"""Tokens of a rule, and the error that shows the position of a problem."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 from rt_robot_os.features.health.rule.terms import Span
 
-#: Longer texts are no rules.
+#: Largest number of characters of a rule.
 LONGEST: Final = 2000
 
 _TOKEN: Final = re.compile(
@@ -37,7 +37,7 @@ _TOKEN: Final = re.compile(
     r'|(?P<word>[^\s()<>=!\'",]+)'
     r'|(?P<other>.)', re.ASCII | re.IGNORECASE | re.DOTALL)
 
-# What people write who know other languages.
+# Words of other languages, and their equivalents.
 _MEANT: Final = {'=': '==', '!': 'not', '&&': 'and', '&': 'and', '||': 'or', '|': 'or',
                  'greater': '>', 'above': '>', 'below': '<', 'less': '<', 'is': '==',
                  'equals': '==', 'during': 'for', 'since': 'for', 'after': 'for', 'xor': '!='}
@@ -46,11 +46,11 @@ _SHOWN: Final = 100
 
 class RuleError(ValueError):
     """
-    A rule that is none.
+    An invalid rule.
 
-    :ivar problem: what is wrong, and what would be right.
+    :ivar problem: what is wrong, and the remedy.
     :ivar text: of the rule.
-    :ivar span: where it is wrong in that text: begin and end.
+    :ivar span: position of the problem in the text: start and end.
     """
 
     def __init__(self, problem: str, text: str, span: Span) -> None:
@@ -60,9 +60,9 @@ class RuleError(ValueError):
         self.span = span
 
     def lines(self) -> tuple[str, str, str]:
-        """Return the problem, the text, and a line with carets under the place."""
+        """Return the problem, the text, and a line with carets under the position."""
         begin, end = self.span
-        # Of a text of many lines, or a very long one, what is round the place.
+        # Of a long text only the part around the position.
         first = max(0, begin - _SHOWN // 2) if len(self.text) > _SHOWN else 0
         shown = ''.join(each if each.isprintable() else ' '
                         for each in self.text[first:first + _SHOWN])
@@ -75,7 +75,7 @@ class RuleError(ValueError):
 
 class Token(NamedTuple):
     """
-    A word, a number, a sign.
+    A token.
 
     :ivar kind: number, text, comparison, bracket, word, other or end.
     """
@@ -87,14 +87,14 @@ class Token(NamedTuple):
 
 def tokens_of(text: str) -> list[Token]:
     """
-    Take a text apart.
+    Split a text into tokens.
 
     :return: at least a token of the kind end.
     :raises RuleError: the text is too long.
     """
     if len(text) > LONGEST:
-        raise RuleError(f'a rule has at most {LONGEST} letters, this one has {len(text)}: make '
-                        'several rules of it', text[:LONGEST], (LONGEST - 1, LONGEST))
+        raise RuleError(f'a rule of {len(text)} characters: at most {LONGEST}; write several '
+                        'rules', text[:LONGEST], (LONGEST - 1, LONGEST))
     found = [Token(str(match.lastgroup), match[0], match.span())
              for match in _TOKEN.finditer(text) if match.lastgroup != 'space']
     end = len(text.rstrip())
@@ -102,14 +102,14 @@ def tokens_of(text: str) -> list[Token]:
 
 
 def shown(token: Token) -> str:
-    """Write a token as it is named in an error."""
+    """Return the name of a token in errors."""
     if token.kind == 'end':
         return 'the end'
     return repr(token.text if len(token.text) <= 60 else f'{token.text[:57]}...')
 
 
 def meant(word: str, known: Iterable[str]) -> str:
-    """Guess which word was meant: ``; did you mean 'for'?``; empty without a guess."""
+    """Return a suggestion, ``; did you mean 'for'?``; empty without one."""
     small = word.lower()
     names = list(known)
     guess = _MEANT.get(small)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Units of the numbers in rules, and which field of a message is in which."""
+"""Units of the numbers in rules and of the fields of messages."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Unit(NamedTuple):
     """
     A unit.
 
-    :ivar of: what is measured in it; only units of the same can stand for each other.
-    :ivar factor: how many of the first unit of that one is.
+    :ivar of: the quantity; only units of the same quantity can be converted.
+    :ivar factor: to the first unit of the quantity.
     """
 
     of: str
@@ -58,7 +58,7 @@ _SPELLED: Final = MappingProxyType({
     'sec': 's', 'lux': 'lx', 'bpm': '/min', '°': 'deg', 'minutes': 'min', 'seconds': 's',
     'hours': 'h', 'volt': 'V'})
 
-# What ROS says of the fields of its messages: by the end of type and field.
+# Units that ROS defines for fields of its messages, by type and field.
 _OF_MESSAGES: Final = MappingProxyType({
     'Temperature.temperature': 'degC', 'RelativeHumidity.relative_humidity': '1',
     'Illuminance.illuminance': 'lx', 'FluidPressure.fluid_pressure': 'Pa',
@@ -72,7 +72,7 @@ _OF_MESSAGES: Final = MappingProxyType({
     'Pose.position': 'm', 'PointStamped.point': 'm', 'JointState.position': 'rad',
     'JointState.velocity': 'rad/s'})
 
-# What this project has at the end of names, longest first.
+# Units at the end of names in this project, longest first.
 _OF_NAMES: Final = MappingProxyType({
     'l_per_min': 'l/min', 'per_min': '/min', 'percent': '%', 'mmhg': 'mmHg', 'm_s2': 'm/s2',
     'rad_s': 'rad/s', 'deg_s': 'deg/s', 'm_s': 'm/s', 'degc': 'degC', 'deg': 'deg', 'rad': 'rad',
@@ -80,14 +80,14 @@ _OF_NAMES: Final = MappingProxyType({
     'h': 'h', 'v': 'V', 'a': 'A', 'g': 'g'})
 
 
-def spelled(unit: str) -> str:
-    """Return the name that a unit has here, of the ways in which people write it."""
+def canonical_unit(unit: str) -> str:
+    """Return the canonical name of a unit."""
     return _SPELLED.get(unit, unit)
 
 
 def unit_of(topic: str, message: str, path: str) -> str:
     """
-    Return the unit of a field; empty when nothing tells it.
+    Return the unit of a field; empty when it is unknown.
 
     :param message: type of the topic, such as ``sensor_msgs/msg/Temperature``.
     """
@@ -107,15 +107,15 @@ def unit_of(topic: str, message: str, path: str) -> str:
 
 def converted(value: float, unit: str, wanted: str) -> float:
     """
-    Return a number in another unit; one without a unit as it is.
+    Convert a number to another unit; one without a unit is returned unchanged.
 
-    :param wanted: unit of the field; empty when that is not known.
-    :raises ValueError: the units measure different things, or nobody knows what the field is in.
+    :param wanted: unit of the field; empty when that is unknown.
+    :raises ValueError: the units are of different quantities, or that of the field is unknown.
     """
     if not unit or unit == wanted:
         return value
     if not wanted:
-        raise ValueError('nothing tells in which unit this field is: write the number without one')
+        raise ValueError('the unit of this field is unknown: write the number without one')
     given, field = UNITS[unit], UNITS[wanted]
     if given.of != field.of:
         raise ValueError(f'{unit} is a unit of {given.of}, but this field is in {wanted}')

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-One sensor of one vital sign: which of its readings are values, and whether it is worn at all.
+A sensor of a vital sign: which of its readings are values, and whether it is worn.
 
-A reading of 0 or one that no person can have is no value. Readings without value, or silence,
-mean that the sensor is off when they last; one that comes and goes, as of a clip that hangs
-loose, is off until it has spoken without a break for a while.
+A reading of 0 or an implausible one is not a value. Without values for a time the sensor is off.
+A sensor with interruptions, such as a loose clip, stays off until it has measured without a
+break for a time.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ IMPLAUSIBLE: Final = 'implausible'
 SILENT: Final = 'silent'
 
 _NS_PER_S: Final = 1_000_000_000
-# A reading that is further from the one before than this says nothing of jumps.
+# Largest time between two readings that can be a jump.
 _JUMP_WINDOW_NS: Final = 30 * _NS_PER_S
-# A jump that lasts so long is no disturbance.
+# A jump that lasts this long counts as a value.
 _JUMP_NS: Final = 10 * _NS_PER_S
-# A sensor that speaks seldom is silent when it has missed so many of its own periods.
+# A slow sensor is silent after this many of its own periods.
 _SILENT_PERIODS: Final = 3
 _LONGEST_SILENCE_NS: Final = 3600 * _NS_PER_S
 
 
-class Times(NamedTuple):
+class SensorTimeouts(NamedTuple):
     """
-    How long things may last, in ns.
+    Timeouts of a sensor, in ns.
 
-    :ivar stale_ns: age from which a value says nothing.
-    :ivar off_ns: without a value for so long a sensor is off.
-    :ivar back_ns: with values, and nothing else, for so long it is back.
+    :ivar stale_ns: age at which a value is stale.
+    :ivar off_ns: time without a value after which a sensor is off.
+    :ivar back_ns: time with values only after which it is back.
     """
 
     stale_ns: int
@@ -57,11 +57,11 @@ class Times(NamedTuple):
     back_ns: int
 
 
-class Change(NamedTuple):
+class SensorChange(NamedTuple):
     """
     A sensor went off, or is back.
 
-    :ivar stamp_ns: when.
+    :ivar stamp_ns: time of the change.
     :ivar trouble: why it is off: ``off``, ``implausible``, ``silent``; empty: it is back.
     """
 
@@ -69,29 +69,29 @@ class Change(NamedTuple):
     trouble: str
 
 
-class SensorSource:
+class SignSensor:
     """
     A sensor of a sign; safe in the real-time loop.
 
     :ivar name: of the sensor or the node, for people.
-    :ivar value: the last; NaN before the first.
-    :ivar stamp_ns: when it was measured; -1 before the first.
-    :ivar trouble: why it counts as off; empty when it does not.
-    :ivar said_off: readings that say that it is off.
-    :ivar implausible: readings that nobody can have.
-    :ivar jumped: readings that were too far from the last to be believed at once.
-    :ivar late: readings that are older than the one before; they are left out.
+    :ivar value: the last value; NaN before the first.
+    :ivar stamp_ns: time of the last value; -1 before the first.
+    :ivar trouble: why the sensor is off; empty when it is not.
+    :ivar said_off: number of readings that mean that it is off.
+    :ivar implausible: number of implausible readings.
+    :ivar jumped: number of readings too far from the last value to be accepted immediately.
+    :ivar late: number of readings older than the one before; they are ignored.
     """
 
     __slots__ = ('sign', 'name', 'times', 'value', 'stamp_ns', 'trouble', 'readings', 'said_off',
-                 'implausible', 'jumped', 'late', '_heard_ns', '_nothing_ns', '_nothing',
+                 'implausible', 'jumped', 'late', '_received_ns', '_nothing_ns', '_nothing',
                  '_good_ns', '_jump', '_jump_ns', '_periods')
 
-    def __init__(self, sign: Sign, name: str, times: Times, since_ns: int) -> None:
+    def __init__(self, sign: Sign, name: str, times: SensorTimeouts, since_ns: int) -> None:
         """
-        Begin without a value.
+        Start without a value.
 
-        :param since_ns: silence counts from here.
+        :param since_ns: start of the timeout.
         """
         self.sign = sign
         self.name = name
@@ -101,36 +101,36 @@ class SensorSource:
         self.trouble = ''
         self.readings = self.said_off = self.implausible = 0
         self.jumped = self.late = 0
-        self._heard_ns = since_ns
+        self._received_ns = since_ns
         self._nothing_ns = self._good_ns = self._jump_ns = -1
         self._nothing = ''
         self._jump = math.nan
         self._periods: deque[int] = deque(maxlen=_SILENT_PERIODS)
 
-    def take(self, value: float, stamp_ns: int) -> bool:
+    def update(self, value: float, stamp_ns: int) -> bool:
         """
-        Take a reading; :meth:`advance` to the moment before it first.
+        Process a reading; the caller has called :meth:`advance` with the time before it.
 
-        :return: whether it is a value that counts.
+        :return: whether it counts as a value.
         """
-        if stamp_ns < self._heard_ns:
+        if stamp_ns < self._received_ns:
             self.late += 1
             return False
         self.readings += 1
-        if self.readings > 1 and stamp_ns > self._heard_ns:
-            self._periods.append(stamp_ns - self._heard_ns)
-        self._heard_ns = stamp_ns
+        if self.readings > 1 and stamp_ns > self._received_ns:
+            self._periods.append(stamp_ns - self._received_ns)
+        self._received_ns = stamp_ns
         if self.sign.is_off(value):
             self.said_off += 1
-            self._says_nothing(OFF, stamp_ns)
+            self._without_value(OFF, stamp_ns)
             return False
         if not self.sign.is_plausible(value):
             self.implausible += 1
-            self._says_nothing(IMPLAUSIBLE, stamp_ns)
+            self._without_value(IMPLAUSIBLE, stamp_ns)
             return False
         if self._jumps(value, stamp_ns):
             self.jumped += 1
-            self._says_nothing(IMPLAUSIBLE, stamp_ns)
+            self._without_value(IMPLAUSIBLE, stamp_ns)
             return False
         self._jump_ns = -1
         self.value, self.stamp_ns = value, stamp_ns
@@ -138,57 +138,57 @@ class SensorSource:
             self._good_ns = stamp_ns
         return True
 
-    def advance(self, now_ns: int) -> list[Change]:
-        """Let time pass; return what changed, in order."""
-        found: list[Change] = []
+    def advance(self, now_ns: int) -> list[SensorChange]:
+        """Process the deadlines until a time; return the changes, in order."""
+        found: list[SensorChange] = []
         while (due_ns := self.due_ns) <= now_ns:
             stamp_ns = int(due_ns)
             if self._good_ns >= 0 and stamp_ns == self._good_ns + self.times.back_ns:
                 self._nothing_ns = self._good_ns = -1
                 if self.trouble:
                     self.trouble = ''
-                    found.append(Change(stamp_ns, ''))
+                    found.append(SensorChange(stamp_ns, ''))
                 continue
             if self._nothing_ns < 0 or self._good_ns >= 0:
-                self._nothing_ns, self._nothing = self._heard_ns, SILENT
+                self._nothing_ns, self._nothing = self._received_ns, SILENT
                 self._good_ns = -1
             self.trouble = self._nothing
-            found.append(Change(stamp_ns, self.trouble))
+            found.append(SensorChange(stamp_ns, self.trouble))
         return found
 
     @property
     def due_ns(self) -> float:
-        """When :meth:`advance` has something to do if no reading comes; infinite for never."""
+        """Time of the next deadline; infinite without one."""
         due_ns = math.inf
         if self._good_ns >= 0:
             due_ns = self._good_ns + self.times.back_ns
         elif self._nothing_ns >= 0 and not self.trouble:
             due_ns = self._nothing_ns + self.times.off_ns
         if self.sign.is_continuous and not self.trouble:
-            due_ns = min(due_ns, self._heard_ns + self._silence_ns())
+            due_ns = min(due_ns, self._received_ns + self._silence_ns())
         return due_ns
 
     def is_clean(self, now_ns: int) -> bool:
-        """Return whether its last reading is a value, not too old, of a sensor that is worn."""
+        """Return whether its last reading is a value that is not stale, and it is not off."""
         return self._nothing_ns < 0 and self.is_usable(now_ns)
 
     def is_usable(self, now_ns: int) -> bool:
         """
-        Return whether it has a value that is not too old, of a sensor that did not say it is off.
+        Return whether it has a value that is not stale, and it is not off.
 
-        One that has fallen silent measured what it said last.
+        The last value of a silent sensor counts until it is stale.
         """
         return (self.trouble in ('', SILENT) and self.stamp_ns >= 0
                 and now_ns - self.stamp_ns <= self.times.stale_ns)
 
-    def _says_nothing(self, kind: str, stamp_ns: int) -> None:
+    def _without_value(self, kind: str, stamp_ns: int) -> None:
         if self._nothing_ns < 0:
             self._nothing_ns = stamp_ns
         self._nothing = kind
         self._good_ns = -1
 
     def _jumps(self, value: float, stamp_ns: int) -> bool:
-        """Return whether a value is too far from the last to be believed without another."""
+        """Return whether a value is too far from the last to be accepted without another."""
         limit = self.sign.jump
         if not limit or self.trouble or self.stamp_ns < 0 or abs(value - self.value) <= limit or (
                 stamp_ns - self.stamp_ns > _JUMP_WINDOW_NS):
@@ -199,7 +199,7 @@ class SensorSource:
         return stamp_ns - self._jump_ns < _JUMP_NS
 
     def _silence_ns(self) -> int:
-        """Return how long it may say nothing: it depends on how often it speaks."""
+        """Return its timeout, which depends on its period."""
         if len(self._periods) < _SILENT_PERIODS:
             return self.times.stale_ns
         limit_ns = max(self.times.off_ns, _SILENT_PERIODS * min(self._periods))

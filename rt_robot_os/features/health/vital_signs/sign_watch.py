@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A vital sign of which several sensors tell: the best that has a value counts."""
+"""A vital sign with several sensors: the most preferred one with a value counts."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ import math
 from typing import Final
 from typing import NamedTuple
 
-from rt_robot_os.features.health.vital_signs.sensor import Change
-from rt_robot_os.features.health.vital_signs.sensor import SensorSource
+from rt_robot_os.features.health.vital_signs.sensor import SensorChange
+from rt_robot_os.features.health.vital_signs.sensor import SignSensor
 from rt_robot_os.features.health.vital_signs.sensor import SILENT
 from rt_robot_os.messages.signs import Sign
 from rt_robot_os.modules.debounce import Debounce
@@ -30,23 +30,23 @@ from rt_robot_os.modules.debounce import Debounce
 GOOD: Final = 'good'
 #: Two sensors contradict each other.
 SUSPECT: Final = 'suspect'
-#: There is a value, and it is too old.
+#: The last value is too old.
 STALE: Final = 'stale'
 #: The sensor is not worn, or broken.
 OFF: Final = 'off'
-#: There has been nothing.
+#: There has been no value.
 MISSING: Final = 'missing'
 QUALITIES: Final = (GOOD, SUSPECT, STALE, OFF, MISSING)
 
 
-class Reading(NamedTuple):
+class SignReading(NamedTuple):
     """
-    What is known of a sign at a moment.
+    Value and quality of a sign at a time.
 
-    :ivar value: the last one; NaN when there is none.
-    :ivar quality: one of :data:`QUALITIES`; only a good value is one to rely on.
-    :ivar stamp_ns: when it was measured; -1 when there is none.
-    :ivar source: the sensor that it is of; empty when there is none.
+    :ivar value: the last one; NaN without one.
+    :ivar quality: one of :data:`QUALITIES`; only a good value is reliable.
+    :ivar stamp_ns: time of the measurement; -1 without one.
+    :ivar source: name of the sensor; empty without one.
     """
 
     value: float
@@ -59,59 +59,59 @@ class SignWatch:
     """
     A sign and its sensors; safe in the real-time loop.
 
-    :ivar sign: which.
+    :ivar sign: the sign.
     :ivar sources: its sensors, the preferred first.
     """
 
     __slots__ = ('sign', 'sources', '_apart')
 
-    def __init__(self, sign: Sign, sources: Sequence[SensorSource]) -> None:
+    def __init__(self, sign: Sign, sources: Sequence[SignSensor]) -> None:
         self.sign = sign
         self.sources = tuple(sources)
         times = sources[0].times
         self._apart = Debounce(times.off_ns, times.back_ns)
 
-    def take(self, place: int, value: float, stamp_ns: int) -> bool:
+    def update(self, place: int, value: float, stamp_ns: int) -> bool:
         """
-        Take a reading of a sensor; :meth:`advance` to the moment before it first.
+        Process a reading of a sensor, after :meth:`advance` with the time before it.
 
-        :return: whether it is a value that counts.
+        :return: whether it counts as a value.
         """
-        taken = self.sources[place].take(value, stamp_ns)
+        is_value = self.sources[place].update(value, stamp_ns)
         if self.sign.apart and len(self.sources) > 1:
             clean = [each.value for each in self.sources if each.is_clean(stamp_ns)]
-            # Compared with the one that counts; what is alone contradicts nobody.
+            # Compared with the preferred one.
             self._apart.put(any(abs(each - clean[0]) > self.sign.apart for each in clean[1:]),
                             stamp_ns)
-        return taken
+        return is_value
 
-    def advance(self, now_ns: int) -> list[tuple[SensorSource, Change]]:
-        """Let time pass; return the sensors that went off or are back, in order."""
+    def advance(self, now_ns: int) -> list[tuple[SignSensor, SensorChange]]:
+        """Process the deadlines until a time; return the sensors that changed, in order."""
         found = [(source, change) for source in self.sources for change in source.advance(now_ns)]
         self._apart.advance(now_ns)
         return sorted(found, key=lambda each: each[1].stamp_ns)
 
     @property
     def due_ns(self) -> float:
-        """When :meth:`advance` has something to do if no reading comes; infinite for never."""
+        """Time of the next deadline; infinite without one."""
         return min(self._apart.due_ns, *(source.due_ns for source in self.sources))
 
     @property
     def is_contradicted(self) -> bool:
-        """Return whether two of its sensors say what cannot both be."""
+        """Return whether two of its sensors contradict each other."""
         return self._apart.on
 
-    def reading(self, now_ns: int) -> Reading:
-        """Return what is known of it."""
+    def reading(self, now_ns: int) -> SignReading:
+        """Return its value and quality."""
         chosen = next((each for each in self.sources if each.is_clean(now_ns)), None) or next(
             (each for each in self.sources if each.is_usable(now_ns)), None)
         if chosen is not None:
             quality = SUSPECT if self._apart.on else GOOD
-            return Reading(chosen.value, quality, chosen.stamp_ns, chosen.name)
+            return SignReading(chosen.value, quality, chosen.stamp_ns, chosen.name)
         last = max(self.sources, key=lambda each: each.stamp_ns)
         off = next((each for each in self.sources if each.trouble not in ('', SILENT)), None)
         if off is not None:
-            return Reading(last.value, OFF, last.stamp_ns, off.name)
+            return SignReading(last.value, OFF, last.stamp_ns, off.name)
         if last.stamp_ns >= 0:
-            return Reading(last.value, STALE, last.stamp_ns, last.name)
-        return Reading(math.nan, MISSING, -1, '')
+            return SignReading(last.value, STALE, last.stamp_ns, last.name)
+        return SignReading(math.nan, MISSING, -1, '')

@@ -14,11 +14,10 @@
 
 
 """
-Whether a person has not moved for too long, is somewhere for too long, or has left and not come.
+Detection of a person who does not move, stays in a room, or is away for too long.
 
-No topics, no kernel. Times are those of what was seen and of the deadlines between them. What is
-not seen because no sensor speaks is not known: that is never a reason for an alarm here, since a
-sensor that is silent has an alarm of its own.
+No topics, no kernel. Times are stamps of samples and deadlines between them. Silence of all
+sensors is never a cause here, because a silent sensor has its own cause.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from typing import Final
 from typing import NamedTuple
 
 _NS_PER_S: Final = 1_000_000_000
-#: That somebody moves again is believed when it is seen twice, that far apart, or lasts.
+#: A person moves again after two movements this far apart, or one that lasts.
 AGAIN_NS: Final = 5 * _NS_PER_S
 LASTS_NS: Final = 30 * _NS_PER_S
 _AGAIN_WITHIN_NS: Final = 60 * _NS_PER_S
@@ -46,14 +45,14 @@ OUTSIDE: Final = 'outside'
 @dataclass(frozen=True)
 class ActivityLimits:
     """
-    How long is too long.
+    Limits of the durations.
 
-    :ivar still_ns: without movement; 0: as long as one likes.
+    :ivar still_ns: without movement; 0: no limit.
     :ivar still: the same by room, such as the bed.
     :ivar stay: in a room.
-    :ivar away_ns: unseen after a way out; 0: as long as one likes.
-    :ivar blind_ns: without a word of a sensor that would see it, after which nothing is known.
-    :ivar room_ns: in another room, after which that counts.
+    :ivar away_ns: unseen after an exit; 0: no limit.
+    :ivar blind_ns: without a sample of a relevant sensor, after which the state is unknown.
+    :ivar room_ns: in another room, after which it is the current one.
     """
 
     still_ns: int
@@ -64,14 +63,14 @@ class ActivityLimits:
     room_ns: int = 10 * _NS_PER_S
 
 
-class Finding(NamedTuple):
+class ActivityChange(NamedTuple):
     """
-    Something began or is over.
+    A cause has started or ended.
 
     :ivar kind: ``no_movement``, ``wandering`` or ``left_home``.
-    :ivar active: it began.
-    :ivar stamp_ns: when.
-    :ivar since_ns: since when it has been so that it is too long.
+    :ivar active: it has started.
+    :ivar stamp_ns: time of the change.
+    :ivar since_ns: start of the duration that is too long.
     """
 
     kind: str
@@ -82,21 +81,21 @@ class Finding(NamedTuple):
 
 class Activity:
     """
-    What one person does; safe in the real-time loop.
+    State of one person; safe in the real-time loop.
 
-    Call :meth:`pass_time` up to the moment of what comes before handing it in.
+    Call :meth:`advance` with the time of a sample before handing it in.
 
-    :ivar room: where the person is; empty when it is not known, or no room.
-    :ivar moved_ns: when a movement was seen last, or when looking began; -1 before.
+    :ivar room: current room; empty when it is unknown, or none.
+    :ivar moved_ns: time of the last movement, or of the start; -1 before.
     """
 
-    __slots__ = ('room', 'moved_ns', '_limits', '_heard_ns', '_seen_ns', '_at_exit', '_room_ns',
+    __slots__ = ('room', 'moved_ns', '_limits', '_received_ns', '_seen_ns', '_at_exit', '_room_ns',
                  '_next_room', '_next_room_ns', '_placed_ns', '_moving', '_again_ns', '_active',
                  '_now_ns', '_home_ns')
 
     def __init__(self, limits: ActivityLimits) -> None:
         self.room = self._next_room = ''
-        self.moved_ns = self._heard_ns = self._home_ns = self._seen_ns = self._room_ns = -1
+        self.moved_ns = self._received_ns = self._home_ns = self._seen_ns = self._room_ns = -1
         self._next_room_ns = self._placed_ns = self._again_ns = -1
         self._limits = limits
         self._at_exit = False
@@ -104,22 +103,22 @@ class Activity:
         self._moving: dict[str, int] = {}
         self._active: dict[str, int] = {}
 
-    # ---- what is seen ------------------------------------------------------------------------
+    # ---- samples -----------------------------------------------------------------------------
 
-    def home_heard(self, stamp_ns: int) -> None:
-        """Note that some sensor of the home spoke: who left is gone, not the network."""
+    def on_home_packet(self, stamp_ns: int) -> None:
+        """Note a sample of any sensor of the home: the network works."""
         self._home_ns = max(self._home_ns, stamp_ns)
 
-    def heard(self, stamp_ns: int) -> None:
-        """Note that a sensor spoke that would see the person move, whatever it said."""
-        self.home_heard(stamp_ns)
-        if self._heard_ns < 0 or stamp_ns - self._heard_ns > self._limits.blind_ns:
-            self.moved_ns = stamp_ns  # what was before is not known
-        self._heard_ns = max(self._heard_ns, stamp_ns)
+    def on_sensor_packet(self, stamp_ns: int) -> None:
+        """Note a sample of a sensor that can detect a movement of the person."""
+        self.on_home_packet(stamp_ns)
+        if self._received_ns < 0 or stamp_ns - self._received_ns > self._limits.blind_ns:
+            self.moved_ns = stamp_ns  # the time before is unknown
+        self._received_ns = max(self._received_ns, stamp_ns)
 
-    def moved(self, stamp_ns: int) -> list[Finding]:
-        """Note a movement; return what is over by it."""
-        self.heard(stamp_ns)
+    def on_movement(self, stamp_ns: int) -> list[ActivityChange]:
+        """Note a movement; return the causes that end."""
+        self.on_sensor_packet(stamp_ns)
         self.moved_ns = max(self.moved_ns, stamp_ns)
         if NO_MOVEMENT not in self._active:
             return []
@@ -131,19 +130,19 @@ class Activity:
             return []
         return [self._end(NO_MOVEMENT, stamp_ns)]
 
-    def moving(self, source: str, is_so: bool, stamp_ns: int) -> list[Finding]:
-        """Note that a movement that lasts began, or is over; return what is over by it."""
+    def on_lasting_movement(self, source: str, is_so: bool, stamp_ns: int) -> list[ActivityChange]:
+        """Note the start or the end of a movement that lasts; return the causes that end."""
         if is_so:
             self._moving.setdefault(source, stamp_ns)
-            return self.moved(stamp_ns)
+            return self.on_movement(stamp_ns)
         self._moving.pop(source, None)
-        # The end of a movement is no second one.
-        self.heard(stamp_ns)
+        # The end of a movement does not count as a second one.
+        self.on_sensor_packet(stamp_ns)
         self.moved_ns = max(self.moved_ns, stamp_ns)
         return []
 
-    def seen(self, room: str, at_exit: bool, stamp_ns: int) -> list[Finding]:
-        """Note that the person was seen somewhere; return what is over by it."""
+    def on_sighting(self, room: str, at_exit: bool, stamp_ns: int) -> list[ActivityChange]:
+        """Note a sighting of the person; return the causes that end."""
         self._seen_ns = self._placed_ns = stamp_ns
         self._at_exit = at_exit
         if room == self.room:
@@ -156,23 +155,23 @@ class Activity:
             return [self._end(LEFT_HOME, stamp_ns)]
         return []
 
-    # ---- what follows ------------------------------------------------------------------------
+    # ---- deadlines ---------------------------------------------------------------------------
 
     def is_active(self, kind: str) -> bool:
-        """Return whether something has begun and is not over."""
+        """Return whether a cause is active."""
         return kind in self._active
 
     @property
     def due_ns(self) -> float:
-        """When something may follow if nothing is seen; infinite for never."""
+        """Time of the next deadline; infinite without one."""
         return min(self._still_due(), self._stay_due(), self._away_due(), self._room_due(),
                    self._again_due())
 
-    def pass_time(self, now_ns: int) -> list[Finding]:
-        """Let time pass; return what followed from it, in order."""
-        found: list[Finding] = []
+    def advance(self, now_ns: int) -> list[ActivityChange]:
+        """Process the deadlines until a time; return the changes, in order."""
+        found: list[ActivityChange] = []
         while (due_ns := self.due_ns) <= now_ns:
-            # Not before what was known already: a sensor may have been silent meanwhile.
+            # Not before the last time processed: a sensor may have been silent meanwhile.
             at_ns = max(int(due_ns), self._now_ns)
             if self._room_due() == due_ns:
                 found += self._enter(at_ns)
@@ -193,9 +192,9 @@ class Activity:
         if not limit_ns or self.moved_ns < 0 or self._moving or NO_MOVEMENT in self._active:
             return math.inf
         if self._at_exit and self._limits.away_ns:
-            return math.inf  # gone, as far as anybody can tell
+            return math.inf  # probably away
         due_ns = self.moved_ns + limit_ns
-        return due_ns if due_ns <= self._heard_ns + self._limits.blind_ns else math.inf
+        return due_ns if due_ns <= self._received_ns + self._limits.blind_ns else math.inf
 
     def _again_due(self) -> float:
         if NO_MOVEMENT not in self._active or not self._moving:
@@ -217,7 +216,7 @@ class Activity:
         if not limit_ns or self._seen_ns < 0 or not self._at_exit or LEFT_HOME in self._active:
             return math.inf
         due_ns = self._seen_ns + limit_ns
-        # The other sensors still speak: it is the person who is gone, not the network.
+        # The other sensors still send: the person is away, the network works.
         return due_ns if due_ns <= self._home_ns + self._limits.blind_ns else math.inf
 
     def _room_due(self) -> float:
@@ -225,17 +224,17 @@ class Activity:
             return math.inf
         return self._next_room_ns + self._limits.room_ns
 
-    def _enter(self, stamp_ns: int) -> list[Finding]:
-        """Be in another room, since it was seen there first."""
+    def _enter(self, stamp_ns: int) -> list[ActivityChange]:
+        """Change the room, as of the first sighting there."""
         kind = self._stay_kind()
         over = [self._end(kind, stamp_ns)] if kind in self._active and (
             self._limits.stay.get(self.room)) else []
         self.room, self._room_ns, self._next_room_ns = self._next_room, self._next_room_ns, -1
         return over
 
-    def _begin(self, kind: str, stamp_ns: int, since_ns: int) -> Finding:
+    def _begin(self, kind: str, stamp_ns: int, since_ns: int) -> ActivityChange:
         self._active[kind] = since_ns
-        return Finding(kind, True, stamp_ns, since_ns)
+        return ActivityChange(kind, True, stamp_ns, since_ns)
 
-    def _end(self, kind: str, stamp_ns: int) -> Finding:
-        return Finding(kind, False, stamp_ns, self._active.pop(kind))
+    def _end(self, kind: str, stamp_ns: int) -> ActivityChange:
+        return ActivityChange(kind, False, stamp_ns, self._active.pop(kind))

@@ -14,11 +14,11 @@
 
 
 """
-Where a person is, by all that tells of it: no topics, no kernel.
+Estimate of the position of a person from several sources; no topics, no kernel.
 
-Nothing that people wear or that hangs on a wall knows it exactly. Each source gives a sighting: a
-point, how far off it may be, and when. Sightings become less certain as they age, since people
-walk; the one that is least uncertain now counts.
+No worn or fixed sensor measures the position exactly. Each source gives a sighting: a point, its
+uncertainty and its time. The uncertainty grows with age, because people walk; the sighting with
+the least uncertainty now counts.
 """
 
 from __future__ import annotations
@@ -31,35 +31,35 @@ from typing import Final
 from typing import NamedTuple
 
 _NS_PER_S: Final = 1_000_000_000
-#: So much less certain is a place each second: people walk, and sit down most of the time.
+#: Growth of the uncertainty: people walk, but sit most of the time.
 SPREAD_M_S: Final = 0.2
-#: Nobody walks faster in a flat.
+#: Largest walking speed in a flat.
 WALK_M_S: Final = 1.5
-# A worn node says which node it hears best; radio is fickle, so some of these together count.
+# Number and age of the reports of the nearest node that count; single ones are unreliable.
 _VOTES: Final = 9
 _VOTES_NS: Final = 120 * _NS_PER_S
-# Between two nodes a still person is heard now by the one, now by the other: that is no step.
+# Least change of the mean that counts as a movement: reports between two nodes alternate.
 _STEADY_M: Final = 1.0
-# What somebody wears, and ROS, know whom they speak of; for so long nobody else is believed.
+# Sources that identify the person, and how long sightings that contradict them are ignored.
 _PERSONAL: Final = ('ros', 'node')
 _PERSONAL_NS: Final = 60 * _NS_PER_S
-#: The robot sees somebody, most likely them: that is looked for round what the others say.
+#: The robot sees a person, most likely this one, near the position from other sources.
 SEEN: Final = 'seen'
-# A robot that has not seen somebody for so long is contradicted by who is heard elsewhere.
+# Age from which a sighting by the robot yields to a contradicting one of a node.
 _UNSEEN_NS: Final = 2 * _NS_PER_S
 
 
 class Sighting(NamedTuple):
     """
-    A hint of where somebody is.
+    A position of a person from one source.
 
     :ivar x: in the map, in m.
     :ivar y: in the map, in m.
-    :ivar uncertainty_m: standard deviation when it was seen.
-    :ivar how: ``ros``, ``node`` (a worn node hears that one best), ``presence``, ``network``, or
-        ``seen`` by the robot.
-    :ivar node: of the sensor network that tells it; empty for none.
-    :ivar stamp_ns: when.
+    :ivar uncertainty_m: standard deviation at its time.
+    :ivar how: the source: ``ros``, ``node`` (nearest node of a worn one), ``presence``,
+        ``network``, or ``seen`` by the robot.
+    :ivar node: of the sensor network; empty for none.
+    :ivar stamp_ns: its time.
     """
 
     x: float
@@ -70,7 +70,7 @@ class Sighting(NamedTuple):
     stamp_ns: int
 
     def now_m(self, now_ns: int) -> float:
-        """Return how uncertain it is by now, in m."""
+        """Return the uncertainty now, in m."""
         return self.uncertainty_m + SPREAD_M_S * max(0, now_ns - self.stamp_ns) / _NS_PER_S
 
     def distance(self, x: float, y: float) -> float:
@@ -99,9 +99,9 @@ class Room(NamedTuple):
 
 def room_of(text: str) -> Room:
     """
-    Read a room: ``kitchen 0 0 3.5 4``.
+    Parse a room: ``kitchen 0 0 3.5 4``.
 
-    :raises ValueError: it is none.
+    :raises ValueError: it is not valid.
     """
     name, *numbers = text.split() or ['']
     try:
@@ -109,13 +109,13 @@ def room_of(text: str) -> Room:
     except ValueError:
         x0 = y0 = x1 = y1 = math.nan
     if not (name.isidentifier() and x0 < x1 and y0 < y1 and math.isfinite((x1 - x0) * (y1 - y0))):
-        raise ValueError(f'{text[:60]!r} is no room: write a name and two corners in m, the lower '
-                         'left one first: kitchen 0 0 3.5 4')
+        raise ValueError(f'{text[:60]!r} is not a room: write a name and two corners in m, the '
+                         'lower left one first: kitchen 0 0 3.5 4')
     return Room(name, x0, y0, x1, y1)
 
 
 class Rooms:
-    """The rooms of a flat; of several that have a point the smallest counts, such as a bed."""
+    """The rooms of a flat; of nested ones, such as a bed, the smallest counts."""
 
     def __init__(self, rooms: Iterable[Room]) -> None:
         self._rooms = sorted(rooms, key=lambda room: room.area)
@@ -127,10 +127,10 @@ class Rooms:
 
 class PlaceEstimate:
     """
-    Where one person is; safe in the real-time loop.
+    Position of one person; safe in the real-time loop.
 
-    :param timeout_ns: a sighting that is older counts no more.
-    :ivar refused: sightings by presence that are somebody else's.
+    :param timeout_ns: largest age of a sighting that counts.
+    :ivar refused: number of presence sightings of other people.
     """
 
     __slots__ = ('refused', '_timeout_ns', '_sightings', '_votes', '_chosen', '_steady')
@@ -144,15 +144,15 @@ class PlaceEstimate:
         self._steady = math.nan, math.nan
 
     def put(self, sighting: Sighting) -> None:
-        """Take a sighting; it takes the place of the last one of its kind."""
+        """Add a sighting; it replaces the last one of its source."""
         self._sightings[sighting.how] = sighting
 
     def vote(self, node: str, x: float, y: float, stamp_ns: int) -> tuple[str, float, float]:
         """
-        Take that the worn node hears a node best, and where that hangs.
+        Add a report of the nearest node, with its position.
 
-        :return: the node that it hears best most of the time lately, and the mean of all lately,
-            which is nearer to the truth than any of them; it changes when somebody has moved.
+        :return: the node with the most recent reports, and the mean position of recent reports,
+            which is more accurate than any of them; it changes when the person has moved.
         """
         self._votes.append((node, x, y, stamp_ns))
         lately = [each for each in self._votes if stamp_ns - each[3] <= _VOTES_NS]
@@ -169,9 +169,9 @@ class PlaceEstimate:
 
     def best(self, now_ns: int) -> Sighting | None:
         """
-        Return the sighting that is least uncertain now; None when all are too old.
+        Return the sighting with the least uncertainty now; None when all are too old.
 
-        What the robot saw counts no more when others have told since that it is elsewhere.
+        A sighting by the robot does not count when a newer one of another source contradicts it.
         """
         others, seen = self.by_nodes(now_ns), self._sightings.get(SEEN)
         if seen is None or now_ns - seen.stamp_ns > self._timeout_ns:
@@ -185,31 +185,30 @@ class PlaceEstimate:
 
     def by_nodes(self, now_ns: int) -> Sighting | None:
         """
-        Return the same without what the robot saw.
+        Return the same without sightings by the robot.
 
-        The robot looks for somebody round this. Would it look round what it saw itself, it could
-        not be corrected when that was somebody else.
+        The robot searches the person around this position. Around its own sighting it could never
+        correct a wrong one.
         """
         fresh = [each for each in self._sightings.values()
                  if each.how != SEEN and now_ns - each.stamp_ns <= self._timeout_ns]
         return min(fresh, key=lambda each: (each.now_m(now_ns), each.how), default=None)
 
-    def may_be_me(self, x: float, y: float, range_m: float, stamp_ns: int,
-                  others: Iterable[Sighting]) -> bool:
+    def may_be_person(self, x: float, y: float, range_m: float, stamp_ns: int,
+                      others: Iterable[Sighting]) -> bool:
         """
-        Say whether what a sensor of presence sees is this person.
+        Return whether a presence sensor may detect this person.
 
-        A sensor that knows whom it speaks of has to agree, while it speaks. Without one it is
-        nobody else's: no other is known to be nearer to it than this one. And it can be: one gets
-        there from where one was, walking.
+        Recent sightings that identify the person must agree. Without one no other person may be
+        nearer to the sensor, and the person must be able to have walked there.
 
-        :param range_m: how far the sensor sees.
-        :param others: where other people are.
+        :param range_m: range of the sensor.
+        :param others: sightings of other people.
         """
         known = [each for each in self._sightings.values() if each.how in _PERSONAL
                  and stamp_ns - each.stamp_ns <= _PERSONAL_NS]
         if known:
-            # A worn node hears the nodes of the next room as well: half the range.
+            # A worn node receives nodes of the next room as well: half the range.
             agree = all(each.distance(x, y) <= range_m / 2 for each in known)
             self.refused += not agree
             return agree

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A rule on the topics of a robot: samples in, transitions out."""
+"""Rules on the topics of a robot: samples in, transitions out."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from rt_robot_os.features.health.rule.evaluation import RuleState
 from rt_robot_os.features.health.rule.evaluation import Transition
 from rt_robot_os.features.health.rule.evaluation import Value
 from rt_robot_os.features.health.rule.fields import bound
-from rt_robot_os.features.health.rule.fields import lines_of
+from rt_robot_os.features.health.rule.fields import error_lines
 from rt_robot_os.features.health.rule.fields import problem_of
 from rt_robot_os.features.health.rule.terms import Compare
 from rt_robot_os.features.health.rule.terms import conditions_of
@@ -45,8 +45,8 @@ from rt_robot_os.topics import Layout
 from rt_robot_os.topics import Subscription
 from rt_robot_os.topics.field_path import field_reader
 
-#: What is due by time alone is judged so much later, with the stamp at which it was due: a sample
-#: of before that moment may still be on its way, from a device that stamps what it reads.
+#: Deadlines are evaluated with this delay, and with the stamp at which they were due: an earlier
+#: sample may still be in transit, from a device that stamps what it reads.
 SETTLING_NS: Final = 10 * NS_PER_MS
 
 Reader = Callable[[Any], 'float | str | None']
@@ -56,17 +56,17 @@ class Feed(NamedTuple):
     """
     A topic that rules read.
 
-    :ivar take: its subscription.
-    :ivar wanted: which rule wants which field, by its number in the rule, and what reads it; None
-        when the topic as a whole is meant.
+    :ivar subscription: its subscription.
+    :ivar wanted: rule, index of the field in the rule, and its reader; None for the topic as a
+        whole.
     """
 
-    take: Subscription
+    subscription: Subscription
     wanted: list[tuple[RuleState, int, Reader | None]]
 
 
-def names_of(rule: Rule, topics: Iterable[str]) -> tuple[str, ...]:
-    """Return what the star can stand for: what gives a topic for each of its fields."""
+def star_names(rule: Rule, topics: Iterable[str]) -> tuple[str, ...]:
+    """Return the names that the star stands for: those with a topic for each field."""
     starred = [ref for ref in refs_of(rule) if STAR in ref.topic]
     if not starred:
         return ('',)
@@ -76,30 +76,30 @@ def names_of(rule: Rule, topics: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in found[0] if all(name in each for each in found[1:]))
 
 
-def bound_rules(key: str, text: str, rule: Rule, layouts: Mapping[str, Layout]
-                ) -> dict[str, Rule]:
+def bind_rules(key: str, text: str, rule: Rule, layouts: Mapping[str, Layout]
+               ) -> dict[str, Rule]:
     """
-    Find the topics of a rule; not for the real-time loop.
+    Bind a rule to the topics; not for the real-time loop.
 
     :param key: of the rule, for errors.
     :param text: of the rule, for errors.
     :param layouts: of all topics, by name.
-    :return: by what the star stands for, the rule with these topics, its numbers in their units.
-    :raises ConfigError: a topic or a field is not there, or does not fit.
+    :return: the bound rules, by the name that the star stands for.
+    :raises ConfigError: a topic or a field does not exist, or does not fit.
     """
-    stars = names_of(rule, layouts)
+    stars = star_names(rule, layouts)
     if not stars:
-        raise ConfigError([f'{key}: there is nothing that {STAR} could stand for in all of '
+        raise ConfigError([f'{key}: {STAR} matches no name in all of '
                            f'{", ".join(str(ref) for ref in refs_of(rule) if STAR in ref.topic)}'])
     problems: list[str] = []
     for star in stars:
         for ref in refs_of(rule):
             topic = ref.starred(star).topic
-            problem = f'nobody declares {topic}'
+            problem = f'no topic {topic} is declared'
             if topic in layouts:
                 problem = problem_of(rule, ref, topic, layouts[topic])
             if problem:
-                problems += lines_of(key, RuleError(problem, text, ref.span))
+                problems += error_lines(key, RuleError(problem, text, ref.span))
     if problems:
         raise ConfigError(list(dict.fromkeys(problems)))
     found = {star: bound(rule, star, layouts.__getitem__) for star in stars}
@@ -113,25 +113,25 @@ def _check_kinds(key: str, text: str, rule: Rule, layouts: Mapping[str, Layout])
             kinds = {field_reader(layouts[ref.topic], ref.path).is_text
                      for ref in (each.left, each.right)}
             if len(kinds) > 1:
-                raise ConfigError(lines_of(key, RuleError(
-                    'a number and a text cannot be compared', text, each.right.span)))
+                raise ConfigError(error_lines(key, RuleError(
+                    'a number and a string cannot be compared', text, each.right.span)))
 
 
-class WatchedRules:
+class RuleSet:
     """
-    Rules, by a name each, and the topics that they read; safe in the real-time loop.
+    Named rules and the topics that they read; safe in the real-time loop.
 
     :param rules: bound ones, by name.
     :param subscribe: subscribes to a topic.
-    :ivar heard_ns: stamp of the newest sample that was taken; -1 before.
-    :ivar no_values: samples in which a field was no number, such as NaN: they are passed over.
+    :ivar received_ns: stamp of the newest sample; -1 before.
+    :ivar no_values: samples that were skipped because a field was NaN or no value.
     """
 
     def __init__(self, rules: Mapping[str, RuleState], subscribe: Callable[[str], Subscription]
                  ) -> None:
         self.states = dict(rules)
         self.no_values = 0
-        self.heard_ns = -1
+        self.received_ns = -1
         self._names = {id(state): name for name, state in self.states.items()}
         feeds: dict[str, Feed] = {}
         for state in self.states.values():
@@ -140,60 +140,60 @@ class WatchedRules:
                 if feed is None:
                     feed = feeds[ref.topic] = Feed(subscribe(ref.topic), [])
                 feed.wanted.append((state, number, field_reader(
-                    feed.take.topic.layout, ref.path).read if ref.path else None))
+                    feed.subscription.topic.layout, ref.path).read if ref.path else None))
         self._feeds = tuple(feeds.values())
 
     @property
     def lost(self) -> int:
         """Return how many samples were overwritten before they were read."""
-        return sum(feed.take.lost for feed in self._feeds)
+        return sum(feed.subscription.lost for feed in self._feeds)
 
     def step(self, now_ns: int) -> Iterator[tuple[str, Transition]]:
         """
-        Take what came, and let time pass.
+        Process new samples and deadlines.
 
-        :return: what began or is over, by the name of the rule.
+        :return: the transitions, with the name of the rule.
         """
         for stamp_ns, changes in self._samples(now_ns):
             touched = {id(state): state for state, _, _ in changes}
             for key, state in touched.items():
-                for each in state.pass_time(stamp_ns, through=False):
+                for each in state.advance(stamp_ns, through=False):
                     yield self._names[key], each
             for state, number, value in changes:
-                state.take(number, value, stamp_ns)
+                state.update(number, value, stamp_ns)
             for key, state in touched.items():
-                for each in state.pass_time(stamp_ns):
+                for each in state.advance(stamp_ns):
                     yield self._names[key], each
         settled_ns = now_ns - SETTLING_NS
         for name, state in self.states.items():
             if state.due_ns <= settled_ns:
-                for each in state.pass_time(settled_ns):
+                for each in state.advance(settled_ns):
                     yield name, each
 
-    def begin(self, now_ns: int) -> None:
-        """Begin to look, once."""
+    def start(self, now_ns: int) -> None:
+        """Start the rules, once."""
         for state in self.states.values():
-            state.begin(now_ns)
+            state.start(now_ns)
 
     def due_ns(self) -> float:
-        """Return when time alone may change something."""
+        """Return the next deadline, with the delay."""
         due_ns = min((state.due_ns for state in self.states.values()), default=math.inf)
         return due_ns + SETTLING_NS
 
     def _samples(self, now_ns: int
                  ) -> list[tuple[int, list[tuple[RuleState, int, Value | None]]]]:
-        """Take all that came, by stamps; what has the same stamp together."""
+        """Return the new samples, grouped and ordered by stamp."""
         found: dict[int, list[tuple[RuleState, int, Value | None]]] = {}
-        for take, wanted in self._feeds:
-            while take.take():
-                stamp_ns = min(take.stamp_ns, now_ns)
-                self.heard_ns = max(self.heard_ns, stamp_ns)
+        for subscription, wanted in self._feeds:
+            while subscription.take():
+                stamp_ns = min(subscription.stamp_ns, now_ns)
+                self.received_ns = max(self.received_ns, stamp_ns)
                 changes = found.setdefault(stamp_ns, [])
                 for state, number, read in wanted:
                     if read is None:
                         changes.append((state, number, None))
                         continue
-                    value = read(take.buffer)
+                    value = read(subscription.buffer)
                     if value is None or value != value:  # NaN
                         self.no_values += 1
                     else:

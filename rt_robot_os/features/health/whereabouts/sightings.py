@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What tells where a person is: the topics of nodes, people and ROS, as sightings."""
+"""Conversion of samples of nodes, of other people and of ROS to sightings of a person."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rt_robot_os.messages.network_rows import rows_of
 from rt_robot_os.messages.survey import SurveyedNode
 from rt_robot_os.topics import Subscription
 
-#: A pose says that somebody has moved when it is so far from where they were.
+#: Least distance between two poses that counts as a movement.
 STEP_M: Final = 0.5
 _OTHERS_M: Final = 3.0
 _OTHERS_NS: Final = 60 * NS_PER_S
@@ -40,14 +40,14 @@ _PRESENT: Final = 0.5
 _NEW_NS: Final = NS_PER_S // 2
 
 
-class Senses:
+class SightingInputs:
     """
-    Turn samples into sightings of one person; safe in the real-time loop.
+    Convert samples to sightings of one person; safe in the real-time loop.
 
-    Each method takes a sample and says whether the person was seen (``seen``) and moved.
+    Each method takes a sample and returns whether the person was seen, and moved.
 
     :param survey: of the sensor network.
-    :param worn: number of the node that the person wears; -1 without.
+    :param worn: id of the node that the person wears; -1 without one.
     """
 
     def __init__(self, settings: Mapping[str, Any], place: PlaceEstimate,
@@ -58,13 +58,13 @@ class Senses:
         self._worn = worn
         self._others: dict[str, Sighting] = {}
         self._nearest = ''
-        #: The node that the last report of the worn one named, however unsteady that is.
+        #: The node of the last report of the worn one, without filtering.
         self.latest = ''
         self._network_ns = -_NEW_NS
         self._anchor = (math.nan, math.nan)
 
     def pose(self, values: tuple[float, ...], stamp_ns: int) -> tuple[bool, bool]:
-        """Take a place that ROS says."""
+        """Process a pose of ROS."""
         x, y, _ = values
         if not (math.isfinite(x) and math.isfinite(y)):
             return False, False
@@ -78,20 +78,20 @@ class Senses:
         return True, known
 
     def seen(self, values: tuple[float, ...], stamp_ns: int) -> None:
-        """Take where the robot sees somebody, most likely them; it is no sign that they moved."""
+        """Process a sighting by the robot; it does not count as a movement."""
         x, y, _ = values
         if math.isfinite(x) and math.isfinite(y):
             self._place.put(Sighting(
                 x, y, self._settings['seen_uncertainty_m'], SEEN, '', stamp_ns))
 
     def nearest(self, values: tuple[float, ...], stamp_ns: int) -> tuple[bool, bool]:
-        """Take the number of the node that the worn one hears best."""
+        """Process the id of the node that the worn one receives best."""
         number, = values
-        heard = self._nodes.get(int(number)) if math.isfinite(number) else None
-        if heard is None:
+        best = self._nodes.get(int(number)) if math.isfinite(number) else None
+        if best is None:
             return False, False
-        self.latest = heard.token
-        name, x, y = self._place.vote(heard.token, heard.x, heard.y, stamp_ns)
+        self.latest = best.token
+        name, x, y = self._place.vote(best.token, best.x, best.y, stamp_ns)
         moved = bool(self._nearest) and name != self._nearest
         self._nearest = name
         self._place.put(Sighting(
@@ -100,53 +100,53 @@ class Senses:
 
     def presence(self, node: SurveyedNode, values: tuple[float, ...], stamp_ns: int
                  ) -> tuple[bool, bool]:
-        """Take what a sensor of presence says."""
+        """Process a sample of a presence sensor."""
         value, = values
         range_m = self._settings['presence_range_m']
-        if not value > _PRESENT or not self._place.may_be_me(
+        if not value > _PRESENT or not self._place.may_be_person(
                 node.x, node.y, range_m, stamp_ns, self._others.values()):
             return False, False
         self._place.put(Sighting(node.x, node.y, range_m / 2, 'presence', node.token, stamp_ns))
         self.latest = ''
-        # Somebody else who is there would do as well: nobody is known to have moved.
+        # With another person there it is unknown which one moved.
         alone = not any(other.distance(node.x, node.y) <= range_m / 2
                         and stamp_ns - other.stamp_ns <= _OTHERS_NS
                         for other in self._others.values())
         return True, alone
 
     def other(self, name: str, values: tuple[float, ...], stamp_ns: int) -> None:
-        """Take where somebody else is."""
+        """Process the position of another person."""
         x, y, _ = values
         if math.isfinite(x) and math.isfinite(y):
             self._others[name] = Sighting(x, y, _OTHERS_M, 'other', '', stamp_ns)
 
     def network(self, rows: Any, stamp_ns: int) -> bool:
         """
-        Take what the network model knows of the worn node.
+        Process the row of the worn node in the network model.
 
         :return: whether the person was seen.
         """
         for row in rows_of(rows):
             if row.id != self._worn or not row.age_s >= 0.0:
                 continue
-            heard_ns = stamp_ns - round(row.age_s * NS_PER_S)
-            if heard_ns - self._network_ns < _NEW_NS:
-                return False  # the same packet as in the row before
-            self._network_ns = heard_ns
+            received_ns = stamp_ns - round(row.age_s * NS_PER_S)
+            if received_ns - self._network_ns < _NEW_NS:
+                return False  # the same packet as before
+            self._network_ns = received_ns
             parent = self._nodes.get(int(row.parent)) if math.isfinite(row.parent) else None
             if row.stddev_m > 0.0 and math.isfinite(row.x) and math.isfinite(row.y):
-                self._place.put(Sighting(row.x, row.y, row.stddev_m, 'network', '', heard_ns))
+                self._place.put(Sighting(row.x, row.y, row.stddev_m, 'network', '', received_ns))
                 return True
             if parent is not None:
-                # Where a worn node was surveyed says nothing; whom it sends to is not far.
+                # The surveyed position of a worn node is meaningless; its parent is near.
                 self._place.put(Sighting(parent.x, parent.y, _PARENT_M, 'network', parent.token,
-                                         heard_ns))
+                                         received_ns))
                 return True
         return False
 
 
-def taking(read: Subscription, field: str) -> Callable[[], tuple[float, ...]]:
-    """Return what gets the numbers of a field out of the sample that was taken."""
+def field_values(read: Subscription, field: str) -> Callable[[], tuple[float, ...]]:
+    """Return a function that reads the numbers of a field of the newest sample."""
     unpack = read.topic.layout.packer(field).unpack
     buffer = read.buffer
     return lambda: unpack(buffer)

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Whether a sensor is worn at all: on a table it is stiller than on any person.
+Detection of a sensor that is not worn: on a table it is stiller than on any person.
 
-Breath and small shifts of posture tilt a sensor at the waist. Of people who sat or lay still for
-five minutes (daily and sports activities, Altun and Barshan 2010: 32 recordings) none kept the
-means of a second within 5 mg for that time; the noise of a cheap sensor stays within 3 mg.
+Breathing and small shifts of posture tilt a sensor at the waist. Of 32 recordings of people who
+sat or lay still for five minutes (daily and sports activities, Altun and Barshan 2010) in none
+the one-second means stayed within 5 mg; the noise of a cheap sensor stays within 3 mg.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 
-#: A sensor that is worn tilts by more than this, in g, within this time.
+#: The means of a worn sensor vary by more than this, in g, within STILL_NS.
 STIRS_G: Final = 0.004
 STILL_NS: Final = 300 * NS_PER_S
 
 _MEAN_NS: Final = NS_PER_S
-# A longer gap begins the time again: nothing is known of what happened in it.
+# A longer gap restarts the time.
 _GAP_NS: Final = 5 * NS_PER_S
 
 
-class NotWorn:
+class WearDetector:
     """
-    Watch how far the means of each second lie apart; safe in the real-time loop.
+    Monitor the range of the one-second means; safe in the real-time loop.
 
-    :ivar off: it has been stiller than any person for :data:`STILL_NS`, and still is.
+    :ivar off: the sensor has been stiller than any person for :data:`STILL_NS`, and still is.
     """
 
     __slots__ = ('_begun_ns', '_count', '_first_ns', '_high', '_last_ns', '_low', '_sums', 'off')
@@ -53,15 +53,15 @@ class NotWorn:
         self._low = [float('inf')] * 3
         self._high = [float('-inf')] * 3
         self._begun_ns = now_ns
-        self._begin_mean(now_ns)
+        self._start_mean(now_ns)
 
-    def _begin_mean(self, now_ns: int) -> None:
+    def _start_mean(self, now_ns: int) -> None:
         self._sums = [0.0, 0.0, 0.0]
         self._count = 0
         self._first_ns = now_ns
 
     def add(self, now_ns: int, x: float, y: float, z: float) -> None:
-        """Consider a block of samples, in g; stamps rise."""
+        """Add a block of samples, in g; stamps increase."""
         if now_ns - self._last_ns > _GAP_NS:
             self.off = False
             self._restart(now_ns)
@@ -82,6 +82,6 @@ class NotWorn:
             self._low, self._high = means, list(means)
             return
         self._low, self._high = low, high
-        self._begin_mean(now_ns)
+        self._start_mean(now_ns)
         if now_ns - self._begun_ns >= STILL_NS:
             self.off = True
