@@ -34,11 +34,11 @@ from rt_robot_os.features.wsn.network_markers import LABELS
 from rt_robot_os.features.wsn.network_markers import LINKS
 from rt_robot_os.features.wsn.network_markers import markers_of
 from rt_robot_os.features.wsn.network_markers import NODES
-from rt_robot_os.features.wsn.network_model import NetworkModel
-from rt_robot_os.features.wsn.network_watch import Limits
-from rt_robot_os.features.wsn.network_watch import NetworkWatch
 from rt_robot_os.features.wsn.packets.decode import PacketDecoder
 from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
+from rt_robot_os.features.wsn.sensor_network.watch import Limits
+from rt_robot_os.features.wsn.sensor_network.watch import NetworkWatch
 from rt_robot_os.features.wsn.sink.simulated import SimulatedSink
 from rt_robot_os.messages.marker_array import Marker
 from rt_robot_os.messages.network_rows import NodeRow

@@ -38,7 +38,7 @@ from rt_robot_os.features.wsn.sink.flow_limit import FlowLimit
 from rt_robot_os.features.wsn.sink.importance import Classifier
 from rt_robot_os.features.wsn.sink.importance import DEFAULT_CLASSES
 from rt_robot_os.features.wsn.sink.importance import DEFAULT_RULES
-from rt_robot_os.features.wsn.sink.look import looker
+from rt_robot_os.features.wsn.sink.packet_header import looker
 from rt_robot_os.features.wsn.sink.sorting import Sorting
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock

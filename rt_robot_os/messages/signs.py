@@ -13,10 +13,9 @@
 # limitations under the License.
 
 """
-The vital signs of a person: their units, what can be true, and for how long a value says anything.
+The vital signs of a person: units, plausible ranges, and ages at which values are stale.
 
-A monitor whose sensor is off writes 0. That is no value: nobody has a pulse of 0 because a finger
-clip fell off.
+A monitor whose sensor is off reports 0. That is not a value.
 """
 
 from __future__ import annotations
@@ -33,10 +32,10 @@ from rt_robot_os.messages.quantities import QUANTITIES
 
 
 class Consciousness(IntEnum):
-    """How a person reacts: ACVPU, as a nurse finds it."""
+    """Level of consciousness on the ACVPU scale."""
 
     ALERT = 0
-    #: Confusion that is new.
+    #: New confusion.
     CONFUSION = 1
     #: Reacts to a voice.
     VOICE = 2
@@ -52,16 +51,15 @@ class Sign(NamedTuple):
     :ivar name: of the quantity and the last part of the topic's name.
     :ivar title: for people.
     :ivar unit: of a value.
-    :ivar low: less is no value.
-    :ivar high: more is no value.
-    :ivar stale_s: age from which a value says nothing any more.
+    :ivar low: smallest plausible value.
+    :ivar high: largest plausible value.
+    :ivar stale_s: age at which a value is stale.
     :ivar has_off: 0 means that the sensor is off, not a value.
-    :ivar is_continuous: a sensor that is worn says it all the time, so that silence means that it
-        is off; the others come now and then.
-    :ivar jump: a change by more than it, within seconds, has to be confirmed by what follows; 0:
-        any change may be true.
-    :ivar apart: two sensors that are further apart than it contradict each other; 0: two may.
-    :ivar whole: values are codes, whole numbers.
+    :ivar is_continuous: a worn sensor reports it continuously, so silence means that it is off;
+        the others are measured now and then.
+    :ivar jump: a larger change within seconds must be confirmed by later values; 0: no limit.
+    :ivar apart: largest difference of two sensors without a contradiction; 0: no limit.
+    :ivar whole: values are integer codes.
     """
 
     name: str
@@ -77,11 +75,11 @@ class Sign(NamedTuple):
     whole: bool = False
 
     def is_off(self, value: float) -> bool:
-        """Return whether that is how a sensor says that it measures nothing; a NaN does too."""
+        """Return whether a value means that the sensor is off; NaN does too."""
         return value != value or (self.has_off and value == 0.0)
 
     def is_plausible(self, value: float) -> bool:
-        """Return whether a person can have that; a NaN never is. Safe in the loop."""
+        """Return whether a value is plausible; NaN never is. Safe in the real-time loop."""
         return self.low <= value <= self.high and (not self.whole or value == math.floor(value))
 
 
@@ -97,8 +95,8 @@ def _sign(name: str, title: str, stale_s: float, *, has_off: bool = True,
 _MIN: Final = 60.0
 _H: Final = 3600.0
 
-#: Stale limits as ward monitors have them: what is measured all the time is worth two minutes, a
-#: cuff's value an hour, a thermometer's until the next round.
+#: Stale limits as of ward monitors: two minutes for a continuous sign, an hour for a cuff, four
+#: hours for a thermometer.
 SIGNS: Final[Mapping[str, Sign]] = MappingProxyType({each.name: each for each in (
     _sign('pulse_per_min', 'pulse', 2 * _MIN, is_continuous=True, jump=40.0, apart=20.0),
     _sign('respiration_per_min', 'respiration', 2 * _MIN, is_continuous=True, jump=15.0,
@@ -114,15 +112,15 @@ SIGNS: Final[Mapping[str, Sign]] = MappingProxyType({each.name: each for each in
 
 def checked_sign(name: str) -> str:
     """
-    Return the name of a sign as it is.
+    Check the name of a sign and return it.
 
-    :raises ValueError: there is none of that name.
+    :raises ValueError: no sign has this name.
     """
     if name not in SIGNS:
-        # Most write a part of it: pulse, temp, spo2.
+        # A part of the name is often meant: pulse, temp, spo2.
         close = ([each for each in SIGNS if len(name) > 1 and name.lower() in each]
                  or get_close_matches(name, SIGNS, 1))
         hint = (f'did you mean {" or ".join(close[:2])}?' if close
-                else f'there are {", ".join(SIGNS)}')
-        raise ValueError(f'{name[:40]!r} is no sign: {hint}')
+                else f'must be one of {", ".join(SIGNS)}')
+        raise ValueError(f'unknown sign {name[:40]!r}: {hint}')
     return name

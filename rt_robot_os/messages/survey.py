@@ -13,19 +13,18 @@
 # limitations under the License.
 
 """
-The survey of the sensor nodes: which there are, where each hangs and what it measures.
+The survey of the sensor nodes: their names, positions and quantities.
 
-A node is one text, ``name x y height [id N] [on PERSON] [quantity ...]``, such as::
+A node is a string ``name x y height [id N] [on PERSON] [quantity ...]``, such as::
 
     nodes:
       - hall 3.0 1.5 2.2
       - bed 2.4 6.6 0.8 id 12 pulse_per_min spo2_percent battery
       - wrist 2.4 3.9 1.0 on anna pulse_per_min alarm
 
-A node that somebody wears is where they are; its place is where it is when they are nowhere.
-
-The same list serves the simulated world, the simulator of networks and the modules that read
-nodes. Numbers of nodes count from 1 in the order of the list where a text does not say another.
+The position of a worn node is that of the person; the surveyed position counts while that is
+unknown. The same list serves the simulated world, the network simulator and the modules that
+read nodes. Ids count from 1 in the order of the list, unless an entry has ``id``.
 """
 
 from __future__ import annotations
@@ -46,9 +45,9 @@ from rt_robot_os.messages.quantities import QUANTITIES
 from rt_robot_os.messages.quantities import quantity
 
 MOST_NODES: Final = 10_000
-#: 65535 is everybody, on the air.
+#: 65535 is the broadcast address.
 HIGHEST_ID: Final = 65_534
-# No building is larger; a slip of the unit is noticed.
+# Larger than any building, to detect a wrong unit.
 FARTHEST_M: Final = 1e6
 _MOST_QUANTITIES: Final = 16
 _FORM: Final = 'name x y height [id N] [on PERSON] [quantity ...]'
@@ -60,15 +59,15 @@ _WHOLE: Final = re.compile('[0-9]{1,5}')
 
 class SurveyedNode(NamedTuple):
     """
-    A wireless node that hangs somewhere.
+    A wireless sensor node.
 
     :ivar name: for people; may be a number.
     :ivar x: in the map, in m.
     :ivar y: in the map, in m.
     :ivar z: height above the floor, in m.
-    :ivar id: its address, which is in its packets; -1 until :func:`numbered` gives one.
-    :ivar quantities: what it measures; see :mod:`rt_robot_os.messages.quantities`.
-    :ivar person: who wears it; empty for one that hangs somewhere.
+    :ivar id: its address in packets; -1 until :func:`numbered` assigns one.
+    :ivar quantities: that it measures; see :mod:`rt_robot_os.messages.quantities`.
+    :ivar person: the wearer; empty for a fixed node.
     """
 
     name: str
@@ -81,28 +80,28 @@ class SurveyedNode(NamedTuple):
 
     @property
     def token(self) -> str:
-        """Return its name as part of a topic's: ``hall``, for ``12`` and ``hall-2`` another."""
+        """Return its name in topics: ``hall``, and for ``12`` ``node_12``."""
         return topic_token(self.name)
 
 
 def topic_token(name: str) -> str:
-    """Return what stands for a node in the names of its topics."""
+    """Return the name of a node in the names of its topics."""
     token = re.sub(r'\W', '_', name, flags=re.ASCII)
     return f'node_{token}' if token[:1].isdigit() else token
 
 
 def node(text: str) -> SurveyedNode:
     """
-    Read one text; commas and colons may stand between its words.
+    Parse an entry; commas and colons may separate its words.
 
-    :raises ValueError: with what is wrong and what would be right.
+    :raises ValueError: with the problem and the correct form.
     """
     words = text.replace(',', ' ').replace(':', ' ').split()
     if len(words) < 4:
         raise ValueError(f'must be: {_FORM}, such as hall 3.0 1.5 2.2')
     name, *rest = words
     if len(name) > _LONGEST_NAME:
-        raise ValueError(f'its name has {len(name)} letters: {_LONGEST_NAME} are the most')
+        raise ValueError(f'its name has {len(name)} characters: at most {_LONGEST_NAME}')
     place = [_number(word) for word in rest[:3]]
     number, quantities, person = _rest(rest[3:])
     return SurveyedNode(name, place[0], place[1], place[2], number, quantities, person)
@@ -111,32 +110,32 @@ def node(text: str) -> SurveyedNode:
 def numbered(nodes: Sequence[SurveyedNode], where: str = 'nodes', first: int = 1
              ) -> tuple[SurveyedNode, ...]:
     """
-    Give each node its number and check that none is there twice, as a number, name or topic.
+    Assign ids, and check that ids, names and topics are unique.
 
     :param where: the setting or file, for the errors.
-    :param first: from which they count.
+    :param first: the first id.
     :raises ConfigError: with every problem.
     """
     found = tuple(each if each.id >= 0 else each._replace(id=place)
                   for place, each in enumerate(nodes, first))
     problems = []
     if len(found) > MOST_NODES:
-        problems.append(f'{where}: {len(found)} nodes: {MOST_NODES} are the most')
+        problems.append(f'{where}: {len(found)} nodes: at most {MOST_NODES}')
     names: dict[str, SurveyedNode] = {}
     ids: dict[int, SurveyedNode] = {}
     for each in found:
         other = names.setdefault(each.token, each)
         if other is not each:
             problems.append(
-                f'{where}: {each.name} is there twice' if other.name == each.name else
+                f'{where}: {each.name} is listed twice' if other.name == each.name else
                 f'{where}: {other.name} and {each.name} would have the same topics, '
-                f'wsn/{each.token}/...: give one of them another name')
+                f'wsn/{each.token}/...: rename one of them')
             continue
         other = ids.setdefault(each.id, each)
         if other is not each:
             problems.append(
-                f'{where}: {other.name} and {each.name} both have the number {each.id}: numbers '
-                'count from 1 in the order of the list; write "id N" to give another')
+                f'{where}: {other.name} and {each.name} both have the id {each.id}: ids count '
+                'from 1 in the order of the list; write "id N" for another one')
     if problems:
         raise ConfigError(problems)
     return found
@@ -145,10 +144,10 @@ def numbered(nodes: Sequence[SurveyedNode], where: str = 'nodes', first: int = 1
 def survey_of(texts: Iterable[str], where: str = 'nodes', first: int = 1
               ) -> tuple[SurveyedNode, ...]:
     """
-    Read a list of texts.
+    Parse a list of entries.
 
     :param where: the setting or file, for the errors.
-    :param first: number of the first.
+    :param first: id of the first.
     :raises ConfigError: with every problem; each names its entry.
     """
     found, problems = [], []
@@ -164,7 +163,7 @@ def survey_of(texts: Iterable[str], where: str = 'nodes', first: int = 1
 
 def read_survey(text: str, name: str) -> tuple[SurveyedNode, ...]:
     """
-    Read the content of a YAML file: a list of texts, at its top or below ``nodes``.
+    Parse the content of a YAML file: a list of entries, at its top or below ``nodes``.
 
     :param name: of the file, for the errors.
     :raises ConfigError: with every problem.
@@ -173,13 +172,13 @@ def read_survey(text: str, name: str) -> tuple[SurveyedNode, ...]:
     try:
         content = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ConfigError([f'{name} is no YAML: {error}']) from error
+        raise ConfigError([f'{name} is not valid YAML: {error}']) from error
     if isinstance(content, Mapping):
         content = content.get('nodes')
     if not isinstance(content, list) or not content:
-        raise ConfigError([f'{name} holds no nodes: write "nodes:" and below it lines such as '
+        raise ConfigError([f'{name} contains no nodes: write "nodes:" and below it lines such as '
                            f'"- hall 3.0 1.5 2.2" ({_FORM})'])
-    wrong = [f'{name}: the node at place {place} must be a text, {_FORM}'
+    wrong = [f'{name}: entry {place} must be a string, {_FORM}'
              for place, each in enumerate(content, 1) if not isinstance(each, str)]
     if wrong:
         raise ConfigError(wrong)
@@ -187,7 +186,7 @@ def read_survey(text: str, name: str) -> tuple[SurveyedNode, ...]:
 
 
 def text_of(each: SurveyedNode) -> str:
-    """Return a text that :func:`node` reads as this node."""
+    """Return the entry that :func:`node` parses as this node."""
     words: list[Any] = [each.name, repr(each.x), repr(each.y), repr(each.z)]
     if each.id >= 0:
         words += [_ID, each.id]
@@ -197,30 +196,29 @@ def text_of(each: SurveyedNode) -> str:
 
 
 def _rest(words: list[str]) -> tuple[int, tuple[str, ...], str]:
-    """Return the number, -1 without, the quantities, and who wears it."""
+    """Return the id, -1 without one, the quantities and the wearer."""
     number, quantities, person = -1, [], ''
     left = iter(words)
     for word in left:
         if word == _ID:
-            said = next(left, '')
-            if not _WHOLE.fullmatch(said) or int(said) > HIGHEST_ID:
-                raise ValueError(f'id {said[:20]!r}: it must be a whole number from 0 to '
-                                 f'{HIGHEST_ID}')
+            given = next(left, '')
+            if not _WHOLE.fullmatch(given) or int(given) > HIGHEST_ID:
+                raise ValueError(f'id {given[:20]!r}: must be an integer from 0 to {HIGHEST_ID}')
             if number >= 0:
-                raise ValueError('two numbers: "id" may stand once')
-            number = int(said)
+                raise ValueError('"id" is given twice')
+            number = int(given)
         elif word == _ON:
             if person:
-                raise ValueError('two people: "on" may stand once')
+                raise ValueError('"on" is given twice')
             person = next(left, '')
             if not person:
-                raise ValueError('nobody behind "on": write who wears it, such as on anna')
+                raise ValueError('no name after "on": write the wearer, such as on anna')
         elif word in quantities:
-            raise ValueError(f'{word[:40]} is there twice')
+            raise ValueError(f'{word[:40]} is listed twice')
         else:
             quantities.append(_quantity_name(word))
     if len(quantities) > _MOST_QUANTITIES:
-        raise ValueError(f'{len(quantities)} quantities: {_MOST_QUANTITIES} are the most')
+        raise ValueError(f'{len(quantities)} quantities: at most {_MOST_QUANTITIES}')
     return number, tuple(quantities) or DEFAULT_QUANTITIES, person
 
 
@@ -228,9 +226,9 @@ def _quantity_name(word: str) -> str:
     name = quantity(word).name
     if name not in QUANTITIES:
         close = get_close_matches(name, QUANTITIES, 1, 0.8)
-        # temperature_2 is one of a user's own; temprature is a slip.
+        # temperature_2 is a quantity of the user; temprature is a typing error.
         if close and not name.startswith(close[0]):
-            raise ValueError(f'{name!r} is no quantity: did you mean {close[0]}?')
+            raise ValueError(f'unknown quantity {name!r}: did you mean {close[0]}?')
     return name
 
 
@@ -240,5 +238,5 @@ def _number(word: str) -> float:
     except ValueError:
         value = math.nan
     if not abs(value) <= FARTHEST_M:
-        raise ValueError(f'{word[:40]!r} is no number that can be used: it must be: {_FORM}')
+        raise ValueError(f'{word[:40]!r} is not a valid coordinate: must be: {_FORM}')
     return value

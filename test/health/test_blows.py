@@ -21,9 +21,9 @@ import pytest
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
-from rt_robot_os.features.health.falls import Evidence
-from rt_robot_os.features.health.falls import FallDetector
-from rt_robot_os.features.health.falls import What
+from rt_robot_os.features.health.fall_detector.detector import Evidence
+from rt_robot_os.features.health.fall_detector.detector import FallDetector
+from rt_robot_os.features.health.fall_detector.detector import FallEventKind
 from rt_robot_os.sim.world.body_motion import body_motion
 from rt_robot_os.sim.world.body_motion import IMPACT_S
 
@@ -44,7 +44,7 @@ def fall_and_knock(after_s: float, factor: float) -> Evidence:
         x, y, z = (each * scale for each in felt.force_m_s2)
         found.append(detector.add(round(at_s * NS_PER_S), x, y, z))
     (one,) = [each for each in found if each is not None]
-    assert one.what is What.FALL
+    assert one.kind is FallEventKind.FALL
     return one.evidence
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the simulated worn sensor feels is what a body can do, and what the turns say."""
+"""The motion of the simulated worn sensor is physically possible, and its angular rate fits."""
 
 import math
 

@@ -24,11 +24,11 @@ import pytest
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import STANDARD_GRAVITY_M_S2
-from rt_robot_os.features.health.fall_limits import FallLimits
-from rt_robot_os.features.health.fall_limits import problem_of
-from rt_robot_os.features.health.falls import FallDetector
-from rt_robot_os.features.health.falls import State
-from rt_robot_os.features.health.falls import What
+from rt_robot_os.features.health.fall_detector.detector import DetectorState
+from rt_robot_os.features.health.fall_detector.detector import FallDetector
+from rt_robot_os.features.health.fall_detector.detector import FallEventKind
+from rt_robot_os.features.health.fall_detector.limits import FallLimits
+from rt_robot_os.features.health.fall_detector.limits import limits_problem
 from rt_robot_os.motion.quaternion import rotate
 from rt_robot_os.sim.world.body_motion import body_motion
 from rt_robot_os.sim.world.body_motion import DIRECTIONS
@@ -64,7 +64,7 @@ def happened(rows, detector=None, finish=True):
 
 
 def what(rows):
-    return [one.what for one in happened(rows)]
+    return [one.kind for one in happened(rows)]
 
 
 ROTATIONS = st.tuples(*4 * [st.floats(-1.0, 1.0)]).filter(
@@ -76,7 +76,7 @@ ROTATIONS = st.tuples(*4 * [st.floats(-1.0, 1.0)]).filter(
 @pytest.mark.parametrize('rate_hz', [18.0, 25.0, 50.0, 100.0, 200.0])
 def test_a_fall_is_found_soon_and_a_day_is_none(rate_hz, direction):
     found = happened(motion(FALL, rate_hz, direction), finish=False)
-    assert [one.what for one in found] == [What.FALL]
+    assert [one.kind for one in found] == [FallEventKind.FALL]
     impact_s = found[0].evidence.impact_ns / NS_PER_S
     assert impact_s == pytest.approx(8.0 + IMPACT_S, abs=0.1)
     assert 0.0 < found[0].stamp_ns / NS_PER_S - impact_s < 5.0
@@ -88,7 +88,7 @@ def test_a_fall_is_found_soon_and_a_day_is_none(rate_hz, direction):
 @settings(max_examples=15, deadline=None)
 @given(ROTATIONS, st.floats(18.0, 200.0), st.sampled_from(sorted(DIRECTIONS)))
 def test_neither_the_mounting_nor_the_rate_matters(turned, rate_hz, direction):
-    assert what(motion(FALL, rate_hz, direction, turned)) == [What.FALL]
+    assert what(motion(FALL, rate_hz, direction, turned)) == [FallEventKind.FALL]
 
 
 @settings(max_examples=15, deadline=None)
@@ -101,14 +101,14 @@ def test_lost_late_and_clipped_samples_do_not_hide_a_fall(seed, range_g):
             rows.append((at_s + random.uniform(0.0, 0.015),
                          *(max(-range_g, min(range_g, each + random.gauss(0.0, 0.03)))
                            for each in force), turn))
-    assert what(rows) == [What.FALL]
+    assert what(rows) == [FallEventKind.FALL]
 
 
 @pytest.mark.parametrize('direction', DIRECTIONS)
 def test_a_sensor_of_two_g_is_enough(direction):
     clipped = [(at_s, *(max(-2.0, min(2.0, each)) for each in force), turn)
                for at_s, *force, turn in motion(FALL, 50.0, direction)]
-    assert what(clipped) == [What.FALL]
+    assert what(clipped) == [FallEventKind.FALL]
 
 
 @pytest.mark.parametrize('most_g', [1.7, 2.0])
@@ -127,7 +127,7 @@ def test_a_soft_floor_takes_as_much_speed_and_is_felt_less(most_g):
             force = [each / size * (1.0 + (most_g - 1.0) * swing) for each in force]
         soft.append((at_s, *force, turn))
     found = happened(soft)
-    assert [one.what for one in found] == [What.FALL]
+    assert [one.kind for one in found] == [FallEventKind.FALL]
     assert found[0].evidence.peak_g == pytest.approx(most_g, abs=0.05)
     assert found[0].evidence.stop_m_s == pytest.approx(
         happened(rows)[0].evidence.stop_m_s, rel=0.25)
@@ -143,21 +143,23 @@ def test_the_scale_of_a_sensor_is_no_impact(scale):
 
 def test_who_gets_up_has_recovered_and_may_fall_again():
     up = [('rise', 4.0), ('walk', 6.0)]
-    assert what(motion([*FALL, *up])) == [What.FALL, What.RECOVERED]
-    assert what(motion([*FALL, *up, *FALL])) == [What.FALL, What.RECOVERED, What.FALL]
+    assert what(motion([*FALL, *up])) == [FallEventKind.FALL, FallEventKind.RECOVERED]
+    assert what(motion([*FALL, *up, *FALL])) == [
+        FallEventKind.FALL, FallEventKind.RECOVERED, FallEventKind.FALL]
 
 
 def test_who_sits_up_only_lies_on():
     detector = FallDetector()
-    assert what(motion([*FALL, ('lie', 20.0)])) == [What.FALL]
+    assert what(motion([*FALL, ('lie', 20.0)])) == [FallEventKind.FALL]
     found = happened(motion([*FALL, ('fall', 60.0)]), detector)
-    assert [one.what for one in found] == [What.FALL] and detector.state is State.FALLEN
+    assert [one.kind for one in found] == [FallEventKind.FALL]
+    assert detector.state is DetectorState.FALLEN
 
 
 def test_a_sensor_that_is_put_upright_on_a_table_is_nobody_who_got_up():
     rows = motion(FALL)
     still = [(rows[-1][0] + 0.02 * number, 0.0, 0.0, 1.0, 0.0) for number in range(1, 2000)]
-    assert what(rows + still) == [What.FALL]
+    assert what(rows + still) == [FallEventKind.FALL]
 
 
 def test_who_fell_out_of_bed_has_got_up_when_they_walk():
@@ -166,14 +168,14 @@ def test_who_fell_out_of_bed_has_got_up_when_they_walk():
     # From the back to the side: another posture than the one in bed, and never that one again.
     fallen = [(begun + at_s, x, y, z, turn) for at_s, x, y, z, turn in
               motion([('fall', 6.0), ('rise', 4.0), ('walk', 12.0)])]
-    assert what(lying + fallen) == [What.FALL, What.RECOVERED]
+    assert what(lying + fallen) == [FallEventKind.FALL, FallEventKind.RECOVERED]
 
 
 @pytest.mark.parametrize('left_s', [0.45, 0.7, 1.1, 1.5])
 def test_a_recording_that_ends_soon_is_decided_on_what_there_is(left_s):
     rows = [row for row in motion(FALL) if row[0] <= 8.0 + IMPACT_S + left_s]
     found = happened(rows)
-    assert [one.what for one in found] == [What.FALL]
+    assert [one.kind for one in found] == [FallEventKind.FALL]
     assert found[0].stamp_ns <= round(rows[-1][0] * NS_PER_S)
     assert what(rows[:-round(left_s * 50)]) == []
 
@@ -183,7 +185,7 @@ def test_who_crawls_after_the_fall_has_fallen_too():
     rows = [(at_s, *(each + (random.gauss(0.0, 0.28) if at_s > 9.0 else 0.0) for each in force),
              turn) for at_s, *force, turn in motion(FALL)]
     found = happened(rows)
-    assert [one.what for one in found] == [What.FALL]
+    assert [one.kind for one in found] == [FallEventKind.FALL]
     assert found[0].stamp_ns / NS_PER_S < 8.0 + IMPACT_S + 5.0
 
 
@@ -215,7 +217,7 @@ def test_nonsense_is_counted_and_a_clock_that_was_set_begins_anew():
     detector.add(5 * NS_PER_S, 0.0, 0.0, 1.0)
     assert (detector.rejected, detector.out_of_order, detector.samples) == (4, 1, 1)
     happened(motion([('stand', 9.0)]), detector, finish=False)
-    assert [one.what for one in happened(motion(FALL), detector)] == [What.FALL]
+    assert [one.kind for one in happened(motion(FALL), detector)] == [FallEventKind.FALL]
 
 
 def test_a_sensor_that_hangs_says_nothing():
@@ -225,10 +227,10 @@ def test_a_sensor_that_hangs_says_nothing():
 
 
 def test_limits_that_do_not_fit_are_named():
-    assert problem_of(FallLimits()) == ''
-    assert 'stop_from_m_s' in problem_of(FallLimits(stop_from_m_s=4.0))
-    assert 'decide_within_s' in problem_of(FallLimits(decide_within_s=1.0))
-    assert 'evidence' in problem_of(FallLimits(evidence=3.0))
+    assert limits_problem(FallLimits()) == ''
+    assert 'stop_from_m_s' in limits_problem(FallLimits(stop_from_m_s=4.0))
+    assert 'decide_within_s' in limits_problem(FallLimits(decide_within_s=1.0))
+    assert 'evidence' in limits_problem(FallLimits(evidence=3.0))
 
 
 # ---- which way is up ----------------------------------------------------------------------------
@@ -266,18 +268,18 @@ def test_who_gets_up_from_lying_with_a_jolt_has_not_fallen(turned):
     # The same turn and the same jolt the other way round are a fall.
     rows = after(motion(WALKED, turned=UNTURNED), (0.0, 20.0, 0.0), (88.0, 6.0, 1.4))
     assert what([(at_s, *rotate(turned, force), turn)
-                 for at_s, *force, turn in rows]) == [What.FALL]
+                 for at_s, *force, turn in rows]) == [FallEventKind.FALL]
 
 
 def test_who_turns_over_in_bed_has_not_fallen_unless_the_impact_is_a_full_one():
     lying = after(motion(WALKED, turned=UNTURNED), (88.0, 20.0, 0.0))
     assert what(after(lying, (-85.0, 6.0, 0.9))) == []
-    assert what(after(lying, (-85.0, 6.0, 2.5))) == [What.FALL]
+    assert what(after(lying, (-85.0, 6.0, 2.5))) == [FallEventKind.FALL]
 
 
 def test_before_the_first_walk_any_turn_counts():
     rows = after(motion([('stand', 3.0)], turned=UNTURNED), (88.0, 20.0, 0.0), (0.0, 6.0, 1.4))
-    assert what(rows) == [What.FALL]
+    assert what(rows) == [FallEventKind.FALL]
 
 
 def test_a_sensor_that_is_mounted_otherwise_learns_again_from_two_walks():
@@ -285,12 +287,12 @@ def test_a_sensor_that_is_mounted_otherwise_learns_again_from_two_walks():
     rows = motion([*WALKED, *WALKED])
     rows += [(rows[-1][0] + 0.02 + at_s, x, y, z, turn) for at_s, x, y, z, turn in
              motion([*WALKED, ('walk', 12.0), ('fall', 6.0)], turned=turned)]
-    assert What.FALL in what(rows)
+    assert FallEventKind.FALL in what(rows)
     # After half a minute without samples nothing is taken for granted.
     rows = motion(WALKED)
     rows += [(rows[-1][0] + 40.0 + at_s, x, y, z, turn) for at_s, x, y, z, turn in
              motion([('stand', 4.0), ('fall', 6.0)], turned=turned)]
-    assert what(rows) == [What.FALL]
+    assert what(rows) == [FallEventKind.FALL]
 
 
 def test_a_sensor_without_values_is_not_at_rest():
@@ -310,9 +312,9 @@ def test_a_sensor_on_a_table_is_taken_off_until_it_is_worn_again():
                                              for each in (1.0, 0.0, 0.0)), 0.0)
              for number in range(1, 15_600)]
     assert happened(table, detector, finish=False) == []
-    assert detector.state is State.TAKEN_OFF
+    assert detector.state is DetectorState.TAKEN_OFF
     again = [(table[-1][0] + 0.02 + at_s, *force) for at_s, *force in motion(FALL)]
-    assert [one.what for one in happened(again, detector)] == [What.FALL]
+    assert [one.kind for one in happened(again, detector)] == [FallEventKind.FALL]
 
 
 def test_who_sleeps_still_wears_it():
@@ -320,4 +322,4 @@ def test_who_sleeps_still_wears_it():
     detector = FallDetector()
     happened([(0.1 * number, 1.0, 0.008 * math.sin(0.1 * number * 1.3), 0.0, 0.0)
               for number in range(6000)], detector, finish=False)
-    assert detector.state is State.WATCHING
+    assert detector.state is DetectorState.WATCHING

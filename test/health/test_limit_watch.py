@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import pytest
 
-from rt_robot_os.features.health.limit_text import Limit
-from rt_robot_os.features.health.limit_watch import LimitWatch
+from rt_robot_os.features.health.assessment.limit_watch import LimitWatch
+from rt_robot_os.features.health.assessment.limits import Limit
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.messages.signs import SIGNS
 

@@ -26,10 +26,10 @@ from broad import VARIABLE
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.features.health.news2 import PARAMETERS
-from rt_robot_os.features.health.news2 import Risk
-from rt_robot_os.features.health.news2 import rounded
-from rt_robot_os.features.health.news2 import score
+from rt_robot_os.features.health.assessment.news2 import PARAMETERS
+from rt_robot_os.features.health.assessment.news2 import Risk
+from rt_robot_os.features.health.assessment.news2 import rounded
+from rt_robot_os.features.health.assessment.news2 import score
 from rt_robot_os.messages.signs import SIGNS
 
 # As it is printed: a column for each score, from 3 over 0 to 3.
@@ -181,7 +181,7 @@ def test_scale_2_above_92_without_knowing_of_oxygen_is_missing() -> None:
 
 
 def test_a_scale_that_there_is_not_is_refused() -> None:
-    with pytest.raises(ValueError, match='it must be 1, or 2'):
+    with pytest.raises(ValueError, match='must be 1, or 2'):
         score(NORMAL, 3)
 
 

@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 import pytest
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.health.beats import ecg_beats
-from rt_robot_os.features.health.beats import pulse_beats
-from rt_robot_os.features.health.pulse import ASYSTOLE_S
-from rt_robot_os.features.health.pulse import course
-from rt_robot_os.features.health.pulse import PulseMeter
+from rt_robot_os.features.health.pulse_check.beats import ecg_beats
+from rt_robot_os.features.health.pulse_check.beats import pulse_beats
+from rt_robot_os.features.health.pulse_check.pulse_meter import ASYSTOLE_S
+from rt_robot_os.features.health.pulse_check.pulse_meter import measure_recording
+from rt_robot_os.features.health.pulse_check.pulse_meter import PulseMeter
 from rt_robot_os.features.health.waveforms import read_record
 
 
@@ -51,7 +51,7 @@ def test_the_rate_is_that_of_the_beats_from_slow_to_fast(rate_hz: float) -> None
     believed = 0
     for rate in range(35, 205, 5):
         wave, beats = made(rate, rate_hz)
-        for found in course(wave, rate_hz, 2.0):
+        for found in measure_recording(wave, rate_hz, 2.0):
             if found.doubt:
                 assert math.isnan(found.rate_per_min)
                 continue
@@ -66,7 +66,7 @@ def test_the_pulse_of_a_real_wave_is_that_of_its_ecg(data_dir: Path) -> None:
     record = read_record(data_dir / 'vitals' / 'a103l.hea')
     wave, lead_ii, lead_v = (record.signals[n].samples for n in (2, 0, 1))
     apart = []
-    for found in course(wave, record.rate_hz):
+    for found in measure_recording(wave, record.rate_hz):
         end = round(found.time_s * record.rate_hz)
         hearts = [each for lead in (lead_ii, lead_v)
                   if not (each := ecg_beats(lead[end - 2500:end], record.rate_hz)).doubt]
@@ -81,7 +81,7 @@ def test_at_the_rate_of_an_oximeter_it_is_the_same(data_dir: Path) -> None:
     record = read_record(data_dir / 'vitals' / 'a103l.hea')
     wave = record.signals[2].samples
     slow = np.interp(np.arange(wave.size * 0.3) / 0.3, np.arange(wave.size), wave)
-    pairs = list(zip(course(wave, 250.0, 5.0), course(slow, 75.0, 5.0)))
+    pairs = list(zip(measure_recording(wave, 250.0, 5.0), measure_recording(slow, 75.0, 5.0)))
     both = [(a, b) for a, b in pairs if not (a.doubt or b.doubt)]
     assert len(both) > 45
     assert all(abs(a.rate_per_min - b.rate_per_min) < 2.0 for a, b in both)
@@ -95,9 +95,9 @@ def test_a_pause_is_seen_and_a_movement_or_a_sensor_that_came_off_is_none() -> N
     def longest(change: Any) -> float:
         changed = wave.copy()
         changed[15 * 75:22 * 75] = change(np.arange(7 * 75))
-        return max(each.still_s for each in course(changed, 75.0))
+        return max(each.still_s for each in measure_recording(changed, 75.0))
 
-    assert max(each.still_s for each in course(wave, 75.0)) < 1.0
+    assert max(each.still_s for each in measure_recording(wave, 75.0)) < 1.0
     # The pressure falls slowly, and nothing beats.
     assert longest(lambda at: foot - 0.0005 * at + 0.005 * sound[at]) > 6.0
     # Movement, the same number again and again, and far away: the wave says nothing of the heart.
@@ -110,7 +110,7 @@ def test_a_pause_is_seen_and_a_movement_or_a_sensor_that_came_off_is_none() -> N
     (np.zeros(750), 'flat'), (np.full(750, np.nan), 'samples are missing'),
     (np.zeros(100), 'too short'),
     (np.random.default_rng(3).normal(size=750), ''),
-    (np.clip(made(70)[0], None, -0.1)[:750], 'at the limit of the converter')])
+    (np.clip(made(70)[0], None, -0.1)[:750], 'the converter is saturated')])
 def test_what_is_no_pulse_has_a_reason(wave: Any, doubt: str) -> None:
     found = pulse_beats(wave, 75.0).doubt
     assert found == doubt if doubt else found
@@ -127,11 +127,11 @@ def test_the_wave_may_come_in_pieces_of_any_size() -> None:
         size = int(chance.integers(0, 200))
         pieces.add(wave[at:at + size].tolist())
         at += size
-    assert pieces.look() == whole.look()
-    assert whole.look().rate_per_min == pytest.approx(72.0, abs=3.0)
+    assert pieces.measure() == whole.measure()
+    assert whole.measure().rate_per_min == pytest.approx(72.0, abs=3.0)
     whole.restart()
-    assert whole.look().doubt == 'too short'
-    with pytest.raises(ValueError, match='8 Hz: a wave of 25 to'):
+    assert whole.measure().doubt == 'too short'
+    with pytest.raises(ValueError, match='8 Hz: the sampling rate of the wave must be 25 to'):
         PulseMeter(8.0)
 
 
@@ -165,9 +165,9 @@ def test_a_stop_is_seen_as_soon_with_samples_missing(gap: int) -> None:
     foot = float(np.median(wave)) - 0.2
     sound = np.random.default_rng(1).normal(size=15 * 75)
     wave[15 * 75:] = foot + 0.005 * sound
-    late = min(each.time_s for each in course(wave, 75.0) if each.still_s >= ASYSTOLE_S)
+    late = min(each.time_s for each in measure_recording(wave, 75.0) if each.still_s >= ASYSTOLE_S)
     wave[15 * 75 - gap:15 * 75] = np.nan
-    assert min(each.time_s for each in course(wave, 75.0)
+    assert min(each.time_s for each in measure_recording(wave, 75.0)
                if each.still_s >= ASYSTOLE_S) == late
 
 
@@ -183,7 +183,7 @@ def test_a_dicrotic_wave_is_no_beat(rate: int, strength: float, rate_hz: float) 
     for begin in beats:
         wave += np.exp(-((at - begin) / 0.08) ** 2) + strength * np.exp(
             -((at - begin - 0.31) / 0.08) ** 2)
-    found = list(course(wave, rate_hz))
+    found = list(measure_recording(wave, rate_hz))
     assert sum(not each.doubt for each in found) > 0.8 * len(found)
     for each in found:
         inside = beats[(beats >= each.time_s - 10.0) & (beats < each.time_s)]
@@ -197,7 +197,7 @@ def test_recordings_of_wristbands_and_fingers_agree_with_other_programs() -> Non
     heartpy = pytest.importorskip('heartpy', reason='HeartPy is not installed')
     neurokit = pytest.importorskip('neurokit2', reason='NeuroKit2 is not installed')
     wave, _ = heartpy.load_exampledata(0)
-    found = list(course(np.asarray(wave, dtype=float), 100.0))
+    found = list(measure_recording(np.asarray(wave, dtype=float), 100.0))
     _, measures = heartpy.process(wave, 100.0)
     assert all(not each.doubt for each in found)
     assert np.median([each.rate_per_min for each in found]) == pytest.approx(
@@ -208,7 +208,7 @@ def test_recordings_of_wristbands_and_fingers_agree_with_other_programs() -> Non
     _, there = neurokit.ppg_process(wave, sampling_rate=round(rate_hz))
     peaks = there['PPG_Peaks'] / rate_hz
     apart = []
-    for each in course(np.asarray(wave, dtype=float), rate_hz):
+    for each in measure_recording(np.asarray(wave, dtype=float), rate_hz):
         inside = peaks[(peaks >= each.time_s - 10.0) & (peaks < each.time_s)]
         if not each.doubt and inside.size > 2:
             apart.append(abs(each.rate_per_min
@@ -239,13 +239,13 @@ def test_a_record_is_read_in_its_units(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('header, message', [
     ('x 1 125 2\nx.dat 310 200 10 0 0 0 0 II', 'format 310: only 16, 61'),
-    ('x 1 125 2\nx.dat 16x99999 200 16 0 0 0 0 II', '99999 samples in a frame are more'),
+    ('x 1 125 2\nx.dat 16x99999 200 16 0 0 0 0 II', '99999 samples in a frame, at most'),
     ('x 1 125 2\nx.dat 310x4 200 16 0 0 0 0 II', 'format 310x4: only 16'),
-    ('x 1 125 9\nx.dat 16 200 16 0 0 3 0 II', 'holds 2 samples .* says 9: it is cut short'),
-    ('x 1 125 2\nx.dat 16 200 16 0 0 4 0 II', 'checksum 3 and its header says 4: it is damaged'),
-    ('x 2 125 2\nx.dat 16 200 16 0 0 3 0 II', 'announces 2 signals and describes 1'),
-    ('x/2 1 125 2\n', 'several segments'), ('', 'its first line'), ('x 1 abc\n', 'no numbers'),
-    ('x 1 125 2\ny.dat 16 200 16 0 0 3 0 II', 'belong beside it')])
+    ('x 1 125 9\nx.dat 16 200 16 0 0 3 0 II', 'has 2 samples .* announces 9: it is truncated'),
+    ('x 1 125 2\nx.dat 16 200 16 0 0 4 0 II', 'checksum 3, its header 4: it is damaged'),
+    ('x 2 125 2\nx.dat 16 200 16 0 0 3 0 II', 'it has 1 of 2 announced signals'),
+    ('x/2 1 125 2\n', 'several segments'), ('', 'its first line'), ('x 1 abc\n', 'not numbers'),
+    ('x 1 125 2\ny.dat 16 200 16 0 0 3 0 II', 'must be in the same folder')])
 def test_a_record_that_is_damaged_or_another_is_told(
         tmp_path: Path, header: str, message: str) -> None:
     path = write(tmp_path, header, np.array([1, 2], dtype='<i2').tobytes())

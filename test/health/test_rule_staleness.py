@@ -17,8 +17,8 @@
 from __future__ import annotations
 
 import pytest
-from rt_robot_os.features.health.rule_state import RuleState
-from rt_robot_os.features.health.rule_text import read_rule
+from rt_robot_os.features.health.rule.evaluation import RuleState
+from rt_robot_os.features.health.rule.parser import read_rule
 
 S = 10**9
 
@@ -27,13 +27,13 @@ def transitions(text: str, samples: list[tuple[int, float]], until_s: int, stale
                 ) -> list[tuple[int, bool]]:
     """Return what a rule about topic ``a`` did, in seconds."""
     state = RuleState(read_rule(text), stale_s * S)
-    state.begin(0)
+    state.start(0)
     found = []
     for at_s, value in samples:
-        found += state.pass_time(at_s * S, through=False)
-        state.take(0, value, at_s * S)
-        found += state.pass_time(at_s * S)
-    found += state.pass_time(until_s * S)
+        found += state.advance(at_s * S, through=False)
+        state.update(0, value, at_s * S)
+        found += state.advance(at_s * S)
+    found += state.advance(until_s * S)
     return [(each.time_ns // S, each.active) for each in found]
 
 
@@ -50,11 +50,11 @@ def test_a_duration_begins_anew_after_a_gap_in_which_nothing_was_known(
 
 def test_a_value_is_known_until_it_is_as_old_as_it_may_be() -> None:
     state = RuleState(read_rule('a.x > 0.5'), 10 * S)
-    state.begin(0)
-    state.take(0, 1.0, S)
-    state.pass_time(11 * S - 1)
+    state.start(0)
+    state.update(0, 1.0, S)
+    state.advance(11 * S - 1)
     assert state.known is True and state.due_ns == 11 * S
-    state.pass_time(11 * S)
+    state.advance(11 * S)
     assert state.known is None and state.active
 
 

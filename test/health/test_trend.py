@@ -21,7 +21,7 @@ import random
 
 import pytest
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.health.trend import Trend
+from rt_robot_os.features.health.assessment.trend import Trend
 
 WINDOW_S = 600
 

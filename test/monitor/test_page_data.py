@@ -28,7 +28,7 @@ import pytest
 pytest.importorskip('playwright.sync_api')
 
 from playwright.sync_api import expect  # noqa: E402, I100
-from rt_robot_os.features.health.news2 import score  # noqa: E402
+from rt_robot_os.features.health.assessment.news2 import score  # noqa: E402
 
 if TYPE_CHECKING:
     from fake_robot import FakeRobot

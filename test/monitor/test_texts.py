@@ -28,7 +28,7 @@ import pytest
 
 import rt_robot_os
 from rt_robot_os.features.health.assessment.module import said
-from rt_robot_os.features.health.news2 import score
+from rt_robot_os.features.health.assessment.news2 import score
 from rt_robot_os.messages.signs import SIGNS
 from rt_robot_os.messages.texts.coded import coded
 from rt_robot_os.messages.texts.coded import codes_of

@@ -25,7 +25,7 @@ from typing import Any
 
 import pytest
 from rt_robot_os.features.alarms.watch import Watch
-from rt_robot_os.features.health.rule import Rule
+from rt_robot_os.features.health.rule import RuleModule
 from rt_robot_os.features.health.whereabouts import Whereabouts
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
@@ -63,7 +63,7 @@ def causes_of(day: QuietDay, restarts_h: tuple[float, ...] = (),
         with ModuleBench() as bench:
             play(bench, day, samples, begin_h * HOUR_S, change)
             for name, settings in rules_to_copy().items():
-                bench.add(Rule, name, priority=30, **settings)
+                bench.add(RuleModule, name, priority=30, **settings)
             bench.add(Watch, 'watch', priority=10, node_silent_s=600.0)
             for person in PEOPLE:  # they look at each other
                 bench.bus.declare(f'health/{person}/place', 'geometry_msgs/msg/PoseStamped',

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Let the tests of sensor networks share what stands beside them."""
+"""Let the tests of this folder import their helpers."""
 
 from __future__ import annotations
 

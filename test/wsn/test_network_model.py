@@ -23,9 +23,6 @@ from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.features.wsn.network_model import NetworkModel
-from rt_robot_os.features.wsn.network_watch import Limits
-from rt_robot_os.features.wsn.network_watch import NetworkWatch
 from rt_robot_os.features.wsn.packets.ctp import CtpBeacon
 from rt_robot_os.features.wsn.packets.ctp import CtpData
 from rt_robot_os.features.wsn.packets.decode import Packet
@@ -35,6 +32,9 @@ from rt_robot_os.features.wsn.packets.multihop_lqi import LqiData
 from rt_robot_os.features.wsn.packets.oscilloscope import Oscilloscope
 from rt_robot_os.features.wsn.packets.serial_am import SerialAm
 from rt_robot_os.features.wsn.routing.link_cost import link_cost
+from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
+from rt_robot_os.features.wsn.sensor_network.watch import Limits
+from rt_robot_os.features.wsn.sensor_network.watch import NetworkWatch
 from rt_robot_os.messages.network_rows import NodeState
 from rt_robot_os.messages.network_rows import WIDTH
 from rt_robot_os.messages.survey import survey_of

@@ -22,8 +22,6 @@ import math
 import random
 
 import pytest
-from rt_robot_os.features.wsn.network_model import NetworkModel
-from rt_robot_os.features.wsn.network_watch import NetworkWatch
 from rt_robot_os.features.wsn.packets.decode import PacketDecoder
 from rt_robot_os.features.wsn.packets.oscilloscope import Oscilloscope
 from rt_robot_os.features.wsn.packets.paper import DataMsg
@@ -39,6 +37,8 @@ from rt_robot_os.features.wsn.routing.multihop_lqi import MultiHopLqi1
 from rt_robot_os.features.wsn.routing.multihop_lqi import MultiHopLqi2
 from rt_robot_os.features.wsn.routing.protocol import Node
 from rt_robot_os.features.wsn.routing.protocol import Router
+from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
+from rt_robot_os.features.wsn.sensor_network.watch import NetworkWatch
 from rt_robot_os.features.wsn.simulator.air import Link
 from rt_robot_os.features.wsn.simulator.link_medium import LinkMedium
 from rt_robot_os.features.wsn.simulator.mote import Mote

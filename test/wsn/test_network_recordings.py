@@ -23,9 +23,9 @@ import json
 from pathlib import Path
 
 import pytest
-from rt_robot_os.features.wsn.network_model import NetworkModel
 from rt_robot_os.features.wsn.packets.decode import PacketDecoder
 from rt_robot_os.features.wsn.packets.framing import FrameReader
+from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
 
 NAMES = [f'{topology}_{protocol}' for topology in ('chain4', 'lossy4')
          for protocol in ('multihoplqi', 'ctp')]

@@ -25,7 +25,7 @@ import pytest
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.features.wsn.cli.scenario_file import load_scenario
-from rt_robot_os.features.wsn.simulator import radio_places
+from rt_robot_os.features.wsn.simulator import radio_positions as radio_places
 from rt_robot_os.features.wsn.simulator import simulation as simulation_module
 from rt_robot_os.features.wsn.simulator import topology as topology_module
 from rt_robot_os.features.wsn.simulator.path_loss_medium import PathLossMedium

@@ -24,11 +24,11 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.wsn.sequence_account import DUPLICATE
-from rt_robot_os.features.wsn.sequence_account import LATE
-from rt_robot_os.features.wsn.sequence_account import NEW
-from rt_robot_os.features.wsn.sequence_account import SequenceAccount
-from rt_robot_os.features.wsn.sequence_account import WINDOW
+from rt_robot_os.features.wsn.sensor_network.sequence_account import DUPLICATE
+from rt_robot_os.features.wsn.sensor_network.sequence_account import LATE
+from rt_robot_os.features.wsn.sensor_network.sequence_account import NEW
+from rt_robot_os.features.wsn.sensor_network.sequence_account import SequenceAccount
+from rt_robot_os.features.wsn.sensor_network.sequence_account import WINDOW
 
 PERIOD_NS = NS_PER_S
 

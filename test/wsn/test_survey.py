@@ -44,19 +44,19 @@ def test_numbers_count_from_one_where_none_is_said() -> None:
 
 @pytest.mark.parametrize(('texts', 'said'), [
     (['hall 1 2'], "'hall 1 2': must be: name x y height"),
-    (['hall 1 2 x'], "'x' is no number that can be used"),
-    (['hall 1 2 nan'], "'nan' is no number that can be used"),
-    (['hall 1 2 3 id'], "id '': it must be a whole number from 0 to 65534"),
+    (['hall 1 2 x'], "'x' is not a valid coordinate"),
+    (['hall 1 2 nan'], "'nan' is not a valid coordinate"),
+    (['hall 1 2 3 id'], "id '': must be an integer from 0 to 65534"),
     (['hall 1 2 3 id 65535'], "id '65535'"),
-    (['hall 1 2 3 id 1 id 2'], '"id" may stand once'),
-    (['hall 1 2 3 on'], 'nobody behind "on"'),
-    (['hall 1 2 3 on anna on bob'], '"on" may stand once'),
+    (['hall 1 2 3 id 1 id 2'], '"id" is given twice'),
+    (['hall 1 2 3 on'], 'no name after "on"'),
+    (['hall 1 2 3 on anna on bob'], '"on" is given twice'),
     (['hall 1 2 3 temprature'], 'did you mean temperature'),
-    (['hall 1 2 3 light light'], 'light is there twice'),
-    (['hall 1 2 3 soil-moisture'], 'is no name of a quantity'),
-    (['hall 1 2 3', 'hall 1 2 4'], 'nodes: hall is there twice'),
+    (['hall 1 2 3 light light'], 'light is listed twice'),
+    (['hall 1 2 3 soil-moisture'], 'is not a valid name of a quantity'),
+    (['hall 1 2 3', 'hall 1 2 4'], 'nodes: hall is listed twice'),
     (['a-b 1 2 3', 'a_b 1 2 4'], 'a-b and a_b would have the same topics, wsn/a_b/'),
-    (['a 1 2 3 id 2', 'b 1 2 4'], 'a and b both have the number 2'),
+    (['a 1 2 3 id 2', 'b 1 2 4'], 'a and b both have the id 2'),
 ])
 def test_what_is_wrong_is_named_with_its_entry(texts: list[str], said: str) -> None:
     with pytest.raises(ConfigError) as caught:
@@ -101,15 +101,15 @@ def test_one_file_serves_the_world_and_the_modules(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(('text', 'said'), [
-    ('nodes: [1, 2]', 'place 1 must be a text'), ('a: b', 'holds no nodes'),
-    ('{', 'is no YAML'), ('', 'holds no nodes')])
+    ('nodes: [1, 2]', 'entry 1 must be a string'), ('a: b', 'contains no nodes'),
+    ('{', 'is not valid YAML'), ('', 'contains no nodes')])
 def test_a_file_without_nodes_is_refused(text: str, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         read_survey(text, 'nodes.yaml')
 
 
 def test_a_world_tells_two_nodes_of_one_number() -> None:
-    with pytest.raises(ConfigError, match='world.nodes: a and b both have the number 2'):
+    with pytest.raises(ConfigError, match='world.nodes: a and b both have the id 2'):
         World(WorldSettings(map='open', nodes=('a 1 2 3 id 2', 'b 1 2 4')))
 
 

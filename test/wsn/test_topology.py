@@ -37,10 +37,10 @@ from rt_robot_os.features.wsn.simulator.link_files import read_links
 from rt_robot_os.features.wsn.simulator.scenario import Scenario
 from rt_robot_os.features.wsn.simulator.scenario import SinkSettings
 from rt_robot_os.features.wsn.simulator.scenario import TopologySettings
+from rt_robot_os.features.wsn.simulator.sink_route import read_point
+from rt_robot_os.features.wsn.simulator.sink_route import Way
 from rt_robot_os.features.wsn.simulator.topology import make_topology
 from rt_robot_os.features.wsn.simulator.topology import WallCount
-from rt_robot_os.features.wsn.simulator.ways import read_point
-from rt_robot_os.features.wsn.simulator.ways import Way
 from rt_robot_os.motion.grid_map import GridMap
 
 FLAT = Path(__file__).resolve().parents[2] / 'config' / 'maps' / 'flat.yaml'

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is known of people and their surroundings: signs, scores, falls; no I/O here."""
+"""Monitoring of people: vital signs, NEWS2, falls, rules for alarms, whereabouts."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Durations as people write them: ``60 s``, ``10 min``, ``12 h``."""
+"""Parser of durations: ``60 s``, ``10 min``, ``12 h``."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _NS_PER_S: Final = 1_000_000_000
 
 def duration_ns(text: str) -> int:
     """
-    Read a duration.
+    Parse a duration.
 
     :return: nanoseconds.
-    :raises ValueError: it is none.
+    :raises ValueError: the string is not a duration.
     """
     found = _FORM.fullmatch(text.strip())
     if not found:
-        raise ValueError(f'{text[:40]!r} is no duration: write a number and s, min, h or d, such '
-                         'as 60 s')
+        raise ValueError(f'{text[:40]!r} is not a duration: write a number and s, min, h or d, '
+                         'such as 60 s')
     return round(float(found[1]) * _UNITS_S[found[2]] * _NS_PER_S)

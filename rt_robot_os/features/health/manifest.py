@@ -24,7 +24,7 @@ FEATURE: Final = Feature(
         'assessment': '.assessment:Assessment',
         'fall_detector': '.fall_detector:FallDetection',
         'pulse_check': '.pulse_check:PulseCheck',
-        'rule': '.rule:Rule',
+        'rule': '.rule:RuleModule',
         'vital_signs': '.vital_signs:VitalSigns',
         'whereabouts': '.whereabouts:Whereabouts',
     },

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Recorded waveforms of monitors: WFDB records as PhysioNet has them, of one segment.
+Reader of recorded waveforms of monitors: WFDB records of PhysioNet, of one segment.
 
-A record is a header, a text ``NAME.hea``, and a file of samples beside it. Format 16, the usual
-one, is pairs of bytes, little-endian, the signals in turn; ``16+24`` passes over 24 bytes first,
-which is how MATLAB files of version 4 (``NAME.mat``) are read; ``212x4`` has four samples of the
-signal in each frame, and ``16:3`` a signal whose samples stand three frames late. The header has a
-checksum of each signal, so a file that is cut short or damaged is not taken for a patient.
+A record is a header, the text file ``NAME.hea``, and a file of samples in the same folder. Format
+16, the usual one, has 16-bit little-endian samples of the signals in turn; ``16+24`` skips 24
+bytes first, which reads MATLAB files of version 4 (``NAME.mat``); ``212x4`` has four samples of
+the signal in each frame, and ``16:3`` a signal with a skew of three frames. The header has a
+checksum of each signal, so that a truncated or damaged file is detected.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ DEFAULT_GAIN: Final = 200.0
 _FORMAT: Final = re.compile(r'(\d+)(?:x(\d+))?(?::(\d+))?(?:\+(\d+))?').fullmatch
 _GAIN: Final = re.compile(r'([-+.\deE]+)(?:\((-?\d+)\))?(?:/(\S+))?').fullmatch
 _MOST_SIGNALS: Final = 64
-# More samples in a frame than any monitor has: such a header is damaged.
+# Largest number of samples in a frame; a header with more is damaged.
 _MOST_IN_FRAME: Final = 10_000
 
 
@@ -51,7 +51,7 @@ class Signal(NamedTuple):
     """
     One signal of a record.
 
-    :ivar name: as its header says: ``II``, ``PLETH``.
+    :ivar name: in the header: ``II``, ``PLETH``.
     :ivar unit: of the samples.
     :ivar samples: shape (n,), in the unit; NaN where the monitor had none.
     """
@@ -65,11 +65,11 @@ class Record(NamedTuple):
     """
     A record.
 
-    :ivar name: its own.
-    :ivar rate_hz: samples a second of each signal. Where they differ it is the highest; of the
-        slower signals each sample stands several times.
+    :ivar name: of the record.
+    :ivar rate_hz: sampling rate of all signals: the highest one; samples of slower signals are
+        repeated.
     :ivar signals: in the order of the header.
-    :ivar comments: the lines of the header that begin with ``#``, without that.
+    :ivar comments: the lines of the header that start with ``#``, without that.
     """
 
     name: str
@@ -78,13 +78,13 @@ class Record(NamedTuple):
     comments: tuple[str, ...]
 
     def signal(self, *names: str) -> Signal | None:
-        """Return the first signal that has one of these names, whatever the case; else None."""
+        """Return the first signal with one of these names, in any case; else None."""
         wanted = [name.lower() for name in names]
         return next((each for each in self.signals if each.name.lower() in wanted), None)
 
 
 class _Line(NamedTuple):
-    """What a header says of one signal."""
+    """A line of the header, about one signal."""
 
     file: str
     form: str
@@ -102,8 +102,8 @@ def read_record(path: str | Path) -> Record:
     """
     Read a record.
 
-    :param path: of its header; without an ending or with that of its samples is as well.
-    :raises ConfigError: it cannot be read, is damaged or has another format; the text says which.
+    :param path: of its header; the suffix may be missing, or that of the samples.
+    :raises ConfigError: it cannot be read, is damaged or has an unknown format.
     """
     header = Path(path).with_suffix('.hea')
     try:
@@ -118,7 +118,7 @@ def read_record(path: str | Path) -> Record:
         name, rate_hz, count, length = _first(facts[0] if facts else '')
         signals = [_signal_line(line) for line in facts[1:1 + count]]
         if len(signals) != count:
-            raise ValueError(f'it announces {count} signals and describes {len(signals)}')
+            raise ValueError(f'it has {len(signals)} of {count} announced signals')
     except ValueError as error:
         raise ConfigError([f'{header}: {error}']) from None
     fastest = max(each.in_frame for each in signals)
@@ -130,19 +130,19 @@ def _first(line: str) -> tuple[str, float, int, int | None]:
     if len(words) < 2 or not words[1].isdigit():
         raise ValueError('its first line must be "name signals rate samples"')
     if '/' in words[0]:
-        raise ValueError('it is of several segments, which are not read here: name one of them')
+        raise ValueError('records of several segments are not supported: name one of them')
     count = int(words[1])
     if not 0 < count <= _MOST_SIGNALS:
-        raise ValueError(f'{count} signals: there must be 1 to {_MOST_SIGNALS}')
+        raise ValueError(f'{count} signals: must be 1 to {_MOST_SIGNALS}')
     try:
-        # What may stand behind a stroke or in brackets is a counter of its own.
+        # After a slash or in brackets there may be a counter frequency.
         rate_hz = float(re.split('[/(]', words[2])[0]) if len(words) > 2 else DEFAULT_RATE_HZ
         length = int(words[3]) if len(words) > 3 else None
     except ValueError:
-        raise ValueError(f'rate and samples {" ".join(words[2:4])[:40]!r} are no numbers'
+        raise ValueError(f'rate and samples {" ".join(words[2:4])[:40]!r} are not numbers'
                          ) from None
     if not 0.001 <= rate_hz <= 100_000.0:
-        raise ValueError(f'its rate {rate_hz:g} Hz cannot be')
+        raise ValueError(f'rate {rate_hz:g} Hz: must be 0.001 to 100000 Hz')
     return words[0], rate_hz, count, length or None
 
 
@@ -150,15 +150,15 @@ def _signal_line(line: str) -> _Line:
     words = line.split(maxsplit=8)
     form = _FORMAT(words[1]) if len(words) > 1 else None
     if form is None:
-        raise ValueError(f'{line[:60]!r} describes no signal')
+        raise ValueError(f'{line[:60]!r} is not a signal line')
     in_frame = int(form[2] or 1) or 1  # 0 stands for 1 there
     if form[1] not in FORMATS:
         raise ValueError(f'{words[0]} has signal format {words[1][:20]}: only '
-                         f'{", ".join(FORMATS)} are read here; convert it (xform of the WFDB '
+                         f'{", ".join(FORMATS)} are supported; convert it (xform of the WFDB '
                          'software)')
     if in_frame > _MOST_IN_FRAME:
         raise ValueError(f'{words[0]} has signal format {words[1][:20]}: {in_frame} samples in a '
-                         f'frame are more than {_MOST_IN_FRAME}')
+                         f'frame, at most {_MOST_IN_FRAME}')
     gain, baseline, unit = DEFAULT_GAIN, None, 'mV'
     if len(words) > 2 and (told := _GAIN(words[2])):
         gain = float(told[1]) or DEFAULT_GAIN
@@ -179,16 +179,16 @@ def _samples(header: Path, signals: list[_Line], length: int | None) -> tuple[Si
         try:
             octets = np.fromfile(place, dtype=np.uint8, offset=inside[0].offset)
         except OSError as error:
-            raise ConfigError([f'{place}: {error.strerror}: the samples of {header.name} belong '
-                               'beside it']) from error
+            raise ConfigError([f'{place}: {error.strerror}: the samples of {header.name} must be '
+                               'in the same folder']) from error
         if len({each.form for each in inside}) > 1:
             raise ConfigError([f'{header}: signals in {file} have several formats'])
         data = FORMATS[inside[0].form].decode(octets)
         width = sum(each.in_frame for each in inside)
         frames = data.size // width
         if length is not None and frames < length:
-            raise ConfigError([f'{place} holds {frames} samples of each signal and {header.name} '
-                               f'says {length}: it is cut short'])
+            raise ConfigError([f'{place} has {frames} samples of each signal and {header.name} '
+                               f'announces {length}: it is truncated'])
         table = data[:(length or frames) * width].reshape(-1, width)
         begin = 0
         for each in inside:
@@ -204,15 +204,15 @@ def _samples(header: Path, signals: list[_Line], length: int | None) -> tuple[Si
 def _checked(line: _Line, raw: Integers, place: Path) -> Floats:
     total = int(raw.sum()) & 0xFFFF
     if line.checksum is not None and total != line.checksum & 0xFFFF:
-        raise ConfigError([f'{place}: signal {line.name or "?"} has the checksum {total} and its '
-                           f'header says {line.checksum & 0xFFFF}: it is damaged'])
+        raise ConfigError([f'{place}: signal {line.name or "?"} has the checksum {total}, its '
+                           f'header {line.checksum & 0xFFFF}: it is damaged'])
     samples: Floats = (raw.astype(np.float64) - line.baseline) / line.gain
     samples[raw == FORMATS[line.form].missing] = np.nan
     return samples
 
 
 def _aligned(line: _Line, samples: Floats, signals: list[_Line]) -> Floats:
-    """Undo the skew, and bring a signal to the rate of the fastest one of its record."""
+    """Remove the skew, and resample a signal to the highest rate of its record."""
     skew = min(line.skew_frames * line.in_frame, samples.size)
     if skew:
         samples = np.concatenate((samples[skew:], np.full(skew, np.nan)))

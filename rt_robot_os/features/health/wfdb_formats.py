@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The signal formats of WFDB whose samples have one width each: bytes to numbers."""
+"""Decoders of the WFDB signal formats with samples of a fixed width."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Format(NamedTuple):
     """
     A signal format.
 
-    :ivar missing: the number that stands for no sample.
-    :ivar decode: makes numbers of bytes; what is left over at the end is no sample.
+    :ivar missing: the value of a missing sample.
+    :ivar decode: decodes bytes to numbers; an incomplete sample at the end is ignored.
     """
 
     missing: int
@@ -41,7 +41,7 @@ class Format(NamedTuple):
 
 
 def _whole(kind: str, offset: int = 0) -> Callable[[npt.NDArray[np.uint8]], Integers]:
-    """Return what reads samples of one, two or four bytes."""
+    """Return a decoder of samples of one, two or four bytes."""
     def decode(octets: npt.NDArray[np.uint8]) -> Integers:
         width = np.dtype(kind).itemsize
         return octets[:octets.size // width * width].view(kind).astype(np.int64) + offset
@@ -54,7 +54,7 @@ def _three_bytes(octets: npt.NDArray[np.uint8]) -> Integers:
 
 
 def _twelve_bits(octets: npt.NDArray[np.uint8]) -> Integers:
-    """Read format 212: two samples in three bytes, the upper bits of both in the middle one."""
+    """Decode format 212: two samples in three bytes, the upper bits of both in the middle one."""
     odd = octets.size % 3 == 2  # a last sample without its neighbour has two bytes
     padded = np.append(octets, np.uint8(0)) if odd else octets
     rows = padded[:padded.size // 3 * 3].reshape(-1, 3).astype(np.int64)

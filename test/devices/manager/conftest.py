@@ -23,4 +23,4 @@ import sys
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-pytest.register_assert_rewrite('serial_bench', 'i2c_robot')
+pytest.register_assert_rewrite('i2c_robot')

@@ -122,7 +122,7 @@ def test_a_recording_without_a_head_or_without_rows_is_said(falls: Any) -> None:
     assert code == 0 and found['recordings'][0]['detected']
     assert found['sensitivity']['share'] is None and found['recordings'][0]['right'] is None
     code, found = falls(['@ empty,1,front,1', '5,m,1,2,3'])
-    assert code == 1 and 'no row of an accelerometer' in found['recordings'][0]['problem']
+    assert code == 1 and 'no accelerometer row' in found['recordings'][0]['problem']
     assert found['sensitivity']['of'] == 0
 
 
@@ -136,7 +136,7 @@ def test_a_file_that_is_none_is_named(falls: Any, content: bytes) -> None:
 
 @pytest.mark.parametrize(('option', 'named'), [
     ('evidence', 'evidence must be a number'), ('evidence=9', 'from 0.1 to 4'),
-    ('peak_g=3', "no limit 'peak_g'"), ('stop_from_m_s=4', 'is not below stop_full_m_s')])
+    ('peak_g=3', "unknown limit 'peak_g'"), ('stop_from_m_s=4', 'must be below stop_full_m_s')])
 def test_a_limit_that_cannot_be_is_refused_by_name(falls: Any, option: str, named: str) -> None:
     code, told = falls(recording('a,1,b,c'), '--set', option)
     assert code == 2 and named in told

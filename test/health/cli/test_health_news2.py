@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rt_robot_os.features.health.assessment.news2 import PARAMETERS
 from rt_robot_os.features.health.cli.program import main
-from rt_robot_os.features.health.news2 import PARAMETERS
 
 GOOD = {'id': 'well', 'resp': 18, 'spo2': 97, 'oxygen': False, 'systolic': 120, 'pulse': 70,
         'consciousness': 'Alert', 'temperature': 36.8, 'scale': 1}
@@ -53,7 +53,7 @@ def test_the_cases_of_a_guideline_agree_in_every_field(
         assert case['total'] == expected['total'] and case['complete']
         assert case['scores']['systolic_mmhg'] == expected['systolic_score']
     assert main(['news2', str(path)]) == 0
-    assert '10 agree with what their file expects, 0 differ' in capsys.readouterr().out
+    assert '10 agree with the expected score, 0 differ' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize('change, total', [
@@ -79,7 +79,7 @@ def test_other_names_and_nesting() -> None:
         'ACVPU': 'C', 'Temp': 35.5}, 'expected': {'News2': 8, 'RR_score': 1}}, 1)
     assert [case.values[name] for name in PARAMETERS] == [9, 95, 0, 105, 45, 1, 35.5]
     assert not case.problems
-    from rt_robot_os.features.health.news2 import score
+    from rt_robot_os.features.health.assessment.news2 import score
     assert case.compare(score(case.values, case.scale)) == (2, [])
 
 
@@ -106,8 +106,8 @@ def test_a_case_that_differs_or_cannot_be_read_says_how(
         'total: 0 instead of 4', 'pulse_per_min score: 0 instead of 1',
         'risk: Low instead of High', 'response: Low instead of High']
     assert second['problems'] == [
-        "pulse_per_min: 'fast' cannot be read as a value",
-        'body_temperature: 368 degC is not plausible: 15 to 46 can be; it counts as missing',
+        "pulse_per_min: 'fast' cannot be parsed as a value",
+        'body_temperature: 368 degC is not plausible: must be 15 to 46; it counts as missing',
         "scale '7': it must be 1 or 2; 1 was used"]
     assert main(['news2', str(tmp_path / 'cases.json')]) == 1
     assert 'total: 0 instead of 4' in capsys.readouterr().out

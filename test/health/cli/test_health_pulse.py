@@ -43,5 +43,5 @@ def test_damaged_files_are_told_beside_good_ones(
     assert main(['pulse', str(tmp_path / 'a103l.hea'), str(numerics)]) == 1
     out = capsys.readouterr().out.splitlines()
     assert len(out) == 2
-    assert 'it is cut short' in out[0]
-    assert 'it has no signal PLETH or PPG' in out[1] and 'only HR, PULSE' in out[1]
+    assert 'it is truncated' in out[0]
+    assert 'has no signal PLETH or PPG' in out[1] and 'only HR, PULSE' in out[1]

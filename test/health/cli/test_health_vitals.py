@@ -28,8 +28,8 @@ from hypothesis import strategies as st
 import pytest
 from rt_robot_os.features.health.cli.program import main
 from rt_robot_os.features.health.cli.vitals_file import _of_text
-from rt_robot_os.features.health.cli.vitals_file import Recording
-from rt_robot_os.features.health.cli.vitals_report import Asked
+from rt_robot_os.features.health.cli.vitals_file import VitalsRecording
+from rt_robot_os.features.health.cli.vitals_report import EvaluationOptions
 from rt_robot_os.features.health.cli.vitals_report import report
 from rt_robot_os.features.health.cli.vitals_run import play
 
@@ -39,7 +39,7 @@ RECORD = 's25047-2704-05-04-10-44n'
 def evaluated(text: str, **assessment: Any) -> dict[str, Any]:
     """Return the report of the text of a file."""
     recording = _of_text(text, 'test.csv')
-    return report('test.csv', recording, play(recording, {}, assessment), Asked(
+    return report('test.csv', recording, play(recording, {}, assessment), EvaluationOptions(
         [], 1, None, False))
 
 
@@ -196,7 +196,7 @@ def test_a_record_of_numerics_of_others(tmp_path: Path, vitals: Any) -> None:
 
 
 @pytest.mark.parametrize('text, words', [
-    ('', 'no column of time'), ('HR,SpO2\n70,97', 'no column of time'),
+    ('', 'no time column'), ('HR,SpO2\n70,97', 'no time column'),
     ('minute,weight\n1,70', 'no column of a vital sign'), ('minute,HR\nx,y', 'no samples')])
 def test_a_file_that_says_nothing_is_refused(
         text: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -217,8 +217,8 @@ def test_the_text_for_people(data_dir: Path, capsys: pytest.CaptureFixture[str])
 
 def test_columns_may_be_many_and_strange() -> None:
     recording = _of_text('time,HR,HR,hr (bpm),12 lead\n0,70,71,72,1\n1,70,71,72,1', 'test.csv')
-    assert isinstance(recording, Recording)
-    found = report('x', recording, play(recording, {}, {}), Asked([], 1, None, False))
+    assert isinstance(recording, VitalsRecording)
+    found = report('x', recording, play(recording, {}, {}), EvaluationOptions([], 1, None, False))
     assert found['signs']['pulse_per_min']['good_s'] == 2.0
     assert [each['readings'] for each in found['sensors']] == [2, 2, 2]
     assert [column.samples[0][1] for column in recording.columns] == [70.0, 71.0, 72.0]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the vital signs of a person mean: NEWS2, personal limits, trends, consciousness."""
+"""Assessment of a person's vital signs: NEWS2, personal limits, trends, consciousness."""
 
 from rt_robot_os.features.health.assessment.module import Assessment
 

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the vital signs of a person mean: NEWS2, personal limits, trends, consciousness.
+Assessment of a person's vital signs: NEWS2, personal limits, trends, consciousness.
 
-Only good values are looked at. What is old, implausible or of a sensor that is off is missing; it
-is never taken to be normal, and no alarm is over because nothing is known any more.
+Only values of good quality count. An old or implausible value, or one of a sensor that is off, is
+missing: it never counts as normal, and no alarm clears because a value is missing.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.health.assessment.limit_watch import LimitChange
+from rt_robot_os.features.health.assessment.limit_watch import LimitWatch
+from rt_robot_os.features.health.assessment.news2 import CONSCIOUSNESS
+from rt_robot_os.features.health.assessment.news2 import OXYGEN
+from rt_robot_os.features.health.assessment.news2 import Risk
+from rt_robot_os.features.health.assessment.news2 import Score
+from rt_robot_os.features.health.assessment.news2 import score
+from rt_robot_os.features.health.assessment.news2_watch import News2Watch
 from rt_robot_os.features.health.assessment.settings import AIR
-from rt_robot_os.features.health.assessment.settings import limits_of
 from rt_robot_os.features.health.assessment.settings import limits_text
+from rt_robot_os.features.health.assessment.settings import parse_limits
 from rt_robot_os.features.health.assessment.settings import REPORTED
 from rt_robot_os.features.health.assessment.settings import SETTINGS
-from rt_robot_os.features.health.limit_watch import Finding
-from rt_robot_os.features.health.limit_watch import LimitWatch
-from rt_robot_os.features.health.news2 import CONSCIOUSNESS
-from rt_robot_os.features.health.news2 import OXYGEN
-from rt_robot_os.features.health.news2 import Risk
-from rt_robot_os.features.health.news2 import Score
-from rt_robot_os.features.health.news2 import score
-from rt_robot_os.features.health.news2_watch import News2Watch
-from rt_robot_os.features.health.sign_watch import GOOD
 from rt_robot_os.features.health.vital_signs.settings import check_rate
 from rt_robot_os.features.health.vital_signs.settings import checked_person
+from rt_robot_os.features.health.vital_signs.sign_watch import GOOD
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.messages.signs import Consciousness
@@ -57,10 +57,10 @@ from rt_robot_os.topics.ports import Output
 
 _STRING: Final = 'std_msgs/msg/String'
 _DETAILS_BYTES: Final = 3000
-# What does not change is published again, for a reader that was not there.
+# Period of publishing an unchanged score, for clients that connect later.
 _AGAIN_NS: Final = 10 * NS_PER_S
 _INCOMPLETE: Final = -1
-#: The output or input, and the last part of its topic's name.
+#: Port, and the last part of its topic's name.
 _TOPICS: Final = {'signs': 'signs', 'news2': 'news2', 'details': 'news2_details'}
 _WORDS: Final = {
     Consciousness.ALERT: 'is alert', Consciousness.CONFUSION: 'is newly confused',
@@ -71,7 +71,7 @@ _NOT_KNOWN: Final = 3
 
 
 class Assessment(Module):
-    """Score the vital signs of one person, and tell what is a reason for an alarm."""
+    """Score the vital signs of one person, and report causes of alarms."""
 
     signs = Input('', wake=True, message=_STRING)
     news2 = Output('', 'std_msgs/msg/Int16')
@@ -84,25 +84,25 @@ class Assessment(Module):
         """
         Read the limits.
 
-        :raises ConfigError: a text cannot be read.
+        :raises ConfigError: a limit cannot be parsed.
         """
         super().__init__(name, settings)
         self._person = checked_person(name, settings)
-        self._limits = LimitWatch(limits_of(name, settings))
+        self._limits = LimitWatch(parse_limits(name, settings))
         self._limits_text = limits_text(settings['limits'])
         self._watch = News2Watch(round(settings['news2_for_s'] * NS_PER_S),
                                  round(settings['news2_clear_s'] * NS_PER_S))
         self._score = score({}, settings['spo2_scale'])
         self._values: dict[str, float] = {}
         self._silent_ns = round(settings['silent_s'] * NS_PER_S)
-        self._heard_ns = self._time_ns = 0
+        self._received_ns = self._time_ns = 0
         self._published_ns = -_AGAIN_NS
         self._published: Score | None = None
         self._is_silent = False
         self._refused = self._scores = 0
 
     def topic_of(self, attribute: str) -> str:
-        """Name the topic of a port: of this person, unless another is set."""
+        """Return the topic of a port; by default it contains the person's name."""
         given = super().topic_of(attribute)
         if given or attribute not in _TOPICS:
             return given
@@ -112,17 +112,17 @@ class Assessment(Module):
 
     def configure(self) -> None:
         """
-        Prepare; silence counts from here.
+        Prepare; the timeout of the vital signs starts here.
 
-        :raises ConfigError: it has no rate, so that nothing would release it in a silence.
+        :raises ConfigError: the module has no rate, so no timeout would release it.
         """
         check_rate(self.name, self.period_ns)
         self._reports = CauseReports(self.causes, self.name)
         self._wake_up = WakeUp(self.kernel, self.task)
-        self._heard_ns = self._time_ns = self.signs.topic.kernel.now_ns()
+        self._received_ns = self._time_ns = self.signs.topic.kernel.now_ns()
 
     def step(self) -> None:
-        """Take what came, and let time pass."""
+        """Process new messages and deadlines."""
         now_ns = self.signs.topic.kernel.now_ns()
         while self.signs.take():
             stamp_ns = max(min(self.signs.stamp_ns, now_ns), self._time_ns)
@@ -131,15 +131,15 @@ class Assessment(Module):
                 self._refused += 1
                 continue
             self._advance(stamp_ns - 1)
-            self._heard_ns = stamp_ns
-            self._take(values, stamp_ns)
+            self._received_ns = stamp_ns
+            self._receive(values, stamp_ns)
         self._advance(now_ns)
         self._publish()
         self._reports.refresh(now_ns)
         self._wake_up.no_later_than(min(self._due_ns(), self._reports.due_ns))
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell the score, and what came."""
+        """Return the score and counters."""
         missing = ' '.join(self._score.missing)
         return {'person': self._person,
                 'news2': _INCOMPLETE if self._score.total is None else self._score.total,
@@ -151,7 +151,7 @@ class Assessment(Module):
     # ---- work --------------------------------------------------------------------------------
 
     def _good_values(self, text: str) -> dict[str, float] | None:
-        """Read the values to rely on; None for what is no message of vital signs."""
+        """Return the values of good quality; None if the message cannot be parsed."""
         found: dict[str, float] = {}
         try:
             for status in json.loads(text)['status']:
@@ -169,26 +169,26 @@ class Assessment(Module):
 
     def _due_ns(self) -> float:
         due_ns = min(self._limits.due_ns, self._watch.due_ns)
-        return due_ns if self._is_silent else min(due_ns, self._heard_ns + self._silent_ns)
+        return due_ns if self._is_silent else min(due_ns, self._received_ns + self._silent_ns)
 
     def _subject(self) -> str:
         return f'vital signs of {self._person}'
 
     def _advance(self, until_ns: int) -> None:
-        """Let deadlines pass, each at its own moment."""
+        """Process the deadlines until a time, in order."""
         while (due_ns := self._due_ns()) <= until_ns:
             self._time_ns = stamp_ns = int(due_ns)
-            self._tell(self._limits.advance(stamp_ns))
+            self._report_limits(self._limits.advance(stamp_ns))
             for changed_ns, level in self._watch.advance(stamp_ns):
-                self._tell_score(level, changed_ns)
-            if not self._is_silent and stamp_ns >= self._heard_ns + self._silent_ns:
+                self._report_score(level, changed_ns)
+            if not self._is_silent and stamp_ns >= self._received_ns + self._silent_ns:
                 self._is_silent = True
                 self._reports.report(Cause(
                     'monitor_silent', self._subject(), Level.TECHNICAL,
                     text=f'no vital signs of {self._person} arrive'), stamp_ns)
                 self._assess({}, stamp_ns)
 
-    def _take(self, values: dict[str, float], stamp_ns: int) -> None:
+    def _receive(self, values: dict[str, float], stamp_ns: int) -> None:
         self._time_ns = stamp_ns
         self._is_silent = False
         self._reports.end('monitor_silent', self._subject(), stamp_ns,
@@ -197,17 +197,17 @@ class Assessment(Module):
 
     def _assess(self, values: dict[str, float], stamp_ns: int) -> None:
         for name in SIGNS:
-            self._tell(self._limits.put(name, values.get(name), stamp_ns))
-        self._tell_consciousness(values.get(CONSCIOUSNESS), stamp_ns)
+            self._report_limits(self._limits.put(name, values.get(name), stamp_ns))
+        self._report_consciousness(values.get(CONSCIOUSNESS), stamp_ns)
         if values != self._values or not self._scores:
             self._score = score(values, self.settings['spo2_scale'])
             self._scores += 1
         self._values = values
         self._watch.put(self._score, stamp_ns)
         if self._watch.level is not None:
-            self._tell_score(self._watch.level, stamp_ns)
+            self._report_score(self._watch.level, stamp_ns)
 
-    def _tell(self, findings: Iterable[Finding]) -> None:
+    def _report_limits(self, findings: Iterable[LimitChange]) -> None:
         for each in findings:
             if each.level is None:
                 self._reports.end(each.kind, self._person, each.stamp_ns)
@@ -215,18 +215,19 @@ class Assessment(Module):
                 self._reports.report(Cause(each.kind, self._person, each.level, text=(
                     f'{self._person}: {each.text}'), value=each.value), each.stamp_ns)
 
-    def _tell_score(self, level: Level | None, stamp_ns: int) -> None:
+    def _report_score(self, level: Level | None, stamp_ns: int) -> None:
         if not self.settings['news2']:
             return
         if level is None:
-            self._reports.end('news2', self._person, stamp_ns, said(self._person, self._score))
+            self._reports.end('news2', self._person, stamp_ns,
+                              score_text(self._person, self._score))
         else:
             self._reports.report(Cause(
-                'news2', self._person, level, text=said(
+                'news2', self._person, level, text=score_text(
                     self._person, self._score, self._watch.held),
                 value=float(self._score.at_least)), stamp_ns)
 
-    def _tell_consciousness(self, value: float | None, stamp_ns: int) -> None:
+    def _report_consciousness(self, value: float | None, stamp_ns: int) -> None:
         if value is None:
             return
         mind = Consciousness(int(value))
@@ -247,11 +248,11 @@ class Assessment(Module):
         self.details.publish(self._time_ns)
 
 
-def said(person: str, found: Score, held: Mapping[str, int] | None = None) -> str:
+def score_text(person: str, found: Score, held: Mapping[str, int] | None = None) -> str:
     """
-    Write a score for people.
+    Return a score as a sentence.
 
-    :param held: points of signs that are missing now, and count in an alarm until they are not.
+    :param held: points that count in an active alarm, those of signs that are missing now too.
     """
     number = str(found.total) if found.complete else f'at least {found.at_least}'
     points = ', '.join(f'{SIGNS[name].title} {points}' for name, points in found.scores.items()
@@ -266,9 +267,9 @@ def said(person: str, found: Score, held: Mapping[str, int] | None = None) -> st
 
 def details_text(person: str, found: Score, limits: str = '') -> str:
     """
-    Write a score as a DiagnosticArray in JSON; safe in the real-time loop.
+    Return a score as a DiagnosticArray in JSON; safe in the real-time loop.
 
-    :param limits: of the person, as :func:`limits_text` has them.
+    :param limits: of the person, from :func:`limits_text`.
     """
     values = {'total': '' if found.total is None else str(found.total),
               'complete': str(found.complete).lower(), 'missing': ' '.join(found.missing),
@@ -279,5 +280,5 @@ def details_text(person: str, found: Score, limits: str = '') -> str:
     level = _DIAGNOSTIC_LEVEL[found.least_risk]
     return json.dumps({'status': [{
         'level': level if found.complete or level else _NOT_KNOWN, 'name': f'{person}/news2',
-        'message': said(person, found), 'hardware_id': '', 'values': values}]},
+        'message': score_text(person, found), 'hardware_id': '', 'values': values}]},
         separators=(',', ':'))

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `health`: what the modules about people's health make of recordings."""
+"""The program `health`: run the health modules on recordings."""

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the program `health` does with its command line.
+Command line of the program `health`.
 
-Each command is a module beside this one with ``add_to``, which adds its parser and what runs it.
-What takes long to import it imports only then.
+Each command is a module of this folder with ``add_to``, which adds its parser and its function.
+Slow imports happen only in the function.
 """
 
 from __future__ import annotations
@@ -41,5 +41,5 @@ def run(argv: Sequence[str]) -> int:
     :raises RtRobotError: it failed.
     """
     return run_command(
-        'health', "People's health: score cases, and see what the modules of the robot make of "
-        'recordings. No medical device.', _COMMANDS, argv)
+        'health', 'Monitoring of people: score cases with NEWS2, and run the modules of the '
+        'robot on recordings. Not a medical device.', _COMMANDS, argv)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How well falls are detected on recordings: what was decided, and how sure the figures are."""
+"""Evaluation of fall detection on recordings: decisions, rates and their confidence."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_MS
-from rt_robot_os.features.health.cli.fall_recordings import Recording
-from rt_robot_os.features.health.fall_limits import FallLimits
-from rt_robot_os.features.health.falls import FallDetector
-from rt_robot_os.features.health.falls import Happened
-from rt_robot_os.features.health.falls import What
+from rt_robot_os.features.health.cli.fall_recordings import FallRecording
+from rt_robot_os.features.health.fall_detector.detector import FallDetector
+from rt_robot_os.features.health.fall_detector.detector import FallEvent
+from rt_robot_os.features.health.fall_detector.detector import FallEventKind
+from rt_robot_os.features.health.fall_detector.limits import FallLimits
 
-#: A detection later than that after the impact is none.
+#: A detection later than this after the impact does not count.
 WITHIN_S: Final = 5.0
-#: Movements that are lying down on purpose, to be told apart: by name, and those of SisFall.
+#: Movements that are lying down on purpose, by name, and those of SisFall.
 LYING: Final = r'lying|lie_?down|^D1[234](?!\d)'
-#: What a cross-validation chooses among: coarse, so that no recording decides it.
+#: Limits among which a cross-validation chooses: coarse, so that no single recording decides.
 GRID: Final[Mapping[str, tuple[float, ...]]] = {
     'evidence': (1.2, 1.4, 1.6, 1.8), 'posture_least_deg': (40.0, 50.0),
     'stop_full_m_s': (1.25, 1.5, 1.75)}
@@ -47,17 +47,17 @@ _LONGEST_STEP_S: Final = 1.0
 
 class Decision(NamedTuple):
     """
-    What became of one recording.
+    The result for one recording; without a detection the fields about it are None.
 
     :ivar fall: whether it is one; None when the file does not say.
-    :ivar detected: whether one was found, in time.
-    :ivar lying: it is lying down on purpose.
-    :ivar impact_ms: when the detector says that it was; None without a detection, as the others.
-    :ivar detected_ms: when it was detected, in the time of the recording.
-    :ivar after_impact_s: the detection, after the impact.
-    :ivar after_peak_s: the detection, after the largest peak of the recording.
-    :ivar falls: how many falls were detected, the late ones among them.
-    :ivar worn_s: how long the sensor was worn: gaps of more than a second are left out.
+    :ivar detected: whether a fall was detected in time.
+    :ivar lying: the movement is lying down on purpose.
+    :ivar impact_ms: time of the impact according to the detector.
+    :ivar detected_ms: time of the detection, in the time of the recording.
+    :ivar after_impact_s: time from the impact to the detection.
+    :ivar after_peak_s: time from the largest peak of the recording to the detection.
+    :ivar falls: number of detected falls, late ones included.
+    :ivar worn_s: length of the recording without gaps of more than a second.
     """
 
     name: str
@@ -80,12 +80,12 @@ class Decision(NamedTuple):
 
     @property
     def right(self) -> bool | None:
-        """Return whether it was decided as the file says; None when it does not say."""
+        """Return whether the decision agrees with the file; None when the file has no label."""
         return None if self.fall is None or self.problem else self.fall == self.detected
 
 
-def happenings(recording: Recording, limits: FallLimits) -> list[Happened]:
-    """Feed a recording to the detector; return what it said."""
+def events_of(recording: FallRecording, limits: FallLimits) -> list[FallEvent]:
+    """Feed a recording to the detector; return its events."""
     detector = FallDetector(limits)
     add = detector.add
     found = [one for time_ms, x, y, z, turn in recording.samples
@@ -94,34 +94,34 @@ def happenings(recording: Recording, limits: FallLimits) -> list[Happened]:
     return found if last is None else [*found, last]
 
 
-def decide(recording: Recording, limits: FallLimits, lying: str = LYING) -> Decision:
+def decide(recording: FallRecording, limits: FallLimits, lying: str = LYING) -> Decision:
     """Decide on one recording."""
-    found = [] if recording.problem else happenings(recording, limits)
-    falls = [one for one in found if one.what is What.FALL and
+    found = [] if recording.problem else events_of(recording, limits)
+    falls = [one for one in found if one.kind is FallEventKind.FALL and
              one.stamp_ns - one.evidence.impact_ns <= WITHIN_S * 1000 * NS_PER_MS]
     first = falls[0] if falls else None
     impact_ms = first.evidence.impact_ns / NS_PER_MS if first else None
     return Decision(
         recording.name, recording.movement, recording.subject, recording.fall,
         not recording.fall and bool(re.search(lying, recording.movement, re.IGNORECASE)),
-        first is not None, any(one.what is What.RECOVERED for one in found), impact_ms,
+        first is not None, any(one.kind is FallEventKind.RECOVERED for one in found), impact_ms,
         first.stamp_ns / NS_PER_MS if first else None,
         (first.stamp_ns - first.evidence.impact_ns) / NS_PER_MS / 1000 if first else None,
         (first.stamp_ns / NS_PER_MS - recording.peak_ms) / 1000 if first else None,
         first.evidence.peak_g if first else None, first.evidence.turned_deg if first else None,
         first.evidence.confidence if first else None,
-        sum(one.what is What.FALL for one in found), worn_s(recording), recording.problem)
+        sum(one.kind is FallEventKind.FALL for one in found), worn_s(recording), recording.problem)
 
 
-def worn_s(recording: Recording) -> float:
-    """Return how long a recording is, without its gaps of more than a second."""
+def worn_s(recording: FallRecording) -> float:
+    """Return the length of a recording without gaps of more than a second."""
     times = [row[0] for row in recording.samples]
     return sum(step for one, two in zip(times, times[1:])
                if 0.0 < (step := (two - one) / 1000) <= _LONGEST_STEP_S)
 
 
 def interval(right: int, count: int) -> tuple[float, float]:
-    """Return Wilson's interval of 95 % of a share."""
+    """Return the 95 % Wilson interval of a share."""
     if not count:
         return 0.0, 1.0
     share, square = right / count, _Z_95 * _Z_95
@@ -132,7 +132,7 @@ def interval(right: int, count: int) -> tuple[float, float]:
 
 
 def rate_interval(count: int, hours: float) -> tuple[float, float]:
-    """Return the exact interval of 95 % of a rate per hour whose count is Poisson distributed."""
+    """Return the exact 95 % interval of a rate per hour with a Poisson distributed count."""
     def at_most(most: int, mean: float) -> float:
         return sum(math.exp(number * math.log(mean) - mean - math.lgamma(number + 1))
                    for number in range(most + 1))
@@ -148,7 +148,7 @@ def rate_interval(count: int, hours: float) -> tuple[float, float]:
 
 
 def _false_alarms(decisions: Sequence[Decision]) -> dict[str, Any]:
-    """Count every detection in what is no fall, lying down on purpose included."""
+    """Count every detection in recordings without a fall, lying down on purpose included."""
     alarms = sum(one.falls for one in decisions)
     hours = sum(one.worn_s for one in decisions) / 3600
     return {'alarms': alarms, 'hours': hours, 'per_hour': alarms / hours if hours else None,
@@ -162,40 +162,47 @@ def _share(right: int, count: int) -> dict[str, Any]:
 
 
 def summary(decisions: Iterable[Decision]) -> dict[str, Any]:
-    """Count: lying down on purpose is in no share, and stands beside them."""
-    said = [one for one in decisions if one.right is not None]
-    falls = [one for one in said if one.fall]
-    daily = [one for one in said if not one.fall and not one.lying]
-    lying = [one for one in said if one.lying]
+    """Return rates and counts; lying down on purpose counts in neither rate, but separately."""
+    labelled = [one for one in decisions if one.right is not None]
+    falls = [one for one in labelled if one.fall]
+    daily = [one for one in labelled if not one.fall and not one.lying]
+    lying = [one for one in labelled if one.lying]
     found, quiet = sum(one.detected for one in falls), sum(not one.detected for one in daily)
-    delays = sorted(one.after_impact_s for one in falls if one.after_impact_s is not None)
-    movements: dict[str, list[Decision]] = {}
-    for one in said:
-        movements.setdefault(one.movement or '?', []).append(one)
     return {
         'sensitivity': _share(found, len(falls)), 'specificity': _share(quiet, len(daily)),
         'confusion': {'falls_found': found, 'falls_missed': len(falls) - found,
                       'daily_quiet': quiet, 'daily_alarms': len(daily) - quiet},
-        'false_alarms': _false_alarms([one for one in said if not one.fall]),
+        'false_alarms': _false_alarms([one for one in labelled if not one.fall]),
         'lying_down_on_purpose': {'recordings': len(lying),
                                   'alarms': sum(one.detected for one in lying)},
-        'after_impact_s': {'median': delays[len(delays) // 2] if delays else None,
-                           'worst': delays[-1] if delays else None},
-        'movements': {name: {'recordings': len(ones), 'detected': sum(o.detected for o in ones),
-                             'fall': ones[0].fall} for name, ones in sorted(movements.items())}}
+        'after_impact_s': _delays(falls), 'movements': _by_movement(labelled)}
+
+
+def _delays(falls: Iterable[Decision]) -> dict[str, float | None]:
+    delays = sorted(one.after_impact_s for one in falls if one.after_impact_s is not None)
+    return {'median': delays[len(delays) // 2] if delays else None,
+            'worst': delays[-1] if delays else None}
+
+
+def _by_movement(decisions: Iterable[Decision]) -> dict[str, dict[str, Any]]:
+    movements: dict[str, list[Decision]] = {}
+    for one in decisions:
+        movements.setdefault(one.movement or '?', []).append(one)
+    return {name: {'recordings': len(ones), 'detected': sum(one.detected for one in ones),
+                   'fall': ones[0].fall} for name, ones in sorted(movements.items())}
 
 
 def cross_validated(
-    recordings: Sequence[Recording], limits: FallLimits, lying: str = LYING,
+    recordings: Sequence[FallRecording], limits: FallLimits, lying: str = LYING,
 ) -> tuple[list[Decision], dict[str, dict[str, float]]]:
     """
-    Decide on each subject with limits that were chosen on all the others.
+    Decide on each subject with limits that were chosen on all the other subjects.
 
-    The one-standard-error rule: of all rows of :data:`GRID` that do as well on the others as the
-    best one, but for one standard error of its figures, that which is nearest the limits given.
-    So a limit moves where the data say so, and not for one recording.
+    One-standard-error rule: of the rows of :data:`GRID` whose result on the others is within one
+    standard error of the best, the row nearest the given limits is chosen. So no single recording
+    moves a limit.
 
-    :return: the decisions, and what was chosen for each subject.
+    :return: the decisions, and the limits chosen for each subject.
     """
     rows = [dict(zip(GRID, values, strict=True)) for values in product(*GRID.values())]
     rows.sort(key=lambda row: sum(abs(math.log(value / getattr(limits, name)))
@@ -218,7 +225,7 @@ def _worth(decisions: Iterable[Decision]) -> tuple[float, float]:
     for each in ('sensitivity', 'specificity'):
         right, count = found[each]['right'], found[each]['of']
         if count:
-            share = (right + 1) / (count + 2)  # one that is 0 or 1 has an error as well
+            share = (right + 1) / (count + 2)  # also a share of 0 or 1 has an error
             shares.append((right / count, share * (1 - share) / count))
     if not shares:
         return 0.0, 0.0

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Recordings of falls and daily activities, read from text files, gzipped or not.
+Reader of recordings of falls and daily activities: text files, gzipped or not.
 
-A recording begins with ``@ name,fall,movement,subject``, where fall is 1 or 0; then come rows
-``t_ms,sensor,x,y,z``: sensor ``a`` is an accelerometer in g or m/s^2, ``w`` a gyroscope in deg/s,
-others are left out. Lines with ``#`` are comments.
+A recording starts with ``@ name,fall,movement,subject``, where fall is 1 or 0. Rows
+``t_ms,sensor,x,y,z`` follow: sensor ``a`` is an accelerometer in g or m/s^2, ``w`` a gyroscope in
+deg/s; other sensors are ignored. Lines with ``#`` are comments.
 """
 
 from __future__ import annotations
@@ -41,23 +41,23 @@ _ACCELEROMETER: Final = 'a'
 _GYROSCOPES: Final = ('w', 'g')
 _YES: Final = ('1', 'yes', 'true', 'fall')
 _NO: Final = ('0', 'no', 'false', 'adl')
-# Somebody feels 1 g most of the time: what is more than this in the middle is in m/s^2.
+# A worn sensor measures 1 g most of the time: a larger median is in m/s^2.
 _MOST_G: Final = 4.0
 _DAY_MS: Final = 86_400_000.0
 _LINE: Final = 400
 
 
 @dataclass
-class Recording:
+class FallRecording:
     """
     One recording.
 
     :ivar fall: whether it is one; None when the file does not say.
-    :ivar samples: time in ms, specific force in g, and the size of the turning rate in deg/s (that
-        of the newest row of the gyroscope; 0 without one).
-    :ivar ignored: rows of other sensors.
-    :ivar bad: rows that were no rows.
-    :ivar problem: why nothing can be said of it; empty when all is well.
+    :ivar samples: time in ms, specific force in g, and magnitude of the angular rate in deg/s (of
+        the newest row of the gyroscope; 0 without one).
+    :ivar ignored: number of rows of other sensors.
+    :ivar bad: number of malformed rows.
+    :ivar problem: why the recording cannot be evaluated; empty if it can.
     """
 
     name: str
@@ -72,15 +72,15 @@ class Recording:
 
     @property
     def peak_ms(self) -> float:
-        """Return when most was felt."""
+        """Return the time of the largest specific force."""
         return max(self.samples, key=lambda row: row[1] ** 2 + row[2] ** 2 + row[3] ** 2)[0]
 
 
-def read_recordings(path: Path) -> Iterator[Recording]:
+def read_recordings(path: Path) -> Iterator[FallRecording]:
     """
     Read a file, one recording at a time.
 
-    :raises ConfigError: it cannot be read, or there is no recording in it.
+    :raises ConfigError: the file cannot be read, or contains no recording.
     """
     found = 0
     try:
@@ -89,13 +89,13 @@ def read_recordings(path: Path) -> Iterator[Recording]:
                 found += 1
                 yield _finished(recording)
     except (OSError, EOFError, zlib.error) as error:
-        raise ConfigError([f'{path}: {getattr(error, "strerror", None) or error}: is it there, '
-                           'readable and whole?']) from error
+        raise ConfigError([f'{path}: {getattr(error, "strerror", None) or error}: name a file '
+                           'that exists, is readable and complete']) from error
     except UnicodeDecodeError as error:
-        raise ConfigError([f'{path} is no text: write rows such as 346,a,0.974,-0.039,-0.128']
-                          ) from error
+        raise ConfigError([f'{path} is not a text file: write rows such as '
+                           '346,a,0.974,-0.039,-0.128']) from error
     if not found:
-        raise ConfigError([f'{path} has no recording: begin one with a line '
+        raise ConfigError([f'{path} has no recording: start one with a line '
                            '"@ name,fall,movement,subject", then rows t_ms,a,x,y,z'])
 
 
@@ -105,8 +105,8 @@ def _opened(path: Path) -> IO[str]:
     return gzip.open(path, 'rt', encoding='utf-8') if packed else path.open(encoding='utf-8')
 
 
-def _split(file: IO[str], name: str) -> Iterator[Recording]:
-    recording: Recording | None = None
+def _split(file: IO[str], name: str) -> Iterator[FallRecording]:
+    recording: FallRecording | None = None
     turn_deg_s = 0.0
     while (line := file.readline(_LINE)):
         line = line.strip().lstrip('\ufeff')
@@ -115,32 +115,32 @@ def _split(file: IO[str], name: str) -> Iterator[Recording]:
         if line.startswith('@'):
             if recording is not None:
                 yield recording
-            recording, turn_deg_s = _begun(line[1:]), 0.0
+            recording, turn_deg_s = _header(line[1:]), 0.0
             continue
         if recording is None:
-            recording = Recording(name)
+            recording = FallRecording(name)
         turn_deg_s = _row(recording, line, turn_deg_s)
     if recording is not None:
         yield recording
 
 
-def _begun(text: str) -> Recording:
+def _header(text: str) -> FallRecording:
     parts = [part.strip() for part in text.split(',')]
     parts += [''] * (4 - len(parts))
-    said = parts[1].lower()
-    fall = True if said in _YES else False if said in _NO else None
-    return Recording(parts[0] or 'without a name', fall, parts[2], parts[3])
+    label = parts[1].lower()
+    fall = True if label in _YES else False if label in _NO else None
+    return FallRecording(parts[0] or 'without a name', fall, parts[2], parts[3])
 
 
-def _row(recording: Recording, line: str, turn_deg_s: float) -> float:
-    """Take a row; return how fast it turns now."""
+def _row(recording: FallRecording, line: str, turn_deg_s: float) -> float:
+    """Add a row; return the newest angular rate."""
     parts = [part.strip() for part in line.split(',')]
     try:
         time_ms, x, y, z = float(parts[0]), float(parts[2]), float(parts[3]), float(parts[4])
     except (ValueError, IndexError):
         recording.bad += 1
         return turn_deg_s
-    # Whole days beyond any clock are as useless as what is no number.
+    # A time beyond any clock is as unusable as one that is not finite.
     if not (math.isfinite(x + y + z) and abs(time_ms) < 1e5 * _DAY_MS):
         recording.bad += 1
     elif parts[1] == _ACCELEROMETER:
@@ -152,11 +152,11 @@ def _row(recording: Recording, line: str, turn_deg_s: float) -> float:
     return turn_deg_s
 
 
-def _finished(recording: Recording) -> Recording:
-    """Bring it to g, and say what is wrong with it."""
+def _finished(recording: FallRecording) -> FallRecording:
+    """Convert a recording to g, and note its problem."""
     samples = recording.samples
     if not samples:
-        recording.problem = 'no row of an accelerometer (t_ms,a,x,y,z)'
+        recording.problem = 'no accelerometer row (t_ms,a,x,y,z)'
         return recording
     sizes = sorted(math.hypot(x, y, z) for _, x, y, z, _ in islice(samples, 20_000))
     if sizes[len(sizes) // 2] > _MOST_G:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command `health falls`: what the fall detector makes of recordings."""
+"""The command `health falls`: run the fall detector on recordings."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ from rt_robot_os.features.health.cli.fall_evaluation import Decision
 from rt_robot_os.features.health.cli.fall_evaluation import GRID
 from rt_robot_os.features.health.cli.fall_evaluation import LYING
 from rt_robot_os.features.health.cli.fall_evaluation import summary
+from rt_robot_os.features.health.cli.fall_recordings import FallRecording
 from rt_robot_os.features.health.cli.fall_recordings import read_recordings
-from rt_robot_os.features.health.cli.fall_recordings import Recording
-from rt_robot_os.features.health.fall_limits import FALL_FIELDS
-from rt_robot_os.features.health.fall_limits import FallLimits
-from rt_robot_os.features.health.fall_limits import problem_of
+from rt_robot_os.features.health.fall_detector.limits import FALL_FIELDS
+from rt_robot_os.features.health.fall_detector.limits import FallLimits
+from rt_robot_os.features.health.fall_detector.limits import limits_problem
 
 
 def add_to(commands: Any) -> None:
@@ -48,7 +48,7 @@ def add_to(commands: Any) -> None:
     parser = commands.add_parser(
         'falls', allow_abbrev=False, help='detect falls in recordings',
         description='Feed recordings of a worn accelerometer to the detector of the module '
-        'fall_detector, sample by sample, and count what it finds and what it takes for a fall.')
+        'fall_detector, sample by sample, and count detected falls and false alarms.')
     parser.add_argument('files', nargs='+', metavar='FILE', type=Path,
                         help='text, gzipped or not: "@ name,fall,movement,subject", then rows '
                         't_ms,a,x,y,z in g or m/s^2 (a gyroscope: w, in deg/s)')
@@ -59,7 +59,7 @@ def add_to(commands: Any) -> None:
                         + '; '.join(f'{name} {", ".join(f"{each:g}" for each in values)}'
                                     for name, values in GRID.items()))
     parser.add_argument('--lying', default=LYING, metavar='PATTERN',
-                        help='movements that are lying down on purpose, told apart '
+                        help='movements that are lying down on purpose, counted separately '
                         '(default: %(default)s)')
     parser.add_argument('--json', action='store_true', help='write one object instead of text')
     parser.set_defaults(run=_run)
@@ -70,7 +70,8 @@ def _run(arguments: argparse.Namespace) -> int:
     try:
         re.compile(arguments.lying)
     except re.error as error:
-        raise ConfigError([f'--lying {arguments.lying!r} is no pattern: {error}']) from None
+        raise ConfigError([f'--lying {arguments.lying!r} is not a regular expression: {error}']
+                          ) from None
     recordings = [one for path in arguments.files for one in read_recordings(path)]
     decisions = [decide(one, limits, arguments.lying) for one in recordings]
     if arguments.lying != LYING and not any(
@@ -100,7 +101,7 @@ def _limits(texts: Sequence[str]) -> FallLimits:
         name, _, value = text.partition('=')
         field = fields.get(name)
         if field is None:
-            raise ConfigError([f'--set {text}: there is no limit {name!r}, only '
+            raise ConfigError([f'--set {text}: unknown limit {name!r}, must be one of '
                                f'{", ".join(fields)}'])
         try:
             number = float(value)
@@ -109,7 +110,7 @@ def _limits(texts: Sequence[str]) -> FallLimits:
         if field.problem(number) is not None:
             raise ConfigError([f'--set {text}: {name} must be {field.wanted()}'])
         limits = limits._replace(**{name: number})
-    problem = problem_of(limits)
+    problem = limits_problem(limits)
     if problem:
         raise ConfigError([f'--set: {problem}'])
     return limits
@@ -117,19 +118,19 @@ def _limits(texts: Sequence[str]) -> FallLimits:
 
 # ---- text ---------------------------------------------------------------------------------------
 
-def _text(decisions: Sequence[Decision], recordings: Sequence[Recording], found: dict[str, Any]
+def _text(decisions: Sequence[Decision], recordings: Sequence[FallRecording], found: dict[str, Any]
           ) -> Iterator[str]:
     for one, recording in zip(decisions, recordings, strict=True):
         yield f'{_mark(one)} {one.name}: {_verdict(one)}'
         if recording.bad:
-            yield f'         {recording.bad} rows were no rows and left out'
+            yield f'         {recording.bad} malformed rows were ignored'
     yield ''
     yield from _shares(found)
     width = max([len(name) for name in found['movements']], default=0)
     for name, counts in found['movements'].items():
         kind = 'fall ' if counts['fall'] else 'daily'
         yield (f'  {name:{width}}  {kind}  {counts["detected"]:3} of {counts["recordings"]:3} '
-               'taken for falls')
+               'detected as falls')
     if 'cross_validation' in found:
         validated = found['cross_validation']
         yield ''
@@ -165,7 +166,7 @@ def _shares(found: dict[str, Any]) -> Iterator[str]:
             yield (f'{name} {share["share"]:.3f} ({share["right"]} of {share["of"]}; 95 %: '
                    f'{low:.3f} to {high:.3f})')
         else:
-            yield f'{name}: there is nothing to say it of'
+            yield f'{name}: no recordings'
     alarms = found['false_alarms']
     if alarms['hours']:
         low, high = alarms['interval_95']
@@ -173,8 +174,8 @@ def _shares(found: dict[str, Any]) -> Iterator[str]:
                f'{alarms["per_hour"]:.2f} an hour (95 %: {low:.2f} to {high:.2f}; every detection '
                'counts, lying down on purpose included)')
     lying, delay = found['lying_down_on_purpose'], found['after_impact_s']
-    yield (f'lying down on purpose: {lying["alarms"]} of {lying["recordings"]} taken for falls '
-           '(in neither share)')
+    yield (f'lying down on purpose: {lying["alarms"]} of {lying["recordings"]} detected as falls '
+           '(in neither rate)')
     if delay['worst'] is not None:
-        yield (f'found {delay["median"]:.1f} s after the impact (median), {delay["worst"]:.1f} s '
-               'at the latest')
+        yield (f'detected {delay["median"]:.1f} s after the impact (median), '
+               f'{delay["worst"]:.1f} s at the latest')

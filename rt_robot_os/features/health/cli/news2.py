@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command `health news2`: score cases of files, and compare with what the files expect."""
+"""The command `health news2`: score cases of files, and compare with expected scores."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from typing import Any
 
 from rt_robot_os.base.programs import FAILED
 from rt_robot_os.base.programs import OK
+from rt_robot_os.features.health.assessment.news2 import PARAMETERS
+from rt_robot_os.features.health.assessment.news2 import score
 from rt_robot_os.features.health.cli.news2_cases import Case
 from rt_robot_os.features.health.cli.news2_cases import read_cases
-from rt_robot_os.features.health.news2 import PARAMETERS
-from rt_robot_os.features.health.news2 import score
 
 
 def add_to(commands: Any) -> None:
     """Add the command to those of the program."""
     parser = commands.add_parser(
         'news2', allow_abbrev=False, help='score cases by the chart of NEWS2',
-        description='Score the cases of JSON files by the chart of NEWS2, and compare with what '
-        'they expect. The exit code is 1 when a case differs, or cannot be read.')
+        description='Score the cases of JSON files by the chart of NEWS2, and compare with the '
+        'scores that they expect. The exit code is 1 when a case differs, or cannot be read.')
     parser.add_argument('files', nargs='+', metavar='FILE', type=Path,
                         help='JSON: a list of cases, such as {"resp": 18, "spo2": 97, "oxygen": '
                         'false, "systolic": 120, "pulse": 70, "consciousness": "Alert", '
@@ -83,10 +83,10 @@ def _text(results: Sequence[dict[str, Any]], summary: dict[str, int]) -> Iterato
     for case in results:
         yield f'{case["id"]}: {_verdict(case)}'
         yield from (f'    {each}' for each in (*case['problems'], *case['differences']))
-    yield (f'{summary["cases"]} cases: {summary["agree"]} agree with what their file expects, '
+    yield (f'{summary["cases"]} cases: {summary["agree"]} agree with the expected score, '
            f'{summary["differ"]} differ or have problems, '
-           f'{summary["cases"] - summary["compared"]} expect nothing; {summary["incomplete"]} are '
-           'incomplete')
+           f'{summary["cases"] - summary["compared"]} have no expected score; '
+           f'{summary["incomplete"]} are incomplete')
 
 
 def _verdict(case: dict[str, Any]) -> str:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Cases of NEWS2 in a file: values as people write them, and what they expect of the score."""
+"""Reader of NEWS2 cases: values in many notations, and the expected scores."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.health.news2 import CONSCIOUSNESS
-from rt_robot_os.features.health.news2 import OXYGEN
-from rt_robot_os.features.health.news2 import PULSE
-from rt_robot_os.features.health.news2 import RESPIRATION
-from rt_robot_os.features.health.news2 import Risk
-from rt_robot_os.features.health.news2 import Score
-from rt_robot_os.features.health.news2 import SPO2
-from rt_robot_os.features.health.news2 import SYSTOLIC
-from rt_robot_os.features.health.news2 import TEMPERATURE
+from rt_robot_os.features.health.assessment.news2 import CONSCIOUSNESS
+from rt_robot_os.features.health.assessment.news2 import OXYGEN
+from rt_robot_os.features.health.assessment.news2 import PULSE
+from rt_robot_os.features.health.assessment.news2 import RESPIRATION
+from rt_robot_os.features.health.assessment.news2 import Risk
+from rt_robot_os.features.health.assessment.news2 import Score
+from rt_robot_os.features.health.assessment.news2 import SPO2
+from rt_robot_os.features.health.assessment.news2 import SYSTOLIC
+from rt_robot_os.features.health.assessment.news2 import TEMPERATURE
 from rt_robot_os.messages.signs import Consciousness
 from rt_robot_os.messages.signs import SIGNS
 
-#: How each parameter may be called, in small letters without _, - and blanks.
+#: Accepted names of each parameter, in lower case without _, - and spaces.
 NAMES: Final[Mapping[str, tuple[str, ...]]] = {
     RESPIRATION: ('resp', 'respiration', 'respirationpermin', 'respirations', 'respirationrate',
                   'respiratoryrate', 'rr'),
@@ -59,7 +59,7 @@ _AIR: Final = ('air', 'room air', 'roomair', 'false', 'no', 'off', 'ra', 'a', 'n
 _GIVEN: Final = ('oxygen', 'true', 'yes', 'on', 'o2', 'y', 'supplemental oxygen')
 _NUMBER: Final = re.compile(
     r'([+-]?\d{1,9}(?:[.,]\d{1,9})?)\s*(?:%|/min|bpm|mmhg|°?\s*c|l/min)?')
-#: Oxygen is given, and nobody says how much.
+#: Value for supplemental oxygen of an unknown flow.
 _SOME_OXYGEN: Final = 1.0
 _MINDS: Final[tuple[tuple[str, Consciousness], ...]] = (
     (r'a|alert.*', Consciousness.ALERT),
@@ -67,7 +67,7 @@ _MINDS: Final[tuple[tuple[str, Consciousness], ...]] = (
     (r'v|.*(voice|verbal).*', Consciousness.VOICE),
     (r'u|.*(un-?respon|unconscious).*', Consciousness.UNRESPONSIVE),
     (r'p|.*pain.*', Consciousness.PAIN))
-# What a text about the response or the frequency is known by, the first that fits.
+# Patterns of the texts about response and frequency; the first that matches counts.
 _RESPONSES: Final = (
     (r'emergen', Risk.HIGH), (r'urgent.*ward', Risk.LOW_MEDIUM), (r'urgent', Risk.MEDIUM),
     (r'nurse|ward|routine|assess', Risk.LOW))
@@ -80,11 +80,11 @@ class Case(NamedTuple):
     """
     A case.
 
-    :ivar name: what it is called.
-    :ivar values: by parameter; None for what is missing.
-    :ivar scale: of SpO2.
-    :ivar expected: what the file says of the score, by key in small letters.
-    :ivar problems: what could not be read.
+    :ivar name: its name, or its number.
+    :ivar values: by parameter; None if missing.
+    :ivar scale: SpO2 scale, 1 or 2.
+    :ivar expected: expected scores, by key in lower case.
+    :ivar problems: values that could not be parsed.
     """
 
     name: str
@@ -94,7 +94,7 @@ class Case(NamedTuple):
     problems: list[str]
 
     def compare(self, found: Score) -> tuple[int, list[str]]:
-        """Return how many expectations there are, and those that are not met."""
+        """Return the number of expected values, and those that differ."""
         compared, differences = 0, []
         for title, wanted, got in self._pairs(found):
             compared += 1
@@ -126,7 +126,7 @@ def read_cases(path: Path) -> list[Case]:
     """
     Read the cases of a file: a JSON list, an object with such a list, or an object in each line.
 
-    :raises ConfigError: it cannot be read, or holds no cases.
+    :raises ConfigError: the file cannot be read, or contains no cases.
     """
     try:
         text = path.read_text(encoding='utf-8-sig')
@@ -138,20 +138,20 @@ def read_cases(path: Path) -> list[Case]:
         found = lists[0] if len(lists) == 1 else [found]
     if not isinstance(found, list) or not found or not all(
             isinstance(each, dict) for each in found):
-        raise ConfigError([f'{str(path)!r} holds no cases: it must be a JSON list of objects such '
+        raise ConfigError([f'{str(path)!r} contains no cases: must be a JSON list of objects such '
                            'as {"resp": 18, "spo2": 97, ...}'])
     return [case_of(each, place) for place, each in enumerate(found, 1)]
 
 
 def case_of(found: Mapping[str, Any], place: int) -> Case:
     """
-    Read one case.
+    Parse one case.
 
-    :param place: its number, which is its name where it has none.
+    :param place: its number, the default of its name.
     """
     keys: dict[str, Any] = {}
     for key, value in found.items():
-        # Some put the values, or what is expected, into an object of their own.
+        # Some files have the values, or the expected ones, in an object of their own.
         inner = value.items() if isinstance(value, dict) else ((key, value),)
         keys.update((re.sub(r'[\W_]', '', str(name).lower()), each) for name, each in inner)
     problems: list[str] = []
@@ -178,7 +178,7 @@ def _loaded(text: str, name: str) -> Any:
         try:
             return [json.loads(line) for line in text.splitlines() if line.strip()]
         except (ValueError, RecursionError):
-            raise ConfigError([f'{name!r} is no JSON: {error}']) from None
+            raise ConfigError([f'{name!r} is not JSON: {error}']) from None
 
 
 def _first(found: Mapping[str, Any], names: Iterable[str]) -> Any:
@@ -186,10 +186,10 @@ def _first(found: Mapping[str, Any], names: Iterable[str]) -> Any:
                  if str(found.get(name, '')).strip().lower() not in _NOTHING), None)
 
 
-def _value(name: str, said: Any) -> float | None:
-    """Return a value; None for none. Raise ValueError for what nobody can mean."""
-    text = str(said).strip().lower()
-    if said is None or text in _NOTHING:
+def _value(name: str, given: Any) -> float | None:
+    """Return a value; None for none. Raise ValueError if it cannot be parsed."""
+    text = str(given).strip().lower()
+    if given is None or text in _NOTHING:
         return None
     if name == OXYGEN and text in (*_AIR, *_GIVEN):
         return 0.0 if text in _AIR else _SOME_OXYGEN
@@ -198,43 +198,43 @@ def _value(name: str, said: Any) -> float | None:
             if re.fullmatch(form, text, re.DOTALL):
                 return float(mind)
     try:
-        # With a unit behind it, and a comma for a point.
+        # With a unit after it, and a decimal comma.
         number = _NUMBER.fullmatch(text)
-        value = math.nan if isinstance(said, bool) else float(
+        value = math.nan if isinstance(given, bool) else float(
             number[1].replace(',', '.') if number else text)
     except (ValueError, OverflowError):
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f'{str(said)[:40]!r} cannot be read as a value')
+        raise ValueError(f'{str(given)[:40]!r} cannot be parsed as a value')
     sign = SIGNS[name]
     if not sign.is_plausible(value) and not sign.is_off(value):
-        raise ValueError(f'{value:g} {sign.unit} is not plausible: {sign.low:g} to {sign.high:g} '
-                         'can be; it counts as missing')
+        raise ValueError(f'{value:g} {sign.unit} is not plausible: must be {sign.low:g} to '
+                         f'{sign.high:g}; it counts as missing')
     return value
 
 
-def _scale(said: Any) -> int:
-    if said is None or str(said).strip().lower() in _NOTHING:
+def _scale(given: Any) -> int:
+    if given is None or str(given).strip().lower() in _NOTHING:
         return 1
-    found = re.fullmatch(r'(?:spo2)?\s*(?:scale)?\s*([12])(?:\.0*)?', str(said).strip().lower())
+    found = re.fullmatch(r'(?:spo2)?\s*(?:scale)?\s*([12])(?:\.0*)?', str(given).strip().lower())
     if not found:
-        raise ValueError(f'scale {str(said)[:20]!r}: it must be 1 or 2; 1 was used')
+        raise ValueError(f'scale {str(given)[:20]!r}: must be 1 or 2; 1 was used')
     return int(found[1])
 
 
-def _whole(said: Any) -> Any:
+def _whole(given: Any) -> Any:
     try:
-        number = float(said)
+        number = float(given)
     except (ValueError, TypeError, OverflowError):
-        return said
+        return given
     return int(number) if number.is_integer() else number
 
 
-def _risk(said: str) -> str:
-    plain = re.sub(r'[\W_]|risk', '', said.lower())
+def _risk(given: str) -> str:
+    plain = re.sub(r'[\W_]|risk', '', given.lower())
     return next((each.title for each in Risk if re.sub(r'\W', '', each.title.lower()) == plain),
-                said)
+                given)
 
 
-def _known(said: str, forms: Iterable[tuple[str, Any]]) -> Any:
-    return next((meant for form, meant in forms if re.search(form, said.lower())), said)
+def _known(given: str, forms: Iterable[tuple[str, Any]]) -> Any:
+    return next((meant for form, meant in forms if re.search(form, given.lower())), given)

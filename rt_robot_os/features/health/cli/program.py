@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The program `health`: score cases with NEWS2, and try modules on recordings of people.
+The program `health`: score cases with NEWS2, and run modules on recordings of people.
 
-Run one command; the exit code is 2 for a wrong command line or a file that cannot be read.
+The exit code is 2 for a wrong command line or a file that cannot be read.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command `health pulse`: the pulse in recorded waveforms, beside that of their ECG."""
+"""The command `health pulse`: pulse rate of recorded waveforms, compared with the ECG."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from typing import Any
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.programs import FAILED
 from rt_robot_os.base.programs import OK
-from rt_robot_os.features.health.cli.pulse_record import evaluated
+from rt_robot_os.features.health.cli.pulse_record import evaluate_record
 from rt_robot_os.features.health.cli.pulse_record import MOST_PER_MIN
 
 
 def add_to(commands: Any) -> None:
     """Add the command to those of the program."""
     parser = commands.add_parser(
-        'pulse', allow_abbrev=False, help='the pulse in a recorded waveform, beside its ECG',
+        'pulse', allow_abbrev=False, help='pulse rate of a recorded waveform, and its ECG',
         description='Measure the pulse in the waveform (PLETH) of WFDB records, each second over '
-        'the last ten, and compare it with the ECG of the record where both can be believed. The '
+        'the last ten, and compare it with the ECG of the record where both are reliable. The '
         f'exit code is 1 when one differs by more than {MOST_PER_MIN:g}/min, or a file cannot be '
         'read.')
     parser.add_argument('files', nargs='+', metavar='FILE', type=Path,
-                        help='header of a WFDB record, NAME.hea, with its samples '
-                        'beside it')
+                        help='header of a WFDB record, NAME.hea, with its samples in the '
+                        'same folder')
     parser.add_argument('--signal', default='', metavar='NAME',
                         help='waveform to measure; without it PLETH or PPG, else ABP or ART')
     parser.add_argument('--json', action='store_true',
@@ -63,7 +63,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _result(path: Path, signal: str) -> dict[str, Any]:
     try:
-        return {'file': str(path), **evaluated(path, signal)}
+        return {'file': str(path), **evaluate_record(path, signal)}
     except ConfigError as error:
         return {'file': str(path), 'problem': '; '.join(error.problems)}
 
@@ -75,15 +75,15 @@ def _text(found: dict[str, Any]) -> Iterator[str]:
     compared = found['compared']
     yield (f'{found["file"]}: {found["signal"]} at {found["rate_hz"]:g} Hz, '
            f'{found["length_s"]:g} s')
-    yield (f'    pulse believed in {found["believed"]} of {found["seconds"]} windows'
+    yield (f'    pulse reliable in {found["believed"]} of {found["seconds"]} windows'
            + (f', {found["pulse_per_min"]["median"]:.1f}/min (median)'
               if found['believed'] else ''))
-    yield from (f'    not believed in {count}: {doubt}'
+    yield from (f'    unreliable in {count}: {doubt}'
                 for doubt, count in found['doubts'].items())
     if compared['windows']:
-        yield (f'    against the ECG in {compared["windows"]} windows: off by '
+        yield (f'    difference to the ECG in {compared["windows"]} windows: '
                f'{compared["mean_per_min"]:.2f}/min (mean), {compared["most_per_min"]:.2f}/min '
-               f'(most); {compared["beyond"]} beyond {MOST_PER_MIN:g}/min')
+               f'(maximum); {compared["beyond"]} above {MOST_PER_MIN:g}/min')
     else:
         yield '    no ECG to compare with'
     yield (f'    longest pause without a pulse {found["longest_pause_s"]:.1f} s: '

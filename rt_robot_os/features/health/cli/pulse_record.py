@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One recorded waveform: what the pulse meter makes of it, and how far its ECG says otherwise."""
+"""Evaluation of one recorded waveform: its pulse rate, and the difference to its ECG."""
 
 from __future__ import annotations
 
@@ -25,40 +25,40 @@ from typing import Final
 
 import numpy as np
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.health.beats import ecg_beats
-from rt_robot_os.features.health.pulse import ASYSTOLE_S
-from rt_robot_os.features.health.pulse import course
-from rt_robot_os.features.health.pulse import Pulse
-from rt_robot_os.features.health.pulse import WINDOW_S
+from rt_robot_os.features.health.pulse_check.beats import ecg_beats
+from rt_robot_os.features.health.pulse_check.pulse_meter import ASYSTOLE_S
+from rt_robot_os.features.health.pulse_check.pulse_meter import measure_recording
+from rt_robot_os.features.health.pulse_check.pulse_meter import PulseMeasurement
+from rt_robot_os.features.health.pulse_check.pulse_meter import WINDOW_S
 from rt_robot_os.features.health.waveforms import read_record
 from rt_robot_os.features.health.waveforms import Record
 from rt_robot_os.features.health.waveforms import Signal
 
-#: Pulse and ECG agree when they differ by no more.
+#: Pulse and ECG agree up to this difference.
 MOST_PER_MIN: Final = 3.0
-#: Waves with a pulse in them, the best first.
+#: Names of signals with a pulse wave, the preferred first.
 PULSE_NAMES: Final = ('PLETH', 'PPG', 'ABP', 'ART')
-# Leads of an ECG, as they are called in records.
+# Names of ECG leads in records.
 _LEAD: Final = re.compile(r'(I|II|III|V\d?|MCL\d?|aV[RLF]|ECG.*)', re.IGNORECASE).fullmatch
 
 
-def evaluated(path: Path, name: str = '') -> dict[str, Any]:
+def evaluate_record(path: Path, name: str = '') -> dict[str, Any]:
     """
     Measure the pulse of a record each second.
 
     :param path: of its header.
-    :param name: signal to measure; empty: the best that there is.
+    :param name: signal to measure; empty: the first of :data:`PULSE_NAMES` in the record.
     :return: a result that can be written as JSON.
-    :raises ConfigError: it cannot be read, or has no such signal.
+    :raises ConfigError: the record cannot be read, or has no such signal.
     """
     record = read_record(path)
     wave = record.signal(*((name,) if name else PULSE_NAMES))
     if wave is None:
         there = ', '.join(each.name for each in record.signals)
-        raise ConfigError([f'{path}: it has no signal {name or " or ".join(PULSE_NAMES)}, only '
+        raise ConfigError([f'{path} has no signal {name or " or ".join(PULSE_NAMES)}, only '
                            f'{there}'])
     try:
-        found = list(course(wave.samples, record.rate_hz))
+        found = list(measure_recording(wave.samples, record.rate_hz))
     except ValueError as error:
         raise ConfigError([f'{path}: {error}']) from None
     leads = [each for each in record.signals if _LEAD(each.name)]
@@ -87,21 +87,22 @@ def _span(rates: list[float]) -> dict[str, float] | None:
     return {'least': min(rates), 'median': float(np.median(rates)), 'most': max(rates)}
 
 
-def _second(pulse: Pulse, record: Record, leads: list[Signal]) -> dict[str, Any]:
-    heart = ecg_rate(pulse.time_s, record.rate_hz, leads)
+def _second(pulse: PulseMeasurement, record: Record, leads: list[Signal]) -> dict[str, Any]:
+    ecg_per_min = ecg_rate(pulse.time_s, record.rate_hz, leads)
     rate = None if pulse.doubt else pulse.rate_per_min
     return {
         'time_s': pulse.time_s, 'pulse_per_min': rate, 'doubt': pulse.doubt or None,
         'alike': pulse.alike if math.isfinite(pulse.alike) else None, 'beats': pulse.beats,
-        'still_s': pulse.still_s, 'ecg_per_min': heart,
-        'difference_per_min': None if rate is None or heart is None else abs(rate - heart)}
+        'still_s': pulse.still_s, 'ecg_per_min': ecg_per_min,
+        'difference_per_min': (
+            None if rate is None or ecg_per_min is None else abs(rate - ecg_per_min))}
 
 
 def ecg_rate(time_s: float, rate_hz: float, leads: list[Signal]) -> float | None:
     """
-    Return the rate of the ECG in the window that ends at a time; None when it cannot be believed.
+    Return the ECG rate in the window that ends at a time; None when it is unreliable.
 
-    It can where the beats of a lead are alike, and no other such lead says something else.
+    It is reliable where the beats of a lead are similar, and all such leads agree.
     """
     end = round(time_s * rate_hz)
     found = [ecg_beats(each.samples[max(end - round(WINDOW_S * rate_hz), 0):end], rate_hz)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command `health vitals`: what the modules of the robot make of recorded monitors."""
+"""The command `health vitals`: run the modules of the robot on recordings of monitors."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from typing import Final
 
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.programs import OK
+from rt_robot_os.features.health.assessment.limits import LIMIT_FORM
+from rt_robot_os.features.health.assessment.limits import parse_limit
+from rt_robot_os.features.health.assessment.limits import TREND_FORM
 from rt_robot_os.features.health.cli.vitals_file import read_recording
-from rt_robot_os.features.health.cli.vitals_report import Asked
+from rt_robot_os.features.health.cli.vitals_report import EvaluationOptions
 from rt_robot_os.features.health.cli.vitals_report import report
 from rt_robot_os.features.health.cli.vitals_report import totals
 from rt_robot_os.features.health.cli.vitals_run import play
-from rt_robot_os.features.health.limit_text import LIMIT_FORM
-from rt_robot_os.features.health.limit_text import limit_of
-from rt_robot_os.features.health.limit_text import TREND_FORM
 
 _OXYGEN: Final = {'reported': None, 'air': 0.0, 'oxygen': 1.0}
 
@@ -42,10 +42,10 @@ def add_to(commands: Any) -> None:
     """Add the command to those of the program."""
     parser = commands.add_parser(
         'vitals', allow_abbrev=False, help='vital signs of recorded monitors, and their alarms',
-        description='Let the modules vital_signs and assessment read recorded monitors, as a '
+        description='Run the modules vital_signs and assessment on recordings of monitors, as a '
         'robot would, on a virtual clock.')
     parser.add_argument('files', nargs='+', metavar='FILE', type=Path,
-                        help='CSV with a head (minute or time_s, HR, PULSE, RESP, SpO2, NBPSys, '
+                        help='CSV with a header (minute or time_s, HR, PULSE, RESP, SpO2, NBPSys, '
                         '...), or the header of a WFDB record of numerics, NAME.hea')
     parser.add_argument('--spo2-scale', type=int, choices=(1, 2), default=1,
                         help='2 only for hypercapnic respiratory failure (default: 1)')
@@ -53,9 +53,9 @@ def add_to(commands: Any) -> None:
                         help='what was breathed (default: as recorded)')
     parser.add_argument('--limit', action='append', default=[], metavar='TEXT',
                         help=f'a personal limit or trend: {LIMIT_FORM}, or {TREND_FORM}; may '
-                        'stand several times')
+                        'be given several times')
     parser.add_argument('--well', action='store_true',
-                        help='the people were well: every clinical alarm is a false one')
+                        help='the people were healthy: every clinical alarm is false')
     parser.add_argument('--json', action='store_true',
                         help='write one object instead of text, with the course of NEWS2')
     parser.set_defaults(run=_run)
@@ -63,17 +63,18 @@ def add_to(commands: Any) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     try:
-        limits = [limit_of(text) for text in arguments.limit]
+        limits = [parse_limit(text) for text in arguments.limit]
     except ValueError as error:
         raise ConfigError([f'--limit: {error}']) from None
-    asked = Asked(limits, arguments.spo2_scale, _OXYGEN[arguments.oxygen], arguments.well)
+    options = EvaluationOptions(
+        limits, arguments.spo2_scale, _OXYGEN[arguments.oxygen], arguments.well)
     found = []
     for path in arguments.files:
         recording = read_recording(path)
         course = play(recording, {}, {
             'spo2_scale': arguments.spo2_scale, 'oxygen': arguments.oxygen,
             'limits': arguments.limit})
-        found.append(report(str(path), recording, course, asked))
+        found.append(report(str(path), recording, course, options))
     if arguments.json:
         json.dump({'files': found, **totals(found)}, sys.stdout, ensure_ascii=False, indent=1,
                   allow_nan=False)
@@ -102,8 +103,8 @@ def _text(found: dict[str, Any]) -> Iterator[str]:
                    f'{alarm["text"]}{false}')
     news2 = found['news2']
     total = '-' if news2['highest_total'] is None else news2['highest_total']
-    yield (f'  NEWS2: complete for {news2["complete_s"] / 60:g} min, highest {total}; of what was '
-           f'known at least {news2["highest_at_least"]}')
+    yield (f'  NEWS2: complete for {news2["complete_s"] / 60:g} min, highest {total}; lower bound '
+           f'from known signs {news2["highest_at_least"]}')
 
 
 def _sum(found: dict[str, Any]) -> str:

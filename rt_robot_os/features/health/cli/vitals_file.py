@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Recordings of monitors: which of their columns are vital signs, and what was said when.
+Recordings of monitors: which of their columns are vital signs, and the samples of each.
 
-CSV with a head (any delimiter, any order of columns, any of many names) and WFDB records of
-numerics. A cell without a number is no sample: what a monitor does not say it does not say.
+CSV with a header (any delimiter, any order of columns, any of many names) and WFDB records of
+numerics. A cell without a number is not a sample.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from rt_robot_os.features.health.waveforms import read_record
 from rt_robot_os.messages.signs import Consciousness
 from rt_robot_os.messages.signs import SIGNS
 
-#: Names of columns in small letters and digits, of each sign the preferred first.
+#: Names of columns in lower case letters and digits, of each sign the preferred first.
 COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
     'pulse_per_min': ('pulsepermin', 'hr', 'heartrate', 'ecghr', 'hrecg', 'pulse', 'pulserate',
                       'pr', 'bpm', 'spo2pulse', 'plethhr', 'prspo2'),
@@ -75,7 +75,7 @@ _MINDS: Final = {mind.name.lower(): float(mind) for mind in Consciousness} | {
     mind.name[0].lower(): float(mind) for mind in Consciousness}
 _WORDS: Final = {'air': 0.0, 'no': 0.0, 'false': 0.0, 'yes': 1.0, 'true': 1.0, 'oxygen': 1.0}
 _FAHRENHEIT_FROM: Final = 70.0
-# Of times in s: a rate in a header is not always what a clock shows.
+# Decimals of times in s: a rate in a header is not always exact.
 _DIGITS: Final = 6
 _GZIP: Final = b'\x1f\x8b'
 _MOST_BYTES: Final = 1 << 30
@@ -84,11 +84,11 @@ _MOST_BYTES: Final = 1 << 30
 @dataclass
 class Column:
     """
-    What one sensor said.
+    Samples of one sensor.
 
     :ivar name: of the column.
-    :ivar sign: of which it tells.
-    :ivar samples: times in s from the beginning of the recording, and values.
+    :ivar sign: that the sensor measures.
+    :ivar samples: times in s from the start of the recording, and values.
     """
 
     name: str
@@ -97,15 +97,15 @@ class Column:
 
 
 @dataclass
-class Recording:
+class VitalsRecording:
     """
-    What a monitor recorded of one person.
+    Recording of one person by a monitor.
 
-    :ivar columns: that tell of a sign; of each sign the preferred first.
-    :ivar ignored: columns of something else.
-    :ivar rows: moments.
-    :ivar period_s: usual time from one to the next.
-    :ivar length_s: of the whole; a moment lasts until the next.
+    :ivar columns: those of signs; of each sign the preferred first.
+    :ivar ignored: the other columns.
+    :ivar rows: number of rows.
+    :ivar period_s: median time between rows.
+    :ivar length_s: of the recording, the last row included.
     """
 
     columns: Sequence[Column]
@@ -115,18 +115,18 @@ class Recording:
     length_s: float
 
 
-def read_recording(path: Path) -> Recording:
+def read_recording(path: Path) -> VitalsRecording:
     """
     Read a recording: CSV, or a WFDB record (its ``.hea``).
 
-    :raises ConfigError: it cannot be read, or has no time or no sign.
+    :raises ConfigError: the file cannot be read, or has no time or no sign.
     """
     if path.suffix.lower() in ('.hea', '.dat', '.mat') or (
             not path.is_file() and path.with_suffix('.hea').is_file()):
         return _of_record(path)
     try:
         if path.stat().st_size > _MOST_BYTES:
-            raise ConfigError([f'{str(path)!r} has more than 1 GiB'])
+            raise ConfigError([f'{str(path)!r} is larger than 1 GiB'])
         text = _read(path)
     except (OSError, EOFError, zlib.error) as error:
         raise ConfigError([f'{str(path)!r} cannot be read: {error}']) from error
@@ -142,7 +142,7 @@ def _read(path: Path) -> str:
     return data.decode('utf-8-sig', errors='replace')
 
 
-def _of_record(path: Path) -> Recording:
+def _of_record(path: Path) -> VitalsRecording:
     record = read_record(path)
     times = [place / record.rate_hz for place in range(max(
         (len(each.samples) for each in record.signals), default=0))]
@@ -151,25 +151,16 @@ def _of_record(path: Path) -> Recording:
     return _recording(times, cells, str(path))
 
 
-def _of_text(text: str, name: str) -> Recording:
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith('#')]
-    head = lines[0] if lines else ''
-    delimiter = max(',;\t', key=head.count)
-    rows = list(csv.reader(io.StringIO('\n'.join(lines)), delimiter=delimiter, quotechar='"'))
-    titles = [title.strip(' \'"') for title in rows[0]] if rows else []
-    # Of several, such as a date and a time, the one that tells most moments apart.
-    at = max((place for place, title in enumerate(titles) if _time_unit(title)), default=None,
-             key=lambda place: len({row[place] for row in rows[1:] if place < len(row)}))
-    if at is None:
-        raise ConfigError([f'{name!r} has no column of time: call one minute, time_s, '
-                           'timestamp, ...; its columns are ' + ', '.join(titles)[:200]])
+def _of_text(text: str, name: str) -> VitalsRecording:
+    titles, rows = _table(text)
+    at = _time_column(titles, rows, name)
     unit_s = _time_unit(titles[at])
     times: list[float] = []
     values: list[list[float]] = [[] for _ in titles]
-    for row in rows[1:]:
+    for row in rows:
         time_s = _time_s(row[at], unit_s) if at < len(row) else math.nan
         if not math.isfinite(time_s):
-            continue  # such as a second line of the head, with units
+            continue  # such as a second line of the header, with units
         times.append(time_s)
         for place, column in enumerate(values):
             column.append(_cell(row[place] if place < len(row) else ''))
@@ -177,16 +168,36 @@ def _of_text(text: str, name: str) -> Recording:
         zip(titles, values)) if place != at], name)
 
 
+def _table(text: str) -> tuple[list[str], list[list[str]]]:
+    """Return the titles and the rows of a CSV file; the delimiter is guessed."""
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith('#')]
+    header = lines[0] if lines else ''
+    delimiter = max(',;\t', key=header.count)
+    rows = list(csv.reader(io.StringIO('\n'.join(lines)), delimiter=delimiter, quotechar='"'))
+    titles = [title.strip(' \'"') for title in rows[0]] if rows else []
+    return titles, rows[1:]
+
+
+def _time_column(titles: Sequence[str], rows: Sequence[Sequence[str]], name: str) -> int:
+    """Return the index of the column of times: of several the one with the most distinct ones."""
+    at = max((place for place, title in enumerate(titles) if _time_unit(title)), default=None,
+             key=lambda place: len({row[place] for row in rows if place < len(row)}))
+    if at is None:
+        raise ConfigError([f'{name!r} has no time column: name one minute, time_s, '
+                           'timestamp, ...; its columns are ' + ', '.join(titles)[:200]])
+    return at
+
+
 def _recording(times: Sequence[float], cells: Sequence[tuple[str, str, list[float]]], name: str
-               ) -> Recording:
+               ) -> VitalsRecording:
     """
     Make a recording.
 
-    :param times: all moments, in s.
-    :param cells: name, unit and the values at these moments of each column.
+    :param times: of all rows, in s.
+    :param cells: name, unit and values at these times of each column.
     """
     if not times:
-        raise ConfigError([f'{name!r} holds no samples with a time'])
+        raise ConfigError([f'{name!r} contains no samples with a time'])
     order = sorted(range(len(times)), key=lambda place: times[place])
     first_s = times[order[0]]
     steps = [times[later] - times[earlier] for earlier, later in zip(order, order[1:])
@@ -209,23 +220,23 @@ def _recording(times: Sequence[float], cells: Sequence[tuple[str, str, list[floa
     signs = list(SIGNS)
     found.sort(key=lambda each: (signs.index(each.sign), COLUMNS[each.sign].index(
         _plain(each.name))))
-    return Recording(found, ignored, len(times), period_s,
-                     round(times[order[-1]] - first_s + period_s, _DIGITS))
+    return VitalsRecording(found, ignored, len(times), period_s,
+                           round(times[order[-1]] - first_s + period_s, _DIGITS))
 
 
 def sign_of(title: str) -> str:
-    """Return the sign of which a column tells; empty for none."""
+    """Return the sign of a column; empty for none."""
     plain = _plain(title)
     return next((sign for sign, names in COLUMNS.items() if plain in names), '')
 
 
 def _plain(title: str) -> str:
-    """Return a name as the tables have it: what stands in brackets is a unit."""
+    """Return a name in the form of the tables, without a unit in brackets."""
     return re.sub(r'[^a-z0-9]', '', re.sub(r'[(\[].*?[)\]]', '', title.lower()))
 
 
 def _time_unit(title: str) -> float:
-    """Return the unit of a column of time in s; 0 when it is none."""
+    """Return the unit of a time column in s; 0 if it is not one."""
     whole = re.sub(r'[^a-z0-9]', '', title.lower())
     return _TIMES_S.get(whole) or _TIMES_S.get(_plain(title), 0.0)
 
@@ -245,10 +256,10 @@ def _time_s(text: str, unit_s: float) -> float:
 
 
 def _cell(text: str) -> float:
-    """Return a number; NaN for what is none."""
+    """Return a number; NaN if the cell has none."""
     text = text.strip(' \'"').lower()
     try:
-        # A comma in a cell that is none between cells is a point.
+        # A comma within a cell is a decimal comma.
         return float(text.removesuffix('%').replace(',', '.'))
     except ValueError:
         return _MINDS.get(text, _WORDS.get(text, math.nan))
@@ -256,7 +267,7 @@ def _cell(text: str) -> float:
 
 def _in_unit(sign: str, unit: str, samples: list[tuple[float, float]]
              ) -> list[tuple[float, float]]:
-    """Return samples in the unit of the sign: not in degrees Fahrenheit, nor as a share."""
+    """Convert samples to the unit of the sign, from degrees Fahrenheit or from a fraction."""
     values = [value for _, value in samples if value > 0.0]
     if not values:
         return samples
@@ -269,8 +280,8 @@ def _in_unit(sign: str, unit: str, samples: list[tuple[float, float]]
     return samples
 
 
-def in_order(recording: Recording) -> Iterator[tuple[float, int, float]]:
-    """Yield time in s, number of the column and value of all samples, in the order of time."""
+def in_order(recording: VitalsRecording) -> Iterator[tuple[float, int, float]]:
+    """Yield time in s, index of the column and value of all samples, in the order of time."""
     merged = [(time_s, place, value) for place, column in enumerate(recording.columns)
               for time_s, value in column.samples]
     yield from sorted(merged, key=lambda each: each[:2])

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is reported of a recording: how long each sign was known, alarms, and which were false."""
+"""Report on a recording: how long each sign was known, alarms, and which were false."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ from statistics import median
 from typing import Any
 from typing import Final
 
-from rt_robot_os.features.health.cli.vitals_file import Recording
-from rt_robot_os.features.health.cli.vitals_run import Course
-from rt_robot_os.features.health.limit_text import Limit
-from rt_robot_os.features.health.limit_text import TrendLimit
-from rt_robot_os.features.health.news2 import score
-from rt_robot_os.features.health.news2_watch import LEVELS_OF_RISK
-from rt_robot_os.features.health.sign_watch import QUALITIES
+from rt_robot_os.features.health.assessment.limits import Limit
+from rt_robot_os.features.health.assessment.limits import TrendLimit
+from rt_robot_os.features.health.assessment.news2 import score
+from rt_robot_os.features.health.assessment.news2_watch import LEVELS_OF_RISK
+from rt_robot_os.features.health.cli.vitals_file import VitalsRecording
+from rt_robot_os.features.health.cli.vitals_run import PlaybackResult
+from rt_robot_os.features.health.vital_signs.sign_watch import QUALITIES
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.messages.signs import SIGNS
 
 _DAY_S: Final = 86_400.0
-# Over at least so long the recording itself is asked whether an alarm was right.
+# Least time before an alarm over which the recording is evaluated to confirm it.
 _WINDOW_S: Final = 120.0
 _NS_PER_S: Final = 1_000_000_000
 
 
 @dataclass
-class Alarm:
+class RecordedAlarm:
     """
-    A cause, from its beginning to its end.
+    A cause, from its start to its end.
 
     :ivar end_s: infinite for one that lasts until the end of the recording.
-    :ivar is_false: the values of the recording do not bear it out.
+    :ivar is_false: the values of the recording do not confirm it.
     """
 
     kind: str
@@ -61,14 +61,14 @@ class Alarm:
 
 
 @dataclass(frozen=True)
-class Asked:
+class EvaluationOptions:
     """
-    What the recording is asked with.
+    Options of the evaluation.
 
     :ivar limits: of the command line.
     :ivar spo2_scale: of the score.
-    :ivar oxygen: l/min that are always given; None: as recorded.
-    :ivar is_well: the person was well: every clinical alarm is false.
+    :ivar oxygen: constant flow in l/min; None: as recorded.
+    :ivar is_well: the person was healthy: every clinical alarm is false.
     """
 
     limits: Sequence[Limit | TrendLimit]
@@ -77,10 +77,10 @@ class Asked:
     is_well: bool
 
 
-def alarms_of(causes: Iterable[tuple[float, Cause]]) -> list[Alarm]:
-    """Put what was told together: an alarm has the worst of its levels."""
-    found: list[Alarm] = []
-    open_ones: dict[tuple[str, str], Alarm] = {}
+def alarms_of(causes: Iterable[tuple[float, Cause]]) -> list[RecordedAlarm]:
+    """Combine reports of causes to alarms; an alarm has the highest of its levels."""
+    found: list[RecordedAlarm] = []
+    open_ones: dict[tuple[str, str], RecordedAlarm] = {}
     for time_s, cause in causes:
         key = cause.kind, cause.subject
         alarm = open_ones.get(key)
@@ -88,7 +88,7 @@ def alarms_of(causes: Iterable[tuple[float, Cause]]) -> list[Alarm]:
             if alarm is not None:
                 open_ones.pop(key).end_s = time_s
         elif alarm is None:
-            open_ones[key] = alarm = Alarm(
+            open_ones[key] = alarm = RecordedAlarm(
                 cause.kind, cause.subject, cause.level, time_s, math.inf, cause.text)
             found.append(alarm)
         elif cause.level > alarm.level:
@@ -96,13 +96,14 @@ def alarms_of(causes: Iterable[tuple[float, Cause]]) -> list[Alarm]:
     return found
 
 
-def report(name: str, recording: Recording, course: Course, asked: Asked) -> dict[str, Any]:
-    """Write down what a recording gave, as an object of JSON."""
+def report(name: str, recording: VitalsRecording, course: PlaybackResult,
+           options: EvaluationOptions) -> dict[str, Any]:
+    """Return the result of a recording as a JSON object."""
     alarms = alarms_of(course.causes)
     clinical = [each for each in alarms if each.level > Level.TECHNICAL]
     technical = [each for each in alarms if each.level == Level.TECHNICAL]
     for each in clinical:
-        each.is_false = asked.is_well or not _is_borne_out(each, recording, asked)
+        each.is_false = options.is_well or not _is_confirmed(each, recording, options)
     days = recording.length_s / _DAY_S
     false = sum(each.is_false for each in clinical)
     return {
@@ -121,7 +122,7 @@ def report(name: str, recording: Recording, course: Course, asked: Asked) -> dic
         'news2': _news2(course.news2, recording.length_s)}
 
 
-def _alarm(alarm: Alarm, length_s: float) -> dict[str, Any]:
+def _alarm(alarm: RecordedAlarm, length_s: float) -> dict[str, Any]:
     ended = alarm.end_s <= length_s
     found = {'kind': alarm.kind, 'subject': alarm.subject, 'level': alarm.level.name.lower(),
              'start_s': round(alarm.start_s, 3), 'end_s': round(alarm.end_s, 3) if ended else None,
@@ -152,12 +153,13 @@ def _news2(steps: Sequence[tuple[float, dict[str, str]]], length_s: float) -> di
             'course': course}
 
 
-def _is_borne_out(alarm: Alarm, recording: Recording, asked: Asked) -> bool:
+def _is_confirmed(alarm: RecordedAlarm, recording: VitalsRecording, options: EvaluationOptions
+                  ) -> bool:
     """
-    Return whether the recording itself says what an alarm says.
+    Return whether the values of the recording confirm an alarm.
 
-    Of each sign the median of all plausible values of the time before the alarm is asked, of any
-    sensor: what a sensor says when it is off is none of them, and a disturbance no median.
+    The median of all plausible values of a sign before the alarm counts, of any sensor. So neither
+    the value of a sensor that is off nor a disturbance counts.
     """
     if alarm.kind == 'consciousness':
         return True
@@ -165,36 +167,37 @@ def _is_borne_out(alarm: Alarm, recording: Recording, asked: Asked) -> bool:
         values: dict[str, float | None] = {
             sign: _median(recording, sign, alarm.start_s - max(
                 _WINDOW_S, SIGNS[sign].stale_s), alarm.start_s, last=True) for sign in SIGNS}
-        if asked.oxygen is not None:
-            values['oxygen_l_per_min'] = asked.oxygen
-        risk = score(values, asked.spo2_scale).least_risk
+        if options.oxygen is not None:
+            values['oxygen_l_per_min'] = options.oxygen
+        risk = score(values, options.spo2_scale).least_risk
         return any(risk >= least for _, least in LEVELS_OF_RISK)
-    return any(_is_beyond(limit, alarm, recording) for limit in asked.limits
+    return any(_is_beyond(limit, alarm, recording) for limit in options.limits
                if limit.kind == alarm.kind)
 
 
-def _is_beyond(limit: Limit | TrendLimit, alarm: Alarm, recording: Recording) -> bool:
+def _is_beyond(limit: Limit | TrendLimit, alarm: RecordedAlarm, recording: VitalsRecording
+               ) -> bool:
     if isinstance(limit, Limit):
         window_s = max(_WINDOW_S, limit.for_ns / _NS_PER_S)
         value = _median(recording, limit.sign, alarm.start_s - window_s, alarm.start_s)
-        return value is not None and limit.is_broken(value, False)
+        return value is not None and limit.is_exceeded(value, False)
     window_s = limit.window_ns / _NS_PER_S
     before, after = (
         _median(recording, limit.sign, alarm.start_s - late * window_s / 3,
                 alarm.start_s - (late - 1) * window_s / 3) for late in (3, 1))
     if before is None or after is None:
         return False
-    # From the middle of the first third to that of the last are two thirds of the window.
+    # The middles of the first and the last third are two thirds of the window apart.
     change = after - before if limit.is_rising else before - after
     return change >= limit.amount / 2
 
 
-def _median(recording: Recording, sign: str, from_s: float, to_s: float, last: bool = False
-            ) -> float | None:
+def _median(recording: VitalsRecording, sign: str, from_s: float, to_s: float,
+            last: bool = False) -> float | None:
     """
-    Return the median of the plausible values of a time; None without one.
+    Return the median of the plausible values of an interval; None without one.
 
-    :param last: only of the last two minutes in which there are any.
+    :param last: only of the last two minutes that have values.
     """
     found = [(time_s, value) for column in recording.columns if column.sign == sign
              for time_s, value in column.samples

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recording through the modules of the robot, on the virtual clock."""
+"""Playback of a recording to the modules of the robot, on the virtual clock."""
 
 from __future__ import annotations
 
@@ -25,11 +25,10 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.health.assessment import Assessment
 from rt_robot_os.features.health.cli.vitals_file import in_order
-from rt_robot_os.features.health.cli.vitals_file import Recording
+from rt_robot_os.features.health.cli.vitals_file import VitalsRecording
 from rt_robot_os.features.health.vital_signs import VitalSigns
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
@@ -42,19 +41,19 @@ from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Subscription
 
 _PERSON: Final = 'person'
-#: Before the first sample, so that modules are there when it comes.
+#: Time before the first sample, so that the modules have started.
 _LEAD_NS: Final = NS_PER_S
 _RATE_HZ: Final = 1.0
-_FEED, _SIGNS, _ASSESS, _HEAR = 60, 39, 30, 10
+_FEED, _SIGNS, _ASSESS, _RECORD = 60, 39, 30, 10
 
 
-class Course(NamedTuple):
+class PlaybackResult(NamedTuple):
     """
-    What the modules made of a recording; times in s from its beginning.
+    Output of the modules; times in s from the start of the recording.
 
-    :ivar causes: each that was told, with its moment.
-    :ivar signs: quality, value and source of each sign, whenever one of them changed.
-    :ivar news2: what the details of the score said, whenever that changed.
+    :ivar causes: all reports of causes, with their times.
+    :ivar signs: quality of each sign, at each change.
+    :ivar news2: values of the score details, at each change.
     :ivar sensors: counters of the sensor of each column.
     """
 
@@ -64,16 +63,16 @@ class Course(NamedTuple):
     sensors: Sequence[dict[str, int]]
 
 
-class _Hearing:
-    """Keeps what is published on a topic."""
+class _TopicRecorder:
+    """Records the messages of a topic."""
 
     def __init__(self, kernel: Kernel, bus: Bus, topic: str, into: list[tuple[float, str]]
                  ) -> None:
         self._read: Subscription = bus.subscribe(topic, 'health', task=kernel.add_task(
-            f'hear {topic}', self._take, priority=_HEAR))
+            f'record {topic}', self._receive, priority=_RECORD))
         self._into = into
 
-    def _take(self) -> None:
+    def _receive(self) -> None:
         while self._read.take():
             self._into.append(((self._read.stamp_ns - _LEAD_NS) / NS_PER_S, self._read.msg.data))
 
@@ -81,7 +80,7 @@ class _Hearing:
 class _Player:
     """Publishes the samples of a recording, each at its time."""
 
-    def __init__(self, kernel: Kernel, bus: Bus, recording: Recording, topics: Sequence[str]
+    def __init__(self, kernel: Kernel, bus: Bus, recording: VitalsRecording, topics: Sequence[str]
                  ) -> None:
         self._kernel = kernel
         for topic in topics:
@@ -89,7 +88,7 @@ class _Player:
         self._publishers = [bus.publisher(topic) for topic in topics]
         self._samples = in_order(recording)
         self._next = next(self._samples, None)
-        # Its rate is for its first job only, which starts the timer.
+        # The rate releases only the first job, which starts the timer.
         self._timer = kernel.timer(kernel.add_task(
             'recording', self._play, priority=_FEED, rate_hz=RATE_MINIMUM_HZ))
 
@@ -107,32 +106,33 @@ class _Player:
         self._start()
 
 
-def play(recording: Recording, vital: Mapping[str, Any], assessment: Mapping[str, Any]) -> Course:
+def play(recording: VitalsRecording, vital: Mapping[str, Any], assessment: Mapping[str, Any]
+         ) -> PlaybackResult:
     """
-    Let the modules read a recording as if it happened now.
+    Run the modules on a recording as if it were live.
 
-    :param vital: settings of ``vital_signs`` other than the defaults.
-    :param assessment: settings of ``assessment`` other than the defaults.
-    :raises ConfigError: a setting cannot be used.
+    :param vital: settings of ``vital_signs`` that are not defaults.
+    :param assessment: settings of ``assessment`` that are not defaults.
+    :raises ConfigError: a setting is invalid, or a module fails.
     """
     kernel = Kernel(VirtualClock())
     bus = Bus(kernel)
     names = _names(recording)
     topics = [f'recording/{name}' for name in names]
-    modules: list[Module] = [
-        VitalSigns('vital_signs', _settings(VitalSigns, {
-            **vital, 'person': _PERSON, 'sources': [
-                f'{column.sign} {topic} as {name}' for column, topic, name in zip(
-                    recording.columns, topics, names)]})),
-        Assessment('assessment', _settings(Assessment, {**assessment, 'person': _PERSON}))]
+    vital_signs = VitalSigns('vital_signs', _settings(VitalSigns, {
+        **vital, 'person': _PERSON, 'sources': [
+            f'{column.sign} {topic} as {name}' for column, topic, name in zip(
+                recording.columns, topics, names)]}))
+    modules: list[Module] = [vital_signs, Assessment('assessment', _settings(
+        Assessment, {**assessment, 'person': _PERSON}))]
     player = _Player(kernel, bus, recording, topics)
-    heard: dict[str, list[tuple[float, str]]] = {}
+    recorded: dict[str, list[tuple[float, str]]] = {}
     for module, priority in zip(modules, (_SIGNS, _ASSESS)):
         module.declare(bus, _RATE_HZ)
         module.bind(bus, kernel.add_task(module.name, module.job, priority=priority,
                                          rate_hz=_RATE_HZ))
     for topic in (CAUSES_TOPIC, f'health/{_PERSON}/signs', f'health/{_PERSON}/news2_details'):
-        _Hearing(kernel, bus, topic, heard.setdefault(topic.rpartition('/')[2], []))
+        _TopicRecorder(kernel, bus, topic, recorded.setdefault(topic.rpartition('/')[2], []))
     for module in modules:
         module.configure()
         module.activate()
@@ -140,15 +140,14 @@ def play(recording: Recording, vital: Mapping[str, Any], assessment: Mapping[str
     if kernel.failures:
         raise ConfigError([f'a module failed, which is a defect of it: {kernel.failures[-1]}'])
     del player
-    vital_signs = modules[0]
-    assert isinstance(vital_signs, VitalSigns)
-    return Course([(time_s, Cause.from_json(text)) for time_s, text in heard['causes']],
-                  _qualities(heard['signs']), _scores(heard['news2_details']),
-                  vital_signs.counters())
+    return PlaybackResult(
+        [(time_s, Cause.from_json(text)) for time_s, text in recorded['causes']],
+        _qualities(recorded['signs']), _scores(recorded['news2_details']),
+        vital_signs.counters())
 
 
-def _names(recording: Recording) -> list[str]:
-    """Return a name for each column that may be part of a topic's."""
+def _names(recording: VitalsRecording) -> list[str]:
+    """Return a name for each column that is valid in a topic's name."""
     found: list[str] = []
     for place, column in enumerate(recording.columns):
         name = re.sub(r'\W', '', column.name, flags=re.ASCII)[:24] or 'column'
@@ -159,14 +158,12 @@ def _names(recording: Recording) -> list[str]:
 
 def _settings(kind: type[Module], given: Mapping[str, Any]) -> dict[str, Any]:
     values = {each.name: each.default for each in kind.fields()}
-    values.update(given)
-    assert REQUIRED not in values.values()
-    return values
+    return {**values, **given}
 
 
-def _qualities(heard: Sequence[tuple[float, str]]) -> dict[str, list[tuple[float, str]]]:
+def _qualities(recorded: Sequence[tuple[float, str]]) -> dict[str, list[tuple[float, str]]]:
     found: dict[str, list[tuple[float, str]]] = {}
-    for time_s, text in heard:
+    for time_s, text in recorded:
         for status in json.loads(text)['status']:
             course = found.setdefault(status['name'].rpartition('/')[2], [])
             quality = status['values']['quality']
@@ -175,9 +172,9 @@ def _qualities(heard: Sequence[tuple[float, str]]) -> dict[str, list[tuple[float
     return found
 
 
-def _scores(heard: Sequence[tuple[float, str]]) -> list[tuple[float, dict[str, str]]]:
+def _scores(recorded: Sequence[tuple[float, str]]) -> list[tuple[float, dict[str, str]]]:
     found: list[tuple[float, dict[str, str]]] = []
-    for time_s, text in heard:
+    for time_s, text in recorded:
         values = json.loads(text)['status'][0]['values']
         if not found or found[-1][1] != values:
             found.append((max(time_s, 0.0), values))

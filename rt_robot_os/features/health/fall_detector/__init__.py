@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Detection of falls of one person, as a module."""
+"""Fall detection of one person."""
 
 from rt_robot_os.features.health.fall_detector.module import FallDetection
 

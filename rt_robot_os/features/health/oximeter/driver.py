@@ -15,13 +15,14 @@
 """
 Pulse oximeters with Nonin's serial data formats 2 and 7.
 
-The device tells each third of a second what it measures, the waveform, and how good that is. A
-number is published only while it is one: what the device marks as missing (511 and 127), what
-cannot be, and what it says while no finger is in it or while it has lost the pulse is counted and
-not published. Of the device's averages those are used that go away at once with the finger, not
-those for its display, which stay for ten seconds.
 
-The stamp is the arrival of the packet; of the waveform's 25 samples it is that of the last.
+The device sends its values, the waveform and their quality three times a second. Only valid
+values are published: those that the device marks as missing (511 and 127), implausible ones, and
+those without a finger or without a pulse are counted and not published. The driver uses the
+averages that end immediately with the finger, not those for the display, which stay for ten
+seconds.
+
+The stamp is the arrival of the packet; it belongs to the last of the 25 samples of the waveform.
 """
 
 from __future__ import annotations
@@ -58,14 +59,14 @@ _SERIAL: Final = {field.name: field for field in serial_settings(
     rates_hz=(wire.PACKETS_PER_S,))}
 _SPO2_OF: Final = {'fast': wire.SPO2_FAST, 'beat': wire.SPO2_BEAT}
 _AVERAGES: Final = {4: (wire.PULSE_4, wire.SPO2_4), 8: (wire.PULSE_8, wire.SPO2_8)}
-# An order is heard only soon after a connection; it is sent again that often.
-_ORDER_NS: Final = NS_PER_S
-# More packets than that are not lost: the device was off, and its counter began anew.
+# Period of repeating the format command; the device accepts it only soon after connecting.
+_COMMAND_NS: Final = NS_PER_S
+# A larger gap is a restart of the device, whose counter starts again.
 _MOST_LOST: Final = 1000
 _WARNINGS: Final = {
-    UNPLUGGED: 'the sensor is not plugged in, or broken',
+    UNPLUGGED: 'the sensor is unplugged or broken',
     OFF: 'no finger in the sensor',
-    LOST: 'it has lost the pulse: warm the finger, keep it still, or try another',
+    LOST: 'no pulse detected: warm the finger, keep it still, or use another',
 }
 
 
@@ -74,27 +75,27 @@ class Oximeter(SerialDevice[OximeterPacket]):
 
     SETTINGS = (
         _SERIAL['port'], _SERIAL['baud'],
-        replace(_SERIAL['topic'], description='Beginning of the names of the topics: '
+        replace(_SERIAL['topic'], description='Prefix of the names of the topics: '
                 'oximeter/pulse_per_min.'),
         _SERIAL['depth'], _SERIAL['output_rate_hz'],
         Field('data_format', int, 7, 'What the device sends: 7 has the waveform in 16 bits, 2 in '
               '8 bits.', choices=tuple(wire.DECODERS)),
-        Field('configure', bool, False, 'Tell the device at opening which data_format to send; '
-              'of an Onyx II 9560, which otherwise sends single measurements.'),
-        Field('average_beats', int, 4, 'Beats of which pulse rate and saturation are the mean.',
-              choices=tuple(_AVERAGES)),
-        Field('spo2', str, 'average', 'Which saturation: average (of average_beats), fast (of 4 '
-              'beats, for those who must know soon) or beat (of each one).',
+        Field('configure', bool, False, 'Send the command for data_format at opening; needed for '
+              'an Onyx II 9560, which otherwise sends single measurements.'),
+        Field('average_beats', int, 4, 'Number of beats over which pulse rate and saturation are '
+              'averaged.', choices=tuple(_AVERAGES)),
+        Field('spo2', str, 'average', 'Which saturation: average (over average_beats), fast (over '
+              '4 beats, with less delay) or beat (of each one).',
               choices=('average', *_SPO2_OF)),
     )
     description = "pulse oximeter with Nonin's data format 2 or 7 (OEM III, Onyx II, WristOx2)"
-    IF_SILENT = ('check that it is switched on (most are as soon as a finger is in them), that '
-                 'the Bluetooth connection stands (rfcomm), and its batteries')
+    IF_SILENT = ('check that it is switched on (most switch on with a finger in them), the '
+                 'Bluetooth connection (rfcomm), and its batteries')
     IF_GARBAGE = ('check the baud rate (9600 of OEM III and Xpod), and data_format; a model that '
                   'sends single measurements (13) or one a second (8) needs configure: true')
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        """Keep the settings; nothing is opened."""
+        """Store the settings; nothing is opened."""
         super().__init__(name, settings, wire.DECODERS[settings['data_format']]())
         self._pulse_at, average = _AVERAGES[settings['average_beats']]
         self._spo2_at = _SPO2_OF.get(settings['spo2'], average)
@@ -108,7 +109,7 @@ class Oximeter(SerialDevice[OximeterPacket]):
         self.restart()
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: pulse rate, saturation, the waveform, and how good it is."""
+        """Return the topics: pulse rate, saturation, waveform and status."""
         s = self.settings
         topic, depth, rate_hz = s['topic'], s['depth'], s['output_rate_hz']
         return (
@@ -121,32 +122,32 @@ class Oximeter(SerialDevice[OximeterPacket]):
         )
 
     def restart(self) -> None:
-        """Forget what the device said before it was opened again."""
+        """Reset the state, as the device is opened again."""
         self._state = SEARCHING
         self._perfusion = ''
         self._battery_low = False
         self._timer = -1
         self._before = 0
-        self._heard = False
-        self._order_ns = 0
+        self._received = False
+        self._command_ns = 0
 
     def write(self, now_ns: int) -> None:
         """
-        Order the format until it comes.
+        Send the format command until packets arrive.
 
-        :raises DeviceError: the device is gone.
+        :raises DeviceError: the device is disconnected.
         """
-        if self.settings['configure'] and not self._heard and now_ns >= self._order_ns:
-            self._order_ns = now_ns + _ORDER_NS
-            self.send(wire.order(self.settings['data_format']))
+        if self.settings['configure'] and not self._received and now_ns >= self._command_ns:
+            self._command_ns = now_ns + _COMMAND_NS
+            self.send(wire.format_command(self.settings['data_format']))
 
     def handle(self, frame: OximeterPacket, arrival_ns: int) -> int:
-        """Use one packet; in the loop."""
-        self._heard = True
+        """Process one packet; in the real-time loop."""
+        self._received = True
         self._count_lost(frame.timer())
         self._firmware = frame.float_byte(wire.FIRMWARE)
         self._battery_low = bool(frame.float_byte(wire.STATUS_2) & wire.BATTERY_LOW)
-        self._state = self._look(frame.statuses)
+        self._state = self._evaluate_status(frame.statuses)
         published = 2
         pulse, spo2 = frame.pulse(self._pulse_at), frame.float_byte(self._spo2_at)
         if self._state in (MEASURING, SEARCHING):
@@ -156,12 +157,12 @@ class Oximeter(SerialDevice[OximeterPacket]):
         pleth, status = self._publishers[2:]
         pleth.fill(memoryview(array('H', frame.pleth())))
         pleth.publish(arrival_ns)
-        status.msg.data = self._told()
+        status.msg.data = self._status_text()
         status.publish(arrival_ns)
         return published
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; contradictions are values that cannot be."""
+        """Return the counters; contradictions are implausible values."""
         warning = _WARNINGS.get(self._state, 'its batteries are low' if self._battery_low else '')
         return self._counters(
             lost_samples=self._lost, contradicted=self._contradicted,
@@ -181,8 +182,8 @@ class Oximeter(SerialDevice[OximeterPacket]):
         publisher.publish(arrival_ns)
         return 1
 
-    def _look(self, statuses: bytes) -> str:
-        """Return what the statuses of a packet mean, and count the pulses that begin in it."""
+    def _evaluate_status(self, statuses: bytes) -> str:
+        """Return the state that a packet shows, and count the pulses that start in it."""
         counts, before, seen = self._counts, self._before, 0
         for status in statuses:
             seen |= status
@@ -213,7 +214,7 @@ class Oximeter(SerialDevice[OximeterPacket]):
         if before >= 0 and lost <= _MOST_LOST:
             self._lost += lost
 
-    def _told(self) -> str:
+    def _status_text(self) -> str:
         parts = [self._state]
         if self._perfusion:
             parts.append(f'perfusion {self._perfusion}')

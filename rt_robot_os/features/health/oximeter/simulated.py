@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-A simulated pulse oximeter: on somebody of the world, or one that plays what a monitor recorded.
+A simulated pulse oximeter: worn by a person of the world, or playing recordings of a monitor.
 
-What it shows comes, the first that there is: from the fault that befalls it, from who wears it
-(``on``), from a recording of numbers (``numerics``) and of a waveform (``wave``), or from its
-settings.
+Its values come from the first of these sources that applies: an injected fault, the wearer
+(``on``), a recording of numbers (``numerics``) and of a waveform (``wave``), its settings.
 """
 
 from __future__ import annotations
@@ -41,28 +40,28 @@ if TYPE_CHECKING:
 _MIDDLE: Final = 32768
 _SWING: Final = 9000.0
 _NOISE: Final = 40.0
-# A device shows what it had for so long after the finger is gone.
+# Time for which the display holds its values after the finger is removed.
 _SHOWN_S: Final = 10.0
-# Artefacts for so long, and it has lost track.
+# Duration of artefacts after which the device is out of track.
 _TRACK_S: Final = 5.0
-# When in a beat the pulse and its echo are highest, how wide, how high.
+# Pulse and dicrotic wave: phase, width and height.
 _PULSE_SHAPE: Final = ((0.2, 0.09, 1.0), (0.52, 0.13, 0.35))
 
 
 class SimulatedOximeter(SimulatedDevice):
-    """A pulse oximeter; it obeys the order for a data format."""
+    """A pulse oximeter; it executes the command for a data format."""
 
     SETTINGS = (
         *common_settings(wire.PACKETS_PER_S, wire.PACKETS_PER_S, OXIMETER_FAULTS),
-        Field('on', str, '', 'Who wears it, one of the people of the world.'),
-        Field('pulse_per_min', float, 68.0, 'Pulse of who wears it; 0: nobody does.', '1/min',
-              0.0, 320.0),
-        Field('spo2_percent', float, 97.0, 'Saturation of who wears it.', '%', 0.0, 100.0),
-        Field('numerics', str, '', 'Numbers of a monitor that it plays: CSV with the columns '
+        Field('on', str, '', 'The wearer, one of the people of the world.'),
+        Field('pulse_per_min', float, 68.0, 'Pulse of the wearer; 0: the device is not worn.',
+              '1/min', 0.0, 320.0),
+        Field('spo2_percent', float, 97.0, 'Saturation of the wearer.', '%', 0.0, 100.0),
+        Field('numerics', str, '', 'Recorded numbers of a monitor to play: CSV with the columns '
               'minute, PULSE (or HR) and SpO2; 0 is a sensor that is off.', is_file=True),
-        Field('wave', str, '', 'Waveform that it plays: header of a WFDB record with a signal '
-              'PLETH; without numerics its pulse is that of the wave.', is_file=True),
-        Field('faster', float, 1.0, 'Numbers go on so many times faster.', '', 1.0, 1000.0),
+        Field('wave', str, '', 'Recorded waveform to play: header of a WFDB record with a signal '
+              'PLETH; without numerics the pulse is that of the wave.', is_file=True),
+        Field('faster', float, 1.0, 'Speed factor of playing the numbers.', '', 1.0, 1000.0),
     )
     BAUD = 9600
     KNOWN_FAULTS = OXIMETER_FAULTS
@@ -71,7 +70,7 @@ class SimulatedOximeter(SimulatedDevice):
         """
         Read the recordings.
 
-        :raises ConfigError: one cannot be read, or nobody of that name is there.
+        :raises ConfigError: one cannot be read, or the wearer does not exist.
         """
         s = self.settings
         try:
@@ -90,7 +89,7 @@ class SimulatedOximeter(SimulatedDevice):
         self._rate_hz = 0.0
 
     def sample(self, time_s: float) -> bytes:
-        """Return one packet, of the third of a second that is over."""
+        """Return one packet, of the last third of a second."""
         floats = self._floats(time_s)
         frames = [self._next(time_s + (number - wire.FRAMES) / wire.FRAMES_PER_S)
                   for number in range(wire.FRAMES)]
@@ -98,9 +97,9 @@ class SimulatedOximeter(SimulatedDevice):
                            [level for level, _ in frames], floats)
 
     def handle_command(self, data: bytes) -> None:
-        """Take the order for a data format."""
+        """Execute the command for a data format."""
         for known in wire.DECODERS:
-            if wire.order(known) in data:
+            if wire.format_command(known) in data:
                 self._format = known
                 self.reply(wire.ACCEPTED)
 
@@ -114,7 +113,7 @@ class SimulatedOximeter(SimulatedDevice):
         return found
 
     def _signs(self, time_s: float) -> tuple[float, float]:
-        """Return pulse and saturation; 0 is none."""
+        """Return pulse and saturation; 0 means no value."""
         if self._person is not None:
             vitals, at_s = self._person.vitals, self._person.time_s
             return vitals.value('pulse_per_min', at_s), vitals.value('spo2_percent', at_s)
@@ -126,7 +125,7 @@ class SimulatedOximeter(SimulatedDevice):
         return pulse, self.settings['spo2_percent']
 
     def _floats(self, time_s: float) -> bytes:
-        """Return the bytes in turn; status and rate for the frames are kept."""
+        """Return the multiplexed bytes; set status and rate of the frames."""
         pulse, spo2 = self._signs(time_s)
         disturbed = self.has_fault('artefact')
         if not disturbed:
@@ -150,7 +149,7 @@ class SimulatedOximeter(SimulatedDevice):
             status_2=wire.BATTERY_LOW if self.has_fault('battery') else 0, displayed=self._shown)
 
     def _next(self, time_s: float) -> tuple[int, int]:
-        """Return the next sample of the wave, and the status with it."""
+        """Return the next sample of the wave, and its status."""
         status = self._status
         if status & wire.NO_FINGER:
             return _MIDDLE, status
@@ -159,7 +158,7 @@ class SimulatedOximeter(SimulatedDevice):
         if self._wave is not None:
             sample, beat = self._wave.at(time_s)
         else:
-            sample, beat = self._made()
+            sample, beat = self._synthetic()
         if beat:
             self._pulse_frames = wire.PULSE_FRAMES
         if self._pulse_frames:
@@ -169,8 +168,8 @@ class SimulatedOximeter(SimulatedDevice):
         level = _MIDDLE + swing * (sample - 0.5) + self.random.gauss(0.0, _NOISE)
         return min(max(round(level), 0), 0xFFFF), status
 
-    def _made(self) -> tuple[float, bool]:
-        """Return the next sample of a made-up wave, 0 to 1, and whether a beat begins."""
+    def _synthetic(self) -> tuple[float, bool]:
+        """Return the next sample of a synthetic wave, 0 to 1, and whether a beat starts."""
         phase = self._phase + self._rate_hz / wire.FRAMES_PER_S
         beat = phase >= 1.0
         self._phase = phase = phase % 1.0

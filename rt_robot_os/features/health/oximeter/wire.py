@@ -15,9 +15,9 @@
 """
 Nonin's serial data formats 2 and 7: a pulse oximeter's waveform, rates and saturations.
 
-In the maker's words a *frame* is five bytes, 75 a second, and a *packet* 25 frames: status,
-waveform, and one byte in turn of what does not fit into every frame. The first frame of a packet
-has the bit SYNC. Format 2 has the waveform in 8 bits::
+In the manual's terms a *frame* is five bytes, 75 a second, and a *packet* 25 frames: status,
+waveform, and one multiplexed byte of further values. The first frame of a packet has the bit
+SYNC. Format 2 has the waveform in 8 bits::
 
     01  STATUS  PLETH      FLOAT  CHK
 
@@ -25,9 +25,9 @@ and format 7 in 16::
 
     STATUS  PLETH high  PLETH low  FLOAT  CHK
 
-CHK is the low byte of the sum of the four before it. That is little for five bytes, so a whole
-packet is what counts here: 25 frames that touch, each with its checksum, SYNC in the first and in
-no other. Nothing is made of parts of one: a third of a second is lost at worst.
+CHK is the low byte of the sum of the four bytes before it. That is a weak checksum, so the decoder
+accepts only whole packets: 25 adjacent frames, each with its checksum, SYNC in the first and in
+no other. An incomplete packet is dropped: at most a third of a second is lost.
 """
 
 from __future__ import annotations
@@ -50,15 +50,15 @@ PACKETS_PER_S: Final = 3.0
 
 #: Always set in a status.
 ALWAYS: Final = 0x80
-#: The sensor is not plugged in, or broken; reserved in models whose sensor cannot be taken off.
+#: The sensor is unplugged or broken; reserved in models with a fixed sensor.
 DISCONNECTED: Final = 0x40
 #: This pulse is an artefact; set while the pulse lasts.
 ARTEFACT: Final = 0x20
-#: No good pulses one after the other: artefacts for some time.
+#: No consecutive good pulses: artefacts for some time.
 OUT_OF_TRACK: Final = 0x10
-#: What the sensor gives cannot be used: no finger in it.
+#: The signal cannot be used: no finger in the sensor.
 NO_FINGER: Final = 0x08
-#: Strength of the pulse, set for 12 frames with each: 1 good, 2 poor or none, 3 marginal.
+#: Strength of the pulse, set for 12 frames of each: 1 good, 2 poor or none, 3 marginal.
 PERFUSION: Final = 0x06
 SYNC: Final = 0x01
 
@@ -66,7 +66,7 @@ PERFUSIONS: Final[Mapping[int, str]] = {2: 'good', 4: 'poor', 6: 'marginal'}
 GOOD, POOR, MARGINAL = 2, 4, 6
 PULSE_FRAMES: Final = 12
 
-# ---- the byte in turn: which frame of a packet has what ----------------------------------------
+# ---- the multiplexed byte, by its frame --------------------------------------------------------
 
 PULSE_4: Final = 0
 SPO2_4: Final = 2
@@ -83,20 +83,20 @@ PULSE_4_DISPLAYED: Final = 19
 PULSE_8_DISPLAYED: Final = 21
 
 BATTERY_LOW: Final = 0x01
-#: Of the second status: the device's own judgement that this is a good measurement.
+#: Bit of the second status: the device rates the measurement as good.
 SMARTPOINT: Final = 0x20
 
 #: The device has no value.
 NO_PULSE: Final = 511
 NO_SPO2: Final = 127
-#: The counter of packets goes round.
+#: Modulus of the packet counter.
 TIMER_TURN: Final = 1 << 14
 
-# ---- orders: the host tells an Onyx II (model 9560) which format it wants ----------------------
+# ---- commands: select the format of an Onyx II (model 9560) ------------------------------------
 
 ACCEPTED: Final = b'\x06'
 REFUSED: Final = b'\x15'
-ORDER_SIZE: Final = 6
+COMMAND_SIZE: Final = 6
 
 _SYNCS: Final = bytes(range(ALWAYS | SYNC, 0x100, 2))
 
@@ -106,7 +106,7 @@ class OximeterPacket(NamedTuple):
     One valid packet.
 
     :ivar data: its 125 bytes.
-    :ivar status_at: where in each frame the status is: 0 in format 7, 1 in format 2.
+    :ivar status_at: index of the status in each frame: 0 in format 7, 1 in format 2.
     :ivar end: index just after its last byte in the chunk that completed it.
     """
 
@@ -116,7 +116,7 @@ class OximeterPacket(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Return how many bytes it has."""
+        """Return the number of bytes."""
         return len(self.data)
 
     @property
@@ -132,11 +132,11 @@ class OximeterPacket(NamedTuple):
         return [high << 8 | each for high, each in zip(self.data[1::FRAME_SIZE], low)]
 
     def float_byte(self, frame: int) -> int:
-        """Return the byte in turn of a frame, 0 to 24; seven bits of it count."""
+        """Return the multiplexed byte of a frame, 0 to 24; it has seven bits."""
         return self.data[frame * FRAME_SIZE + 3] & 0x7F
 
     def pulse(self, frame: int) -> int:
-        """Return a pulse rate a minute, 0 to 511; 511 is none."""
+        """Return a pulse rate a minute, 0 to 511; 511 means no value."""
         return (self.float_byte(frame) & 0x03) << 7 | self.float_byte(frame + 1)
 
     def timer(self) -> int:
@@ -145,14 +145,14 @@ class OximeterPacket(NamedTuple):
 
 
 class _PacketDecoder(FrameDecoder[OximeterPacket]):
-    """Find whole packets in a stream of bytes; safe in the loop, keeps at most 124 bytes."""
+    """Find whole packets in a byte stream; safe in the loop, stores at most 124 bytes."""
 
     SHORTEST = FRAME_SIZE
     LONGEST = PACKET_SIZE
     STATUS_AT: ClassVar[int]
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Return where a packet ends whose first frame is good."""
+        """Return the end of a packet with a valid first frame."""
         if sum(buffer[at:at + 4]) & 0xFF != buffer[at + 4]:
             return 0
         status = buffer[at + self.STATUS_AT]
@@ -188,12 +188,12 @@ DECODERS: Final[Mapping[int, type[_PacketDecoder]]] = {7: Format7Decoder, 2: For
 
 
 def is_format_7(data: bytes) -> bool:
-    """Return whether some bytes hold a packet of data format 7."""
+    """Return whether bytes contain a packet of data format 7."""
     return bool(Format7Decoder().feed(data))
 
 
 def is_format_2(data: bytes) -> bool:
-    """Return whether some bytes hold a packet of data format 2."""
+    """Return whether bytes contain a packet of data format 2."""
     return bool(Format2Decoder().feed(data))
 
 
@@ -204,7 +204,7 @@ def frame(data_format: int, status: int, pleth: int, float_byte: int) -> bytes:
     Make one frame.
 
     :param pleth: the sample, 0 to 65535; format 2 sends its high byte.
-    :raises ValueError: it is out of range.
+    :raises ValueError: the sample is out of range.
     """
     status |= ALWAYS
     if data_format == 2:
@@ -217,9 +217,9 @@ def frame(data_format: int, status: int, pleth: int, float_byte: int) -> bytes:
 def float_bytes(pulse_per_min: int, spo2_percent: int, *, timer: int = 0, status_2: int = 0,
                 firmware: int = 0x2A, displayed: tuple[int, int] | None = None) -> bytes:
     """
-    Make the 25 bytes in turn of one packet, all averages alike.
+    Make the 25 multiplexed bytes of one packet, with equal averages.
 
-    :param displayed: pulse and saturation as the device shows them, where they are others.
+    :param displayed: pulse and saturation of the display; None: the same.
     """
     found = bytearray(FRAMES)
     shown = displayed or (pulse_per_min, spo2_percent)
@@ -243,6 +243,6 @@ def packet(data_format: int, statuses: Sequence[int], pleth: Sequence[int],
             zip(statuses, pleth, floats, strict=True)))
 
 
-def order(data_format: int) -> bytes:
-    """Make the order that selects a data format; the device answers with one byte."""
+def format_command(data_format: int) -> bytes:
+    """Make the command that selects a data format; the device answers with one byte."""
     return bytes((0x02, 0x70, 0x02, 0x02, data_format, 0x03))

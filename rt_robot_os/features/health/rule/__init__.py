@@ -13,8 +13,8 @@
 # limitations under the License.
 
 
-"""Rules of a user's own, which report causes of alarms."""
+"""Rules of the user that report causes of alarms."""
 
-from rt_robot_os.features.health.rule.module import Rule
+from rt_robot_os.features.health.rule.module import RuleModule
 
-__all__ = ['Rule']
+__all__ = ['RuleModule']

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The fields that a rule is about, on the topics of a robot: checks, units and readers."""
+"""The fields of a rule on the topics of a robot: checks and units."""
 
 from __future__ import annotations
 
@@ -24,33 +24,33 @@ from typing import Final
 
 from rt_robot_os.base.errors import LayoutError
 from rt_robot_os.base.schema import TopicSpec
-from rt_robot_os.features.health.rule_terms import Compare
-from rt_robot_os.features.health.rule_terms import Condition
-from rt_robot_os.features.health.rule_terms import conditions_of
-from rt_robot_os.features.health.rule_terms import mapped
-from rt_robot_os.features.health.rule_terms import Moved
-from rt_robot_os.features.health.rule_terms import Number
-from rt_robot_os.features.health.rule_terms import Ref
-from rt_robot_os.features.health.rule_terms import Rule
-from rt_robot_os.features.health.rule_terms import Silent
-from rt_robot_os.features.health.rule_terms import Text
-from rt_robot_os.features.health.rule_units import converted
-from rt_robot_os.features.health.rule_units import unit_of
-from rt_robot_os.features.health.rule_words import RuleError
+from rt_robot_os.features.health.rule.terms import Compare
+from rt_robot_os.features.health.rule.terms import Condition
+from rt_robot_os.features.health.rule.terms import conditions_of
+from rt_robot_os.features.health.rule.terms import mapped
+from rt_robot_os.features.health.rule.terms import Moved
+from rt_robot_os.features.health.rule.terms import Number
+from rt_robot_os.features.health.rule.terms import Ref
+from rt_robot_os.features.health.rule.terms import Rule
+from rt_robot_os.features.health.rule.terms import Silent
+from rt_robot_os.features.health.rule.terms import Text
+from rt_robot_os.features.health.rule.tokens import RuleError
+from rt_robot_os.features.health.rule.units import converted
+from rt_robot_os.features.health.rule.units import unit_of
 from rt_robot_os.topics import Layout
 from rt_robot_os.topics.field_path import field_reader
 
 _ORDER: Final = ('<', '<=', '>', '>=')
 
 
-def lines_of(key: str, error: RuleError) -> list[str]:
-    """Write an error of a rule for people, each line with the key that it is about."""
+def error_lines(key: str, error: RuleError) -> list[str]:
+    """Return the lines of an error of a rule, each with the key."""
     return [f'{key}: {line}' for line in error.lines()]
 
 
 def checked(key: str, text: str, rule: Rule, ref: Ref) -> Callable[[TopicSpec], Iterator[str]]:
     """
-    Make the check of a field against the declaration of its topic.
+    Return the check of a field against the declaration of its topic.
 
     :param key: of the rule, such as ``smoke.when``.
     :param text: of the rule.
@@ -59,15 +59,15 @@ def checked(key: str, text: str, rule: Rule, ref: Ref) -> Callable[[TopicSpec], 
         try:
             layout = Layout.compile(spec.message, spec.fixed, tail=spec.tail)
         except LayoutError:
-            return  # told where it is declared
+            return  # reported where the topic is declared
         problem = problem_of(rule, ref, spec.topic, layout)
         if problem:
-            yield from lines_of(key, RuleError(problem, text, ref.span))
+            yield from error_lines(key, RuleError(problem, text, ref.span))
     return check
 
 
 def problem_of(rule: Rule, ref: Ref, topic: str, layout: Layout) -> str:
-    """Say what is wrong with the use of a field; empty when nothing is."""
+    """Return the problem with the use of a field; empty without one."""
     uses = [each for each in conditions_of(rule) if ref in _refs(each)]
     if not ref.path and all(isinstance(each, Silent) for each in uses):
         return ''
@@ -78,11 +78,11 @@ def problem_of(rule: Rule, ref: Ref, topic: str, layout: Layout) -> str:
     unit = '' if is_text else unit_of(topic, layout.type_name, ref.path)
     for each in uses:
         if is_text and not _suits_text(each):
-            return (f'{topic}.{ref.path} is a text: it can be compared with == and != and a text '
-                    "in quotes, and it begins with 'one', or has changed")
+            return (f'{topic}.{ref.path} is a string: only == and != with a quoted string, begins '
+                    'with and changed within apply')
         if not is_text and isinstance(each, Compare) and (
                 isinstance(each.right, Text) and each.left == ref):
-            return f'{topic}.{ref.path} is a number: compare it with one, without quotes'
+            return f'{topic}.{ref.path} is a number: compare it with a number, without quotes'
         for number in _numbers(each):
             try:
                 converted(number.value, number.unit, unit)
@@ -114,10 +114,10 @@ def _numbers(term: Condition) -> list[Number]:
 
 def bound(rule: Rule, star: str, layouts: Callable[[str], Layout]) -> Rule:
     """
-    Return a rule without stars, with its numbers in the units of their fields.
+    Return a rule without stars, its numbers converted to the units of their fields.
 
-    :param star: what the star stands for.
-    :param layouts: gives the layout of a topic.
+    :param star: replacement of the star.
+    :param layouts: returns the layout of a topic.
     """
     def in_units(term: Condition) -> Condition:
         ref = term.left if isinstance(term, Compare) else term.ref

@@ -14,10 +14,11 @@
 
 
 """
-A rule of a user's own: while it is true, it is the cause of an alarm.
+A rule of the user: while it is true, it is the cause of an alarm.
 
-The text is read, and its topics and fields are checked, with the rest of the configuration. What a
-rule means is in :mod:`rt_robot_os.features.health.rule_state`; here are topics, times and words.
+The rule is parsed, and its topics and fields are checked, with the rest of the configuration.
+:mod:`rt_robot_os.features.health.rule.evaluation` evaluates it; this module reads the topics and
+reports the causes.
 """
 
 from __future__ import annotations
@@ -34,17 +35,17 @@ from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.base.schema import STAR
 from rt_robot_os.base.schema import TopicRead
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.health.rule.evaluation import RuleState
+from rt_robot_os.features.health.rule.evaluation import Transition
 from rt_robot_os.features.health.rule.fields import checked
-from rt_robot_os.features.health.rule.fields import lines_of
-from rt_robot_os.features.health.rule.watched import bound_rules
-from rt_robot_os.features.health.rule.watched import WatchedRules
-from rt_robot_os.features.health.rule_state import RuleState
-from rt_robot_os.features.health.rule_state import Transition
-from rt_robot_os.features.health.rule_terms import conditions_of
-from rt_robot_os.features.health.rule_terms import refs_of
-from rt_robot_os.features.health.rule_terms import Silent
-from rt_robot_os.features.health.rule_text import read_rule
-from rt_robot_os.features.health.rule_text import RuleError
+from rt_robot_os.features.health.rule.fields import error_lines
+from rt_robot_os.features.health.rule.parser import read_rule
+from rt_robot_os.features.health.rule.parser import RuleError
+from rt_robot_os.features.health.rule.rule_set import bind_rules
+from rt_robot_os.features.health.rule.rule_set import RuleSet
+from rt_robot_os.features.health.rule.terms import conditions_of
+from rt_robot_os.features.health.rule.terms import refs_of
+from rt_robot_os.features.health.rule.terms import Silent
 from rt_robot_os.kernel import Task
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import check_kind
@@ -55,18 +56,18 @@ from rt_robot_os.modules.cause_reports import CAUSES_OUTPUT
 from rt_robot_os.modules.wake_up import WakeUp
 from rt_robot_os.topics import Bus
 
-# Rules of one section that have lines of their own in the diagnostics.
+# Largest number of rules of a section with their own lines in the diagnostics.
 _LINES: Final = 16
 _MOST_RULES: Final = 256
 _LONGEST_S: Final = 31 * 86_400.0
 _LONGEST_SUBJECT: Final = 64
-_BLIND: Final = 'rate_hz is 0: silence is noticed only after something came; leave rate_hz out'
+_BLIND: Final = 'rate_hz is 0: silence is detected only after a message; remove rate_hz'
 
 
-class Rule(Module):
-    """Report a cause while a rule is true; its topics release it, and the times in it."""
+class RuleModule(Module):
+    """Report a cause while a rule is true; released by its topics and its deadlines."""
 
-    # It looks by itself for the first time: a topic that never says anything is to be noticed.
+    # The first release must not need a message, so that a topic without any is detected.
     RATE_HZ = 1.0
 
     causes = CAUSES_OUTPUT
@@ -74,45 +75,45 @@ class Rule(Module):
     SETTINGS = (
         Field('when', str, REQUIRED, "The rule: 'wsn/kitchen/smoke.data > 0.5 for 3 s'; see the "
               'page on rules'),
-        Field('kind', str, REQUIRED, 'What it is: smoke, water_leak, a word of small letters, '
-              'digits and _'),
-        Field('subject', str, REQUIRED, 'Whom or what it concerns: a person, a room, a device; '
-              f'{STAR}: what the {STAR} in the rule stands for, each by itself'),
-        Field('level', str, 'warning', 'How much it matters', choices=tuple(LEVELS)),
-        Field('text', str, '', 'For people; {name} is what the star stands for, {value} the '
-              'number that the first field of the rule has. Empty: kind and subject'),
-        Field('node', str, '', 'The sensor node that reports it, so that a robot finds the place; '
-              f'{STAR}: what the star stands for'),
-        Field('position_m', list, [], 'Where it is in the map, x and y, when no node says it; '
-              'empty: nobody knows', 'm', -1e6, 1e6, item=float),
-        Field('clear_s', float, 0.0, 'It is over when the rule was false for so long', 's', 0.0,
+        Field('kind', str, REQUIRED, 'Kind of the cause: smoke, water_leak, a word of lower case '
+              'letters, digits and _'),
+        Field('subject', str, REQUIRED, 'Subject of the cause: a person, a room, a device; '
+              f'{STAR}: the name that the {STAR} in the rule stands for, one cause each'),
+        Field('level', str, 'warning', 'Level of the cause', choices=tuple(LEVELS)),
+        Field('text', str, '', 'Text for people; {name} is the name that the star stands for, '
+              '{value} the number of the first field of the rule. Empty: kind and subject'),
+        Field('node', str, '', 'The sensor node of the cause, so that a robot finds the place; '
+              f'{STAR}: the name that the star stands for'),
+        Field('position_m', list, [], 'Position in the map, x and y, if no node has it; '
+              'empty: unknown', 'm', -1e6, 1e6, item=float),
+        Field('clear_s', float, 0.0, 'Time for which the rule must be false before the cause '
+              'ends', 's', 0.0, _LONGEST_S),
+        Field('stale_s', float, 0.0, 'Age at which a value becomes unknown: the cause then stays '
+              'as it is, and durations restart. 0: a value holds until the next', 's', 0.0,
               _LONGEST_S),
-        Field('stale_s', float, 0.0, 'Age at which a value is not known any more: then the cause '
-              'stays as it is, and nothing that has to last goes on. 0: a value holds until the '
-              'next', 's', 0.0, _LONGEST_S),
     )
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Read the rule.
+        Parse the rule.
 
-        :raises ConfigError: it is none, or a setting does not go with it.
+        :raises ConfigError: it is not valid, or a setting does not fit it.
         """
         super().__init__(name, settings)
         self._text = ' '.join(settings['when'].split())
         try:
             self._rule = read_rule(self._text)
         except RuleError as error:
-            raise ConfigError(lines_of(f'{name}.when', error)) from None
+            raise ConfigError(error_lines(f'{name}.when', error)) from None
         self._starred = any(STAR in ref.topic for ref in refs_of(self._rule))
         problems = _problems(name, settings, self._starred)
         if problems:
             raise ConfigError(problems)
         self._level = LEVELS[settings['level']]
-        self._watched: WatchedRules | None = None
+        self._watched: RuleSet | None = None
         self._reports: CauseReports | None = None
         self._wake_up = WakeUp(None, None)
-        self._begun = False
+        self._started = False
         self._began = 0
         self._since_ns: dict[str, int] = {}
 
@@ -128,17 +129,17 @@ class Rule(Module):
         """
         Connect the topics.
 
-        :raises ConfigError: a topic, or a field, is not there.
+        :raises ConfigError: a topic or a field does not exist.
         """
         super().bind(bus, task)
         layouts = {topic.name: topic.layout for topic in bus.topics}
-        rules = bound_rules(f'{self.name}.when', self._text, self._rule, layouts)
+        rules = bind_rules(f'{self.name}.when', self._text, self._rule, layouts)
         if len(rules) > _MOST_RULES:
-            raise ConfigError([f'{self.name}.when: {STAR} stands for {len(rules)} names, it may '
-                               f'be {_MOST_RULES}: write several rules'])
+            raise ConfigError([f'{self.name}.when: {STAR} stands for {len(rules)} names, at most '
+                               f'{_MOST_RULES}: write several rules'])
         clear_ns, stale_ns = (round(self.settings[key] * NS_PER_S) for key in (
             'clear_s', 'stale_s'))
-        self._watched = WatchedRules(
+        self._watched = RuleSet(
             {name: RuleState(rule, stale_ns, clear_ns) for name, rule in rules.items()},
             lambda topic: bus.subscribe(topic, self.name, task=task))
 
@@ -150,30 +151,30 @@ class Rule(Module):
         self._wake_up = WakeUp(self.kernel, self.task)
 
     def step(self) -> None:
-        """Take what came, judge, report."""
+        """Process new samples and deadlines, and report transitions."""
         watched, reports = self._watched, self._reports
         if watched is None or reports is None:
             return
         now_ns = self.causes.topic.kernel.now_ns()
-        if not self._begun:
-            self._begun = True
-            watched.begin(self.job_ns)
+        if not self._started:
+            self._started = True
+            watched.start(self.job_ns)
         for name, transition in watched.step(now_ns):
-            self._tell(name, transition, reports, watched)
+            self._report(name, transition, reports, watched)
         reports.refresh(now_ns)
         self._wake_up.no_later_than(min(watched.due_ns(), reports.due_ns))
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell how the rule is understood, and how it is."""
+        """Return the parsed rule and its state."""
         watched, reports = self._watched, self._reports
         if watched is None or reports is None:
             return {}
         lines = {}
         for name, state in list(watched.states.items())[:_LINES]:
-            values = ', '.join(f'{ref} {_shown(value)}' for ref, value in zip(
+            values = ', '.join(f'{ref} {_value_text(value)}' for ref, value in zip(
                 state.refs, state.last_values()) if ref.path)
             key = f'state_{name}' if name else 'state'
-            lines[key] = ': '.join(filter(None, (_word(state), values)))
+            lines[key] = ': '.join(filter(None, (_state_text(state), values)))
         active = [name for name, state in watched.states.items() if state.active]
         blind = not self.period_ns and any(
             isinstance(each, Silent) for each in conditions_of(self._rule))
@@ -183,8 +184,8 @@ class Rule(Module):
 
     # ---- work --------------------------------------------------------------------------------
 
-    def _tell(self, name: str, transition: Transition, reports: CauseReports,
-              watched: WatchedRules) -> None:
+    def _report(self, name: str, transition: Transition, reports: CauseReports,
+                watched: RuleSet) -> None:
         each = self.settings['subject'] == STAR
         if transition.active:
             self._began += 1
@@ -192,7 +193,7 @@ class Rule(Module):
         else:
             self._since_ns.pop(name, None)
         if not each and self._since_ns:
-            # Any of them is enough: the one that has been true for longest is named.
+            # One cause for all of them: it names the one that has been true for longest.
             first = min(self._since_ns, key=lambda one: (self._since_ns[one], one))
             reports.report(self._cause(first, watched.states[first]), transition.time_ns)
         else:
@@ -211,30 +212,30 @@ class Rule(Module):
 
 
 def _problems(name: str, settings: Mapping[str, Any], starred: bool) -> list[str]:
-    """Say what is wrong with the settings besides the rule."""
+    """Return the problems of the settings other than the rule."""
     problems = []
     try:
         check_kind(settings['kind'])
     except ValueError as error:
         problems.append(f'{name}.kind: {error}')
     if not settings['subject'].strip() or len(settings['subject']) > _LONGEST_SUBJECT:
-        problems.append(f'{name}.subject must have 1 to {_LONGEST_SUBJECT} letters')
-    problems += [f'{name}.{key} is {STAR}, but there is none in the rule: write a name'
+        problems.append(f'{name}.subject must have 1 to {_LONGEST_SUBJECT} characters')
+    problems += [f'{name}.{key} is {STAR}, but the rule has none: write a name'
                  for key in ('subject', 'node') if settings[key] == STAR and not starred]
     if not starred and '{name}' in settings['text']:
-        problems.append(f'{name}.text has {{name}}, but there is no {STAR} in the rule')
+        problems.append(f'{name}.text has {{name}}, but the rule has no {STAR}')
     if len(settings['position_m']) not in (0, 2):
         problems.append(f'{name}.position_m must be x and y, such as [3.0, 1.5], or empty')
     return problems
 
 
-def _shown(value: float | str | None) -> str:
+def _value_text(value: float | str | None) -> str:
     if value is None:
-        return 'never heard'
+        return 'no message'
     return repr(value[:40]) if isinstance(value, str) else f'{value:.6g}'
 
 
-def _word(state: RuleState) -> str:
+def _state_text(state: RuleState) -> str:
     if state.active and not state.known:
-        return 'true, kept'
-    return {True: 'true', False: 'false', None: 'not known'}[state.known]
+        return 'true, inputs stale'
+    return {True: 'true', False: 'false', None: 'unknown'}[state.known]

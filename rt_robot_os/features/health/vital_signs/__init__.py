@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The vital signs of a person, of all the sensors that there are."""
+"""Vital signs of a person, combined from several sensors."""
 
 from rt_robot_os.features.health.vital_signs.module import VitalSigns
 

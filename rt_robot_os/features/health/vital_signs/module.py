@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-The vital signs of a person, of all the sensors that there are.
+Vital signs of a person, combined from several sensors.
 
-Of each sign the best sensor that has a value counts. What a module publishes of a sign is a value
-that somebody can have, with the moment when it was measured; how good it is, how old, and whose,
-is on the topic ``signs``.
+Of each sign the most preferred sensor with a value counts. The topic of a sign has plausible
+values with the time of their measurement; the topic ``signs`` has their quality, age and source.
 """
 
 from __future__ import annotations
@@ -31,19 +30,19 @@ from typing import Final
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.health.sensor_source import IMPLAUSIBLE
-from rt_robot_os.features.health.sensor_source import SensorSource
-from rt_robot_os.features.health.sign_watch import GOOD
-from rt_robot_os.features.health.sign_watch import MISSING
-from rt_robot_os.features.health.sign_watch import Reading
-from rt_robot_os.features.health.sign_watch import SignWatch
-from rt_robot_os.features.health.sign_watch import STALE
+from rt_robot_os.features.health.vital_signs.sensor import IMPLAUSIBLE
+from rt_robot_os.features.health.vital_signs.sensor import SignSensor
 from rt_robot_os.features.health.vital_signs.settings import check_rate
 from rt_robot_os.features.health.vital_signs.settings import checked_person
+from rt_robot_os.features.health.vital_signs.settings import parse_sources
+from rt_robot_os.features.health.vital_signs.settings import parse_timeouts
+from rt_robot_os.features.health.vital_signs.settings import SensorSpec
 from rt_robot_os.features.health.vital_signs.settings import SETTINGS
-from rt_robot_os.features.health.vital_signs.settings import sources_of
-from rt_robot_os.features.health.vital_signs.settings import SourceText
-from rt_robot_os.features.health.vital_signs.settings import times_of
+from rt_robot_os.features.health.vital_signs.sign_watch import GOOD
+from rt_robot_os.features.health.vital_signs.sign_watch import MISSING
+from rt_robot_os.features.health.vital_signs.sign_watch import SignReading
+from rt_robot_os.features.health.vital_signs.sign_watch import SignWatch
+from rt_robot_os.features.health.vital_signs.sign_watch import STALE
 from rt_robot_os.kernel import Task
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
@@ -59,7 +58,7 @@ from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
 from rt_robot_os.topics.ports import Input
 
-#: How the topic of all signs is called, behind the person's name.
+#: Topic of all signs of a person.
 SIGNS_TOPIC: Final = 'health/{}/signs'
 _STRING: Final = 'std_msgs/msg/String'
 _SIGNS_BYTES: Final = 6000
@@ -71,7 +70,7 @@ SENSOR_IMPLAUSIBLE: Final = 'sensor_implausible'
 
 
 class VitalSigns(Module):
-    """Publish the vital signs of one person, and tell when a sensor is off."""
+    """Publish the vital signs of one person, and report sensors that are off."""
 
     causes = CAUSES_OUTPUT
 
@@ -79,14 +78,14 @@ class VitalSigns(Module):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Read which sensors there are.
+        Parse the sensors.
 
-        :raises ConfigError: a text cannot be read.
+        :raises ConfigError: a setting cannot be parsed.
         """
         super().__init__(name, settings)
         self._person = checked_person(name, settings)
-        self._texts = sources_of(name, settings)
-        self._times = times_of(name, settings)
+        self._texts = parse_sources(name, settings)
+        self._times = parse_timeouts(name, settings)
         self._watches: dict[str, SignWatch] = {}
         self._readers: dict[str, list[tuple[Callable[[], float], SignWatch, int]]] = {}
         self._outputs: dict[str, Callable[[float, int], None]] = {}
@@ -102,7 +101,7 @@ class VitalSigns(Module):
                 for sensors in self._texts.values() for each in sensors}
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return a topic for each sign, that of all of them, and that of the causes."""
+        """Return a topic for each sign, one for all of them, and that of the causes."""
         return (*(TopicSpec(
             self._topic_of(sign), QUANTITIES[sign].message,
             {} if QUANTITIES[sign].message == FLOAT else {'header.frame_id': self._person})
@@ -111,7 +110,7 @@ class VitalSigns(Module):
             *super().publications())
 
     def bind(self, bus: Bus, task: Task) -> None:
-        """Connect what the settings list."""
+        """Connect the topics of the settings."""
         super().bind(bus, task)
         self._signs = bus.publisher(SIGNS_TOPIC.format(self._person), task)
         self._outputs = {sign: _writer(bus.publisher(self._topic_of(sign), task),
@@ -121,18 +120,17 @@ class VitalSigns(Module):
 
     def configure(self) -> None:
         """
-        Prepare the sensors; silence counts from here.
+        Prepare the sensors; their timeouts start here.
 
-        :raises ConfigError: it has no rate, so that nothing would release it in a silence.
+        :raises ConfigError: the module has no rate, so no timeout would release it.
         """
         check_rate(self.name, self.period_ns)
-        assert self.kernel is not None
-        now_ns = self.kernel.now_ns()
+        now_ns = self._signs.topic.kernel.now_ns()
         self._reports = CauseReports(self.causes, self.name)
         self._wake_up = WakeUp(self.kernel, self.task)
         for sign, sensors in self._texts.items():
             watch = SignWatch(SIGNS[sign], [
-                SensorSource(SIGNS[sign], each.name, self._times[sign], now_ns)
+                SignSensor(SIGNS[sign], each.name, self._times[sign], now_ns)
                 for each in sensors])
             self._watches[sign] = watch
             for place, each in enumerate(sensors):
@@ -141,17 +139,17 @@ class VitalSigns(Module):
         self._time_ns, self._next_ns = now_ns, now_ns
 
     def step(self) -> None:
-        """Take what came, in the order in which it was measured, and let time pass."""
+        """Process new samples in the order of their stamps, and deadlines."""
         now_ns = self._signs.topic.kernel.now_ns()
         is_news = False
         for stamp_ns, value, watch, place in self._arrived(now_ns):
             is_news |= self._advance(stamp_ns - 1)
             self._time_ns = max(self._time_ns, stamp_ns)
-            watch.take(place, value, stamp_ns)
+            watch.update(place, value, stamp_ns)
             is_news = True
         is_news |= self._advance(now_ns)
         if now_ns >= self._next_ns:
-            # On whole seconds, whenever the module comes to run.
+            # On whole seconds, whenever the module is released.
             self._time_ns = max(self._time_ns, now_ns - now_ns % _ROUND_NS)
             self._next_ns = now_ns - now_ns % _ROUND_NS + _ROUND_NS
             is_news = True
@@ -161,7 +159,7 @@ class VitalSigns(Module):
         self._wake_up.no_later_than(min(self._next_ns, self._due_ns(), self._reports.due_ns))
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell what came of each sensor, and which are off."""
+        """Return counters of the sensors, and which are off."""
         found: dict[str, Any] = {'person': self._person, 'warning': '; '.join(
             f'{self._name(watch, source)} is {source.trouble}'
             for watch, source in self._all() if source.trouble)}
@@ -170,7 +168,7 @@ class VitalSigns(Module):
                 'readings_lost': sum(read.lost for read in self.listed.values())}
 
     def counters(self) -> list[dict[str, int]]:
-        """Return what came of each sensor: by sign, and within one as the settings list them."""
+        """Return counters of each sensor: by sign, and within one as the settings list them."""
         return [{name: getattr(source, name) for name in _COUNTERS} for _, source in self._all()]
 
     # ---- work --------------------------------------------------------------------------------
@@ -178,15 +176,15 @@ class VitalSigns(Module):
     def _topic_of(self, sign: str) -> str:
         return f'health/{self._person}/{sign}'
 
-    def _all(self) -> list[tuple[SignWatch, SensorSource]]:
+    def _all(self) -> list[tuple[SignWatch, SignSensor]]:
         return [(watch, source) for watch in self._watches.values() for source in watch.sources]
 
     @staticmethod
-    def _name(watch: SignWatch, source: SensorSource) -> str:
+    def _name(watch: SignWatch, source: SignSensor) -> str:
         return f'{watch.sign.title} of {source.name}'
 
     def _arrived(self, now_ns: int) -> list[tuple[int, float, SignWatch, int]]:
-        """Return what came, by the moment when it was measured."""
+        """Return the new samples, by their stamps."""
         found = []
         for topic, read in self.listed.items():
             readers = self._readers[topic]
@@ -200,22 +198,22 @@ class VitalSigns(Module):
         return min(watch.due_ns for watch in self._watches.values())
 
     def _advance(self, until_ns: int) -> bool:
-        """Let deadlines pass, each at its own time; return whether there was one."""
+        """Process the deadlines until a time, in order; return whether there was one."""
         passed = False
         while (due_ns := self._due_ns()) <= until_ns:
             self._time_ns = max(self._time_ns, int(due_ns))
             for watch in self._watches.values():
                 was_contradicted = watch.is_contradicted
                 for source, _ in watch.advance(int(due_ns)):
-                    self._tell_of(source.name, int(due_ns))
+                    self._report_sensor(source.name, int(due_ns))
                 if watch.is_contradicted != was_contradicted:
-                    self._tell_contradiction(watch, int(due_ns))
+                    self._report_contradiction(watch, int(due_ns))
             passed = True
         return passed
 
-    def _tell_of(self, name: str, stamp_ns: int) -> None:
-        """Tell how a sensor is, all signs of it together."""
-        troubles: dict[str, list[tuple[SignWatch, SensorSource]]] = {
+    def _report_sensor(self, name: str, stamp_ns: int) -> None:
+        """Report the state of a sensor, with all its signs."""
+        troubles: dict[str, list[tuple[SignWatch, SignSensor]]] = {
             SENSOR_OFF: [], SENSOR_IMPLAUSIBLE: []}
         for watch, source in self._all():
             if source.name == name and source.trouble:
@@ -229,7 +227,7 @@ class VitalSigns(Module):
             self._reports.report(Cause(kind, name, Level.TECHNICAL, text=(
                 f'{name} of {self._person} measures nothing: {what}'), node=name), stamp_ns)
 
-    def _tell_contradiction(self, watch: SignWatch, stamp_ns: int) -> None:
+    def _report_contradiction(self, watch: SignWatch, stamp_ns: int) -> None:
         names = ' and '.join(source.name for source in watch.sources)
         self._reports.report(Cause(
             SENSOR_IMPLAUSIBLE, f'{self._person} {watch.sign.title}', Level.TECHNICAL,
@@ -247,8 +245,8 @@ class VitalSigns(Module):
         self._signs.publish(time_ns)
 
 
-def signs_text(person: str, readings: Mapping[str, Reading], time_ns: int) -> str:
-    """Write signs as a DiagnosticArray in JSON; safe in the real-time loop."""
+def signs_text(person: str, readings: Mapping[str, SignReading], time_ns: int) -> str:
+    """Return signs as a DiagnosticArray in JSON; safe in the real-time loop."""
     status = []
     for name, reading in readings.items():
         sign = SIGNS[name]
@@ -276,8 +274,8 @@ def _writer(publisher: Publisher, field: str) -> Callable[[float, int], None]:
     return write
 
 
-def _reader(name: str, source: SourceText, read: Subscription) -> Callable[[], float]:
-    """Return what gets the number out of the message that was taken."""
+def _reader(name: str, source: SensorSpec, read: Subscription) -> Callable[[], float]:
+    """Return a function that reads the number of the newest message."""
     kind = read.topic.layout.type_name
     by_type = {each.message: each.field for each in QUANTITIES.values()}
     *inner, last = (source.field or by_type.get(kind, 'data')).split('.')

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Where a person is, and whether they have not moved, stay or are away for too long."""
+"""Position of a person, and alarms when they do not move, stay or are away for too long."""
 
 from rt_robot_os.features.health.whereabouts.module import Whereabouts
 

@@ -14,10 +14,10 @@
 
 
 """
-Where a person is, and whether they have not moved, stay or are away for too long.
+Position of a person, and alarms when they do not move, stay or are away for too long.
 
-What is known of places and movements is in :mod:`rt_robot_os.features.health.place` and
-:mod:`rt_robot_os.features.health.activity`; here are topics, the order of samples, and words.
+The position is estimated in :mod:`.place_estimate`, and the durations are measured in
+:mod:`.activity`; this module reads the topics in the order of their stamps and reports causes.
 """
 
 from __future__ import annotations
@@ -34,28 +34,28 @@ from typing import Final
 from rt_robot_os.base.schema import TopicRead
 from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.health.activity import Activity
-from rt_robot_os.features.health.activity import Finding
-from rt_robot_os.features.health.activity import LEFT_HOME
-from rt_robot_os.features.health.activity import NO_MOVEMENT
-from rt_robot_os.features.health.activity import WANDERING
-from rt_robot_os.features.health.place import PlaceEstimate
-from rt_robot_os.features.health.place import Rooms
-from rt_robot_os.features.health.place import Sighting
+from rt_robot_os.features.health.rule.evaluation import RuleState
 from rt_robot_os.features.health.rule.fields import checked
-from rt_robot_os.features.health.rule.watched import bound_rules
-from rt_robot_os.features.health.rule.watched import SETTLING_NS
-from rt_robot_os.features.health.rule.watched import WatchedRules
-from rt_robot_os.features.health.rule_state import RuleState
-from rt_robot_os.features.health.rule_terms import refs_of
+from rt_robot_os.features.health.rule.rule_set import bind_rules
+from rt_robot_os.features.health.rule.rule_set import RuleSet
+from rt_robot_os.features.health.rule.rule_set import SETTLING_NS
+from rt_robot_os.features.health.rule.terms import refs_of
 from rt_robot_os.features.health.vital_signs.settings import checked_person
-from rt_robot_os.features.health.whereabouts.senses import Senses
-from rt_robot_os.features.health.whereabouts.senses import taking
+from rt_robot_os.features.health.whereabouts.activity import Activity
+from rt_robot_os.features.health.whereabouts.activity import ActivityChange
+from rt_robot_os.features.health.whereabouts.activity import LEFT_HOME
+from rt_robot_os.features.health.whereabouts.activity import NO_MOVEMENT
+from rt_robot_os.features.health.whereabouts.activity import WANDERING
+from rt_robot_os.features.health.whereabouts.place_estimate import PlaceEstimate
+from rt_robot_os.features.health.whereabouts.place_estimate import Rooms
+from rt_robot_os.features.health.whereabouts.place_estimate import Sighting
 from rt_robot_os.features.health.whereabouts.settings import check_names
 from rt_robot_os.features.health.whereabouts.settings import limits_from
 from rt_robot_os.features.health.whereabouts.settings import movement_from
 from rt_robot_os.features.health.whereabouts.settings import rooms_from
 from rt_robot_os.features.health.whereabouts.settings import SETTINGS
+from rt_robot_os.features.health.whereabouts.sightings import field_values
+from rt_robot_os.features.health.whereabouts.sightings import SightingInputs
 from rt_robot_os.features.wsn.sensor_packets import survey_from
 from rt_robot_os.kernel import Task
 from rt_robot_os.messages.cause import Cause
@@ -71,21 +71,21 @@ from rt_robot_os.topics import Subscription
 from rt_robot_os.topics.ports import Input
 
 PLACE_TOPIC: Final = 'health/{}/place'
-#: The same without what the robot saw; the robot looks for the person round this.
+#: The same without the sightings of the robot, which searches the person around it.
 BY_NODES_TOPIC: Final = 'health/{}/place_by_nodes'
 DETAILS_TOPIC: Final = 'health/{}/place_details'
 _POSE: Final = 'geometry_msgs/msg/PoseStamped'
 _DETAILS_BYTES: Final = 600
-_TOLD_NS: Final = 5 * NS_PER_S
+_REPEAT_NS: Final = 5 * NS_PER_S
 _OK, _STALE = 0, 3
 
 Values = Callable[[], tuple[float, ...]]
-Handler = Callable[[tuple[float, ...], int], list[Finding]]
-_Event = tuple[int, int, Callable[[int], list[Finding]]]
+Handler = Callable[[tuple[float, ...], int], list[ActivityChange]]
+_Event = tuple[int, int, Callable[[int], list[ActivityChange]]]
 
 
 class Whereabouts(Module):
-    """Tell where one person is; report when they have not moved, or are away, for too long."""
+    """Publish the position of one person; report when they do not move or are away too long."""
 
     RATE_HZ = 1.0
 
@@ -98,9 +98,9 @@ class Whereabouts(Module):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Read the settings.
+        Parse the settings.
 
-        :raises ConfigError: with what cannot be used.
+        :raises ConfigError: with every problem.
         """
         super().__init__(name, settings)
         self._person = checked_person(name, settings)
@@ -118,19 +118,19 @@ class Whereabouts(Module):
             self._nearest_topic = f'{settings["prefix"]}/{worn.token}/nearest_node'
         self._worn_sensor = bool(
             self._nearest_topic or self._movement or settings['pose_topic'])
-        self._senses = Senses(settings, self._place, self._survey, worn.id if worn else -1)
-        self._watched: WatchedRules | None = None
+        self._inputs = SightingInputs(settings, self._place, self._survey, worn.id if worn else -1)
+        self._watched: RuleSet | None = None
         self._reports: CauseReports | None = None
         self._wake_up = WakeUp(None, None)
-        self._told: Sighting | None = None
-        self._told_by_nodes: Sighting | None = None
-        self._told_ns = -_TOLD_NS
-        self._begun = self._has_network = False
+        self._published: Sighting | None = None
+        self._published_by_nodes: Sighting | None = None
+        self._published_ns = -_REPEAT_NS
+        self._started = self._has_network = False
 
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic."""
+        """Return whether a port has a topic."""
         return bool(self.topic_of(attribute))
 
     def listed_inputs(self) -> Mapping[str, Input]:
@@ -141,20 +141,20 @@ class Whereabouts(Module):
             for node in self._survey if 'presence' in node.quantities}
         if self._nearest_topic:
             found['nearest'] = Input(self._nearest_topic, wake=True, message=FLOAT)
-        # Without wake: two people look at each other.
+        # Without wake: two such modules read each other.
         found |= {f'other {name}': Input(PLACE_TOPIC.format(name), message=_POSE)
                   for name in self.settings['others']}
         return found
 
     def reads(self) -> tuple[TopicRead, ...]:
-        """Return what is read, with what the rules of movement read."""
+        """Return the topics that are read, those of the movement rules included."""
         return (*super().reads(), *(
             TopicRead(ref.topic, wake=True, key='movement', check=checked(
                 f'{self.name}.movement', text, rule, ref))
             for text, rule in self._movement.items() for ref in refs_of(rule)))
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return the place, its details, where nodes say it is, and the causes."""
+        """Return the topics of the position, of its details, and of the causes."""
         on_map = {'header.frame_id': 'map'}
         by_nodes = (TopicSpec(BY_NODES_TOPIC.format(self._person), _POSE, on_map),)
         return (TopicSpec(PLACE_TOPIC.format(self._person), _POSE, on_map),
@@ -166,13 +166,13 @@ class Whereabouts(Module):
         """
         Connect the topics.
 
-        :raises ConfigError: a rule of movement is about what is not there.
+        :raises ConfigError: a topic or field of a movement rule does not exist.
         """
         super().bind(bus, task)
         layouts = {topic.name: topic.layout for topic in bus.topics}
-        self._watched = WatchedRules({
+        self._watched = RuleSet({
             f'{text} {star}': RuleState(rule) for text, written in self._movement.items()
-            for star, rule in bound_rules(
+            for star, rule in bind_rules(
                 f'{self.name}.movement', text, written, layouts).items()},
             lambda topic: bus.subscribe(topic, self.name, task=task))
         self._out = bus.publisher(PLACE_TOPIC.format(self._person), task)
@@ -193,25 +193,25 @@ class Whereabouts(Module):
         self._has_network = self.connected('network')
 
     def step(self) -> None:
-        """Take what came in the order of its stamps, and let time pass between."""
+        """Process new samples in the order of their stamps, and deadlines."""
         watched, reports = self._watched, self._reports
         if watched is None or reports is None:
             return
         now_ns = self.causes.topic.kernel.now_ns()
-        if not self._begun:
-            self._begun = True
-            watched.begin(self.job_ns)
+        if not self._started:
+            self._started = True
+            watched.start(self.job_ns)
         for stamp_ns, _, take in self._events(watched, now_ns):
-            self._report(self._activity.pass_time(stamp_ns), reports)
+            self._report(self._activity.advance(stamp_ns), reports)
             self._report(take(stamp_ns), reports)
-        self._report(self._activity.pass_time(now_ns - SETTLING_NS), reports)
+        self._report(self._activity.advance(now_ns - SETTLING_NS), reports)
         self._publish(now_ns)
         reports.refresh(now_ns)
         self._wake_up.no_later_than(min(
             watched.due_ns(), self._activity.due_ns + SETTLING_NS, reports.due_ns))
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell where the person is, and since when they have not moved."""
+        """Return the position, and the time without movement."""
         if self._reports is None:
             return {}
         now_ns = self.causes.topic.kernel.now_ns()
@@ -225,28 +225,29 @@ class Whereabouts(Module):
     # ---- samples -----------------------------------------------------------------------------
 
     def _all_feeds(self) -> list[tuple[Subscription, Values, Handler]]:
-        """Return each subscription, what its samples hold, and what is done with that."""
+        """Return each subscription, the reader of its samples, and their handler."""
         found: list[tuple[Subscription, Values, Handler]] = []
-        senses, nodes = self._senses, {node.token: node for node in self._survey}
+        inputs, nodes = self._inputs, {node.token: node for node in self._survey}
         for key, read in self.listed.items():
             what, _, name = key.partition(' ')
             if what == 'other':
-                found.append((read, taking(read, 'pose.position'),
+                found.append((read, field_values(read, 'pose.position'),
                               functools.partial(self._other, name)))
                 continue
-            sense = senses.nearest if what == 'nearest' else functools.partial(
-                senses.presence, nodes[name])
-            # Who wears something is watched by that: the rooms say nothing of who is still.
-            found.append((read, taking(read, 'data'), functools.partial(
-                self._sense, sense, what == 'nearest' or not self._worn_sensor)))
+            update = inputs.nearest if what == 'nearest' else functools.partial(
+                inputs.presence, nodes[name])
+            # With a worn sensor only that detects stillness; sensors of rooms do not.
+            found.append((read, field_values(read, 'data'), functools.partial(
+                self._handle, update, what == 'nearest' or not self._worn_sensor)))
         if self.connected('pose'):
-            found.append((self.pose, taking(self.pose, 'pose.position'),
-                          functools.partial(self._sense, senses.pose, True)))
+            found.append((self.pose, field_values(self.pose, 'pose.position'),
+                          functools.partial(self._handle, inputs.pose, True)))
         if self.connected('seen'):
-            found.append((self.seen, taking(self.seen, 'pose.position'), self._seen_by_robot))
+            found.append(
+                (self.seen, field_values(self.seen, 'pose.position'), self._seen_by_robot))
         return found
 
-    def _events(self, watched: WatchedRules, now_ns: int) -> list[_Event]:
+    def _events(self, watched: RuleSet, now_ns: int) -> list[_Event]:
         found: list[_Event] = []
         for read, values, handle in self._feeds:
             while read.take():
@@ -256,51 +257,53 @@ class Whereabouts(Module):
             rows = list(self.network.msg.data)
             found.append((min(self.network.stamp_ns, now_ns), len(found),
                           functools.partial(self._network, rows)))
-        heard_ns = watched.heard_ns
+        received_ns = watched.received_ns
         transitions = list(watched.step(now_ns))
-        if watched.heard_ns > heard_ns:
-            found.append((watched.heard_ns, len(found), self._heard))
+        if watched.received_ns > received_ns:
+            found.append((watched.received_ns, len(found), self._on_rule_sample))
         for name, transition in transitions:
             found.append((transition.time_ns, len(found), functools.partial(
-                self._activity.moving, name, transition.active)))
+                self._activity.on_lasting_movement, name, transition.active)))
         found.sort(key=lambda event: event[:2])
         return found
 
-    def _sense(self, sense: Callable[[tuple[float, ...], int], tuple[bool, bool]],
-               personal: bool, values: tuple[float, ...], stamp_ns: int) -> list[Finding]:
-        seen, moved = sense(values, stamp_ns)
+    def _handle(self, update: Callable[[tuple[float, ...], int], tuple[bool, bool]],
+                personal: bool, values: tuple[float, ...], stamp_ns: int
+                ) -> list[ActivityChange]:
+        seen, moved = update(values, stamp_ns)
         if personal:
-            self._activity.heard(stamp_ns)
+            self._activity.on_sensor_packet(stamp_ns)
         else:
-            self._activity.home_heard(stamp_ns)
+            self._activity.on_home_packet(stamp_ns)
         found = self._seen(stamp_ns) if seen else []
-        return found + self._activity.moved(stamp_ns) if moved else found
+        return found + self._activity.on_movement(stamp_ns) if moved else found
 
-    def _heard(self, stamp_ns: int) -> list[Finding]:
-        self._activity.heard(stamp_ns)
+    def _on_rule_sample(self, stamp_ns: int) -> list[ActivityChange]:
+        self._activity.on_sensor_packet(stamp_ns)
         return []
 
-    def _network(self, rows: list[float], stamp_ns: int) -> list[Finding]:
-        return self._seen(stamp_ns) if self._senses.network(rows, stamp_ns) else []
+    def _network(self, rows: list[float], stamp_ns: int) -> list[ActivityChange]:
+        return self._seen(stamp_ns) if self._inputs.network(rows, stamp_ns) else []
 
-    def _other(self, name: str, values: tuple[float, ...], stamp_ns: int) -> list[Finding]:
-        self._senses.other(name, values, stamp_ns)
+    def _other(self, name: str, values: tuple[float, ...], stamp_ns: int) -> list[ActivityChange]:
+        self._inputs.other(name, values, stamp_ns)
         return []
 
-    def _seen_by_robot(self, values: tuple[float, ...], stamp_ns: int) -> list[Finding]:
-        self._senses.seen(values, stamp_ns)
+    def _seen_by_robot(self, values: tuple[float, ...], stamp_ns: int) -> list[ActivityChange]:
+        self._inputs.seen(values, stamp_ns)
         return []
 
-    def _seen(self, stamp_ns: int) -> list[Finding]:
+    def _seen(self, stamp_ns: int) -> list[ActivityChange]:
         best = self._place.best(stamp_ns)
         if best is None:
             return []
-        return self._activity.seen(self._rooms.at(best.x, best.y),
-                                   bool({best.node, self._senses.latest} & self._exits), stamp_ns)
+        return self._activity.on_sighting(
+            self._rooms.at(best.x, best.y), bool({best.node, self._inputs.latest} & self._exits),
+            stamp_ns)
 
     # ---- words -------------------------------------------------------------------------------
 
-    def _report(self, findings: Iterable[Finding], reports: CauseReports) -> None:
+    def _report(self, findings: Iterable[ActivityChange], reports: CauseReports) -> None:
         for finding in findings:
             s, best = self.settings, self._place.best(finding.stamp_ns)
             level = {NO_MOVEMENT: s['still_level'], WANDERING: s['stay_level'],
@@ -308,10 +311,10 @@ class Whereabouts(Module):
             x, y, node = (best.x, best.y, best.node) if best else (math.nan, math.nan, '')
             reports.report(Cause(
                 finding.kind, self._person, LEVELS[level], finding.active,
-                self._words(finding), node=node, x=x, y=y,
+                self._text(finding), node=node, x=x, y=y,
                 value=(finding.stamp_ns - finding.since_ns) / NS_PER_S), finding.stamp_ns)
 
-    def _words(self, finding: Finding) -> str:
+    def _text(self, finding: ActivityChange) -> str:
         who, room = self._person, self._activity.room
         length = _length((finding.stamp_ns - finding.since_ns) // NS_PER_S)
         if not finding.active:
@@ -325,16 +328,16 @@ class Whereabouts(Module):
 
     def _publish(self, now_ns: int) -> None:
         best = self._place.best(now_ns)
-        if best is not None and best != self._told:
+        if best is not None and best != self._published:
             position = self._out.msg.pose.position
             position.x, position.y = best.x, best.y
             self._out.publish(best.stamp_ns)
         self._publish_by_nodes(now_ns)
-        told = self._told
-        changed = (best and best[:5]) != (told and told[:5])
-        self._told = best
-        if changed or now_ns - self._told_ns >= _TOLD_NS:
-            self._told_ns = now_ns
+        published = self._published
+        changed = (best and best[:5]) != (published and published[:5])
+        self._published = best
+        if changed or now_ns - self._published_ns >= _REPEAT_NS:
+            self._published_ns = now_ns
             self._details.msg.data = _details(
                 self._person, best, self._rooms.at(best.x, best.y) if best else '',
                 self._activity.moved_ns, now_ns)
@@ -345,14 +348,14 @@ class Whereabouts(Module):
         if out is None:
             return
         by_nodes = self._place.by_nodes(now_ns)
-        if by_nodes is not None and by_nodes != self._told_by_nodes:
-            self._told_by_nodes = by_nodes
+        if by_nodes is not None and by_nodes != self._published_by_nodes:
+            self._published_by_nodes = by_nodes
             out.msg.pose.position.x, out.msg.pose.position.y = by_nodes.x, by_nodes.y
             out.publish(by_nodes.stamp_ns)
 
 
 def _details(person: str, best: Sighting | None, room: str, moved_ns: int, now_ns: int) -> str:
-    """Write where somebody is as a DiagnosticArray in JSON."""
+    """Return a position as a DiagnosticArray in JSON."""
     values = {'room': room}
     if moved_ns >= 0:
         values['still_s'] = f'{max(0, now_ns - moved_ns) / NS_PER_S:.0f}'

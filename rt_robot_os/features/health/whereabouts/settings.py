@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The settings of a person's whereabouts, and what is read out of them."""
+"""Settings of the module whereabouts, and their parsers."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from rt_robot_os.base.schema import Field
 from rt_robot_os.base.schema import REQUIRED
 from rt_robot_os.base.schema import STAR
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.health.activity import ActivityLimits
-from rt_robot_os.features.health.activity import OUTSIDE
 from rt_robot_os.features.health.duration import duration_ns
-from rt_robot_os.features.health.place import Room
-from rt_robot_os.features.health.place import room_of
-from rt_robot_os.features.health.rule.fields import lines_of
-from rt_robot_os.features.health.rule_terms import Rule
-from rt_robot_os.features.health.rule_text import read_rule
-from rt_robot_os.features.health.rule_text import RuleError
+from rt_robot_os.features.health.rule.fields import error_lines
+from rt_robot_os.features.health.rule.parser import read_rule
+from rt_robot_os.features.health.rule.parser import RuleError
+from rt_robot_os.features.health.rule.terms import Rule
+from rt_robot_os.features.health.whereabouts.activity import ActivityLimits
+from rt_robot_os.features.health.whereabouts.activity import OUTSIDE
+from rt_robot_os.features.health.whereabouts.place_estimate import Room
+from rt_robot_os.features.health.whereabouts.place_estimate import room_of
 from rt_robot_os.features.wsn.sensor_packets import PACKET_SETTINGS
 from rt_robot_os.messages.cause import LEVELS
 from rt_robot_os.messages.survey import SurveyedNode
@@ -43,52 +43,51 @@ from rt_robot_os.messages.survey import SurveyedNode
 _LONGEST_S: Final = 31 * 86_400.0
 
 SETTINGS: Final = (
-    Field('person', str, REQUIRED, 'Who; part of the names of topics'),
+    Field('person', str, REQUIRED, 'Pseudonym of the person; part of the names of topics'),
     *(each for each in PACKET_SETTINGS if each.name in ('nodes_file', 'nodes')),
-    Field('prefix', str, 'wsn', 'Beginning of the topics of readings, as of sensor_readings'),
-    Field('pose_topic', str, '', 'Where a localisation of ROS says the person is, a '
-          'geometry_msgs/msg/PoseStamped in the map; empty: there is none'),
-    Field('pose_uncertainty_m', float, 0.5, 'How far off that is', 'm', 0.01, 100.0),
-    Field('seen_topic', str, '', 'Where the robot sees the person, such as health/anna/seen of a '
-          'person_finder, a geometry_msgs/msg/PoseStamped in the map; empty: there is none'),
-    Field('seen_uncertainty_m', float, 0.5, 'How far off that is', 'm', 0.01, 100.0),
-    Field('network_topic', str, '', 'The model of the sensor network, such as wsn/nodes: where '
-          'the worn node is, or whom it sends to; empty: not used'),
-    Field('others', list, [], 'Other people who have a module of this type: what a sensor of '
-          'presence sees may be one of them'),
-    Field('node_uncertainty_m', float, 3.0, 'How far a person is from the node that the worn one '
-          'hears best', 'm', 0.1, 100.0),
-    Field('presence_range_m', float, 5.0, 'How far sensors of presence see', 'm', 0.1, 100.0),
-    Field('timeout_s', float, 900.0, 'Age at which a place is not known any more', 's', 1.0,
+    Field('prefix', str, 'wsn', 'Prefix of the topics of readings, as in sensor_readings'),
+    Field('pose_topic', str, '', 'Position of the person from a localisation in ROS, a '
+          'geometry_msgs/msg/PoseStamped in the map; empty: none'),
+    Field('pose_uncertainty_m', float, 0.5, 'Its standard deviation', 'm', 0.01, 100.0),
+    Field('seen_topic', str, '', 'Sightings by the robot, such as health/anna/seen of a '
+          'person_finder, a geometry_msgs/msg/PoseStamped in the map; empty: none'),
+    Field('seen_uncertainty_m', float, 0.5, 'Their standard deviation', 'm', 0.01, 100.0),
+    Field('network_topic', str, '', 'Topic of the network model, such as wsn/nodes, with the '
+          'position or the parent of the worn node; empty: not used'),
+    Field('others', list, [], 'Other people with a module of this type, whom a presence sensor '
+          'may detect instead'),
+    Field('node_uncertainty_m', float, 3.0, 'Distance of a person from the node that the worn '
+          'node receives best', 'm', 0.1, 100.0),
+    Field('presence_range_m', float, 5.0, 'Range of presence sensors', 'm', 0.1, 100.0),
+    Field('timeout_s', float, 900.0, 'Age at which a position becomes unknown', 's', 1.0,
           _LONGEST_S),
     Field('rooms', list, [], "Rooms, 'kitchen 0 0 3.5 4': a name and two corners in m; of "
-          f'several the smallest that has the person counts. {OUTSIDE} is not the home'),
-    Field('movement', list, [], 'Rules: while one of them is true the person moves, such as '
-          "'wsn/anna/acceleration_g.data moves 0.1 within 10 s'; a change of place, and presence, "
-          'always count'),
-    Field('still_s', float, 0.0, 'No movement for so long is a cause; 0: never', 's', 0.0,
+          f'overlapping ones the smallest counts. {OUTSIDE} is not the home'),
+    Field('movement', list, [], 'Rules that detect a movement of the person while they are true, '
+          "such as 'wsn/anna/acceleration_g.data moves 0.1 within 10 s'; a change of position, "
+          'and presence, always count'),
+    Field('still_s', float, 0.0, 'Time without movement that is a cause; 0: never', 's', 0.0,
           _LONGEST_S),
     Field('still', list, [], "The same by room, 'bed 12 h'"),
-    Field('still_level', str, 'urgent', 'How much that matters', choices=tuple(LEVELS)),
-    Field('stay', list, [], "So long in a room is a cause, 'bath 1 h'"),
-    Field('stay_level', str, 'warning', 'How much that matters', choices=tuple(LEVELS)),
-    Field('exits', list, [], 'Nodes at ways out: who is seen there last, and then no more, has '
-          'left'),
-    Field('away_s', float, 0.0, 'Having left for so long is a cause; 0: never', 's', 0.0,
+    Field('still_level', str, 'urgent', 'Level of that cause', choices=tuple(LEVELS)),
+    Field('stay', list, [], "Time in a room that is a cause, 'bath 1 h'"),
+    Field('stay_level', str, 'warning', 'Level of that cause', choices=tuple(LEVELS)),
+    Field('exits', list, [], 'Nodes at exits: a person who is seen there last has left'),
+    Field('away_s', float, 0.0, 'Time after leaving that is a cause; 0: never', 's', 0.0,
           _LONGEST_S),
-    Field('away_level', str, 'urgent', 'How much that matters, and being outside for too long',
+    Field('away_level', str, 'urgent', 'Level of that cause, and of being outside for too long',
           choices=tuple(LEVELS)),
-    Field('blind_s', float, 600.0, 'Silence of all sensors after which nothing is known, so that '
-          'nothing is a cause', 's', 1.0, _LONGEST_S),
+    Field('blind_s', float, 600.0, 'Time without any sample after which the state is unknown, so '
+          'that no cause starts', 's', 1.0, _LONGEST_S),
 )
 
 
 def rooms_from(name: str, settings: Mapping[str, Any]) -> list[Room]:
     """
-    Read the rooms.
+    Parse the rooms.
 
     :param name: of the module, for errors.
-    :raises ConfigError: with all that are none.
+    :raises ConfigError: with all that are not valid.
     """
     found, problems = [], []
     for text in settings['rooms']:
@@ -103,9 +102,9 @@ def rooms_from(name: str, settings: Mapping[str, Any]) -> list[Room]:
 
 def limits_from(name: str, settings: Mapping[str, Any], rooms: Iterable[Room]) -> ActivityLimits:
     """
-    Read how long is too long.
+    Parse the limits of the durations.
 
-    :raises ConfigError: with all texts that cannot be read.
+    :raises ConfigError: with every problem.
     """
     known = {room.name for room in rooms}
     problems: list[str] = []
@@ -115,8 +114,8 @@ def limits_from(name: str, settings: Mapping[str, Any], rooms: Iterable[Room]) -
             room, _, length = text.strip().partition(' ')
             try:
                 if room not in known:
-                    raise ValueError(f'{room[:40]!r} is none of the rooms, '
-                                     f'{", ".join(sorted(known)) or "of which there are none"}')
+                    raise ValueError(f'unknown room {room[:40]!r}, must be one of the setting '
+                                     f'rooms: {", ".join(sorted(known)) or "it is empty"}')
                 times[room] = duration_ns(length)
             except ValueError as error:
                 problems.append(f'{name}.{key}: {error}; write a room and a time, bed 12 h')
@@ -129,33 +128,33 @@ def limits_from(name: str, settings: Mapping[str, Any], rooms: Iterable[Room]) -
 
 def movement_from(name: str, settings: Mapping[str, Any]) -> dict[str, Rule]:
     """
-    Read the rules that say that somebody moves, by their text.
+    Parse the rules that detect a movement, by their text.
 
-    :raises ConfigError: one of them is none.
+    :raises ConfigError: one of them is not valid.
     """
     found = {}
     for text in settings['movement']:
         try:
             found[' '.join(text.split())] = read_rule(' '.join(text.split()))
         except RuleError as error:
-            raise ConfigError(lines_of(f'{name}.movement', error)) from None
+            raise ConfigError(error_lines(f'{name}.movement', error)) from None
     return found
 
 
 def check_names(name: str, settings: Mapping[str, Any], survey: Iterable[SurveyedNode]) -> None:
     """
-    Look at names of nodes and people.
+    Check the names of nodes and people.
 
-    :raises ConfigError: with all that are none.
+    :raises ConfigError: with all that do not exist.
     """
     nodes = {node.token for node in survey}
-    problems = [f'{name}.exits: {each[:40]!r} is none of the nodes, {", ".join(sorted(nodes))}'
+    problems = [f'{name}.exits: unknown node {each[:40]!r}, only {", ".join(sorted(nodes))}'
                 for each in settings['exits'] if each not in nodes]
     if settings['person'] in settings['others']:
-        problems.append(f'{name}.others has {settings["person"]}, who is the person: take it out')
+        problems.append(f'{name}.others contains person {settings["person"]}: remove it')
     if settings['away_s'] and not settings['exits']:
-        problems.append(f'{name}.away_s: name the nodes at the ways out in exits')
+        problems.append(f'{name}.away_s: name the nodes at the exits in exits')
     if STAR in settings['prefix']:
-        problems.append(f'{name}.prefix: there may be no {STAR}')
+        problems.append(f'{name}.prefix: must not contain {STAR}')
     if problems:
         raise ConfigError(problems)

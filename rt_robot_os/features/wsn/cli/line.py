@@ -33,9 +33,9 @@ from typing import Final
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.wsn.cli.heard import FORWARDER
-from rt_robot_os.features.wsn.cli.heard import Heard
-from rt_robot_os.features.wsn.cli.heard import SERIAL
+from rt_robot_os.features.wsn.cli.captured_packet import FORWARDER
+from rt_robot_os.features.wsn.cli.captured_packet import Heard
+from rt_robot_os.features.wsn.cli.captured_packet import SERIAL
 from rt_robot_os.features.wsn.packets.decode import AUTO
 from rt_robot_os.features.wsn.packets.forwarder import forwarder_address
 from rt_robot_os.features.wsn.packets.forwarder import ForwarderClient

@@ -21,7 +21,7 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.safe_text import safe_line
-from rt_robot_os.features.wsn.cli.heard import Heard
+from rt_robot_os.features.wsn.cli.captured_packet import Heard
 from rt_robot_os.features.wsn.packets.decode import Packet
 from rt_robot_os.features.wsn.packets.multihop_lqi import NO_PARENT
 from rt_robot_os.features.wsn.packets.multihop_lqi import NO_ROUTE_HOPS

@@ -37,9 +37,9 @@ import zlib
 
 from rt_robot_os.base.errors import RecordingError
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.wsn.cli.heard import AIR
-from rt_robot_os.features.wsn.cli.heard import Heard
-from rt_robot_os.features.wsn.cli.heard import SERIAL
+from rt_robot_os.features.wsn.cli.captured_packet import AIR
+from rt_robot_os.features.wsn.cli.captured_packet import Heard
+from rt_robot_os.features.wsn.cli.captured_packet import SERIAL
 from rt_robot_os.features.wsn.packets.framing import FrameReader
 from rt_robot_os.features.wsn.packets.framing import read_content
 from rt_robot_os.features.wsn.packets.ieee802154 import fcs

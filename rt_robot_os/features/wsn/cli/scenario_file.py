@@ -35,9 +35,9 @@ from rt_robot_os.features.wsn.simulator.scenario import Scenario
 from rt_robot_os.features.wsn.simulator.scenario import SECTIONS
 from rt_robot_os.features.wsn.simulator.scenario import settled
 from rt_robot_os.features.wsn.simulator.scenario import wrong
+from rt_robot_os.features.wsn.simulator.sink_route import read_point
 from rt_robot_os.features.wsn.simulator.topology import make_topology
 from rt_robot_os.features.wsn.simulator.topology import Topology
-from rt_robot_os.features.wsn.simulator.ways import read_point
 from rt_robot_os.messages.survey import node
 from rt_robot_os.settings.files import default_path
 from rt_robot_os.settings.files import read_overrides

@@ -134,7 +134,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run_once(arguments: argparse.Namespace, scenario: Any, topology: Any) -> int:
-    from rt_robot_os.features.wsn.cli import picture
+    from rt_robot_os.features.wsn.cli import figure as picture
     from rt_robot_os.features.wsn.cli.simulation_files import write_tables
     from rt_robot_os.features.wsn.cli.text_report import one_run
     if arguments.picture is not None:

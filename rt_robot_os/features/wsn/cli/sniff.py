@@ -32,8 +32,8 @@ from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.programs import FAILED
 from rt_robot_os.base.programs import OK
 from rt_robot_os.base.programs import warn
-from rt_robot_os.features.wsn.cli.heard import AIR
-from rt_robot_os.features.wsn.cli.heard import Heard
+from rt_robot_os.features.wsn.cli.captured_packet import AIR
+from rt_robot_os.features.wsn.cli.captured_packet import Heard
 from rt_robot_os.features.wsn.cli.line import listen
 from rt_robot_os.features.wsn.cli.line import open_line
 from rt_robot_os.features.wsn.cli.options import add_baud

@@ -26,8 +26,8 @@ from rt_robot_os.features.wsn.packets.contents import DATA
 from rt_robot_os.features.wsn.packets.decode import Packet
 from rt_robot_os.features.wsn.packets.decode import PacketDecoder
 from rt_robot_os.features.wsn.packets.framing import FrameReader
-from rt_robot_os.features.wsn.sequence_account import DUPLICATE
-from rt_robot_os.features.wsn.sequence_account import SequenceAccount
+from rt_robot_os.features.wsn.sensor_network.sequence_account import DUPLICATE
+from rt_robot_os.features.wsn.sensor_network.sequence_account import SequenceAccount
 
 _MOST_ORIGINS: Final = 0x10000
 _REMEMBERED: Final = 64

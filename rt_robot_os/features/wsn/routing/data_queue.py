@@ -12,12 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node's data packets on their way to the sink: kept until the next node has them."""
+"""Data packets of a node: a forwarding queue and a cache that detects duplicates."""
 
 from __future__ import annotations
 
 from collections import deque
+from collections import OrderedDict
 from collections.abc import Callable
+from collections.abc import Hashable
 from typing import Final
 from typing import NamedTuple
 from typing import TYPE_CHECKING
@@ -146,3 +148,34 @@ class DataQueue:
 
     def _count(self, name: str) -> None:
         self._counters[name] = self._counters.get(name, 0) + 1
+
+
+class DuplicateCache:
+    """
+    Keys of the packets of the last seconds, to detect duplicates.
+
+    Sequence numbers start again when a node boots, so an entry expires after the time for which
+    copies of a packet can be in transit.
+
+    :param most: largest number of entries; beyond it the oldest is evicted.
+    :param memory_ns: time after which an entry expires.
+    """
+
+    __slots__ = ('_most', '_memory_ns', '_times')
+
+    def __init__(self, most: int, memory_ns: int) -> None:
+        self._most = most
+        self._memory_ns = memory_ns
+        self._times: OrderedDict[Hashable, int] = OrderedDict()
+
+    def contains(self, key: Hashable, now_ns: int) -> bool:
+        """Return whether the key was added and has not expired."""
+        then_ns = self._times.get(key)
+        return then_ns is not None and now_ns - then_ns <= self._memory_ns
+
+    def add(self, key: Hashable, now_ns: int) -> None:
+        """Add a key, or renew it."""
+        self._times[key] = now_ns
+        self._times.move_to_end(key)
+        if len(self._times) > self._most:
+            self._times.popitem(last=False)

@@ -42,12 +42,12 @@ from rt_robot_os.features.wsn.routing.beacon_timing import BeaconTiming
 from rt_robot_os.features.wsn.routing.candidates import Candidate
 from rt_robot_os.features.wsn.routing.candidates import Candidates
 from rt_robot_os.features.wsn.routing.data_queue import DataQueue
+from rt_robot_os.features.wsn.routing.data_queue import DuplicateCache
 from rt_robot_os.features.wsn.routing.link_cost import link_costs
 from rt_robot_os.features.wsn.routing.protocol import BROADCAST
 from rt_robot_os.features.wsn.routing.protocol import Node
 from rt_robot_os.features.wsn.routing.protocol import Received
 from rt_robot_os.features.wsn.routing.protocol import Router
-from rt_robot_os.features.wsn.routing.seen import Seen
 
 #: 4,096 binary ms.
 BEACON_PERIOD_NS: Final = 4_000_000_000
@@ -117,7 +117,7 @@ class LeastCost(Router):
         self._seqno = 0
         self._origin_seqno = 0
         most = _REMEMBERED_BY_SINK if self.root else _REMEMBERED_BY_NODES
-        self._taken = Seen(most, 2 * LIFETIME_NS)
+        self._duplicates = DuplicateCache(most, 2 * LIFETIME_NS)
         self.parent = None
         self.cost = 0 if self.root else NO_ROUTE_COST
         self.hops = 0 if self.root else NO_ROUTE_HOPS
@@ -321,7 +321,7 @@ class LeastCost(Router):
             return
         now_ns = self._node.now_ns()
         last_hop = (message.source, message.seqno, message.origin, message.origin_seqno)
-        if self._taken.known(last_hop, now_ns):
+        if self._duplicates.contains(last_hop, now_ns):
             self.counters['duplicates'] += 1
             return
         visits = self._visits(message, now_ns)
@@ -333,7 +333,7 @@ class LeastCost(Router):
                 message.source == parent or visits and self._candidates.is_dear(parent)):
             self._loop(parent)
         if self._push(message):
-            self._taken.add(last_hop, now_ns)
+            self._duplicates.add(last_hop, now_ns)
             self.counters['forwarded'] += 1
 
     def _loop(self, neighbour: int) -> None:
@@ -348,8 +348,8 @@ class LeastCost(Router):
         """Return how often a packet was here before, and count this time."""
         for visit in range(_MOST_VISITS):
             packet = (visit, message.origin, message.origin_seqno)
-            if not self._taken.known(packet, now_ns):
-                self._taken.add(packet, now_ns)
+            if not self._duplicates.contains(packet, now_ns):
+                self._duplicates.add(packet, now_ns)
                 return visit
         return _MOST_VISITS
 
@@ -362,10 +362,10 @@ class LeastCost(Router):
         """Hand a packet to the serial line, once."""
         now_ns = self._node.now_ns()
         packet = (message.origin, message.origin_seqno, message.data)
-        if self._taken.known(packet, now_ns):
+        if self._duplicates.contains(packet, now_ns):
             self.counters['duplicates'] += 1
             return
-        self._taken.add(packet, now_ns)
+        self._duplicates.add(packet, now_ns)
         self.counters['delivered'] += 1
         message = message._replace(source=self._node.address)
         self._node.deliver(self._data_am_type, message.pack(), message.origin, message.data)

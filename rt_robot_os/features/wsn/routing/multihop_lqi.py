@@ -42,8 +42,8 @@ from rt_robot_os.features.wsn.routing.protocol import BROADCAST
 from rt_robot_os.features.wsn.routing.protocol import Node
 from rt_robot_os.features.wsn.routing.protocol import Received
 from rt_robot_os.features.wsn.routing.protocol import Router
-from rt_robot_os.features.wsn.routing.resending import Packet
-from rt_robot_os.features.wsn.routing.resending import Resender
+from rt_robot_os.features.wsn.routing.retransmission import Packet
+from rt_robot_os.features.wsn.routing.retransmission import Resender
 from rt_robot_os.features.wsn.routing.tinyos_random import TinyOsRandom
 
 #: 32 s, as TinyOS has it; the network with a moving sink takes 4 s.

@@ -15,7 +15,7 @@
 """
 The model of a sensor network, on the topics of a sink.
 
-What it knows is :class:`rt_robot_os.features.wsn.network_model.NetworkModel`; here are only
+What it knows is :class:`rt_robot_os.features.wsn.sensor_network.model.NetworkModel`; here are only
 topics, times and the words of the diagnostics.
 """
 
@@ -30,12 +30,12 @@ from typing import Final
 
 from rt_robot_os.base.schema import TopicSpec
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.wsn.network_model import NetworkModel
-from rt_robot_os.features.wsn.network_watch import NetworkWatch
+from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
 from rt_robot_os.features.wsn.sensor_network.settings import check_topics
 from rt_robot_os.features.wsn.sensor_network.settings import curve_from
 from rt_robot_os.features.wsn.sensor_network.settings import limits_from
 from rt_robot_os.features.wsn.sensor_network.settings import SETTINGS
+from rt_robot_os.features.wsn.sensor_network.watch import NetworkWatch
 from rt_robot_os.features.wsn.sensor_packets import decoder_from
 from rt_robot_os.features.wsn.sensor_packets import group_from
 from rt_robot_os.features.wsn.sensor_packets import PacketReader

@@ -24,7 +24,7 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import Field
 from rt_robot_os.features.wsn.battery_life import ALKALINE
 from rt_robot_os.features.wsn.battery_life import Curve
-from rt_robot_os.features.wsn.network_watch import Limits
+from rt_robot_os.features.wsn.sensor_network.watch import Limits
 from rt_robot_os.features.wsn.sensor_packets import PACKET_SETTINGS
 from rt_robot_os.messages.survey import HIGHEST_ID
 from rt_robot_os.messages.survey import MOST_NODES

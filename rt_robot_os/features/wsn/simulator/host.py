@@ -21,10 +21,10 @@ from collections.abc import Mapping
 from typing import Any
 from typing import Final
 
-from rt_robot_os.features.wsn.network_model import NetworkModel
 from rt_robot_os.features.wsn.packets.decode import PacketDecoder
 from rt_robot_os.features.wsn.packets.serial_am import SerialAm
 from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
+from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
 
 _UART: Final = 0x7E
 

@@ -38,11 +38,11 @@ from rt_robot_os.features.wsn.simulator.air import Radio
 from rt_robot_os.features.wsn.simulator.air import Transmission
 from rt_robot_os.features.wsn.simulator.gain_medium import GainMedium
 from rt_robot_os.features.wsn.simulator.medium import Medium
-from rt_robot_os.features.wsn.simulator.radio_places import Cell
-from rt_robot_os.features.wsn.simulator.radio_places import cell_of
-from rt_robot_os.features.wsn.simulator.radio_places import Numbers
-from rt_robot_os.features.wsn.simulator.radio_places import RadioPlaces
-from rt_robot_os.features.wsn.simulator.radio_places import reach_m
+from rt_robot_os.features.wsn.simulator.radio_positions import Cell
+from rt_robot_os.features.wsn.simulator.radio_positions import cell_of
+from rt_robot_os.features.wsn.simulator.radio_positions import Numbers
+from rt_robot_os.features.wsn.simulator.radio_positions import RadioPlaces
+from rt_robot_os.features.wsn.simulator.radio_positions import reach_m
 
 # A signal so far below the usual noise is nothing.
 _NEGLIGIBLE_DB: Final = 3.0

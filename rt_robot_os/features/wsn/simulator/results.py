@@ -27,7 +27,7 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.wsn.simulator.ledger import Gap
+from rt_robot_os.features.wsn.simulator.packet_statistics import Gap
 
 #: So many packets of a node lost in a row are a break.
 GAP_PACKETS: Final = 2

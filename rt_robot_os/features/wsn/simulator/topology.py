@@ -46,8 +46,8 @@ from rt_robot_os.features.wsn.simulator.link_files import read_links
 from rt_robot_os.features.wsn.simulator.scenario import MOST_NODES
 from rt_robot_os.features.wsn.simulator.scenario import MOST_NODES_A_PAN
 from rt_robot_os.features.wsn.simulator.scenario import Scenario
-from rt_robot_os.features.wsn.simulator.ways import Way
-from rt_robot_os.features.wsn.simulator.ways import way_of
+from rt_robot_os.features.wsn.simulator.sink_route import Way
+from rt_robot_os.features.wsn.simulator.sink_route import way_of
 from rt_robot_os.messages.quantities import DEFAULT_QUANTITIES
 from rt_robot_os.messages.survey import read_survey
 from rt_robot_os.messages.survey import survey_of

@@ -54,8 +54,8 @@ from rt_robot_os.features.wsn.sink.importance import Classifier
 from rt_robot_os.features.wsn.sink.line import ForwarderLine
 from rt_robot_os.features.wsn.sink.line import Line
 from rt_robot_os.features.wsn.sink.line import SerialLine
-from rt_robot_os.features.wsn.sink.look import KNOWN
-from rt_robot_os.features.wsn.sink.look import looker
+from rt_robot_os.features.wsn.sink.packet_header import KNOWN
+from rt_robot_os.features.wsn.sink.packet_header import looker
 from rt_robot_os.features.wsn.sink.settings import ANY_GROUP
 from rt_robot_os.features.wsn.sink.settings import SINK_SETTINGS
 from rt_robot_os.features.wsn.sink.sorting import CLAIMED

@@ -21,7 +21,7 @@ A rule is a line of text, the first that fits counts, and what none fits is of t
     vital if kind pulse spo2 and origin 3-7 9
     vital if type 0x93 and group 0x22
 
-A rule needs nothing of a packet but what :mod:`rt_robot_os.features.wsn.sink.look` finds in its
+A rule needs nothing of a packet but what :mod:`rt_robot_os.features.wsn.sink.packet_header` finds in its
 header, so the class is known before anything is decoded.
 """
 

@@ -44,7 +44,7 @@ from rt_robot_os.features.wsn.simulator.base_station import STATIONS
 from rt_robot_os.features.wsn.simulator.live import LiveNetwork
 from rt_robot_os.features.wsn.simulator.live import Obstacles
 from rt_robot_os.features.wsn.simulator.network import RouterFactory
-from rt_robot_os.features.wsn.simulator.routers import router_factory
+from rt_robot_os.features.wsn.simulator.router_factory import router_factory
 from rt_robot_os.features.wsn.simulator.scenario import EnergySettings
 from rt_robot_os.features.wsn.simulator.scenario import RadioSettings
 from rt_robot_os.features.wsn.simulator.scenario import Scenario

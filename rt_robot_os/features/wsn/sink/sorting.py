@@ -31,11 +31,11 @@ from rt_robot_os.devices.device import Value
 from rt_robot_os.features.wsn.sink.duplicates import Copies
 from rt_robot_os.features.wsn.sink.flow_limit import FlowLimit
 from rt_robot_os.features.wsn.sink.importance import Classifier
-from rt_robot_os.features.wsn.sink.look import Look
-from rt_robot_os.features.wsn.sink.look import Looker
-from rt_robot_os.features.wsn.sink.look import LYING
-from rt_robot_os.features.wsn.sink.look import NOT_AM
-from rt_robot_os.features.wsn.sink.look import TRUNCATED
+from rt_robot_os.features.wsn.sink.packet_header import Look
+from rt_robot_os.features.wsn.sink.packet_header import Looker
+from rt_robot_os.features.wsn.sink.packet_header import LYING
+from rt_robot_os.features.wsn.sink.packet_header import NOT_AM
+from rt_robot_os.features.wsn.sink.packet_header import TRUNCATED
 
 #: No names of classes.
 SHARED, CLAIMED, FOREIGN, FLOODED = 'shared id', 'claims no cost', 'foreign group', 'flooded'

@@ -1,0 +1,379 @@
+# Copyright 2026 The rt_robot_os authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A model of a sensor network, from the packets that come to the sink.
+
+It is fed with decoded packets and times, and keeps of each node where its packets go, what was
+lost of them, its battery and its place. It is told nothing else: no bus, no clock. Everything is
+bounded, nothing raises, and what cannot be used is counted and named. Safe in the real-time loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import math
+from typing import Final
+
+from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.wsn.battery_life import Curve
+from rt_robot_os.features.wsn.packets.ctp import CtpBeacon
+from rt_robot_os.features.wsn.packets.ctp import CtpData
+from rt_robot_os.features.wsn.packets.debug import CollectionDebug
+from rt_robot_os.features.wsn.packets.decode import Packet
+from rt_robot_os.features.wsn.sensor_network.counters import ModelCounters
+from rt_robot_os.features.wsn.sensor_network.counters import ProblemCounts
+from rt_robot_os.features.wsn.sensor_network.counters import TypeCounts
+from rt_robot_os.features.wsn.sensor_network.node import NetworkNode
+from rt_robot_os.features.wsn.sensor_network.node import NOBODY
+from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_beacons
+from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_etx
+from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_link_cost
+from rt_robot_os.features.wsn.sensor_network.sequence_account import DUPLICATE
+from rt_robot_os.features.wsn.sensor_network.sequence_account import SequenceAccount
+from rt_robot_os.messages.network_rows import NodeRow
+from rt_robot_os.messages.network_rows import NodeState
+from rt_robot_os.messages.quantities import QUANTITIES
+from rt_robot_os.messages.survey import HIGHEST_ID
+from rt_robot_os.messages.survey import SurveyedNode
+
+_UART: Final = 0x7E  # in TinyOS 1.x, where no node has this number
+# Of MultiHopLQI and of CTP: from here on it means that there is no route.
+_NO_ROUTE: Final = 0xFFFE
+_MOST_HOPS: Final = 0xFE
+# A cost of a parent that is older than this says nothing about a link of now.
+_COST_AGE_NS: Final = 70 * NS_PER_S
+# What a node that somebody wears heard longer ago was heard elsewhere.
+_WORN_NS: Final = 20 * NS_PER_S
+_MOST_NEIGHBOURS: Final = 16
+
+
+class NetworkModel:
+    """
+    A network of nodes.
+
+    :ivar nodes: by number; the sink is not among them.
+    :ivar counters: see :class:`ModelCounters`.
+    :ivar unknown_types: AM types that nobody has declared.
+    :ivar problems: what was wrong with packets.
+    :ivar sink_place: x, y and z of the sink, in m; NaN while not known.
+    """
+
+    def __init__(self, survey: Iterable[SurveyedNode] = (), *, sink_id: int = 0,
+                 group: int | None = None, max_nodes: int = 256, since_ns: int = 0,
+                 curve: Curve | None = None) -> None:
+        """
+        Begin with what was surveyed.
+
+        :param sink_id: the number of the sink's own mote.
+        :param group: of our network; packets of others are counted, and nothing else. None takes
+            all.
+        :param max_nodes: that are kept besides those of the survey.
+        :param since_ns: when the first packet could have come.
+        :param curve: of the batteries.
+        """
+        self.sink_id = sink_id
+        self.group = group
+        self.max_nodes = max_nodes
+        self.nodes: dict[int, NetworkNode] = {}
+        self.counters = ModelCounters()
+        self.unknown_types = TypeCounts()
+        self.problems = ProblemCounts()
+        self.sink_place = math.nan, math.nan, math.nan
+        self.last_ns = -1
+        self._since_ns = since_ns
+        self._curve = curve or Curve()
+        self._surveyed = 0
+        for each in survey:
+            if each.id == sink_id:
+                self.sink_place = each.x, each.y, each.z
+                continue
+            node = self.nodes[each.id] = NetworkNode(each.id, each.name, self._curve)
+            node.known = True
+            if each.person:
+                node.links.age_ns = _WORN_NS
+            else:
+                node.surveyed = True
+                node.x, node.y, node.z = each.x, each.y, each.z
+            self._surveyed += 1
+
+    # ---- what comes --------------------------------------------------------------------------
+
+    def take(self, packet: Packet, now_ns: int) -> bool:
+        """
+        Learn from a packet; never raises.
+
+        :return: whether it is new to the application: False for duplicates, and for what is no
+            data.
+        """
+        counters = self.counters
+        counters.packets += 1
+        self.last_ns = now_ns
+        if self.group is not None and packet.group not in (self.group, -1):
+            counters.foreign_groups += 1
+            return False
+        if packet.problem:
+            counters.problems += 1
+            self.problems.add(packet.problem)
+        kind = packet.kind
+        if kind == 'data':
+            counters.data += 1
+            return self._data(packet, now_ns)
+        if kind == 'beacon':
+            counters.beacons += 1
+            if not packet.problem:
+                self._beacon(packet, now_ns)
+        elif kind == 'debug':
+            counters.debug += 1
+            if not packet.problem:
+                self._debug(packet, now_ns)
+        elif kind == 'command':
+            counters.commands += 1
+        else:
+            counters.unknown += 1
+            if packet.am_type >= 0:
+                self.unknown_types.add(packet.am_type)
+        return False
+
+    def sink_at(self, x: float, y: float, z: float = 0.0) -> None:
+        """Note where the sink is now, in m."""
+        self.sink_place = x, y, z
+
+    def command(self, text: str) -> None:
+        """Heed what nodes are told: one that shall sleep is not silent."""
+        words = text.split()
+        if len(words) < 2:
+            return
+        meant = [node for node in self.nodes.values() if words[1] in (
+            str(node.id), node.name, 'all', '65535', '0xFFFF', '0xffff')]
+        for node in meant:
+            if words[0] in ('sleep', 'wake'):
+                node.asleep = words[0] == 'sleep'
+            elif words[0] == 'rate' and len(words) == 3 and words[2].isascii() and (
+                    words[2].isdigit()):
+                node.set_period_ns = int(words[2][:9]) * 1_000_000
+
+    def node(self, number: int) -> NetworkNode | None:
+        """Return a node; one that is new is made, None when there is no room or no such number."""
+        found = self.nodes.get(number)
+        if found is not None or not 0 <= number <= HIGHEST_ID or number == self.sink_id:
+            return found
+        if len(self.nodes) - self._surveyed >= self.max_nodes and not self._make_room():
+            self.counters.nodes_refused += 1
+            return None
+        found = self.nodes[number] = NetworkNode(number, f'node_{number}', self._curve)
+        return found
+
+    def rows(self, now_ns: int) -> list[NodeRow]:
+        """Return a row for the sink, then one for each node by number."""
+        x, y, z = self.sink_place
+        nan = math.nan
+        age_s = nan if self.last_ns < 0 else (now_ns - self.last_ns) / NS_PER_S
+        sink = NodeRow(self.sink_id, x, y, z, 0.0, NOBODY, 0, 0, NodeState.SINK, nan, nan, nan,
+                       nan, 0, 0, 0, 0, age_s)
+        return [sink, *(self.nodes[number].row(now_ns) for number in sorted(self.nodes))]
+
+    # ---- kinds of packets --------------------------------------------------------------------
+
+    def _data(self, packet: Packet, now_ns: int) -> bool:
+        node = self.node(packet.origin) if packet.origin >= 0 else None
+        if node is None:
+            self.counters.without_origin += packet.origin < 0
+            return packet.origin == self.sink_id
+        node.heard(now_ns)
+        node.data_came(now_ns)
+        verdict = self._account(node, packet, now_ns)
+        if packet.problem:
+            return False
+        self._way(node, packet, now_ns)
+        volts = packet.readings.get('battery')
+        if verdict != DUPLICATE and volts is not None and QUANTITIES['battery'].plausible(volts):
+            node.battery.take(volts, now_ns)
+        return verdict != DUPLICATE
+
+    def _account(self, node: NetworkNode, packet: Packet, now_ns: int) -> int:
+        if packet.count_bits:
+            account = node.account
+            if account is None or account.bits != packet.count_bits:
+                account = node.account = SequenceAccount(packet.count_bits, self._since_ns)
+            renewed = packet.name == 'oscilloscope' and node.clock_went_back(
+                packet.fields['count'])
+            return account.take(packet.count, _fingerprint(packet), now_ns, renewed)
+        if packet.origin_seqno >= 0:
+            if node.plain is None:
+                node.plain = SequenceAccount(16, now_ns)
+            return node.plain.take(packet.origin_seqno, _fingerprint(packet), now_ns)
+        node.unnumbered += 1
+        return 0
+
+    def _way(self, node: NetworkNode, packet: Packet, now_ns: int) -> None:
+        """Learn on which way a data packet came."""
+        if packet.parent >= 0:
+            self._set_parent(node, packet.parent, now_ns)
+        hops = packet.hops
+        so_far = packet.am_type == CtpData.AM_TYPE and packet.stack == 'tinyos2'
+        if hops >= 0 and (not so_far or packet.destination == self.sink_id):
+            node.hops = hops if 0 < hops <= _MOST_HOPS else NOBODY
+        source, destination = packet.source, packet.destination
+        if source < 0 or source == self.sink_id:
+            node.delivered_ns = now_ns
+            return  # the sink's own mote put its number there
+        sender = node if source == node.id else self.node(source)
+        if sender is None:
+            return
+        if sender is not node:
+            sender.heard(now_ns)
+        if destination <= HIGHEST_ID and not (destination == _UART and packet.stack == 'tinyos1'):
+            self._set_parent(sender, destination, now_ns)
+        if destination == self.sink_id:
+            node.via = source
+            node.delivered_ns = now_ns
+        self._near_sink(sender, now_ns)
+
+    def _beacon(self, packet: Packet, now_ns: int) -> None:
+        number = packet.source if packet.source >= 0 else packet.origin
+        node = self.node(number) if number >= 0 else None
+        if node is None:
+            self.counters.without_origin += number < 0
+            return
+        node.heard(now_ns)
+        self._route(node, packet.parent, packet.hops, packet.cost, now_ns,
+                    packet.am_type == CtpBeacon.AM_TYPE and packet.stack == 'tinyos2')
+        if node.parent != self.sink_id:
+            self._near_sink(node, now_ns)
+        for each in packet.fields.get('neighbours', ())[:_MOST_NEIGHBOURS]:
+            other = self.nodes.get(each['address'])
+            if other is not None and other is not node:
+                self._link(node, other, now_ns, lqi_of_beacons(each['quality'] / 250))
+
+    def _debug(self, packet: Packet, now_ns: int) -> None:
+        fields, is_ctp = packet.fields, packet.am_type == CollectionDebug.AM_TYPE
+        if packet.origin >= 0 and packet.origin != self.sink_id:
+            node = self.node(packet.origin)
+            if node is not None:
+                node.heard(now_ns)
+                if packet.name == 'new_parent':
+                    self._route(node, packet.parent, packet.hops, packet.cost, now_ns, is_ctp)
+            return
+        if packet.name == 'received':
+            self._told(fields['message'], fields['origin'], fields['other'], is_ctp, now_ns)
+        elif packet.name == 'beacon_received':
+            node = self.node(fields['parent'])
+            if node is not None:
+                node.heard(now_ns)
+                self._near_sink(node, now_ns)
+                self._cost(node, fields['metric'], now_ns)
+        elif packet.name == 'loop':
+            self.counters.loops_told += 1
+
+    def _told(self, number: int, origin: int, last: int, is_ctp: bool, now_ns: int) -> None:
+        """Heed the sink's own mote, which tells of each packet that it received."""
+        node = self.node(origin)
+        if node is None:
+            return
+        if node.told is None:
+            node.told = SequenceAccount(8 if is_ctp else 16, self._since_ns)
+        node.told.take(number, number, now_ns)
+        node.delivered_ns = now_ns
+        if not is_ctp:
+            return
+        node.via = last
+        if last == origin:
+            self._set_parent(node, self.sink_id, now_ns)
+            node.hops = 1
+        elif node.parent == self.sink_id:
+            node.parent = node.hops = NOBODY
+
+    # ---- ways --------------------------------------------------------------------------------
+
+    def _route(self, node: NetworkNode, parent: int, hops: int, cost: int, now_ns: int,
+               is_ctp: bool) -> None:
+        """Learn what a node says of its own route."""
+        if cost == 0 or parent == node.id:
+            node.claims_sink_ns = now_ns
+            return
+        node.parent = parent if 0 <= parent <= HIGHEST_ID else NOBODY
+        node.parent_ns = now_ns
+        node.hops = hops if 0 < hops <= _MOST_HOPS else NOBODY
+        self._cost(node, cost, now_ns)
+        if node.parent < 0 or node.cost < 0:
+            return
+        other = self.nodes.get(node.parent)
+        before = 0
+        if node.parent != self.sink_id:
+            if other is None or other.cost < 0 or now_ns - other.cost_ns > _COST_AGE_NS:
+                return
+            before = other.cost
+        if node.cost > before:
+            link = node.cost - before
+            self._link(node, other, now_ns, (
+                lqi_of_etx(link / 10) if is_ctp else lqi_of_link_cost(link)))
+
+    def _cost(self, node: NetworkNode, cost: int, now_ns: int) -> None:
+        node.cost = cost if 0 < cost < _NO_ROUTE else NOBODY
+        node.cost_ns = now_ns
+        if cost == 0:
+            node.claims_sink_ns = now_ns
+
+    def _set_parent(self, node: NetworkNode, parent: int, now_ns: int) -> None:
+        known = 0 <= parent <= HIGHEST_ID and parent != node.id
+        node.parent = parent if known else NOBODY
+        node.parent_ns = now_ns
+        if known and not node.surveyed:
+            other = self.nodes.get(parent)
+            if other is not None or parent == self.sink_id:
+                self._link(node, other, now_ns)
+
+    def _near_sink(self, node: NetworkNode, now_ns: int) -> None:
+        """Note that the sink hears a node; where it is then is a place to estimate from."""
+        if not node.surveyed:
+            self._link(node, None, now_ns)
+
+    def _link(self, node: NetworkNode, other: NetworkNode | None, now_ns: int,
+              lqi: float | None = None) -> None:
+        """
+        Learn where nodes are from a link between two.
+
+        :param other: None for the sink.
+        :param lqi: None where they are only known to hear each other.
+        """
+        if other is None:
+            x, y, _ = self.sink_place
+            if not node.surveyed and x == x and y == y:
+                node.links.note((round(x), round(y)), x, y, now_ns, lqi)
+        elif other.surveyed and not node.surveyed:
+            node.links.note(other.id, other.x, other.y, now_ns, lqi)
+        elif node.surveyed and not other.surveyed:
+            other.links.note(node.id, node.x, node.y, now_ns, lqi)
+
+    def _make_room(self) -> bool:
+        """Forget the node that was heard once, longest ago: a slip in somebody's address."""
+        once = [node for node in self.nodes.values()
+                if not node.known and node.packets <= 1 and node.heard_ns < self.last_ns]
+        if not once:
+            return False
+        del self.nodes[min(once, key=lambda node: node.heard_ns).id]
+        self.counters.nodes_forgotten += 1
+        return True
+
+
+def _fingerprint(packet: Packet) -> int:
+    """Return what is the same in each copy of a packet, whatever way it came."""
+    fields = packet.fields
+    return hash((packet.name, *((name, value) for name, value in fields.items() if type(
+        value) is int and name not in _ON_THE_WAY), *packet.readings.values()))
+
+
+# Numbers in headers that change from hop to hop.
+_ON_THE_WAY: Final = frozenset(('seqno', 'options', 'thl', 'etx'))
