@@ -30,6 +30,8 @@ from typing import Final
 
 from fastapi import APIRouter
 from fastapi import WebSocket
+from rt_robot_os.messages.uplink.driving import DriveBeat
+from rt_robot_os.messages.uplink.greeting import DriveLimits
 from rt_robot_os.messages.uplink.messages import decode
 from rt_robot_os.monitor.live.cab import Cab
 from rt_robot_os.monitor.live.cab import HeldByAnotherError
@@ -148,7 +150,7 @@ class Driving:
             self._note_end(actor, cab, seat, cab.give(seat, 'given back'), 'given back')
 
     async def _take(self, actor: Actor, cab: Cab, seat: Seat, over: bool) -> None:
-        if not cab.connected or not cab.limits:
+        if not cab.connected or not cab.limits.linear_m_s:
             seat.tell('refused', why='cannot' if cab.connected else 'absent', by='')
             return
         is_theirs = cab.lease.holder is seat
@@ -195,12 +197,11 @@ class Driving:
     def _look(self, cab: Cab) -> None:
         found = self._services.hub.robots.get(cab.robot)
         if found is None:
-            cab.robot_is(False, {})
+            cab.robot_is(False, DriveLimits())
             return
-        limits = found.about.get('limits')
-        cab.robot_is(found.connected, limits if isinstance(limits, dict) else {})
+        cab.robot_is(found.connected, DriveLimits.from_json(found.about.get('limits', {})))
 
-    def _beat(self, robot: str, message: Mapping[str, Any]) -> None:
+    def _beat(self, robot: str, message: DriveBeat) -> None:
         cab = self._cabs.get(robot)
         if cab is not None:
             cab.beat(message)

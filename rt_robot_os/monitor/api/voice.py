@@ -34,6 +34,12 @@ from fastapi import WebSocket
 from rt_robot_os.messages.texts.coded import codes_of
 from rt_robot_os.messages.uplink.messages import decode
 from rt_robot_os.messages.uplink.messages import encode
+from rt_robot_os.messages.uplink.voice import ANSWER
+from rt_robot_os.messages.uplink.voice import END
+from rt_robot_os.messages.uplink.voice import RING
+from rt_robot_os.messages.uplink.voice import SDP_CHARACTERS
+from rt_robot_os.messages.uplink.voice import STATE
+from rt_robot_os.messages.uplink.voice import VoiceMessage
 from rt_robot_os.monitor.live.media_connection import may_look
 from rt_robot_os.monitor.security.accounts import Revoked
 from rt_robot_os.monitor.security.guard import Actor
@@ -42,12 +48,10 @@ from rt_robot_os.monitor.security.guard import websocket_actor
 from rt_robot_os.monitor.services import Services
 from starlette.websockets import WebSocketDisconnect
 
-SDP_MOST: Final = 64 << 10
 TEXT_MOST: Final = 80 << 10
 CALLERS_MOST: Final = 50
 #: A robot answers within so long, or never.
 ANSWER_S: Final = 20.0
-_WHY_MOST: Final = 300
 
 
 class Caller:
@@ -107,7 +111,7 @@ class Calls:
         self._services = services
         self._by_robot: dict[str, Caller] = {}
         self._callers: set[Caller] = set()
-        services.hub.on_message['voice'] = self._heard
+        services.hub.on_voice.append(self._heard)
         services.hub.on_robot.append(self._robot_changed)
         services.accounts.on_revoked(self._revoked)
 
@@ -151,7 +155,7 @@ class Calls:
             raise ValueError('unknown')
 
     def _ring(self, caller: Caller, robot: str, sdp: object) -> None:
-        if not isinstance(sdp, str) or not 0 < len(sdp) <= SDP_MOST or caller.robot:
+        if not isinstance(sdp, str) or not 0 < len(sdp) <= SDP_CHARACTERS or caller.robot:
             raise ValueError('no ring')
         hub, actor = self._services.hub, caller.actor
         state = hub.robots.get(robot)
@@ -164,7 +168,7 @@ class Calls:
             caller.ended(f'{other.actor.name} talks with this robot now')
             return
         name = secrets.token_hex(8)
-        if not hub.say(state, 'voice', {'call': name, 'do': 'ring', 'sdp': sdp, 'by': actor.name}):
+        if not hub.send(state, VoiceMessage(name, RING, sdp=sdp, by=actor.name)):
             caller.ended(f'{state.name} is not connected')
             return
         self.calls += 1
@@ -179,20 +183,19 @@ class Calls:
         if caller.name == name and not caller.answered:
             self._end(caller, 'the robot does not answer', 'no answer')
 
-    def _heard(self, robot: str, message: Mapping[str, Any]) -> None:
-        """Take what a robot says of a call."""
+    def _heard(self, robot: str, message: VoiceMessage) -> None:
+        """Pass on a step of a call that the robot takes."""
         caller = self._by_robot.get(robot)
-        if caller is None or message.get('call') != caller.name:
+        if caller is None or message.call != caller.name:
             return
-        do = message.get('do')
-        if do == 'answer' and isinstance(message.get('sdp'), str):
+        if message.do == ANSWER:
             caller.answered = True
-            caller.tell('answer', sdp=message['sdp'][:SDP_MOST])
-        elif do == 'state':
-            caller.tell('state', state=str(message.get('state'))[:32])
-        elif do == 'end':
-            self._end(caller, str(message.get('why') or 'the call is over')[:_WHY_MOST],
-                      'ended by the robot', tell_robot=False)
+            caller.tell('answer', sdp=message.sdp)
+        elif message.do == STATE:
+            caller.tell('state', state=message.state or '')
+        elif message.do == END:
+            self._end(caller, message.why or 'the call is over', 'ended by the robot',
+                      tell_robot=False)
 
     def _robot_changed(self, robot: str, is_connected: bool) -> None:
         caller = self._by_robot.get(robot)
@@ -219,7 +222,7 @@ class Calls:
             del self._by_robot[robot]
         state = self._services.hub.robots.get(robot)
         if state is not None and tell_robot:
-            self._services.hub.say(state, 'voice', {'call': name, 'do': 'end'})
+            self._services.hub.send(state, VoiceMessage(name, END))
         if why:
             caller.ended(why)
         self._show(robot, None)
