@@ -35,7 +35,6 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.errors import RecordingError
-from rt_robot_os.devices.capture.observation_folder import default_folder
 from rt_robot_os.gateway.connection import ClientConnection
 from rt_robot_os.gateway.connection import keep_alive
 from rt_robot_os.gateway.file_sender import FileSender
@@ -51,6 +50,7 @@ from rt_robot_os.gateway.server_clock import ServerClock
 from rt_robot_os.gateway.spool import Spool
 from rt_robot_os.link.cdr import string_in
 from rt_robot_os.link.client import TopicInfo
+from rt_robot_os.linux.folders import observations_folder
 from rt_robot_os.messages.texts.coded import codes_of
 from rt_robot_os.messages.uplink.frames import FRAME_BYTES
 from rt_robot_os.messages.uplink.importance import Importance
@@ -102,7 +102,7 @@ class Media(Part):
         self._told: deque[dict[str, Any]] = deque()
         self._new = asyncio.Event()
         self._spool = Spool(ways.folder / 'media',
-                            Path(named).expanduser() if named else default_folder(),
+                            Path(named).expanduser() if named else observations_folder(),
                             round(settings.media_mb * _MB))
         self._files = FileSender(self._spool, ways.tell)
         self._reader = CameraReader(ways.robot.path, self._woken, ways.tell, self._troubled)

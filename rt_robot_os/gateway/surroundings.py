@@ -25,7 +25,6 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.wsn.survey_files import load_survey
 from rt_robot_os.gateway.map_topic import MAP_MESSAGE
 from rt_robot_os.gateway.map_topic import message_of
 from rt_robot_os.gateway.part import Greeting
@@ -33,6 +32,8 @@ from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
+from rt_robot_os.linux.file_urls import text_of
+from rt_robot_os.messages.survey import read_survey
 from rt_robot_os.messages.uplink.greeting import NodePosition
 from rt_robot_os.messages.uplink.greeting import ServerWelcome
 from rt_robot_os.messages.uplink.maps import MapMessage
@@ -85,9 +86,10 @@ class Surroundings(Part):
         if not path:
             return ()
         try:
+            file, text = text_of(path, 'nodes_file', 'a YAML file with nodes')
             return tuple(
                 NodePosition(each.id, each.token, each.x, each.y, each.z, each.person)
-                for each in load_survey(path, 'nodes_file'))
+                for each in read_survey(text, str(file)))
         except ConfigError as error:
             self.ways.tell(f'nodes_file {path}: {error}; the page shows none where it hangs')
             return ()

@@ -30,9 +30,9 @@ import pytest
 from rt_robot_os.messages.uplink.driving import DriveBeat
 from rt_robot_os.messages.uplink.greeting import DriveLimits
 from rt_robot_os.messages.uplink.messages import UplinkMessage
-from rt_robot_os.monitor.live.cab import Cab
-from rt_robot_os.monitor.live.cab import HeldByAnotherError
-from rt_robot_os.monitor.live.cab import Seat
+from rt_robot_os.monitor.live.teleop_session import Cab
+from rt_robot_os.monitor.live.teleop_session import HeldByAnotherError
+from rt_robot_os.monitor.live.teleop_session import Seat
 
 LIMITS = {'linear_m_s': 0.3, 'angular_rad_s': 0.8}
 FAST = DriveLimits.from_json(LIMITS)

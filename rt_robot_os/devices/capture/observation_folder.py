@@ -32,7 +32,6 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.errors import DeviceError
-from rt_robot_os.linux.folders import ros_home
 
 _PREFIX: Final = 'observed_'
 _PART: Final = '.part'
@@ -47,15 +46,6 @@ class Kept(NamedTuple):
     path: Path
     bytes: int  # noqa: A003
     deleted: int
-
-
-def default_folder() -> Path:
-    """
-    Return the folder of somebody who names none: ``observations`` among ROS 2's files.
-
-    :raises StartError: a user without a home has none.
-    """
-    return ros_home() / 'observations'
 
 
 def file_name(words: tuple[str, ...], suffix: str, moment: datetime) -> str:

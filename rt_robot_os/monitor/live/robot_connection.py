@@ -26,7 +26,6 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
-from fastapi import APIRouter
 from fastapi import WebSocket
 from rt_robot_os.base.errors import StoreError
 from rt_robot_os.base.safe_text import safe_text
@@ -52,7 +51,6 @@ from rt_robot_os.monitor.live.residents import admitted
 from rt_robot_os.monitor.live.residents import greet
 from rt_robot_os.monitor.live.robot_state import is_time
 from rt_robot_os.monitor.live.robot_state import RobotState
-from rt_robot_os.monitor.security.guard import robot_of
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.store.robot_clock import RobotClock
 from rt_robot_os.monitor.store.store import Hello
@@ -70,24 +68,6 @@ MESSAGES_A_SECOND: Final = 500
 BURST_S: Final = 1.0
 #: A clock that is further from ours is told.
 CLOCK_S: Final = 5.0
-
-
-def router(services: Services) -> APIRouter:
-    """Return the endpoint of robots."""
-    found = APIRouter()
-
-    @found.websocket('/robot/state')
-    async def robot_state(websocket: WebSocket) -> None:
-        robot = await robot_of(websocket)
-        await websocket.accept()
-        hub = services.hub
-        if hub.connected >= services.settings.robots and not hub.is_connected(robot.id):
-            hub.counts['robots_refused'] += 1
-            await websocket.close(1013, 'as many robots as there may be are connected')
-            return
-        await RobotConnection(services, websocket, services.hub.known(robot.id, robot.name)).run()
-
-    return found
 
 
 class _Received(NamedTuple):
