@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The endpoint of drivers, ``/drive?robot=ID``; :mod:`rt_robot_os.monitor.live.teleop` serves it."""
+"""The endpoint of drivers, ``/drive``; :mod:`rt_robot_os.monitor.live.teleop` serves it."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The endpoints of robots: ``/robot/state`` for messages, ``/robot/media`` for pictures and files."""
+"""The endpoints of robots: ``/robot/state`` for messages, ``/robot/media`` for media."""
 
 from __future__ import annotations
 
