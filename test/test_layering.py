@@ -67,6 +67,14 @@ FEATURES = features()
 
 BRINGS = '| feature | what it does | modules | devices | programs | requires |'
 
+# The two sides of a connection to a server know what crosses it, and general foundations; the
+# gateway knows the link to the core, too, and how to read maps and messages of any type.
+SERVER_SIDES = {
+    'monitor': ('base', 'linux', 'messages', 'settings'),
+    'gateway': ('base', 'linux', 'messages', 'settings', 'link', 'topics.resolve',
+                'motion.angles', 'motion.grid_map', 'motion.map_message'),
+}
+
 # A simulated device stands beside its driver: they share the bytes, and nothing else.
 SIMULATED = re.compile(r'(devices|features\.\w+)\.\w+\.simulated(_\w+)?')
 SIMULATED_MAY_IMPORT = re.compile(
@@ -212,6 +220,19 @@ def test_every_module_belongs_to_a_layer() -> None:
 
 def test_no_layer_imports_a_higher_one() -> None:
     assert [str(one) for one in _own() if not _allowed(one)] == []
+
+
+def test_gateway_and_monitor_know_only_messages_and_foundations_of_the_robot() -> None:
+    assert [str(one) for one in _own() if (side := _layer(one.importer)) in SERVER_SIDES
+            and not _inside(one.imported, tuple(
+                f'{PACKAGE}.{name}' for name in (side, *SERVER_SIDES[side])))] == []
+
+
+def test_endpoints_of_the_server_stand_in_its_api() -> None:
+    places = {str(path.relative_to(ROOT / PACKAGE / 'monitor'))
+              for path in (ROOT / PACKAGE / 'monitor').rglob('*.py')
+              if 'APIRouter(' in path.read_text(encoding='utf-8')}
+    assert len(places) > 10 and {each.split('/')[0] for each in places} == {'api'}
 
 
 def test_the_architecture_shows_the_layers() -> None:

@@ -45,7 +45,7 @@ from monitor_server import let_robot_in  # noqa: E402
 from monitor_server import logged_in  # noqa: E402
 from monitor_server import quick_services  # noqa: E402
 from monitor_server import served  # noqa: E402
-from rt_robot_os.messages.uplink.maps import map_message  # noqa: E402
+from rt_robot_os.messages.uplink.maps import MapMessage  # noqa: E402
 from rt_robot_os.motion.grid_map import GridMap  # noqa: E402
 
 NS_PER_S = 1_000_000_000
@@ -199,8 +199,8 @@ def scene() -> Iterator[Scene]:
         let_robot_in(services, 'house')
         grid = GridMap.load(ROOT / 'config' / 'maps' / 'flat.yaml')
         height, width = grid.cells.shape
-        services.maps.put('flat', map_message(width, height, grid.resolution_m, grid.origin,
-                                              grid.cells.tobytes()))
+        services.maps.put('flat', MapMessage.pack(
+            width, height, grid.resolution_m, grid.origin, grid.cells.tobytes()))
         found = Scene(stack.enter_context(served(services)), services)
         stack.enter_context(found.flat)
         stack.enter_context(found.house)

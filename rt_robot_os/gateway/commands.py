@@ -35,7 +35,7 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.errors import LinkError
-from rt_robot_os.base.safe_text import safe_line
+from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.reading import Reads
@@ -46,6 +46,9 @@ from rt_robot_os.messages.cdr import LITTLE_ENDIAN
 from rt_robot_os.messages.cdr import string_in
 from rt_robot_os.messages.cdr import string_message
 from rt_robot_os.messages.texts.coded import codes_of
+from rt_robot_os.messages.uplink.commands import CommandAnswer
+from rt_robot_os.messages.uplink.commands import RobotCommand
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 
 #: Commands that are remembered, so that none is done twice.
 REMEMBERED: Final = 512
@@ -96,7 +99,7 @@ class Commands(Part):
     :ivar repeated: that came again, and were not done again.
     """
 
-    kinds = frozenset({'command'})
+    receives = (RobotCommand,)
 
     def __init__(self, ways: Ways) -> None:
         super().__init__(ways)
@@ -119,13 +122,12 @@ class Commands(Part):
         """Publish what commands come to."""
         return (_ALARM, _GOAL, _CANCEL, _STOP, _RELEASE, _AGENT, _PERSON, _SAY, _OBSERVE)
 
-    def hello(self) -> Mapping[str, Any]:
+    def hello(self) -> Greeting:
         """Name the commands that this robot has topics for."""
         needed = {'alarm': _ALARM, 'goal': _GOAL, 'cancel': _CANCEL, 'stop': _STOP,
                   'release': _RELEASE, 'agent': _AGENT, 'answer': _PERSON, 'say': _SAY,
                   'snapshot': _OBSERVE}
-        return {'capabilities': [do for do, topic in needed.items()
-                                 if self.ways.robot.has(topic)]}
+        return Greeting(tuple(do for do, topic in needed.items() if self.ways.robot.has(topic)))
 
     async def run(self) -> None:
         """Note the loop; commands are done as they come."""
@@ -138,13 +140,11 @@ class Commands(Part):
 
     # ---- from the server ---------------------------------------------------------------------
 
-    def hear(self, message: Mapping[str, Any]) -> None:
-        """Take a command; one that comes again gets its answer again."""
-        number, do, by = message.get('id'), message.get('do'), message.get('by', '')
-        args = message.get('args') or {}
-        if not isinstance(number, str | int) or not isinstance(args, Mapping):
-            raise ValueError(f'no command: id = {str(number)[:20]}')
-        key = str(number)[:100]
+    def receive(self, message: UplinkMessage) -> None:
+        """Receive a command; one that comes again gets its answer again."""
+        if not isinstance(message, RobotCommand):
+            return
+        key = message.id
         if key in self._answers:
             self.repeated += 1
             answer = self._answers[key]
@@ -157,7 +157,7 @@ class Commands(Part):
         if len(self._running) >= RUNNING_MOST:
             self._end(key, Answer(False, 'too many commands at a time'))
             return
-        task = asyncio.ensure_future(self._run(key, str(do), args, safe_line(str(by))[:80]))
+        task = asyncio.ensure_future(self._run(key, message.do, message.args, message.by))
         self._running.add(task)
         task.add_done_callback(self._running.discard)
 
@@ -180,8 +180,8 @@ class Commands(Part):
         self._say_answer(key, answer)
 
     def _say_answer(self, key: str, answer: Answer) -> None:
-        said = {'id': key, 'ok': answer.ok, 'text': answer.text}
-        self.ways.server.send('answer', {**said, 'codes': codes_of(said, ('text',))})
+        codes = codes_of({'text': answer.text}, ('text',))
+        self.ways.server.send(CommandAnswer(key, answer.ok, answer.text, codes))
 
     # ---- from the robot ----------------------------------------------------------------------
 

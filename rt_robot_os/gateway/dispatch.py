@@ -30,8 +30,8 @@ from rt_robot_os.gateway.outbox import Row
 from rt_robot_os.gateway.outbox import START
 from rt_robot_os.gateway.spare import Spare
 from rt_robot_os.messages.uplink.importance import Importance
-from rt_robot_os.messages.uplink.messages import encode
 from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
+from rt_robot_os.messages.uplink.records import RecordBatch
 
 #: Batches on their way at a time, and one more of what cannot wait.
 WINDOW: Final = 2
@@ -165,10 +165,8 @@ class Dispatch:
         if not from_doubtful:
             self._places[importance] = rows[-1].boot, rows[-1].seq
         lost = {str(each.value): count for each, count in self.outbox.lost.items() if count}
-        head = encode('records', {
-            'batch': self._number, 'boot': self.outbox.boots[rows[0].boot], 'lost': lost,
-            'records': []})
-        return f'{head[:-2]}{",".join(row.text for row in rows)}]}}'
+        batch = RecordBatch(self._number, (), self.outbox.boots[rows[0].boot], lost)
+        return batch.with_records(row.text for row in rows)
 
     def _next_doubtful(self, now_s: float) -> tuple[Importance, str] | None:
         """Try one once more that was refused, where others were taken since."""

@@ -41,6 +41,7 @@ from rt_robot_os.gateway.drive_limits import BEAT_HZ
 from rt_robot_os.gateway.drive_limits import CANCEL_TOPIC
 from rt_robot_os.gateway.drive_limits import Limits
 from rt_robot_os.gateway.drive_limits import TOPIC
+from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.pilot import Order
@@ -48,20 +49,25 @@ from rt_robot_os.gateway.pilot import Pilot
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
 from rt_robot_os.messages.cdr import LITTLE_ENDIAN
+from rt_robot_os.messages.uplink.driving import DriveBeat
+from rt_robot_os.messages.uplink.driving import DriveBegin
+from rt_robot_os.messages.uplink.driving import DriveCommand
+from rt_robot_os.messages.uplink.driving import DriveEnd
+from rt_robot_os.messages.uplink.greeting import DriveLimits
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 
 #: Publishes a sample at once: topic, CDR, stamp on CLOCK_MONOTONIC (0: now); False when it cannot.
 Publish = Callable[[str, bytes, int], bool]
 #: Sends a message to the server before all else; lost when there is no connection.
-Send = Callable[[str, Mapping[str, Any]], object]
+Send = Callable[[UplinkMessage], object]
 #: Returns the newest value of a signal; None without.
 Last = Callable[[str], Any]
 
-#: The kinds of messages that are for it.
-KINDS: Final = frozenset({'drive_begin', 'drive', 'drive_end'})
 _TWIST: Final = struct.Struct('<6d')
 _TRUE: Final = LITTLE_ENDIAN + b'\x01'
 #: What goes with a beat, and of which topic it is.
 _SHOWN: Final = {'speed': 'odom', 'stop_reason': 'stop_reason', 'steering': 'steering'}
+_RUNS: Final = 'runs'
 _SHOWN_HZ: Final = 20.0
 
 
@@ -100,16 +106,15 @@ class Drive:
         """Return the name of the one who drives, hand closed; empty when nobody does."""
         return self.pilot.driver if self._driven else ''
 
-    def take(self, message: Mapping[str, Any]) -> None:
-        """Do what a message of :data:`KINDS` says."""
-        kind = message.get('kind')
-        if kind == 'drive':
+    def receive(self, message: UplinkMessage) -> None:
+        """Do what a message of the driver says."""
+        if isinstance(message, DriveCommand):
             self._carry_out(self.pilot.take(message, self._clock()))
-        elif kind == 'drive_begin':
+        elif isinstance(message, DriveBegin):
             self._carry_out(self.pilot.begin(message))
-            self.beat()  # the first ticket, at once
-        elif kind == 'drive_end':
-            self._carry_out(self.pilot.end(message.get('lease')))
+            self.beat()  # the first ticket, without delay
+        elif isinstance(message, DriveEnd):
+            self._carry_out(self.pilot.end(message.lease))
 
     def lost(self) -> None:
         """Take note that the server is gone: nobody drives."""
@@ -135,12 +140,10 @@ class Drive:
         pilot = self.pilot
         if not pilot.lease or not self._limits.may_drive:
             return
-        shown = {name: value for name in (*_SHOWN, 'runs')
-                 if (value := self._last(name)) is not None}
-        self._send('beat', {
-            'n': pilot.beat(self._clock()), 'utc_ns': time.time_ns(), 'lease': pilot.lease,
-            'seq': pilot.seq, 'armed': pilot.is_armed, 'moves': pilot.moves,
-            'rtt_ms': None if pilot.rtt_ms is None else round(pilot.rtt_ms, 1), **shown})
+        self._send(DriveBeat(
+            pilot.beat(self._clock()), time.time_ns(), pilot.lease, pilot.seq, pilot.is_armed,
+            pilot.moves, None if pilot.rtt_ms is None else round(pilot.rtt_ms, 1),
+            **{name: self._last(name) for name in (*_SHOWN, _RUNS)}))
 
     def check_hold(self) -> None:
         """Tell the robot to stand when the last command no longer holds."""
@@ -178,7 +181,7 @@ class Drive:
 class Driving(Part):
     """The part of the gateway that lets somebody drive."""
 
-    kinds = KINDS
+    receives = (DriveBegin, DriveCommand, DriveEnd)
 
     def __init__(self, ways: Ways) -> None:
         super().__init__(ways)
@@ -198,14 +201,20 @@ class Driving(Part):
         """Publish commands, and that a goal is given up."""
         return (TOPIC, CANCEL_TOPIC)
 
-    def hello(self) -> Mapping[str, Any]:
-        """Tell how fast one may drive."""
-        told = self._limits.told()
-        return {'limits': told, 'capabilities': ['drive'] if told else []}
+    def hello(self) -> Greeting:
+        """Say how fast the robot may be driven."""
+        if not self._limits.may_drive:
+            return Greeting()
+        return Greeting(('drive',), limits=DriveLimits(self._limits.linear_m_s,
+                                                       self._limits.angular_rad_s))
 
-    def hear(self, message: Mapping[str, Any]) -> None:
-        """Take a message of the one who drives."""
-        self.drive.take(message)
+    def receive(self, message: UplinkMessage) -> None:
+        """Receive a message of the driver."""
+        self.drive.receive(message)
+
+    def reject(self, kind: str) -> None:
+        """Count a malformed message of the driver."""
+        self.drive.pilot.reject()
 
     def lost_server(self) -> None:
         """Let nobody drive."""
@@ -224,8 +233,8 @@ class Driving(Part):
 
     def _last(self, signal: str) -> Any:
         found = self._shown.get(signal)
-        if signal == 'runs' or found is None:
-            return self.ways.robot.has(TOPIC) if signal == 'runs' else None
+        if signal == _RUNS or found is None:
+            return self.ways.robot.has(TOPIC) if signal == _RUNS else None
         try:
             return value_of(_SHOWN[signal], *found)
         except (LayoutError, ValueError):

@@ -62,12 +62,6 @@ class Limits:
         """Return how long a ticket is worth something."""
         return round(self.ticket_s * NS_PER_S)
 
-    def told(self) -> dict[str, float]:
-        """Return what a server is told of them; nothing when nobody may drive."""
-        if not self.may_drive:
-            return {}
-        return {'linear_m_s': self.linear_m_s, 'angular_rad_s': self.angular_rad_s}
-
     def bounded(self, linear_m_s: float, angular_rad_s: float) -> tuple[float, float]:
         """Return a command within the limits; its curve stays the same."""
         return bounded(linear_m_s, angular_rad_s, self.linear_m_s, self.angular_rad_s)

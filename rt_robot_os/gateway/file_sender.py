@@ -25,9 +25,11 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.gateway.spool import Spool
-from rt_robot_os.messages.uplink.frames import encode_frame
 from rt_robot_os.messages.uplink.frames import PART_BYTES
-from rt_robot_os.messages.uplink.messages import encode
+from rt_robot_os.messages.uplink.media import FileOffer
+from rt_robot_os.messages.uplink.media import FilePart
+from rt_robot_os.messages.uplink.media import FileProgress
+from rt_robot_os.messages.uplink.media import FileRefusal
 
 Send = Callable[[str | bytes], Awaitable[None]]
 _ANSWER_S: Final = 30.0
@@ -48,7 +50,7 @@ class FileSender:
         self._spool = spool
         self._tell = tell
         self._new = asyncio.Event()
-        self._answers: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue(16)
+        self._answers: asyncio.Queue[FileProgress | FileRefusal] = asyncio.Queue(16)
         self._not_before: dict[str, float] = {}
         self._tries: dict[str, int] = {}
 
@@ -61,8 +63,8 @@ class FileSender:
         while not self._answers.empty():
             self._answers.get_nowait()
 
-    def hear(self, message: Mapping[str, Any]) -> None:
-        """Take an answer of the server."""
+    def receive(self, message: FileProgress | FileRefusal) -> None:
+        """Receive an answer of the server."""
         if self._answers.full():
             self._answers.get_nowait()
         self._answers.put_nowait(message)
@@ -90,20 +92,20 @@ class FileSender:
 
     async def _send_file(self, send: Send, item: Mapping[str, Any]) -> None:
         name, size = item['id'], item['size']
-        await send(encode('offer', {key: item[key] for key in ('id', 'sha256', 'size')}))
+        await send(FileOffer(name, item['sha256'], size).to_json())
         while True:
             answer = await self._answer(name)
-            if answer['kind'] == 'refused':
+            if isinstance(answer, FileRefusal):
                 self._refused(name, item, answer)
                 return
-            offset = int(answer['offset'])
-            if offset >= size:
+            if answer.offset >= size:
                 self._forget(name)
                 self.sent += 1
                 await asyncio.to_thread(self._spool.done, name)
                 return
             try:
-                part = await asyncio.to_thread(self._spool.part, item, offset, PART_BYTES)
+                part = await asyncio.to_thread(self._spool.part, item, answer.offset,
+                                               PART_BYTES)
             except OSError:
                 part = b''
             if not part:
@@ -111,9 +113,9 @@ class FileSender:
                 self._forget(name)
                 self._spool.done(name, given_up=True)
                 return
-            await send(encode_frame('part', {'id': name, 'offset': offset}, part))
+            await send(FilePart(name, answer.offset, part).to_bytes())
 
-    async def _answer(self, name: str) -> Mapping[str, Any]:
+    async def _answer(self, name: str) -> FileProgress | FileRefusal:
         while True:
             try:
                 answer = await asyncio.wait_for(self._answers.get(), _ANSWER_S)
@@ -121,21 +123,21 @@ class FileSender:
                 raise ConnectionResetError(
                     f'the server does not say what it has of a file for {_ANSWER_S:g} s'
                 ) from None
-            if answer.get('id') == name:
+            if answer.id == name:
                 return answer
 
-    def _refused(self, name: str, item: Mapping[str, Any], answer: Mapping[str, Any]) -> None:
-        retry_s = min(_WAIT_MOST_S, float(answer.get('retry_s', 0.0)))
+    def _refused(self, name: str, item: Mapping[str, Any], answer: FileRefusal) -> None:
+        retry_s = min(_WAIT_MOST_S, answer.retry_s)
         tries = self._tries[name] = self._tries.get(name, 0) + 1
         # A full disk of the server is waited for as long as it takes; a hash that is wrong again
         # and again is not.
         if retry_s <= 0 or (retry_s < 5.0 and tries >= _TRIES):
-            self._tell(f'{item["file"]} is not taken by the server: {answer.get("text")}')
+            self._tell(f'{item["file"]} is not taken by the server: {answer.text}')
             self._forget(name)
             self._spool.done(name, given_up=True)
             return
         if tries == 1:
-            self._tell(f'{item["file"]} is to wait {retry_s:g} s: {answer.get("text")}')
+            self._tell(f'{item["file"]} is to wait {retry_s:g} s: {answer.text}')
         self._not_before[name] = time.monotonic() + retry_s
 
     def _forget(self, name: str) -> None:

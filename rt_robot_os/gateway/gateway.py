@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 import time
@@ -44,7 +43,8 @@ from rt_robot_os.gateway.settings import GatewaySettings
 from rt_robot_os.gateway.state_connection import StateConnection
 from rt_robot_os.gateway.surroundings import Surroundings
 from rt_robot_os.gateway.voice import Voice
-from rt_robot_os.messages.uplink.messages import encode
+from rt_robot_os.messages.uplink.greeting import DriveLimits
+from rt_robot_os.messages.uplink.greeting import RobotHello
 from rt_robot_os.messages.uplink.tasks import end
 
 #: Each is made with :class:`~.part.Ways`; the order is that in which they are told of things.
@@ -53,18 +53,6 @@ _STOP_LOOK_S: Final = 0.1
 #: So long the robot may take before the server is called without it.
 _ROBOT_S: Final = 1.0
 _LOOK_S: Final = 0.01
-
-
-class _LiveSource:
-    """Signals as the sender wants them."""
-
-    def __init__(self, live: Live) -> None:
-        self._live = live
-
-    def next_text(self) -> str | None:
-        """Return the next message."""
-        content = self._live.next_message()
-        return None if content is None else encode('live', content)
 
 
 class Gateway:
@@ -109,26 +97,25 @@ class Gateway:
         if self.server.connected:
             self._tell(text)
 
-    def _hello(self) -> dict[str, Any]:
-        """Say who this is, and what it can."""
-        topics = self.robot.topics
-        found: dict[str, Any] = {
-            'robot': self.identity.robot, 'name': self._name, 'boot': self.identity.boot,
-            'utc_ns': time.time_ns(), 'cameras': [], 'nodes': [], 'map': '', 'limits': {},
-            'people': list(self._settings.people or people_in(topics))}
-        capabilities: list[str] = []
-        for part in self.parts:
-            more: Mapping[str, Any] = part.hello()
-            capabilities += more.get('capabilities', ())
-            found.update((key, value) for key, value in more.items() if key != 'capabilities')
-        return {**found, 'capabilities': list(dict.fromkeys(capabilities))}
+    def _hello(self) -> RobotHello:
+        """Say who this is, and what it can do."""
+        greetings = [part.hello() for part in self.parts]
+        limits = (each.limits for each in greetings)
+        return RobotHello(
+            self.identity.boot, self.identity.robot, self._name, time.time_ns(),
+            tuple(self._settings.people or people_in(self.robot.topics)),
+            tuple(name for each in greetings for name in each.cameras),
+            tuple(dict.fromkeys(name for each in greetings for name in each.capabilities)),
+            tuple(node for each in greetings for node in each.nodes),
+            next((each.map for each in greetings if each.map), ''),
+            next((each for each in limits if each.linear_m_s), DriveLimits()))
 
     async def _serve(self) -> None:
         """Talk with the server; it is greeted with what the robot has, if that runs."""
         deadline_s = time.monotonic() + _ROBOT_S
         while not self.robot.connected and time.monotonic() < deadline_s:
             await asyncio.sleep(_LOOK_S)
-        await self.server.run(self.parts, (self.keeper, _LiveSource(self.live)))
+        await self.server.run(self.parts, (self.keeper, self.live))
 
     async def run(self, stopping: Callable[[], bool]) -> None:
         """

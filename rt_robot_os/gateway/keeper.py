@@ -22,8 +22,6 @@ broken stops nothing: records are held in memory, sent from there, and written w
 from __future__ import annotations
 
 from collections.abc import Callable
-from collections.abc import Mapping
-import json
 import queue
 import sqlite3
 import threading
@@ -31,7 +29,6 @@ import time
 from typing import Any
 from typing import Final
 
-from rt_robot_os.base.safe_text import safe_line
 from rt_robot_os.gateway.dispatch import Dispatch
 from rt_robot_os.gateway.dispatch import URGENT
 from rt_robot_os.gateway.outbox import Mark
@@ -43,6 +40,10 @@ from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.spare import Spare
 from rt_robot_os.messages.uplink.importance import Importance
 from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
+from rt_robot_os.messages.uplink.messages import UplinkMessage
+from rt_robot_os.messages.uplink.records import BatchRefused
+from rt_robot_os.messages.uplink.records import BatchStored
+from rt_robot_os.messages.uplink.records import UplinkRecord
 
 FILE: Final = 'outbox.sqlite3'
 #: The longest record; what is longer is replaced by a line that says so.
@@ -56,7 +57,6 @@ _AGAIN_S: Final = 1.0
 _OLD_S: Final = 60.0
 _BYTES_PER_MB: Final = 1_000_000
 _S_PER_DAY: Final = 86400.0
-_REASON: Final = 200
 
 
 class Keeper(Part):
@@ -71,7 +71,7 @@ class Keeper(Part):
     :raises StartError: the folder cannot be used.
     """
 
-    kinds = frozenset({'stored', 'refused'})
+    receives = (BatchStored, BatchRefused)
 
     def __init__(self, ways: Ways, boot: str, clock_s: Callable[[], float] = time.monotonic
                  ) -> None:
@@ -133,19 +133,17 @@ class Keeper(Part):
         self._connection += 1
         self._queue.put(('lost', self._connection))
 
-    def hear(self, message: Mapping[str, Any]) -> None:
-        """Take what became of a batch."""
-        batch = message.get('batch')
-        if not isinstance(batch, int):
-            raise ValueError(f'{message["kind"]}: batch = {str(batch)[:20]}')
-        if message['kind'] == 'stored':
-            self._queue.put(('stored', batch, self._connection))
+    def receive(self, message: UplinkMessage) -> None:
+        """Receive what became of a batch."""
+        if not isinstance(message, (BatchStored, BatchRefused)):
             return
-        retry_s = message.get('retry_s', 0.0)
-        if not isinstance(retry_s, int | float) or isinstance(retry_s, bool):
-            retry_s = 0.0
-        self._queue.put(('refused', batch, self._connection, float(retry_s),
-                         safe_line(str(message.get('text', '')))[:_REASON]))
+        if not isinstance(message.batch, int):
+            raise ValueError(f'batch {message.batch[:20]!r} is not a number of this gateway')
+        if isinstance(message, BatchStored):
+            self._queue.put(('stored', message.batch, self._connection))
+        else:
+            self._queue.put(('refused', message.batch, self._connection, message.retry_s,
+                             message.text))
 
     def statistics(self) -> dict[str, Any]:
         """Return its counters."""
@@ -312,10 +310,8 @@ class Keeper(Part):
 def record_text(seq: int, record: Record) -> str | None:
     """Write a record as it is sent; None when it is too long, or JSON cannot hold it."""
     try:
-        text = json.dumps(
-            {'seq': seq, 'importance': int(record.importance), 'type': record.type,
-             'utc_ns': record.utc_ns, 'content': dict(record.content)},
-            ensure_ascii=False, allow_nan=False, separators=(',', ':'))
+        text = UplinkRecord(seq, record.importance, record.type, record.utc_ns,
+                            record.content).to_json()
         return text if len(text.encode()) <= RECORD_BYTES else None
     except (TypeError, ValueError, RecursionError):
         return None

@@ -21,7 +21,6 @@ place of what is older. So a poor network makes signals fewer, never older.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from functools import partial
@@ -39,7 +38,11 @@ from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
 from rt_robot_os.gateway.robot_link import utc_of
 from rt_robot_os.messages.texts.signals import codes_of_signals
+from rt_robot_os.messages.uplink.live import LiveReceived
+from rt_robot_os.messages.uplink.live import LiveSignals
+from rt_robot_os.messages.uplink.live import WantedSignals
 from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 
 #: Messages that may be on their way at a time.
 CREDIT: Final = 2
@@ -62,7 +65,7 @@ class Live(Part):
     :ivar passed_over: samples that a newer one replaced before they were sent.
     """
 
-    kinds = frozenset({'taken', 'want'})
+    receives = (LiveReceived, WantedSignals)
 
     def __init__(self, ways: Ways) -> None:
         super().__init__(ways)
@@ -107,32 +110,27 @@ class Live(Part):
         """Nobody looks."""
         self._set_rate(self.ways.settings.idle_hz, None)
 
-    def hear(self, message: Mapping[str, Any]) -> None:
-        """Take a credit, or how often somebody wants to see what."""
-        if message['kind'] == 'taken':
-            n = message.get('n')
-            if not isinstance(n, int) or not self._taken <= n <= self._n:
-                raise ValueError(f'taken: n = {str(n)[:20]}, where {self._n} was the last')
-            self._taken = n
-            return
-        hz, names = message.get('signals_hz'), message.get('signals')
-        if not isinstance(hz, int | float) or isinstance(hz, bool) or not 0 <= hz < 1e6:
-            raise ValueError(f'want: signals_hz = {str(hz)[:20]}')
-        wanted = None
-        if isinstance(names, list):
-            wanted = tuple(str(each)[:200] for each in names[:_SIGNALS_MOST])
-        self._set_rate(max(self.ways.settings.idle_hz, min(float(hz), FASTEST_HZ)), wanted)
+    def receive(self, message: UplinkMessage) -> None:
+        """Receive a credit, or how often which signals are wanted."""
+        if isinstance(message, LiveReceived):
+            if not self._taken <= message.n <= self._n:
+                raise ValueError(f'n = {message.n}, but {self._n} was the last')
+            self._taken = message.n
+        elif isinstance(message, WantedSignals):
+            self._set_rate(max(self.ways.settings.idle_hz, min(message.signals_hz, FASTEST_HZ)),
+                           message.signals)
 
     def _set_rate(self, hz: float, wanted: tuple[str, ...] | None) -> None:
         self._hz, self._wanted = hz, wanted
         self.ways.robot.limit_hz = hz  # the core need not carry what nobody sees
 
-    def next_message(self) -> dict[str, Any] | None:
-        """
-        Make the next message when one is due, wanted and taken; for the sender.
+    def next_text(self) -> str | None:
+        """Make the next message when one is due, wanted and there is credit; for the sender."""
+        message = self.next_message()
+        return None if message is None else message.to_json()
 
-        :return: its content; None when there is nothing.
-        """
+    def next_message(self) -> LiveSignals | None:
+        """Make the next message; None when there is nothing."""
         now_s = time.monotonic()
         if now_s - self._sent_s < 1.0 / self._hz:
             return None
@@ -153,7 +151,7 @@ class Live(Part):
         self._n += 1
         self.sent += 1
         self._sent_s = now_s
-        return {'n': self._n, 'utc_ns': time.time_ns(), 'signals': signals}
+        return LiveSignals(self._n, time.time_ns(), signals)
 
     def _is_wanted(self, name: str) -> bool:
         if name not in _ON_DEMAND:

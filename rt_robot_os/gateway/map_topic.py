@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 from rt_robot_os.messages.cdr import CdrReader
-from rt_robot_os.messages.uplink.maps import map_message
+from rt_robot_os.messages.uplink.maps import MapMessage
 from rt_robot_os.motion.grid_map import UNKNOWN
 from rt_robot_os.motion.map_message import grid_of
 
@@ -54,7 +54,7 @@ def grid_in(cdr: bytes) -> Any:
         origin=SimpleNamespace(position=pose[:3], orientation=pose[3:])))
 
 
-def message_of(cdr: bytes, packed_most: int = PACKED_MOST) -> dict[str, Any]:
+def message_of(cdr: bytes, packed_most: int = PACKED_MOST) -> MapMessage:
     """
     Make the message of what is known of a map: without its unknown rim, and as coarse as it takes.
 
@@ -75,11 +75,11 @@ def message_of(cdr: bytes, packed_most: int = PACKED_MOST) -> dict[str, Any]:
     origin = (*grid.point(column * size_m, row * size_m), grid.origin[2])
     while True:
         rows, columns = cells.shape
-        message = map_message(columns, rows, size_m, origin, cells.tobytes())
-        if len(message['cells']) <= packed_most:
+        message = MapMessage.pack(columns, rows, size_m, origin, cells.tobytes())
+        if len(message.cells) <= packed_most:
             return message
         if min(cells.shape) < 2:
-            raise ValueError(f'it takes {len(message["cells"])} characters; {packed_most} are the '
+            raise ValueError(f'it takes {len(message.cells)} characters; {packed_most} are the '
                              'most')
         cells, size_m = _coarser(cells), 2.0 * size_m
 

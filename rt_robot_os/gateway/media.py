@@ -35,10 +35,10 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.errors import RecordingError
-from rt_robot_os.devices.capture.observation_folder import default_folder
 from rt_robot_os.gateway.connection import ClientConnection
 from rt_robot_os.gateway.connection import keep_alive
 from rt_robot_os.gateway.file_sender import FileSender
+from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Record
 from rt_robot_os.gateway.part import Ways
@@ -49,14 +49,24 @@ from rt_robot_os.gateway.robot_link import utc_of
 from rt_robot_os.gateway.server_clock import ServerClock
 from rt_robot_os.gateway.spool import Spool
 from rt_robot_os.link.client import TopicInfo
+from rt_robot_os.linux.folders import observations_folder
 from rt_robot_os.messages.cdr import string_in
 from rt_robot_os.messages.texts.coded import codes_of
-from rt_robot_os.messages.uplink.frames import encode_frame
 from rt_robot_os.messages.uplink.frames import FRAME_BYTES
 from rt_robot_os.messages.uplink.importance import Importance
+from rt_robot_os.messages.uplink.kinds import MEDIA_DOWN
+from rt_robot_os.messages.uplink.kinds import read
+from rt_robot_os.messages.uplink.media import CameraTrouble
+from rt_robot_os.messages.uplink.media import ClockReply
+from rt_robot_os.messages.uplink.media import ClockRequest
+from rt_robot_os.messages.uplink.media import FileProgress
+from rt_robot_os.messages.uplink.media import FileRefusal
+from rt_robot_os.messages.uplink.media import MediaHello
+from rt_robot_os.messages.uplink.media import PictureFrame
+from rt_robot_os.messages.uplink.media import PictureReceived
+from rt_robot_os.messages.uplink.media import WantedCameras
 from rt_robot_os.messages.uplink.messages import decode
-from rt_robot_os.messages.uplink.messages import encode
-from rt_robot_os.messages.uplink.messages import VERSION
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.messages.uplink.tasks import end
 
 PATH: Final = '/robot/media'
@@ -92,7 +102,7 @@ class Media(Part):
         self._told: deque[dict[str, Any]] = deque()
         self._new = asyncio.Event()
         self._spool = Spool(ways.folder / 'media',
-                            Path(named).expanduser() if named else default_folder(),
+                            Path(named).expanduser() if named else observations_folder(),
                             round(settings.media_mb * _MB))
         self._files = FileSender(self._spool, ways.tell)
         self._reader = CameraReader(ways.robot.path, self._woken, ways.tell, self._troubled)
@@ -107,10 +117,9 @@ class Media(Part):
         """Return the topic that tells of files."""
         return (Reads(OBSERVED, self._observed, every=True),)
 
-    def hello(self) -> Mapping[str, Any]:
+    def hello(self) -> Greeting:
         """Return the names of the cameras."""
-        return {'cameras': sorted(self._cameras), **(
-            {'capabilities': ['camera']} if self._cameras else {})}
+        return Greeting(('camera',) if self._cameras else (), tuple(sorted(self._cameras)))
 
     def met_robot(self, topics: Mapping[str, TopicInfo]) -> None:
         """Find the cameras of the robot."""
@@ -199,8 +208,7 @@ class Media(Part):
         while True:
             await self._greet.wait()
             self._greet.clear()
-            await socket.send(encode('hello', {'version': VERSION,
-                                               'cameras': sorted(self._cameras)}))
+            await socket.send(MediaHello(tuple(sorted(self._cameras))).to_json())
 
     async def _say_troubles(self, socket: ClientConnection) -> None:
         while True:
@@ -208,34 +216,32 @@ class Media(Part):
             self._trouble.clear()
             while self._troubles:
                 camera, text = self._troubles.popitem()
-                said = {'camera': camera, 'text': text}
-                await socket.send(encode('trouble', {**said, 'codes': codes_of(said, ('text',))}))
+                codes = codes_of({'text': text}, ('text',))
+                await socket.send(CameraTrouble(camera, text, codes).to_json())
 
     async def _ask(self, socket: ClientConnection, clock: ServerClock) -> None:
         while True:
-            await socket.send(encode('clock', {'t': time.monotonic_ns()}))
+            await socket.send(ClockRequest(time.monotonic_ns()).to_json())
             # Until it has answered a few times, one bad answer counts for much.
             await asyncio.sleep(_CLOCK_S if clock.answers > 3 else _CLOCK_S / 25)
 
     async def _hear_all(self, socket: ClientConnection, clock: ServerClock) -> None:
         async for packet in socket:
-            with suppress(KeyError, TypeError, ValueError):
-                self._hear_one(decode(packet), clock)
+            with suppress(ValueError):
+                self._receive(read(MEDIA_DOWN, decode(packet)), clock)
 
-    def _hear_one(self, message: dict[str, Any], clock: ServerClock) -> None:
-        kind = message['kind']
-        if kind == 'taken':
-            if self._awaited.get(message['camera']) == message['n']:
-                del self._awaited[message['camera']]
+    def _receive(self, message: UplinkMessage | None, clock: ServerClock) -> None:
+        if isinstance(message, PictureReceived):
+            if self._awaited.get(message.camera) == message.n:
+                del self._awaited[message.camera]
                 self._wake.set()
-        elif kind == 'want':
+        elif isinstance(message, WantedCameras):
             most = self.ways.settings.camera_hz
-            self._want({str(name): min(most, float(rate))
-                        for name, rate in message['cameras'].items()})
-        elif kind == 'clock':
-            clock.heard(int(message['t']), int(message['utc_ns']), time.monotonic_ns())
-        elif kind in ('have', 'refused'):
-            self._files.hear(message)
+            self._want({name: min(most, rate) for name, rate in message.cameras.items()})
+        elif isinstance(message, ClockReply):
+            clock.heard(message.t, message.utc_ns, time.monotonic_ns())
+        elif isinstance(message, (FileProgress, FileRefusal)):
+            self._files.receive(message)
 
     # ---- pictures ----------------------------------------------------------------------------
 
@@ -273,10 +279,9 @@ class Media(Part):
         n = self._counts[name] = self._counts.get(name, 0) + 1
         self._awaited[name] = n
         now_ns = time.monotonic_ns()
-        await socket.send(encode_frame('picture', {
-            'camera': name, 'n': n, 'utc_ns': time.time_ns() - (now_ns - seen.stamp_ns),
-            'age_ns': max(0, now_ns - seen.stamp_ns),
-            'server_ns': clock.server_ns(seen.stamp_ns)}, seen.jpeg))
+        await socket.send(PictureFrame(
+            name, n, seen.jpeg, time.time_ns() - (now_ns - seen.stamp_ns),
+            max(0, now_ns - seen.stamp_ns), clock.server_ns(seen.stamp_ns)).to_bytes())
         self.pictures += 1
 
 

@@ -15,18 +15,21 @@
 """
 What the gateway is made of: parts, each with its topics of the robot and its kinds of messages.
 
-A part says which topics it reads and publishes, which kinds of messages of the server are for it,
+A part says which topics it reads and publishes, which messages of the server are for it,
 and what it adds to the greeting. The gateway has one object of each, made with :class:`Ways`, and
 calls it as written here::
 
     class Horn(Part):
-        kinds = frozenset({'honk'})
+        receives = (HonkMessage,)
 
         def publishes(self) -> tuple[str, ...]:
             return ('horn',)
 
-        def hear(self, message):
-            self.ways.robot.publish('horn', string_message(str(message.get('how', 'short'))))
+        def receive(self, message):
+            self.ways.robot.publish('horn', string_message(message.how))
+
+A class of messages such as ``HonkMessage`` stands in :mod:`rt_robot_os.messages.uplink`, and in
+the table of kinds there.
 
 Two threads call a part: the link's (``take`` of :class:`~.reading.Reads` and
 :meth:`Part.met_robot`), and the network's, an asyncio loop (all others). What waits, for a disk or
@@ -49,7 +52,10 @@ from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.robot_link import RobotLink
 from rt_robot_os.gateway.settings import GatewaySettings
 from rt_robot_os.link.client import TopicInfo
+from rt_robot_os.messages.uplink.greeting import DriveLimits
+from rt_robot_os.messages.uplink.greeting import NodePosition
 from rt_robot_os.messages.uplink.importance import Importance
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 
 
 class Record(NamedTuple):
@@ -67,6 +73,23 @@ class Record(NamedTuple):
     utc_ns: int
 
 
+@dataclass(frozen=True)
+class Greeting:
+    """
+    What a part adds to the first message to the server; those of all parts are joined.
+
+    :ivar capabilities: what the robot can do.
+    :ivar cameras: their names.
+    :ivar map: SHA-256 of the map.
+    """
+
+    capabilities: tuple[str, ...] = ()
+    cameras: tuple[str, ...] = ()
+    nodes: tuple[NodePosition, ...] = ()
+    map: str = ''  # noqa: A003
+    limits: DriveLimits = DriveLimits()
+
+
 class Sending(Protocol):
     """The connection ``/robot/state``, as parts see it. Any thread may call it."""
 
@@ -74,14 +97,14 @@ class Sending(Protocol):
     def connected(self) -> bool:
         """Whether the server has greeted back and is heard."""
 
-    def send(self, kind: str, content: Mapping[str, Any]) -> bool:
+    def send(self, message: UplinkMessage) -> bool:
         """Queue a message ahead of records and signals; False when too many wait already."""
 
     def wake(self) -> None:
         """Have the sender look for what is new."""
 
-    def send_newest(self, kind: str, content: Mapping[str, Any]) -> None:
-        """Queue a message in the place of the one of this kind that still waits."""
+    def send_newest(self, message: UplinkMessage) -> None:
+        """Queue a message in the place of the one of its kind that still waits."""
 
 
 @dataclass(frozen=True)
@@ -111,10 +134,10 @@ class Part:
     """
     One part; see the module. A part overrides what it needs.
 
-    :ivar kinds: of the messages that are for it; each kind is for one part.
+    :ivar receives: the classes of messages that are for it; each class is for one part.
     """
 
-    kinds: frozenset[str] = frozenset()
+    receives: tuple[type[UplinkMessage], ...] = ()
 
     def __init__(self, ways: Ways) -> None:
         self.ways = ways
@@ -127,9 +150,9 @@ class Part:
         """Return the topics that it publishes; those that the robot lacks are passed over."""
         return ()
 
-    def hello(self) -> Mapping[str, Any]:
-        """Return what it adds to the greeting; ``capabilities`` of all parts are joined."""
-        return {}
+    def hello(self) -> Greeting:
+        """Return what it adds to the greeting."""
+        return Greeting()
 
     def met_robot(self, topics: Mapping[str, TopicInfo]) -> None:
         """Note that there is a core, perhaps a new one, with these topics. Link's thread."""
@@ -140,12 +163,15 @@ class Part:
     def lost_server(self) -> None:
         """Note that the connection is gone."""
 
-    def hear(self, message: Mapping[str, Any]) -> None:
+    def receive(self, message: UplinkMessage) -> None:
         """
-        Take a message of one of its kinds.
+        Receive a message of one of its classes.
 
-        :raises ValueError: it makes no sense; counted and told, nothing else.
+        :raises ValueError: it makes no sense now; it is counted and reported, nothing else.
         """
+
+    def reject(self, kind: str) -> None:
+        """Note that a message of one of its kinds was malformed; it is counted and reported."""
 
     async def run(self) -> None:
         """Work until cancelled."""

@@ -17,22 +17,21 @@ Who drives the robot from afar, whether what they say is young enough, and for h
 
 Pure decisions with a clock that is handed in; :mod:`rt_robot_os.gateway.drive` connects
 them. What moves the robot has to pass all of this, in this order: it belongs to the lease of the
-moment; its number rises; its ticket is at most ``ticket_s`` old; it is a number; the hand was seen
+moment; its number rises; its ticket is at most ``ticket_s`` old; the hand was seen
 open since the lease began, and since the last gap. Then it holds for ``hold_s``, but never longer
 than ``ticket_s`` after its ticket was given out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-import math
-from typing import Any
 from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.gateway.drive_limits import Limits
 from rt_robot_os.gateway.tickets import Tickets
+from rt_robot_os.messages.uplink.driving import DriveBegin
+from rt_robot_os.messages.uplink.driving import DriveCommand
 
 #: Why a command was not taken, each with its counter.
 FOREIGN: Final = 'foreign'
@@ -41,7 +40,6 @@ STALE: Final = 'stale'
 MALFORMED: Final = 'malformed'
 NOT_ARMED: Final = 'not_armed'
 _TAKEN: Final = 'taken'
-_NAME_LETTERS: Final = 80
 
 
 class Order(NamedTuple):
@@ -84,24 +82,20 @@ class Pilot:
         self._until_ns = 0
         self._gap_ns = 0
 
-    def begin(self, message: Mapping[str, Any]) -> Order | None:
-        """Let somebody drive from now on; whoever did stands."""
-        lease, by = message.get('lease'), message.get('by')
-        if not isinstance(lease, str) or not lease or not isinstance(by, str):
-            self.counters[MALFORMED] += 1
-            return None
-        if lease == self.lease:
-            return None  # told again, after the server was away for a moment
+    def begin(self, message: DriveBegin) -> Order | None:
+        """Let a driver drive from now on; the robot stops for the one before."""
+        if message.lease == self.lease:
+            return None  # sent again, after the server was away for a moment
         order = self.stop()
         self.tickets.forget()
-        self.lease, self.driver = lease, by[:_NAME_LETTERS]
+        self.lease, self.driver = message.lease, message.by
         self.seq = 0
         self.is_armed = False
         self.rtt_ms = None
         self.counters['leases'] += self.limits.may_drive
         return order
 
-    def end(self, lease: object = None) -> Order | None:
+    def end(self, lease: str | None = None) -> Order | None:
         """
         Let nobody drive any more.
 
@@ -126,10 +120,14 @@ class Pilot:
         """Return a new ticket."""
         return self.tickets.give(now_ns)
 
-    def take(self, message: Mapping[str, Any], now_ns: int) -> Order | None:
+    def reject(self) -> None:
+        """Count a message that was malformed."""
+        self.counters[MALFORMED] += 1
+
+    def take(self, command: DriveCommand, now_ns: int) -> Order | None:
         """Return what a command makes the robot do; None when it changes nothing."""
         try:
-            order = self._take(message, now_ns)
+            order = self._take(command, now_ns)
         except _NotTaken as error:
             self.counters[str(error)] += 1
             return None
@@ -148,29 +146,23 @@ class Pilot:
         """Return how long the last command holds; 0 when the robot is not told to move."""
         return self._until_ns if self.moves else 0
 
-    def _take(self, message: Mapping[str, Any], now_ns: int) -> Order | None:
-        seq = message.get('seq')
-        if not self.lease or message.get('lease') != self.lease or not self.limits.may_drive:
+    def _take(self, command: DriveCommand, now_ns: int) -> Order | None:
+        if not self.lease or command.lease != self.lease or not self.limits.may_drive:
             raise _NotTaken(FOREIGN)
-        if not isinstance(seq, int) or isinstance(seq, bool):
-            raise _NotTaken(MALFORMED)
-        if seq <= self.seq:
+        if command.seq <= self.seq:
             raise _NotTaken(DISORDERED)
-        self.seq = seq
-        given_ns = self.tickets.given_ns(message.get('beat'))
+        self.seq = command.seq
+        given_ns = self.tickets.given_ns(command.beat)
         if given_ns is None:
             raise _NotTaken(STALE)
-        linear, angular, held_ms = (_number(message, name) for name in (
-            'linear_m_s', 'angular_rad_s', 'held_ms'))
         age_ms = (now_ns - given_ns) / NS_PER_MS
-        self.rtt_ms = age_ms - min(max(held_ms, 0.0), age_ms)
+        self.rtt_ms = age_ms - min(max(command.held_ms, 0.0), age_ms)
         if now_ns - given_ns > self.limits.ticket_ns:
             raise _NotTaken(STALE)
-        return self._hold(message.get('grip') is True, linear, angular, given_ns, now_ns)
+        return self._hold(command, given_ns, now_ns)
 
-    def _hold(self, grips: bool, linear: float, angular: float, given_ns: int, now_ns: int
-              ) -> Order | None:
-        if not grips:
+    def _hold(self, command: DriveCommand, given_ns: int, now_ns: int) -> Order | None:
+        if not command.grip:
             self.is_armed = True
             self._gap_ns = 0
             return self.stop()
@@ -181,7 +173,7 @@ class Pilot:
             raise _NotTaken(NOT_ARMED)
         self._gap_ns = now_ns
         self.grips = True
-        linear, angular = self.limits.bounded(linear, angular)
+        linear, angular = self.limits.bounded(command.linear_m_s, command.angular_rad_s)
         self._until_ns = min(now_ns + self.limits.hold_ns, given_ns + self.limits.ticket_ns)
         if not linear and not angular:
             # In force like any other: whoever holds the stick in its middle steers.
@@ -194,10 +186,3 @@ class Pilot:
 
 class _NotTaken(Exception):  # noqa: N818 - it is an answer
     """A command that changes nothing; its text is the counter's name."""
-
-
-def _number(message: Mapping[str, Any], name: str) -> float:
-    value = message.get(name, 0.0)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise _NotTaken(MALFORMED)
-    return float(value)

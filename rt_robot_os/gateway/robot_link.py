@@ -22,7 +22,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
 from pathlib import Path
-import threading
 import time
 from typing import Any
 from typing import Final
@@ -36,11 +35,12 @@ from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.client import TopicInfo
 from rt_robot_os.link.protocol import Header
-from rt_robot_os.link.reconnecting_client import ReconnectingClient
+from rt_robot_os.link.threaded_client import advertise
+from rt_robot_os.link.threaded_client import run_of
+from rt_robot_os.link.threaded_client import ThreadedClient
 
 #: How long the core may keep a sample to send it with others: less work for it.
 DELAY_MS: Final = 20.0
-_PUMP_S: Final = 0.05
 
 
 @dataclass
@@ -89,10 +89,8 @@ class RobotLink:
         self._in_core: frozenset[str] = frozenset()
         self._by_channel: dict[int, _Read] = {}
         self._missed_by_channel: dict[int, int] = {}
-        self._link = ReconnectingClient(path, 'gateway', self._connect, tell)
+        self._link = ThreadedClient(path, 'gateway', self._connect, tell, self._ask)
         self._told: set[str] = set()
-        self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='link', daemon=True)
 
     @property
     def connected(self) -> bool:
@@ -102,14 +100,11 @@ class RobotLink:
     def start(self, parts: Iterable[Listener]) -> None:
         """Read for these parts from now on."""
         self._parts = tuple(parts)
-        self._thread.start()
+        self._link.start()
 
     def stop(self) -> None:
         """Disconnect; may be called twice."""
-        self._ending.set()
-        if self._thread.is_alive():
-            self._thread.join()
-        self._link.close()
+        self._link.stop()
 
     def has(self, topic: str) -> bool:
         """Return whether the core has a topic that this side may publish. Any thread."""
@@ -156,15 +151,8 @@ class RobotLink:
 
     # ---- in its thread -----------------------------------------------------------------------
 
-    def _run(self) -> None:
-        while not self._ending.is_set():
-            self._link.pump(_PUMP_S)
-            client = self._link.client
-            if client is not None:
-                self._ask(client)
-
     def _connect(self, client: LinkClient) -> None:
-        self.run_id = f'{client.core.get("pid")}-{client.core.get("start_ns")}'
+        self.run_id = run_of(client)
         self.topics = client.topics
         self._by_channel = {}
         self._missed_by_channel = {}
@@ -174,15 +162,8 @@ class RobotLink:
                     if star_match(read.topic, name) is not None:
                         self._by_channel.setdefault(info.channel, _Read(info)).reads.append(read)
         wanted = dict.fromkeys(topic for part in self._parts for topic in part.publishes())
-        channels = {}
-        for topic in wanted:
-            if topic in client.topics:
-                try:
-                    channels[topic] = client.advertise(topic)
-                except LinkSilent:
-                    raise  # busy: it is asked for all of it again
-                except LinkError as error:  # a module of the core publishes it
-                    self._tell(f'{topic}: {error}')
+        channels = advertise(client, (topic for topic in wanted if topic in client.topics),
+                             self._tell)
         self._in_core = frozenset(
             topic for topic in channels if client.readers(topic).in_core)
         self._channels = channels

@@ -26,8 +26,8 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from collections.abc import Iterable
-from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 from typing import Final
 from typing import Protocol
@@ -38,17 +38,18 @@ from rt_robot_os.gateway.connection import keep_alive
 from rt_robot_os.gateway.connection import Renewal
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.settings import GatewaySettings
+from rt_robot_os.messages.uplink.greeting import RobotHello
+from rt_robot_os.messages.uplink.greeting import ServerWelcome
+from rt_robot_os.messages.uplink.kinds import read
+from rt_robot_os.messages.uplink.kinds import STATE_DOWN
 from rt_robot_os.messages.uplink.messages import decode
-from rt_robot_os.messages.uplink.messages import encode
-from rt_robot_os.messages.uplink.messages import VERSION
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.messages.uplink.tasks import end
 
 PATH: Final = '/robot/state'
 #: Messages of parts that may wait.
 QUEUE: Final = 256
 _LOOK_S: Final = 0.02
-# Of the greeting: another map is sent by itself.
-_CHANGING: Final = frozenset({'utc_ns', 'map'})
 _ALIVE_S: Final = 1.0
 _WELCOME_S: Final = 5.0
 
@@ -64,7 +65,7 @@ class StateConnection:
     """
     Talk with the server about state.
 
-    :param hello: makes the content of the greeting.
+    :param hello: makes the greeting.
     :param tell: takes a line of text about what goes wrong.
     :ivar connected: whether the server has greeted back.
     :ivar sent: messages.
@@ -74,7 +75,7 @@ class StateConnection:
     :ivar full: messages of parts for which there was no room.
     """
 
-    def __init__(self, settings: GatewaySettings, hello: Callable[[], Mapping[str, Any]],
+    def __init__(self, settings: GatewaySettings, hello: Callable[[], RobotHello],
                  tell: Callable[[str], None]) -> None:
         self.connected = False
         self.sent = self.heard = self.unknown = self.malformed = self.full = 0
@@ -83,7 +84,7 @@ class StateConnection:
         self._hello = hello
         self._tell = tell
         self._parts: tuple[Part, ...] = ()
-        self._by_kind: dict[str, Part] = {}
+        self._by_class: dict[type[UplinkMessage], Part] = {}
         self._sources: tuple[Source, ...] = ()
         self._queue: deque[str] = deque()
         self._newest: dict[str, str] = {}
@@ -93,21 +94,21 @@ class StateConnection:
 
     # ---- for parts ---------------------------------------------------------------------------
 
-    def send(self, kind: str, content: Mapping[str, Any]) -> bool:
+    def send(self, message: UplinkMessage) -> bool:
         """Queue a message ahead of records and signals; False when it is not taken. Any thread."""
         if not self.connected:
             return False
         if len(self._queue) >= QUEUE:
             self.full += 1
             return False
-        self._queue.append(encode(kind, content))
+        self._queue.append(message.to_json())
         self.wake()
         return True
 
-    def send_newest(self, kind: str, content: Mapping[str, Any]) -> None:
+    def send_newest(self, message: UplinkMessage) -> None:
         """Queue a message in the place of the one of its kind that still waits. Any thread."""
         if self.connected:
-            self._newest[kind] = encode(kind, content)
+            self._newest[message.KIND] = message.to_json()
             self.wake()
 
     def wake(self) -> None:
@@ -122,14 +123,14 @@ class StateConnection:
     async def run(self, parts: Iterable[Part], sources: Iterable[Source]) -> None:
         """Stay connected until cancelled."""
         self._parts = tuple(parts)
-        self._by_kind = {kind: part for part in self._parts for kind in part.kinds}
+        self._by_class = {each: part for part in self._parts for each in part.receives}
         self._sources = tuple(sources)
         self._loop, self._wake = asyncio.get_running_loop(), asyncio.Event()
         await self.connection.run()
 
     async def _talk(self, socket: ClientConnection) -> None:
-        hello = dict(self._hello())
-        await socket.send(encode('hello', {'version': VERSION, **hello}))
+        hello = self._hello()
+        await socket.send(hello.to_json())
         try:
             await asyncio.wait_for(self._await_welcome(socket), _WELCOME_S)
         except asyncio.TimeoutError:
@@ -154,19 +155,19 @@ class StateConnection:
 
     async def _await_welcome(self, socket: ClientConnection) -> None:
         while True:
-            message = self._decode(await socket.recv())
-            if message is not None and message['kind'] == 'welcome':
+            message = self._read(await socket.recv())
+            if isinstance(message, ServerWelcome):
                 self._hand_over(message)
                 return
 
-    async def _watch(self, hello: Mapping[str, Any]) -> None:
+    async def _watch(self, hello: RobotHello) -> None:
         """
         End when the robot has become another: the server is greeted anew.
 
         :raises Renewal: always.
         """
-        while all(self._hello().get(key) == value for key, value in hello.items()
-                  if key not in _CHANGING):
+        # Another map is sent by itself.
+        while replace(self._hello(), utc_ns=hello.utc_ns, map=hello.map) == hello:
             await asyncio.sleep(_ALIVE_S)
         raise Renewal
 
@@ -196,27 +197,36 @@ class StateConnection:
 
     async def _hear(self, socket: ClientConnection) -> None:
         async for packet in socket:
-            message = self._decode(packet)
+            message = self._read(packet)
             if message is not None:
                 self._hand_over(message)
 
-    def _decode(self, packet: str | bytes) -> dict[str, Any] | None:
+    def _read(self, packet: str | bytes) -> UplinkMessage | None:
+        """Read a message; None for one that is unknown or malformed, which is counted."""
         self.heard += 1
+        kind = ''
         try:
-            return decode(packet)
+            content = decode(packet)
+            kind = content['kind']
+            message = read(STATE_DOWN, content)
         except ValueError as error:
-            self._refuse(str(error))
+            self._refuse(f'{kind}: {error}' if kind else str(error))
+            part = self._by_class.get(STATE_DOWN[kind]) if kind else None
+            if part is not None:
+                part.reject(kind)
             return None
+        self.unknown += message is None
+        return message
 
-    def _hand_over(self, message: dict[str, Any]) -> None:
-        part = self._by_kind.get(message['kind'])
+    def _hand_over(self, message: UplinkMessage) -> None:
+        part = self._by_class.get(type(message))
         if part is None:
-            self.unknown += message['kind'] != 'welcome'
+            self.unknown += not isinstance(message, ServerWelcome)
             return
         try:
-            part.hear(message)
-        except (ValueError, LookupError, TypeError, AttributeError) as error:
-            self._refuse(f'{message["kind"][:40]}: {error}')
+            part.receive(message)
+        except ValueError as error:
+            self._refuse(f'{message.KIND}: {error}')
 
     def _refuse(self, why: str) -> None:
         self.malformed += 1

@@ -25,14 +25,19 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.wsn.survey_files import load_survey
 from rt_robot_os.gateway.map_topic import MAP_MESSAGE
 from rt_robot_os.gateway.map_topic import message_of
+from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
-from rt_robot_os.messages.uplink.maps import map_message
+from rt_robot_os.linux.file_urls import text_of
+from rt_robot_os.messages.survey import read_survey
+from rt_robot_os.messages.uplink.greeting import NodePosition
+from rt_robot_os.messages.uplink.greeting import ServerWelcome
+from rt_robot_os.messages.uplink.maps import MapMessage
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.motion.grid_map import GridMap
 
 TOPIC: Final = 'map'
@@ -51,7 +56,7 @@ class Surroundings(Part):
     :ivar maps_refused: messages of the topic that were no map.
     """
 
-    kinds = frozenset({'welcome'})
+    receives = (ServerWelcome,)
 
     def __init__(self, ways: Ways) -> None:
         super().__init__(ways)
@@ -64,35 +69,38 @@ class Surroundings(Part):
         self._told: set[str] = set()
         self.maps_sent = self.maps_refused = 0
 
-    def _read_map(self, path: str) -> dict[str, Any]:
+    def _read_map(self, path: str) -> MapMessage | None:
         if not path:
-            return {}
+            return None
         try:
             grid = GridMap.load(Path(path).expanduser())
             rows, columns = grid.cells.shape
             x, y, yaw = grid.origin
-            return map_message(columns, rows, grid.resolution_m, (x, y, yaw), grid.cells.tobytes())
+            return MapMessage.pack(columns, rows, grid.resolution_m, (x, y, yaw),
+                                   grid.cells.tobytes())
         except (ConfigError, ValueError, OSError) as error:
             self.ways.tell(f'map {path}: {error}; the page shows none')
-            return {}
+            return None
 
-    def _read_nodes(self, path: str) -> list[dict[str, Any]]:
+    def _read_nodes(self, path: str) -> tuple[NodePosition, ...]:
         if not path:
-            return []
+            return ()
         try:
-            return [{'id': each.id, 'name': each.token, 'x': each.x, 'y': each.y, 'z': each.z,
-                     'person': each.person} for each in load_survey(path, 'nodes_file')]
+            file, text = text_of(path, 'nodes_file', 'a YAML file with nodes')
+            return tuple(
+                NodePosition(each.id, each.token, each.x, each.y, each.z, each.person)
+                for each in read_survey(text, str(file)))
         except ConfigError as error:
             self.ways.tell(f'nodes_file {path}: {error}; the page shows none where it hangs')
-            return []
+            return ()
 
-    def hello(self) -> Mapping[str, Any]:
+    def hello(self) -> Greeting:
         """Say which map it is, and where the nodes are."""
-        return {'map': self._digest, 'nodes': self._nodes}
+        return Greeting(map=self._digest, nodes=self._nodes)
 
     @property
     def _digest(self) -> str:
-        return str(self._map.get('sha256', ''))
+        return '' if self._map is None else self._map.sha256
 
     def reads(self) -> Sequence[Reads]:
         """Read the map that grows."""
@@ -116,8 +124,9 @@ class Surroundings(Part):
     def _send(self) -> None:
         self._is_sent = True
         self._next_s = time.monotonic() + MAP_S
-        self.maps_sent += 1
-        self.ways.server.send_newest('map', self._map)
+        if self._map is not None:
+            self.maps_sent += 1
+            self.ways.server.send_newest(self._map)
 
     async def _become(self, cdr: bytes) -> bool:
         """Take a map of the topic; return whether it is another one."""
@@ -129,13 +138,14 @@ class Surroundings(Part):
                 self._told.add(str(error))
                 self.ways.tell(f'topic {TOPIC}: {error}; the page shows the one before')
             return False
-        is_new: bool = made['sha256'] != self._digest
+        is_new = made.sha256 != self._digest
         self._map = made
         return is_new
 
-    def hear(self, message: Mapping[str, Any]) -> None:
+    def receive(self, message: UplinkMessage) -> None:
         """Note whether the server wants the map."""
-        self._wanted = message.get('want_map') is True and bool(self._map)
+        if isinstance(message, ServerWelcome):
+            self._wanted = message.want_map and self._map is not None
 
     def met_server(self) -> None:
         """Send the map to who wants it."""

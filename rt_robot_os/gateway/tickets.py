@@ -52,10 +52,8 @@ class Tickets:
             self._given.popitem(last=False)
         return self._number
 
-    def given_ns(self, number: object) -> int | None:
-        """Return when a ticket was given out; None when it is none, or forgotten."""
-        if not isinstance(number, int) or isinstance(number, bool):
-            return None
+    def given_ns(self, number: int) -> int | None:
+        """Return when a ticket was given out; None when it was not, or is forgotten."""
         return self._given.get(number)
 
     def forget(self) -> None:

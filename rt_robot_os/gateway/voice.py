@@ -33,15 +33,21 @@ from typing import Final
 
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.base.needs import lacking
+from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Ways
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.messages.cdr import string_message
+from rt_robot_os.messages.uplink.messages import UplinkMessage
+from rt_robot_os.messages.uplink.voice import ANSWER
+from rt_robot_os.messages.uplink.voice import END
+from rt_robot_os.messages.uplink.voice import RING
+from rt_robot_os.messages.uplink.voice import STATE
+from rt_robot_os.messages.uplink.voice import VoiceMessage
 
 _CALL: Final = 'rt_robot_os.gateway.voice_call'
 _SAY: Final = 'agent/say'
-_SDP_MOST: Final = 64 << 10
 _LINE_BYTES: Final = 1 << 20
 _LONGEST_S: Final = 3600.0
 _PATIENCE_S: Final = 2.0
@@ -73,7 +79,7 @@ class Voice(Part):
     :ivar calls: that were taken.
     """
 
-    kinds = frozenset({'voice'})
+    receives = (VoiceMessage,)
 
     def __init__(self, ways: Ways) -> None:
         super().__init__(ways)
@@ -87,9 +93,9 @@ class Voice(Part):
         """Publish what the robot says."""
         return (_SAY,)
 
-    def hello(self) -> Mapping[str, Any]:
+    def hello(self) -> Greeting:
         """Say whether it can be called."""
-        return {} if self._problem else {'capabilities': ['talk']}
+        return Greeting() if self._problem else Greeting(('talk',))
 
     def statistics(self) -> Mapping[str, Any]:
         """Return its counters."""
@@ -99,22 +105,21 @@ class Voice(Part):
         """End a call: nobody could hang up."""
         self._end('the connection to the server is lost')
 
-    def hear(self, message: Mapping[str, Any]) -> None:
+    def receive(self, message: UplinkMessage) -> None:
         """
-        Take a ring or the end of a call.
+        Receive a ring or the end of a call.
 
         :raises ValueError: it is neither.
         """
-        name, do = message.get('call'), message.get('do')
-        if not isinstance(name, str) or not 0 < len(name) <= 64:
-            raise ValueError('a call without a name')
-        if do == 'ring':
-            self._ring(name, message)
-        elif do == 'end':
-            if self._running is not None and self._running.name == name:
+        if not isinstance(message, VoiceMessage):
+            return
+        if message.do == RING:
+            self._ring(message)
+        elif message.do == END:
+            if self._running is not None and self._running.name == message.call:
                 self._end('')
         else:
-            raise ValueError(f'nobody knows {str(do)[:20]!r}')
+            raise ValueError(f'do = {message.do[:20]!r} is not known')
 
     async def run(self) -> None:
         """End the call when the gateway ends."""
@@ -128,16 +133,13 @@ class Voice(Part):
 
     # ---- one call ----------------------------------------------------------------------------
 
-    def _ring(self, name: str, message: Mapping[str, Any]) -> None:
-        sdp = message.get('sdp')
-        if not isinstance(sdp, str) or not 0 < len(sdp) <= _SDP_MOST:
-            raise ValueError('a ring without an offer')
+    def _ring(self, message: VoiceMessage) -> None:
         if self._problem:
-            self._tell(name, do='end', why=f'this robot cannot be called: {self._problem}')
+            self._send_end(message.call, f'this robot cannot be called: {self._problem}')
         elif self._running is not None:
-            self._tell(name, do='end', why='somebody else talks with this robot')
+            self._send_end(message.call, 'somebody else talks with this robot')
         else:
-            self._begin(name, str(message.get('by', ''))[:64] or 'Somebody', sdp)
+            self._begin(message.call, message.by or 'Somebody', message.sdp or '')
 
     def _begin(self, name: str, by: str, sdp: str) -> None:
         settings = self.ways.settings
@@ -145,7 +147,7 @@ class Voice(Part):
             process = start_child(_CALL, os.getpid(), stdin=subprocess.PIPE,
                                   stdout=subprocess.PIPE)
         except OSError as error:
-            self._tell(name, do='end', why=f'the call cannot be started: {error.strerror}')
+            self._send_end(name, f'the call cannot be started: {error.strerror}')
             return
         self.calls += 1
         running = self._running = _Running(name, by, process)
@@ -169,9 +171,9 @@ class Voice(Part):
             while line := await reader.readline():
                 said = json.loads(line)
                 if said['say'] == 'answer':
-                    self._tell(running.name, do='answer', sdp=said['sdp'])
+                    self._send(VoiceMessage(running.name, ANSWER, sdp=said['sdp']))
                 elif said['say'] == 'state':
-                    self._tell(running.name, do='state', state=said['state'])
+                    self._send(VoiceMessage(running.name, STATE, state=said['state']))
                 elif said['say'] == 'microphone':
                     _note_time(said)
                 elif said['say'] == 'end':
@@ -182,7 +184,7 @@ class Voice(Part):
             transport.close()
             if self._running is running:
                 self._running = None
-                self._tell(running.name, do='end', why=why)
+                self._send_end(running.name, why)
                 self._announce('The call is over. The microphone is off.')
             await asyncio.to_thread(end_child, running.process, _PATIENCE_S)
 
@@ -196,11 +198,14 @@ class Voice(Part):
             with suppress(OSError):
                 running.process.stdin.close()
         if why:
-            self._tell(running.name, do='end', why=why)
+            self._send_end(running.name, why)
         self._announce('The call is over. The microphone is off.')
 
-    def _tell(self, name: str, **content: Any) -> None:
-        self.ways.server.send('voice', {'call': name, **content})
+    def _send(self, message: VoiceMessage) -> None:
+        self.ways.server.send(message)
+
+    def _send_end(self, name: str, why: str) -> None:
+        self._send(VoiceMessage(name, END, why=why))
 
     def _announce(self, text: str) -> None:
         with suppress(LinkError):  # a robot without a voice

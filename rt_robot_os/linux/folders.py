@@ -49,6 +49,15 @@ def _temporary_path(uid: int) -> Path:
     return Path(tempfile.gettempdir()) / f'rt_robot_os-{uid}'
 
 
+def observations_folder() -> Path:
+    """
+    Return the folder of pictures and clips of alarms, where a robot names no other.
+
+    :raises StartError: a user without a home has none.
+    """
+    return ros_home() / 'observations'
+
+
 def ros_home() -> Path:
     """
     Return the folder of ROS 2's files: ``$ROS_HOME`` or ``~/.ros``.

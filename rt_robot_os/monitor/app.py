@@ -33,6 +33,7 @@ from rt_robot_os.base.errors import StoreError
 from rt_robot_os.messages.texts.coded import codes_of
 from rt_robot_os.monitor.api import alarms
 from rt_robot_os.monitor.api import audit
+from rt_robot_os.monitor.api import browser_sockets
 from rt_robot_os.monitor.api import charts
 from rt_robot_os.monitor.api import commands
 from rt_robot_os.monitor.api import drive
@@ -40,17 +41,15 @@ from rt_robot_os.monitor.api import export
 from rt_robot_os.monitor.api import maps
 from rt_robot_os.monitor.api import media
 from rt_robot_os.monitor.api import observations
+from rt_robot_os.monitor.api import robot_sockets
+from rt_robot_os.monitor.api import voice
 from rt_robot_os.monitor.api import residents as residents_api
 from rt_robot_os.monitor.api import robots
 from rt_robot_os.monitor.api import session
 from rt_robot_os.monitor.api import status
 from rt_robot_os.monitor.api import users
-from rt_robot_os.monitor.api import voice
 from rt_robot_os.monitor.api.answers import away
-from rt_robot_os.monitor.live import client_connection
-from rt_robot_os.monitor.live import media_connection
 from rt_robot_os.monitor.live import residents
-from rt_robot_os.monitor.live import robot_connection
 from rt_robot_os.monitor.page_files import PageFiles
 from rt_robot_os.monitor.security.protection import protect
 from rt_robot_os.monitor.services import Services
@@ -64,17 +63,16 @@ PAGE: Final = Path(__file__).parent / 'page'
 API: Final = (
     alarms,
     audit,
+    browser_sockets,
     charts,
-    client_connection,
     commands,
     drive,
     export,
     maps,
     media,
-    media_connection,
     observations,
     residents_api,
-    robot_connection,
+    robot_sockets,
     robots,
     session,
     status,
@@ -90,10 +88,10 @@ def create_app(services: Services) -> FastAPI:
     app.state.services = services
     for each in API:
         app.include_router(each.router(services))
-    app.add_exception_handler(HTTPException, _problem)
-    app.add_exception_handler(RequestValidationError, _wrong_request)
-    app.add_exception_handler(StoreError, _no_database)
-    app.add_exception_handler(Exception, _defect)
+    app.exception_handler(HTTPException)(_problem)
+    app.exception_handler(RequestValidationError)(_wrong_request)
+    app.exception_handler(StoreError)(_no_database)
+    app.exception_handler(Exception)(_defect)
     app.mount('/', PageFiles(PAGE))
     protect(app)
     return app
@@ -149,22 +147,19 @@ def _answer(status: int, text: str, remedy: str, headers: Mapping[str, str] | No
     return JSONResponse({'detail': detail}, status, headers)
 
 
-async def _problem(request: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, HTTPException)
+async def _problem(request: Request, error: HTTPException) -> JSONResponse:
     detail: object = error.detail
     found = detail if isinstance(detail, dict) and 'text' in detail else {'text': str(detail)}
     remedy = found.get('remedy') or 'see docs/monitor.md for what there is'
     return _answer(error.status_code, **{**found, 'remedy': remedy}, headers=error.headers)
 
 
-async def _wrong_request(request: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, RequestValidationError)
+async def _wrong_request(request: Request, error: RequestValidationError) -> JSONResponse:
     lines = [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()[:8]]
     return _answer(422, '; '.join(lines), 'see /api/openapi.json for what it takes')
 
 
-async def _no_database(request: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, StoreError)
+async def _no_database(request: Request, error: StoreError) -> JSONResponse:
     return await _problem(request, away(error))
 
 

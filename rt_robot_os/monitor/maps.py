@@ -16,14 +16,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import hashlib
 import json
 import os
 from pathlib import Path
-from typing import Any
 
-from rt_robot_os.messages.uplink.maps import read_map
+from rt_robot_os.messages.uplink.maps import MapMessage
 
 
 class Maps:
@@ -37,40 +35,38 @@ class Maps:
         self._folder = folder
         self._digests: dict[str, str] = {}
 
-    def has(self, robot: str, sha256: object) -> bool:
-        """Return whether the map of a robot that is kept has this SHA-256."""
+    def has(self, robot: str, sha256: str) -> bool:
+        """Return whether the stored map of a robot has this SHA-256."""
         return bool(sha256) and self.digest(robot) == sha256
 
     def digest(self, robot: str) -> str:
-        """Return the SHA-256 of the map of a robot that is kept; empty without one."""
+        """Return the SHA-256 of the stored map of a robot; empty without one."""
         if robot not in self._digests:
             found = self.get(robot)
-            self._digests[robot] = found['sha256'] if found else ''
+            self._digests[robot] = found.sha256 if found is not None else ''
         return self._digests[robot]
 
-    def put(self, robot: str, message: Mapping[str, Any]) -> None:
+    def put(self, robot: str, found: MapMessage) -> None:
         """
-        Keep a map in the place of the one before.
+        Store a map in the place of the one before.
 
-        :raises ValueError: it is none.
-        :raises OSError: it cannot be written; the one before is as it was.
+        :raises OSError: it cannot be written; the one before is unchanged.
         """
-        found = read_map(message)
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         path = self._path(robot)
         part = path.with_suffix('.part')
         handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         with open(handle, 'w', encoding='ascii') as file:
-            json.dump(found, file)
+            json.dump(found.content(), file)
             file.flush()
             os.fsync(file.fileno())
         part.replace(path)
-        self._digests[robot] = found['sha256']
+        self._digests[robot] = found.sha256
 
-    def get(self, robot: str) -> dict[str, Any] | None:
-        """Return the map of a robot as it was sent; None without one that is whole."""
+    def get(self, robot: str) -> MapMessage | None:
+        """Return the stored map of a robot; None without one that is whole."""
         try:
-            return read_map(json.loads(self._path(robot).read_text(encoding='ascii')))
+            return MapMessage.from_json(json.loads(self._path(robot).read_text(encoding='ascii')))
         except (OSError, ValueError, AttributeError):
             return None
 

@@ -29,8 +29,13 @@ import pytest
 
 from rt_robot_os.gateway.drive import Drive
 from rt_robot_os.gateway.drive_limits import Limits
+from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.settings import GatewaySettings
+from rt_robot_os.messages.uplink.driving import DriveBegin
+from rt_robot_os.messages.uplink.driving import DriveCommand
+from rt_robot_os.messages.uplink.greeting import DriveLimits
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.sim.world.drive_base import DriveBase
 from rt_robot_os.sim.world.drive_base import STEP_S
 import yaml
@@ -58,16 +63,16 @@ class Robot:
         self.stamps.append(stamp_ns)
         return self.takes
 
-    def _send(self, kind: str, content: Any) -> None:
-        self.sent.append((kind, dict(content)))
+    def _send(self, message: UplinkMessage) -> None:
+        self.sent.append((message.KIND, message.content()))
 
     def begin(self, lease: str = 'a') -> None:
-        self.drive.take({'kind': 'drive_begin', 'lease': lease, 'by': 'carol'})
+        self.drive.receive(DriveBegin(lease, 'carol'))
 
     def command(self, linear: float = 0.2, grip: bool = True, **more: Any) -> None:
-        self.drive.take({'kind': 'drive', 'lease': 'a', 'seq': next(self.seq), 'grip': grip,
-                         'beat': self.sent[-1][1]['n'], 'linear_m_s': linear,
-                         'angular_rad_s': 0.0, **more})
+        self.drive.receive(DriveCommand.from_json({
+            'lease': 'a', 'seq': next(self.seq), 'grip': grip, 'beat': self.sent[-1][1]['n'],
+            'linear_m_s': linear, 'angular_rad_s': 0.0, **more}))
 
     def speeds(self) -> list[float]:
         return [values[0] for topic, values in self.published if topic == 'cmd_vel_teleop']
@@ -175,16 +180,15 @@ def test_the_settings_of_the_gateway_are_its_limits() -> None:
             return True
 
     class Server:
-        def send_newest(self, kind: str, content: Any) -> None:
+        def send_newest(self, message: UplinkMessage) -> None:
             pass
 
     settings = GatewaySettings(drive_linear_m_s=0.1, drive_angular_rad_s=0.3)
     part = Driving(Ways(Link(), Server(), settings, None, None, None, None))  # type: ignore
-    assert part.hello() == {'limits': {'linear_m_s': 0.1, 'angular_rad_s': 0.3},
-                            'capabilities': ['drive']}
+    assert part.hello() == Greeting(('drive',), limits=DriveLimits(0.1, 0.3))
     nobody = Ways(Link(), Server(), GatewaySettings(drive_linear_m_s=0.0),  # type: ignore
                   None, None, None, None)  # type: ignore
-    assert Driving(nobody).hello() == {'limits': {}, 'capabilities': []}
+    assert Driving(nobody).hello() == Greeting()
 
 
 @pytest.mark.parametrize('name', ['service_robot', 'assisted_living'])

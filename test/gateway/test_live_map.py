@@ -32,7 +32,7 @@ pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
 
 from rt_robot_os.base.errors import ConfigError  # noqa: E402
 from rt_robot_os.gateway.map_topic import message_of  # noqa: E402, I100
-from rt_robot_os.messages.uplink.maps import read_map  # noqa: E402
+from rt_robot_os.messages.uplink.maps import MapMessage  # noqa: E402
 from rt_robot_os.motion.grid_map import GridMap  # noqa: E402
 from rt_robot_os.topics import Layout  # noqa: E402
 
@@ -51,13 +51,11 @@ def message(cells: Any, origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
         'data': cells.ravel().tolist()})
 
 
-def shown(found: dict[str, Any]) -> GridMap:
+def shown(found: MapMessage) -> GridMap:
     """Make the map of a message as a page does."""
-    read_map(found)
-    cells = np.frombuffer(zlib.decompress(base64.b64decode(found['cells'])), np.int8)
-    x, y, yaw = found['origin']
-    return GridMap(cells.reshape(found['height'], found['width']), found['resolution_m'],
-                   (x, y, yaw))
+    assert MapMessage.from_json(found.content()) == found
+    cells = np.frombuffer(zlib.decompress(base64.b64decode(found.cells)), np.int8)
+    return GridMap(cells.reshape(found.height, found.width), found.resolution_m, found.origin)
 
 
 @examples(max_examples=25, deadline=None)
@@ -85,7 +83,7 @@ def test_a_map_that_is_too_long_becomes_coarser_and_keeps_its_walls() -> None:
     random = np.random.default_rng(1)
     cells = np.where(random.random((301, 200)) < 0.1, 100, 0).astype(np.int8)
     found = message_of(message(cells), 4000)
-    assert len(found['cells']) <= 4000 and found['resolution_m'] in (0.1, 0.2, 0.4)
+    assert len(found.cells) <= 4000 and found.resolution_m in (0.1, 0.2, 0.4)
     here, there = GridMap(cells, 0.05, (0.0, 0.0, 0.0)), shown(found)
     for row, column in np.argwhere(cells == 100):
         assert there.value(*here.centre(row, column)) == 100

@@ -44,6 +44,8 @@ from rt_robot_os.gateway.outbox import Row  # noqa: E402
 from rt_robot_os.gateway.part import Record  # noqa: E402
 from rt_robot_os.messages.uplink.importance import Importance  # noqa: E402
 from rt_robot_os.messages.uplink.messages import decode  # noqa: E402
+from rt_robot_os.messages.uplink.records import BatchRefused  # noqa: E402
+from rt_robot_os.messages.uplink.records import BatchStored  # noqa: E402
 
 
 class Delivery(RuleBasedStateMachine):
@@ -101,10 +103,9 @@ class Delivery(RuleBasedStateMachine):
         if what in ('store', 'lose the answer'):
             self.take(batch)
         if what == 'store':
-            self.keeper.hear({'kind': 'stored', 'batch': batch['batch']})
+            self.keeper.receive(BatchStored(batch['batch']))
         if what == 'refuse':
-            self.keeper.hear({'kind': 'refused', 'batch': batch['batch'], 'text': 'no',
-                              'retry_s': 0.1})
+            self.keeper.receive(BatchRefused(batch['batch'], 'no', 0.1))
         self.drain()
 
     @rule(share=st.floats(0.0, 1.0))
@@ -196,7 +197,7 @@ class Delivery(RuleBasedStateMachine):
                 return
             if self.waiting:
                 self.take(batch := self.waiting.pop(0))
-                self.keeper.hear({'kind': 'stored', 'batch': batch['batch']})
+                self.keeper.receive(BatchStored(batch['batch']))
             else:
                 self.now_s += 1.0
             self.drain()

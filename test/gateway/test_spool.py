@@ -34,6 +34,10 @@ from rt_robot_os.gateway.media import camera_name  # noqa: E402
 from rt_robot_os.gateway.server_clock import ServerClock  # noqa: E402
 from rt_robot_os.gateway.spool import Spool  # noqa: E402
 from rt_robot_os.messages.uplink.frames import decode_frame  # noqa: E402
+from rt_robot_os.messages.uplink.kinds import MEDIA_DOWN  # noqa: E402
+from rt_robot_os.messages.uplink.kinds import read  # noqa: E402
+from rt_robot_os.messages.uplink.media import FileProgress  # noqa: E402
+from rt_robot_os.messages.uplink.media import FileRefusal  # noqa: E402
 from rt_robot_os.messages.uplink.messages import decode  # noqa: E402
 from rt_robot_os.messages.uplink.messages import encode  # noqa: E402
 
@@ -178,7 +182,9 @@ class Server:
 
     def answer(self, kind: str, content: dict[str, Any]) -> None:
         assert self.sender is not None
-        self.sender.hear(decode(encode(kind, content)))
+        message = read(MEDIA_DOWN, decode(encode(kind, content)))
+        assert isinstance(message, (FileProgress, FileRefusal))
+        self.sender.receive(message)
 
 
 async def sends(sender: FileSender, server: Server, spool: Spool) -> None:

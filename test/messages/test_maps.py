@@ -26,12 +26,10 @@ from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.messages.uplink.maps import CELLS_MOST
-from rt_robot_os.messages.uplink.maps import map_message
-from rt_robot_os.messages.uplink.maps import read_map
+from rt_robot_os.messages.uplink.maps import MapMessage
 from rt_robot_os.messages.uplink.messages import decode
-from rt_robot_os.messages.uplink.messages import encode
 
-SMALL = map_message(3, 2, 0.05, (-0.5, 1.0, 0.25), bytes([0, 100, 255, 0, 50, 100]))
+SMALL = MapMessage.pack(3, 2, 0.05, (-0.5, 1.0, 0.25), bytes([0, 100, 255, 0, 50, 100]))
 
 
 @settings(max_examples=50)
@@ -39,10 +37,10 @@ SMALL = map_message(3, 2, 0.05, (-0.5, 1.0, 0.25), bytes([0, 100, 255, 0, 50, 10
        st.tuples(*[st.floats(-1e6, 1e6)] * 3), st.randoms())
 def test_a_map_arrives_as_it_was_sent(width, height, resolution_m, origin, random) -> None:
     cells = random.randbytes(width * height)
-    sent = map_message(width, height, resolution_m, origin, cells)
-    found = read_map(decode(encode('map', sent)))
+    sent = MapMessage.pack(width, height, resolution_m, origin, cells)
+    found = MapMessage.from_json(decode(sent.to_json()))
     assert found == sent
-    assert zlib.decompress(base64.b64decode(found['cells'])) == cells
+    assert zlib.decompress(base64.b64decode(found.cells)) == cells
 
 
 @pytest.mark.parametrize('wrong', [
@@ -54,20 +52,20 @@ def test_a_map_arrives_as_it_was_sent(width, height, resolution_m, origin, rando
     {'origin': [0.0, 1.0, 0.25]}])
 def test_what_is_no_map_is_refused(wrong) -> None:
     with pytest.raises(ValueError):
-        read_map({**SMALL, **wrong})
+        MapMessage.from_json({**SMALL.content(), **wrong})
 
 
 def test_a_number_that_only_looks_finite_is_refused() -> None:
     with pytest.raises(ValueError, match='finite'):
-        read_map(json.loads(json.dumps(SMALL).replace('0.05', '1e999')))
+        MapMessage.from_json(json.loads(SMALL.to_json().replace('0.05', '1e999')))
 
 
 def test_a_map_that_fits_into_no_message_is_refused_by_who_sends_it() -> None:
     import random
     noise = random.Random(1).randbytes(2_000_000)
     with pytest.raises(ValueError, match='larger cells'):
-        map_message(2000, 1000, 0.05, (0.0, 0.0, 0.0), noise)
+        MapMessage.pack(2000, 1000, 0.05, (0.0, 0.0, 0.0), noise)
 
 
 def test_nothing_but_the_map_is_kept() -> None:
-    assert read_map({**SMALL, 'kind': 'map', 'more': 'x' * 100}) == SMALL
+    assert MapMessage.from_json({**SMALL.content(), 'kind': 'map', 'more': 'x' * 100}) == SMALL

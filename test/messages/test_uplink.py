@@ -64,7 +64,7 @@ def test_what_is_no_message_is_a_value_error(data: bytes) -> None:
     ('[]', 'without a kind'), ('{"kind": 1}', 'without a kind'),
     ('{"kind": "x", "v": NaN}', 'NaN'),
     ('[' * 100_000, 'nested too deeply'), (' ' * (MESSAGE_BYTES + 1), 'the most'),
-    (b'{"kind": "\xff"}', 'no UTF-8')])
+    (b'{"kind": "\xff"}', 'not UTF-8')])
 def test_the_error_says_what_is_wrong(text: str | bytes, says: str) -> None:
     with pytest.raises(ValueError, match=says):
         decode(text)

@@ -38,6 +38,8 @@ from monitor_server import quick_services
 from monitor_server import served
 import pytest
 from rt_robot_os.monitor.live import hub as hub_module
+from rt_robot_os.messages.uplink.live import WantedSignals
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.monitor.live.fan_out import WANTED_MOST
 from rt_robot_os.monitor.live.hub import Hub
 from rt_robot_os.monitor.live.memory_use import memory_of
@@ -176,9 +178,9 @@ class Recorder:
         """Begin with nothing."""
         self.said: list[Any] = []
 
-    def say(self, kind: str, content: Any) -> bool:
-        """Take a message."""
-        self.said.append((kind, json.loads(json.dumps(content))))
+    def send(self, message: UplinkMessage) -> bool:
+        """Receive a message."""
+        self.said.append(message)
         return True
 
 
@@ -198,7 +200,7 @@ def test_many_watches_in_a_row_are_one_wish_to_the_robot(monkeypatch: pytest.Mon
         while len(connection.said) < 2:
             await asyncio.sleep(0.01)
         # So many that the robot is better asked for everything.
-        assert connection.said[1] == ('want', {'signals_hz': 5.0, 'signals': ['*']})
+        assert connection.said[1] == WantedSignals(5.0, ('*',))
 
     asyncio.run(scene())
 

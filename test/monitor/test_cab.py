@@ -27,11 +27,15 @@ from hypothesis.stateful import rule
 from hypothesis.stateful import RuleBasedStateMachine
 import pytest
 
-from rt_robot_os.monitor.live.cab import Cab
-from rt_robot_os.monitor.live.cab import HeldByAnotherError
-from rt_robot_os.monitor.live.cab import Seat
+from rt_robot_os.messages.uplink.driving import DriveBeat
+from rt_robot_os.messages.uplink.greeting import DriveLimits
+from rt_robot_os.messages.uplink.messages import UplinkMessage
+from rt_robot_os.monitor.live.teleop_session import Cab
+from rt_robot_os.monitor.live.teleop_session import HeldByAnotherError
+from rt_robot_os.monitor.live.teleop_session import Seat
 
 LIMITS = {'linear_m_s': 0.3, 'angular_rad_s': 0.8}
+FAST = DriveLimits.from_json(LIMITS)
 
 
 class Outlet:
@@ -60,12 +64,12 @@ class Robot:
         self.heard: list[tuple[str, dict[str, Any]]] = []
         self.connected = True
         self.cab = Cab('robot', self._forward)
-        self.cab.robot_is(True, LIMITS)
+        self.cab.robot_is(True, FAST)
 
-    def _forward(self, robot: str, kind: str, content: Any) -> bool:
+    def _forward(self, robot: str, message: UplinkMessage) -> bool:
         assert robot == 'robot'
         if self.connected:
-            self.heard.append((kind, dict(content)))
+            self.heard.append((message.KIND, message.content()))
         return self.connected
 
     def seat(self, name: str) -> Seat:
@@ -141,10 +145,12 @@ def test_whoever_leaves_gives_it_back_and_the_robot_stands(robot: Robot) -> None
 def test_beats_are_for_the_one_whose_lease_they_name(robot: Robot) -> None:
     carol, dave = robot.seat('carol'), robot.seat('dave')
     robot.cab.take(carol, False)
-    robot.cab.beat({'kind': 'beat', 'n': 8, 'lease': robot.cab.lease.key, 'armed': True})
-    robot.cab.beat({'kind': 'beat', 'n': 9, 'lease': 'before'})
-    robot.cab.beat({'kind': 'beat', 'n': 10})
-    assert said(carol).kinds('beat') == [{'kind': 'beat', 'n': 8, 'armed': True}]
+    robot.cab.beat(DriveBeat(8, 5, robot.cab.lease.key, 3, armed=True, runs=True))
+    robot.cab.beat(DriveBeat(9, lease='before'))
+    robot.cab.beat(DriveBeat(10))
+    assert said(carol).kinds('beat') == [{
+        'kind': 'beat', 'n': 8, 'utc_ns': 5, 'seq': 3, 'armed': True, 'moves': False,
+        'rtt_ms': None, 'runs': True}]
     assert said(dave).kinds('beat') == []
 
 
@@ -152,11 +158,11 @@ def test_a_robot_that_comes_back_is_told_who_drives(robot: Robot) -> None:
     carol = robot.seat('carol')
     robot.cab.take(carol, False)
     robot.connected = False
-    robot.cab.robot_is(False, {})
+    robot.cab.robot_is(False, DriveLimits())
     assert said(carol).kinds('seat')[-1]['connected'] is False
     assert not robot.cab.drive(carol, command(1)) and robot.cab.lost == 1
     robot.connected = True
-    robot.cab.robot_is(True, LIMITS)
+    robot.cab.robot_is(True, FAST)
     assert robot.heard[-1] == ('drive_begin', {'lease': robot.cab.lease.key, 'by': 'carol'})
 
 
@@ -174,7 +180,7 @@ def test_what_is_no_command_does_not_go_to_the_robot(robot: Robot, wrong: Any) -
 @pytest.mark.parametrize('limits', [{}, {'linear_m_s': 'fast'}, {'linear_m_s': -1.0},
                                     {'linear_m_s': float('inf')}, {'linear_m_s': True}])
 def test_a_robot_with_limits_that_are_none_stands(robot: Robot, limits: Any) -> None:
-    robot.cab.robot_is(True, limits)
+    robot.cab.robot_is(True, DriveLimits.from_json(limits))
     carol = robot.seat('carol')
     robot.cab.take(carol, False)
     robot.cab.drive(carol, command())
@@ -243,8 +249,8 @@ class OneDriver(RuleBasedStateMachine):
     @precondition(lambda self: self.robot.connected)
     @rule()
     def robot_goes_and_comes(self) -> None:
-        self.robot.cab.robot_is(False, {})
-        self.robot.cab.robot_is(True, LIMITS)
+        self.robot.cab.robot_is(False, DriveLimits())
+        self.robot.cab.robot_is(True, FAST)
 
     @invariant()
     def the_robot_knows_the_one_lease(self) -> None:

@@ -37,6 +37,8 @@ from processes import wait_until  # noqa: E402
 from rt_robot_os import monitor  # noqa: E402
 from rt_robot_os.gateway.drive_limits import Limits  # noqa: E402
 from rt_robot_os.gateway.pilot import Pilot  # noqa: E402
+from rt_robot_os.messages.uplink.driving import DriveBegin  # noqa: E402
+from rt_robot_os.messages.uplink.driving import DriveCommand  # noqa: E402
 from rt_robot_os.messages.uplink.messages import encode  # noqa: E402
 
 if TYPE_CHECKING:
@@ -102,9 +104,9 @@ class DrivenRobot(FakeRobot):
     def _obey(self, message: dict[str, Any]) -> None:
         kind = message['kind']
         if kind == 'drive':
-            order = self.pilot.take(message, time.monotonic_ns())
+            order = self.pilot.take(DriveCommand.from_json(message), time.monotonic_ns())
         elif kind == 'drive_begin':
-            order = self.pilot.begin(message)
+            order = self.pilot.begin(DriveBegin.from_json(message))
         elif kind == 'drive_end':
             order = self.pilot.end(message['lease'])
         else:

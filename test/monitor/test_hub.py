@@ -24,6 +24,9 @@ from typing import Any
 
 import pytest
 
+from rt_robot_os.messages.uplink.commands import CommandAnswer
+from rt_robot_os.messages.uplink.commands import RobotCommand
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.monitor.live.hub import AwayError
 from rt_robot_os.monitor.live.hub import Hub
 from rt_robot_os.monitor.live.robot_state import RobotState
@@ -36,15 +39,15 @@ class Link:
 
     def __init__(self, room: bool = True) -> None:
         self.room = room
-        self.commands: list[dict[str, Any]] = []
+        self.commands: list[RobotCommand] = []
         self.closed: list[int] = []
 
-    def say(self, kind: str, content: Any) -> bool:
-        if kind == 'command':
-            self.commands.append(dict(content))
+    def send(self, message: UplinkMessage) -> bool:
+        if isinstance(message, RobotCommand):
+            self.commands.append(message)
         return self.room
 
-    def say_now(self, kind: str, content: Any) -> None:
+    def send_urgent(self, message: UplinkMessage) -> None:
         raise AssertionError('nobody drives')
 
     def close(self, code: int, reason: str) -> None:
@@ -67,10 +70,10 @@ class Scene:
         before = len(self.links[name].commands)
         while len(self.links[name].commands) == before:
             await asyncio.sleep(0)
-        return task, self.links[name].commands[-1]['id']
+        return task, self.links[name].commands[-1].id
 
     def answer(self, name: str, number: str, text: str = 'done') -> None:
-        self.hub.answered(self.robots[name], {'id': number, 'ok': True, 'text': text})
+        self.hub.answered(self.robots[name], CommandAnswer(number, True, text))
 
     def late(self, name: str) -> int:
         return self.robots[name].counts.get('answers_late', 0)
@@ -91,7 +94,7 @@ def test_the_answer_of_another_robot_is_no_answer() -> None:
         it.answer('r2', number, 'done by another')
         assert (it.late('r1'), it.late('r2')) == (0, 1)
         it.answer('r1', number)
-        assert await task == {'ok': True, 'text': 'done'}
+        assert await task == CommandAnswer(number, True, 'done')
         assert (it.late('r1'), it.late('r2')) == (0, 1)
 
     play(scene)
@@ -106,7 +109,7 @@ def test_each_robot_answers_its_own_commands_in_any_order() -> None:
         it.answer('r2', elsewhere, 'c')
         it.answer('r1', later, 'b')
         it.answer('r1', number, 'a')
-        assert [(await each)['text'] for each in (first, second, other)] == ['a', 'b', 'c']
+        assert [(await each).text for each in (first, second, other)] == ['a', 'b', 'c']
         assert (it.late('r1'), it.late('r2')) == (0, 0)
 
     play(scene)
@@ -117,10 +120,10 @@ def test_an_answer_counts_once_and_one_to_no_command_is_counted() -> None:
         task, number = await it.command('r1')
         it.answer('r1', number, 'first')
         it.answer('r1', number, 'second')
-        assert (await task)['text'] == 'first' and it.late('r1') == 1
+        assert (await task).text == 'first' and it.late('r1') == 1
         it.answer('r1', number)  # nobody waits for it any more
         it.answer('r1', 'made up')
-        it.hub.answered(it.robots['r1'], {})
+        it.hub.answered(it.robots['r1'], CommandAnswer.from_json({}))
         assert it.late('r1') == 4
 
     play(scene)
@@ -130,8 +133,9 @@ def test_an_answer_counts_once_and_one_to_no_command_is_counted() -> None:
 def test_only_true_is_an_answer_that_it_was_done(ok: object) -> None:
     async def scene(it: Scene) -> None:
         task, number = await it.command('r1')
-        it.hub.answered(it.robots['r1'], {'id': number, 'ok': ok, 'text': 'no way'})
-        assert await task == {'ok': False, 'text': 'no way'}
+        it.hub.answered(it.robots['r1'], CommandAnswer.from_json(
+            {'id': number, 'ok': ok, 'text': 'no way'}))
+        assert await task == CommandAnswer(number, False, 'no way')
 
     play(scene)
 
@@ -146,7 +150,7 @@ def test_a_robot_that_goes_away_fails_its_own_commands_and_no_others() -> None:
         it.answer('r1', number)
         assert it.late('r1') == 1
         it.answer('r2', elsewhere)
-        assert (await other)['ok']
+        assert (await other).ok
 
     play(scene)
 

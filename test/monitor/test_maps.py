@@ -27,22 +27,22 @@ from monitor_server import quick_services
 from monitor_server import served
 from processes import wait_until
 import pytest
-from rt_robot_os.messages.uplink.maps import map_message
+from rt_robot_os.messages.uplink.maps import MapMessage
 from rt_robot_os.messages.uplink.messages import encode
 from rt_robot_os.monitor.live import robot_connection
 from rt_robot_os.monitor.maps import Maps
 from rt_robot_os.monitor.security.roles import Role
 
-FLAT = map_message(3, 2, 0.05, (-0.5, 1.0, 0.25), bytes([0, 100, 255, 0, 50, 100]))
-OTHER = map_message(1, 1, 0.1, (0.0, 0.0, 0.0), bytes(1))
+FLAT = MapMessage.pack(3, 2, 0.05, (-0.5, 1.0, 0.25), bytes([0, 100, 255, 0, 50, 100]))
+OTHER = MapMessage.pack(1, 1, 0.1, (0.0, 0.0, 0.0), bytes(1))
 
 
 def test_a_map_is_there_after_a_restart(tmp_path: Path) -> None:
-    Maps(tmp_path / 'maps').put('a', {'kind': 'map', **FLAT})
+    Maps(tmp_path / 'maps').put('a', FLAT)
     maps = Maps(tmp_path / 'maps')
     assert maps.get('a') == FLAT
-    assert maps.has('a', FLAT['sha256'])
-    assert not maps.has('a', OTHER['sha256'])
+    assert maps.has('a', FLAT.sha256)
+    assert not maps.has('a', OTHER.sha256)
     assert not maps.has('a', '')
 
 
@@ -56,14 +56,6 @@ def test_each_robot_has_its_own_map(tmp_path: Path) -> None:
                for each in tmp_path.rglob('*'))
 
 
-def test_what_is_no_map_leaves_the_one_before(tmp_path: Path) -> None:
-    maps = Maps(tmp_path)
-    maps.put('a', FLAT)
-    with pytest.raises(ValueError, match='width'):
-        maps.put('a', {**OTHER, 'width': 'wide'})
-    assert maps.get('a') == FLAT
-
-
 def test_a_file_that_is_damaged_is_no_map(tmp_path: Path) -> None:
     maps = Maps(tmp_path)
     maps.put('a', FLAT)
@@ -75,7 +67,7 @@ def test_a_file_that_is_damaged_is_no_map(tmp_path: Path) -> None:
 
 def test_a_robot_sends_its_map_once_and_only_those_who_may_see_it_get_it(tmp_path: Path) -> None:
     services = quick_services(tmp_path)
-    script = RobotScript(people=('anna',), map=FLAT['sha256'])
+    script = RobotScript(people=('anna',), map=FLAT.sha256)
     with served(services) as address:
         mary, eve = (logged_in(services, name, Role.VIEWER, people)
                      for name, people in (('mary', ('anna',)), ('eve', ('bob',))))
@@ -87,9 +79,9 @@ def test_a_robot_sends_its_map_once_and_only_those_who_may_see_it_get_it(tmp_pat
             assert robot.received[0]['want_map'] is True
             assert asked(mary).status_code == 404
             assert 'has sent no map' in asked(mary).json()['detail']['text']
-            robot.send(encode('map', FLAT))
+            robot.send(FLAT.to_json())
             wait_until(lambda: asked(mary).status_code == 200, 'the map')
-            assert asked(mary).json() == FLAT
+            assert asked(mary).json() == FLAT.content()
             assert asked(eve).status_code == 404
             assert 'no such robot' in asked(eve).json()['detail']['text']
             assert asked({}).status_code == 401
@@ -101,19 +93,22 @@ def test_a_map_that_grows_is_kept_and_told_and_no_more_often_than_a_page_needs(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(robot_connection, 'MAP_S', 3600.0)
     services = quick_services(tmp_path)
-    script = RobotScript(people=('anna',), map=FLAT['sha256'])
+    script = RobotScript(people=('anna',), map=FLAT.sha256)
 
     def told() -> object:
         return services.hub.robots['robot'].about['map']
 
     with served(services) as address, FakeRobot(f'ws://{address}', script=script) as robot:
         assert told() == '', 'a page asks when it hears of a map: not before it is here'
-        robot.send(encode('map', FLAT))
-        wait_until(lambda: told() == FLAT['sha256'], 'the map')
-        robot.send(encode('map', OTHER))
+        robot.send(FLAT.to_json())
+        wait_until(lambda: told() == FLAT.sha256, 'the map')
+        robot.send(OTHER.to_json())
         counts = services.hub.robots['robot'].counts
         wait_until(lambda: counts.get('maps_too_fast'), 'a refusal')
         monkeypatch.setattr(robot_connection, 'MAP_S', 0.0)
-        wait_until(lambda: robot.send(encode('map', OTHER)) or told() == OTHER['sha256'],
+        robot.send(encode('map', {**OTHER.content(), 'width': 'wide'}))
+        wait_until(lambda: counts.get('maps_wrong'), 'a map that is malformed')
+        assert told() == FLAT.sha256
+        wait_until(lambda: robot.send(OTHER.to_json()) or told() == OTHER.sha256,
                    'the map that has grown')
         assert services.maps.get('robot') == OTHER

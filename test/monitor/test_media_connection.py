@@ -30,6 +30,7 @@ from monitor_server import logged_in
 from monitor_server import quick_services
 from monitor_server import served
 import pytest
+from rt_robot_os.messages.uplink.media import PictureFrame
 from rt_robot_os.monitor.live.media_connection import may_look
 from rt_robot_os.monitor.live.robot_media import captured_ns
 from rt_robot_os.monitor.live.robot_state import RobotState
@@ -173,7 +174,8 @@ def test_a_camera_is_for_those_who_may_see_everybody_who_lives_there() -> None:
     ({}, 1_000_000)])
 def test_a_picture_is_as_old_as_the_older_of_two_clocks_says(
         header: dict[str, Any], expected_ns: int) -> None:
-    assert captured_ns(header, 1_000_000) == expected_ns
+    picture = PictureFrame.from_frame({'camera': 'hall', 'n': 1, **header}, memoryview(b''))
+    assert captured_ns(picture, 1_000_000) == expected_ns
 
 
 def test_a_file_comes_in_parts_goes_on_after_a_break_and_is_kept_once(

@@ -24,6 +24,7 @@ from urllib.parse import parse_qs
 from monitor_server import quick_services
 import pytest
 from rt_robot_os.base.schema import declared
+from rt_robot_os.messages.uplink import greeting
 from rt_robot_os.gateway.command import run as run_gateway
 from rt_robot_os.messages.uplink.frames import FRAME_BYTES
 from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
@@ -55,7 +56,7 @@ LIMITS = {
     'a message of a robot': (f'{MESSAGE_BYTES >> 20} MiB', f'pictures {FRAME_BYTES >> 20} MiB'),
     'batches of a robot': (f'{robot_connection.BATCHES_MOST}',),
     'signals, people, open alarms': (
-        f'{robot_state.SIGNALS_MOST}, {robot_connection.PEOPLE_MOST}, {robot_state.ALARMS_MOST}',),
+        f'{robot_state.SIGNALS_MOST}, {greeting.PEOPLE_MOST}, {robot_state.ALARMS_MOST}',),
     'hello of a robot': (f'{robot_connection.HELLO_S:g} s',),
     'records of a start': (f'{adding.ASIDE_MOST:,} are set aside',),
     'an answer of the database': (f'{outage.PATIENCE_S:g} s',),

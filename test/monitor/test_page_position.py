@@ -29,8 +29,7 @@ pytest.importorskip('playwright.sync_api')
 
 from playwright.sync_api import expect  # noqa: E402, I100
 from processes import wait_until  # noqa: E402
-from rt_robot_os.messages.uplink.maps import map_message  # noqa: E402
-from rt_robot_os.messages.uplink.messages import encode  # noqa: E402
+from rt_robot_os.messages.uplink.maps import MapMessage  # noqa: E402
 
 if TYPE_CHECKING:
     from fake_robot import FakeRobot
@@ -119,7 +118,7 @@ FRAMES = """() => new Promise((done) => {
 @pytest.fixture
 def position(server: Any, robot: FakeRobot, signed_in: SignedIn) -> Callable[[str], Any]:
     """Give what opens the view for a role, with the map that the robot has sent."""
-    server.services.maps.put('robot', map_message(WIDTH, HEIGHT, SIZE_M, ORIGIN, CELLS))
+    server.services.maps.put('robot', MapMessage.pack(WIDTH, HEIGHT, SIZE_M, ORIGIN, CELLS))
     robot.live(pose={'x': -1.0, 'y': 2.5, 'yaw': 1.0, 'stddev_m': 0.05},
                wsn__nodes={'nodes': NODES}, health__anna__place={'x': -1.5, 'y': 3.0, 'yaw': 0},
                health__anna__place_details={'status': [{'values': {
@@ -224,8 +223,8 @@ def test_a_map_that_grows_is_drawn_anew_where_one_looks(
     page.get_by_role('button', name='Zoom in').click()
     page.evaluate(f'() => {VIEW}.view.pan(60, 40)')
     before = page.evaluate(looked)
-    robot.send(encode('map', map_message(WIDTH, HEIGHT + 20, SIZE_M, ORIGIN,
-                                         CELLS + bytes(20 * WIDTH))))
+    robot.send(MapMessage.pack(WIDTH, HEIGHT + 20, SIZE_M, ORIGIN,
+                               CELLS + bytes(20 * WIDTH)).to_json())
     page.wait_for_function(f'() => {VIEW}.map.height === {HEIGHT + 20}')
     assert page.evaluate(looked) == before
     assert page.evaluate(f'() => [{VIEW}.picture.height, {VIEW}.scene.pose.x]') == [

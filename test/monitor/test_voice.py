@@ -35,7 +35,7 @@ pytest.importorskip('websockets', reason='websockets is not installed')
 from rt_robot_os.gateway.gateway import Gateway  # noqa: E402
 from rt_robot_os.gateway.settings import GatewaySettings  # noqa: E402
 from rt_robot_os.messages.uplink.messages import encode  # noqa: E402
-from rt_robot_os.monitor.api import voice  # noqa: E402
+from rt_robot_os.monitor.live import calls as voice  # noqa: E402
 
 SDP = 'v=0\r\n'
 

@@ -32,7 +32,6 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.errors import DeviceError
-from rt_robot_os.linux.folders import ros_home
 
 _PREFIX: Final = 'observed_'
 _PART: Final = '.part'
@@ -47,15 +46,6 @@ class StoredObservation(NamedTuple):
     path: Path
     bytes: int  # noqa: A003
     deleted: int
-
-
-def default_folder() -> Path:
-    """
-    Return the default folder: ``observations`` in the ROS home.
-
-    :raises StartError: the user has no home.
-    """
-    return ros_home() / 'observations'
 
 
 def file_name(words: tuple[str, ...], suffix: str, moment: datetime) -> str:

@@ -40,9 +40,9 @@ from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.capture.avi import AviFrame
 from rt_robot_os.devices.capture.avi import write_avi
-from rt_robot_os.devices.capture.observation_folder import default_folder
 from rt_robot_os.devices.capture.observation_folder import ObservationFolder
 from rt_robot_os.devices.capture.pattern import Pixels
+from rt_robot_os.linux.folders import observations_folder
 
 PICTURE: Final = 'picture'
 CLIP: Final = 'clip'
@@ -231,7 +231,7 @@ class Observations:
             settings = self._settings
             named = settings['observations_folder']
             self._folder = ObservationFolder(
-                Path(named).expanduser() if named else default_folder(),
+                Path(named).expanduser() if named else observations_folder(),
                 settings['observations_files'], round(settings['observations_mb'] * _MB))
         kept = self._folder.store(
             (str(request.get('subject', '')), str(request.get('alarm', '')),

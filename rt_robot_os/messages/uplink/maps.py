@@ -24,62 +24,94 @@ from __future__ import annotations
 import base64
 import binascii
 from collections.abc import Mapping
+from dataclasses import dataclass
 import hashlib
 import json
-import math
 from typing import Any
+from typing import ClassVar
 from typing import Final
 import zlib
 
+from rt_robot_os.messages.uplink.fields import count_in
+from rt_robot_os.messages.uplink.fields import number_in
+from rt_robot_os.messages.uplink.fields import wrong
 from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 
 #: The largest map: 4000 by 4000 cells.
 CELLS_MOST: Final = 16_000_000
 #: The longest packed form: it has to fit into a message with the rest of it.
 PACKED_MOST: Final = MESSAGE_BYTES - 4096
 _LEVEL: Final = 9
-_KEYS: Final = ('sha256', 'width', 'height', 'resolution_m', 'origin', 'cells')
 
 
-def map_message(width: int, height: int, resolution_m: float,
-                origin: tuple[float, float, float], cells: bytes) -> dict[str, Any]:
+@dataclass(frozen=True)
+class MapMessage(UplinkMessage):
     """
-    Make the content of a message ``map``.
+    A map.
 
-    :param resolution_m: edge of a cell.
-    :param origin: x and y in m of the outer corner of the lower left cell, and the yaw in rad of
+    :ivar sha256: of its size, its place and its cells.
+    :ivar resolution_m: edge of a cell.
+    :ivar origin: x and y in m of the outer corner of the lower left cell, and the yaw in rad of
         the rows.
-    :param cells: ``width * height`` bytes; -1 of an ``int8`` is 255, unknown.
-    :raises ValueError: it is no map, or too large for a message; the text says by how much.
+    :ivar cells: packed: zlib, then Base64.
     """
-    packed = base64.b64encode(zlib.compress(cells, _LEVEL)).decode()
-    content = {'sha256': _digest(width, height, resolution_m, origin, cells), 'width': width,
-               'height': height, 'resolution_m': float(resolution_m),
-               'origin': [float(each) for each in origin], 'cells': packed}
-    return read_map(content)
 
+    KIND: ClassVar[str] = 'map'
 
-def read_map(message: Mapping[str, Any]) -> dict[str, Any]:
-    """
-    Check a map that was received.
+    sha256: str
+    width: int
+    height: int
+    resolution_m: float
+    origin: tuple[float, float, float]
+    cells: str
 
-    :return: what a map has, and nothing else of the message.
-    :raises ValueError: it is none.
-    """
-    width, height = (_whole(message, name) for name in ('width', 'height'))
-    resolution_m = _number(message.get('resolution_m'), 'resolution_m')
-    origin = message.get('origin')
-    if width * height > CELLS_MOST:
-        raise ValueError(f'a map of {width} by {height} cells; {CELLS_MOST} are the most')
-    if not resolution_m > 0.0:
-        raise ValueError(f'a map with cells of {resolution_m} m')
-    if not isinstance(origin, (list, tuple)) or len(origin) != 3:
-        raise ValueError('origin is no list of x, y and yaw')
-    x, y, yaw = (_number(each, 'origin') for each in origin)
-    cells = _unpacked(message.get('cells'), width * height)
-    if message.get('sha256') != _digest(width, height, resolution_m, (x, y, yaw), cells):
-        raise ValueError('the SHA-256 of the map is another')
-    return {key: message[key] for key in _KEYS}
+    def content(self) -> dict[str, Any]:
+        """Return the fields on the wire, on the server's disk and for a page."""
+        return {'sha256': self.sha256, 'width': self.width, 'height': self.height,
+                'resolution_m': self.resolution_m, 'origin': list(self.origin),
+                'cells': self.cells}
+
+    @classmethod
+    def pack(cls, width: int, height: int, resolution_m: float,
+             origin: tuple[float, float, float], cells: bytes) -> MapMessage:
+        """
+        Make a map of cells.
+
+        :param cells: ``width * height`` bytes; -1 of an ``int8`` is 255, unknown.
+        :raises ValueError: it is malformed, or too large for a message; the text says by how much.
+        """
+        packed = base64.b64encode(zlib.compress(cells, _LEVEL)).decode()
+        x, y, yaw = (float(each) for each in origin)
+        digest = _digest(width, height, resolution_m, (x, y, yaw), cells)
+        return cls.from_json(cls(digest, width, height, float(resolution_m), (x, y, yaw),
+                                 packed).content())
+
+    @classmethod
+    def from_json(cls, message: Mapping[str, Any]) -> MapMessage:
+        """
+        Read a map; its cells are unpacked for a check, and stay packed.
+
+        :raises ValueError: it is malformed.
+        """
+        width, height = (count_in(message, name) for name in ('width', 'height'))
+        if not width or not height:
+            raise ValueError(f'a map of {width} by {height} cells')
+        resolution_m = number_in(message, 'resolution_m')
+        origin = message.get('origin')
+        if width * height > CELLS_MOST:
+            raise ValueError(f'a map of {width} by {height} cells; {CELLS_MOST} are the most')
+        if not resolution_m > 0.0:
+            raise ValueError(f'a map with cells of {resolution_m} m')
+        if not isinstance(origin, (list, tuple)) or len(origin) != 3:
+            raise wrong('origin', origin, 'a list of x, y and yaw')
+        x, y, yaw = (number_in({'origin': each}, 'origin') for each in origin)
+        packed = message.get('cells')
+        cells = _unpacked(packed, width * height)
+        sha256 = message.get('sha256')
+        if sha256 != _digest(width, height, resolution_m, (x, y, yaw), cells):
+            raise ValueError('the SHA-256 of the map is another')
+        return cls(str(sha256), width, height, resolution_m, (x, y, yaw), str(packed))
 
 
 def _digest(width: int, height: int, resolution_m: float, origin: tuple[float, float, float],
@@ -90,7 +122,7 @@ def _digest(width: int, height: int, resolution_m: float, origin: tuple[float, f
 
 def _unpacked(packed: object, size: int) -> bytes:
     if not isinstance(packed, str) or len(packed) > PACKED_MOST:
-        raise ValueError(f'cells are no text of at most {PACKED_MOST} characters: a map with '
+        raise ValueError(f'cells must be a string of at most {PACKED_MOST} characters: a map with '
                          'larger cells is smaller')
     unpacker = zlib.decompressobj()
     try:
@@ -98,24 +130,5 @@ def _unpacked(packed: object, size: int) -> bytes:
     except (binascii.Error, zlib.error, ValueError) as error:
         raise ValueError(f'cells cannot be unpacked: {error}') from None
     if len(cells) != size:
-        raise ValueError(f'{size} cells were to come')
+        raise ValueError(f'the map has {len(cells)} cells instead of {size}')
     return cells
-
-
-def _whole(message: Mapping[str, Any], name: str) -> int:
-    value = message.get(name)
-    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise ValueError(f'{name} is no whole number above 0')
-    return value
-
-
-def _number(value: object, name: str) -> float:
-    if not isinstance(value, (int, float)) or isinstance(value, bool):
-        raise ValueError(f'{name} is no number')
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise ValueError(f'{name} is not finite')
-    return number

@@ -15,37 +15,32 @@
 """
 The messages between a gateway and a server, as text: JSON objects with a ``kind``.
 
-A robot has two connections. ``/robot/state`` carries these; ``/robot/media`` carries pictures
-(:mod:`rt_robot_os.messages.uplink.frames`), so that no alarm ever waits behind one. Each side
-answers what it does not know with nothing, and counts it: an older robot can talk to a newer
-server.
+A robot has two connections. ``/robot/state`` carries these; ``/robot/media`` carries pictures and
+files (:mod:`rt_robot_os.messages.uplink.media`), so that no alarm ever waits behind one. Each kind
+has a class with its fields and limits; :mod:`rt_robot_os.messages.uplink.kinds` says which kinds
+go which way. Neither side answers a kind that it does not know, nor reads a field that it does not
+know: an older robot can talk to a newer server, and the other way round.
 
-==========  =========  ==========================================================================
-kind        direction  content
-==========  =========  ==========================================================================
-hello       up         version, robot (UUID), name, boot (UUID of this start), utc_ns, people,
-                       cameras, capabilities, nodes, map (SHA-256), limits
-records     up         batch, boot (of these records; an earlier start's after a restart), records
-                       (each: seq, importance, type, utc_ns, content), lost ({importance: how many
-                       records gave way so far})
-live        up         n, utc_ns, signals ({name: [utc_ns, value]})
-answer      up         id, ok, text
-map         up         a map, as :mod:`.maps` packs it; after want_map, and when
-                       the robot has another one
-beat        up         n, utc_ns; while somebody may drive also lease, motion, ...: n is the
-                       ticket that a command to drive must carry
-welcome     down       utc_ns, want_map
-stored      down       batch: it is on the server's disk
-refused     down       batch, text, retry_s
-taken       down       n: the next ``live`` may come
-want        down       signals_hz, cameras ({name: pictures a second}), signals (patterns of
-                       names that somebody looks at; optional)
-command     down       id, do, args, by
-drive_begin down       lease, by: this one may drive from now on
-drive       down       lease, seq, beat, held_ms, grip, linear_m_s, angular_rad_s, by
-drive_end   down       lease, by, why
-voice       both       call, what the two ends of a call say to set it up
-==========  =========  ==========================================================================
+===========  =========  =======================================================================
+kind         direction  class
+===========  =========  =======================================================================
+hello        up         :class:`.greeting.RobotHello`
+records      up         :class:`.records.RecordBatch`
+live         up         :class:`.live.LiveSignals`
+answer       up         :class:`.commands.CommandAnswer`
+map          up         :class:`.maps.MapMessage`; after ``want_map``, and when it changes
+beat         up         :class:`.driving.DriveBeat`; while a driver may drive
+welcome      down       :class:`.greeting.ServerWelcome`
+stored       down       :class:`.records.BatchStored`
+refused      down       :class:`.records.BatchRefused`
+taken        down       :class:`.live.LiveReceived`
+want         down       :class:`.live.WantedSignals`
+command      down       :class:`.commands.RobotCommand`
+drive_begin  down       :class:`.driving.DriveBegin`
+drive        down       :class:`.driving.DriveCommand`
+drive_end    down       :class:`.driving.DriveEnd`
+voice        both       :class:`.voice.VoiceMessage`
+===========  =========  =======================================================================
 """
 
 from __future__ import annotations
@@ -53,17 +48,45 @@ from __future__ import annotations
 from collections.abc import Mapping
 import json
 from typing import Any
+from typing import ClassVar
 from typing import Final
 
 #: Raised when a message changes so that an older program would misread it.
 VERSION: Final = 1
-#: The longest text either side takes.
+#: The longest text that either side accepts.
 MESSAGE_BYTES: Final = 1 << 20
 
-#: Kinds that go up, and down.
-UP: Final = frozenset({'hello', 'records', 'live', 'answer', 'map', 'beat', 'voice'})
-DOWN: Final = frozenset({'welcome', 'stored', 'refused', 'taken', 'want', 'command',
-                         'drive_begin', 'drive', 'drive_end', 'voice'})
+
+class UplinkMessage:
+    """
+    A message; each class is a frozen dataclass that checks its limits in :meth:`from_json`.
+
+    :cvar KIND: its kind on the wire.
+    """
+
+    KIND: ClassVar[str]
+
+    def content(self) -> dict[str, Any]:
+        """Return the fields on the wire."""
+        raise NotImplementedError
+
+    @classmethod
+    def from_json(cls, message: Mapping[str, Any]) -> UplinkMessage:
+        """
+        Read it.
+
+        :param message: as :func:`decode` returns it; fields that are unknown are ignored.
+        :raises ValueError: it is malformed.
+        """
+        raise NotImplementedError
+
+    def to_json(self) -> str:
+        """
+        Write it.
+
+        :raises ValueError: a number is not finite, which JSON cannot hold.
+        """
+        return encode(self.KIND, self.content())
 
 
 def encode(kind: str, content: Mapping[str, Any]) -> str:
@@ -80,9 +103,9 @@ def decode(text: str | bytes) -> dict[str, Any]:
     """
     Read a message.
 
-    :return: it, with ``kind`` a text.
-    :raises ValueError: it is none: too long, no JSON, no object, without a kind, or with a
-        number that is not finite.
+    :return: it, with ``kind`` a string.
+    :raises ValueError: it is not a message: too long, not JSON, not an object, without a kind, or
+        with a number that is not finite.
     """
     if len(text) > MESSAGE_BYTES:
         raise ValueError(f'a message of {len(text)} bytes; {MESSAGE_BYTES} are the most')
@@ -91,7 +114,7 @@ def decode(text: str | bytes) -> dict[str, Any]:
     except RecursionError:
         raise ValueError('a message that is nested too deeply') from None
     except UnicodeDecodeError as error:
-        raise ValueError(f'a message that is no UTF-8: {error.reason}') from None
+        raise ValueError(f'a message that is not UTF-8: {error.reason}') from None
     if not isinstance(found, dict) or not isinstance(found.get('kind'), str):
         raise ValueError('a message without a kind')
     return found

@@ -130,8 +130,9 @@ class Commands:
         except AwayError as error:
             note(actor, f'answer.{do}', robot.id, ok=False, text=error.text)
             raise refusal(504 if error.is_late else 409, error.text, error.remedy) from None
-        note(actor, f'answer.{do}', robot.id, ok=found['ok'], text=found['text'])
-        return Answer(**found)
+        note(actor, f'answer.{do}', robot.id, ok=found.ok, text=found.text)
+        codes = {'codes': dict(found.codes)} if found.codes else {}
+        return Answer(ok=found.ok, text=found.text, **codes)
 
     def _args(self, actor: Actor, robot: RobotState, command: Command) -> dict[str, Any]:
         args = command.args

@@ -21,6 +21,7 @@ from typing import Any
 
 from fastapi import APIRouter
 from fastapi import Depends
+from rt_robot_os.messages.uplink.maps import MapMessage
 from rt_robot_os.monitor.api.answers import refusal
 from rt_robot_os.monitor.api.answers import unknown
 from rt_robot_os.monitor.security.guard import Actor
@@ -31,9 +32,9 @@ from rt_robot_os.monitor.services import Services
 
 def router(services: Services) -> APIRouter:
     """Return the endpoint."""
-    found = APIRouter(prefix='/api', tags=['robots'])
+    made = APIRouter(prefix='/api', tags=['robots'])
 
-    @found.get('/robots/{robot}/map')
+    @made.get('/robots/{robot}/map')
     def one_map(robot: str, actor: Actor = Depends(allowed(Permission.SEE))) -> dict[str, Any]:
         """
         Return the map of a robot.
@@ -44,10 +45,10 @@ def router(services: Services) -> APIRouter:
         """
         if not services.hub.may_see_robot(actor, robot):
             raise unknown('robot')
-        kept: dict[str, Any] | None = services.maps.get(robot) if services.maps else None
-        if kept is None:
+        found: MapMessage | None = services.maps.get(robot) if services.maps else None
+        if found is None:
             raise refusal(404, 'this robot has sent no map',
                           'set map in the section of its gateway to the YAML file of its planner')
-        return kept
+        return found.content()
 
-    return found
+    return made

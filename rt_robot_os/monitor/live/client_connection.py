@@ -23,7 +23,6 @@ import time
 from typing import Any
 from typing import Final
 
-from fastapi import APIRouter
 from fastapi import WebSocket
 from rt_robot_os.monitor.live import turns
 from rt_robot_os.monitor.live.fan_out import Watch
@@ -31,8 +30,6 @@ from rt_robot_os.monitor.live.outlet import Outlet
 from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.security.guard import Actor
-from rt_robot_os.monitor.security.guard import Permission
-from rt_robot_os.monitor.security.guard import websocket_actor
 from rt_robot_os.monitor.services import Services
 from starlette.websockets import WebSocketDisconnect
 
@@ -47,23 +44,6 @@ STARRED_MOST: Final = 32
 RATE_HZ: Final = 5.0
 RATE_MOST_HZ: Final = 30.0
 RATE_LEAST_HZ: Final = 0.1
-
-
-def router(services: Services) -> APIRouter:
-    """Return the endpoint of browsers."""
-    found = APIRouter()
-
-    @found.websocket('/live')
-    async def live(websocket: WebSocket) -> None:
-        actor = await websocket_actor(websocket, Permission.SEE)
-        await websocket.accept()
-        if len(services.hub.clients) >= services.settings.clients:
-            services.hub.counts['refused'] += 1
-            await websocket.close(1013, 'as many browsers as there may be have live data')
-            return
-        await ClientConnection(services, websocket, actor).run()
-
-    return found
 
 
 class ClientConnection:

@@ -25,6 +25,7 @@ import asyncio
 from collections.abc import Callable
 from collections.abc import Iterable
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 import time
 from typing import Any
@@ -33,6 +34,12 @@ from typing import Protocol
 from uuid import uuid4
 
 from rt_robot_os.messages.texts.coded import codes_of
+from rt_robot_os.messages.uplink.commands import CommandAnswer
+from rt_robot_os.messages.uplink.commands import RobotCommand
+from rt_robot_os.messages.uplink.driving import DriveBeat
+from rt_robot_os.messages.uplink.live import WantedSignals
+from rt_robot_os.messages.uplink.messages import UplinkMessage
+from rt_robot_os.messages.uplink.voice import VoiceMessage
 from rt_robot_os.monitor.live.fan_out import FanOut
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.robot_state import encoded
@@ -60,10 +67,10 @@ class AwayError(Exception):
 class Connection(Protocol):
     """What the hub needs of a robot's connection."""
 
-    def say(self, kind: str, content: Mapping[str, Any]) -> bool:
+    def send(self, message: UplinkMessage) -> bool:
         """Send a message; False when there is no room for it."""
 
-    def say_now(self, kind: str, content: Mapping[str, Any]) -> None:
+    def send_urgent(self, message: UplinkMessage) -> None:
         """Send a message before all others; the newest of a kind wins."""
 
     def close(self, code: int, reason: str) -> None:
@@ -101,18 +108,17 @@ class Hub:
         self._heartbeat_s = heartbeat_s
         self._command_s = command_s
         self._connections: dict[str, Connection] = {}
-        self._answers: dict[str, tuple[str, asyncio.Future[dict[str, Any]]]] = {}
-        self._commands = time.time_ns()
+        self._answers: dict[str, tuple[str, asyncio.Future[CommandAnswer]]] = {}
         self._wants: dict[str, asyncio.TimerHandle] = {}
         self.turns = Turns()
 
         self.counts: dict[str, int] = {'joined': 0, 'overrun': 0, 'revoked': 0, 'refused': 0,
                                        'watches_delayed': 0,
                                        'robots_refused': 0}
-        #: Called with the id of a robot and what it has sent, for each ``beat``.
-        self.on_beat: list[Callable[[str, Mapping[str, Any]], object]] = []
-        #: By kind: called with the id of a robot and what it has sent, for messages of others.
-        self.on_message: dict[str, Callable[[str, Mapping[str, Any]], object]] = {}
+        #: Called with the id of a robot and what it has sent, for each heart-beat.
+        self.on_beat: list[Callable[[str, DriveBeat], object]] = []
+        #: Called with the id of a robot and what it has sent, for each step of a call.
+        self.on_voice: list[Callable[[str, VoiceMessage], object]] = []
         #: Called with the id of a robot and whether it is connected now.
         self.on_robot: list[Callable[[str, bool], object]] = []
         self._server: dict[str, Any] = {'storing': True, 'text': ''}
@@ -240,9 +246,14 @@ class Hub:
         for each in changed.values():
             self._tell_each(partial(robot.alarm_shown, each), 'alarm')
 
-    def beat(self, robot: RobotState, message: Mapping[str, Any]) -> None:
-        """Hand a heart-beat to whom it concerns."""
+    def beat(self, robot: RobotState, message: DriveBeat) -> None:
+        """Pass a heart-beat to its listeners."""
         for each in self.on_beat:
+            each(robot.id, message)
+
+    def voice(self, robot: RobotState, message: VoiceMessage) -> None:
+        """Pass a step of a call to its listeners."""
+        for each in self.on_voice:
             each(robot.id, message)
 
     def want(self, robot: RobotState) -> None:
@@ -256,7 +267,7 @@ class Hub:
         wanted = self.fan_out.wanted(robot.id)
         if connection is not None and wanted != robot.wanted:
             robot.wanted = wanted
-            connection.say('want', {'signals_hz': wanted[0], 'signals': list(wanted[1])})
+            connection.send(WantedSignals(wanted[0], wanted[1]))
             self._wants[robot.id] = asyncio.get_running_loop().call_later(
                 WANT_S, self._want, robot)
 
@@ -270,23 +281,21 @@ class Hub:
     # Commands
 
     async def command(self, robot: RobotState, do: str, args: Mapping[str, Any], by: str
-                      ) -> dict[str, Any]:
+                      ) -> CommandAnswer:
         """
         Have a robot do something, once.
 
-        :return: its answer: ``ok`` and ``text``.
         :raises AwayError: it is not connected, or did not answer in time.
         """
         connection = self._connections.get(robot.id)
-        self._commands += 1
         # A gateway does each once: after a restart of this server no number may come again.
         number = uuid4().hex
-        future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+        future: asyncio.Future[CommandAnswer] = asyncio.get_running_loop().create_future()
         if connection is None:
             raise _away(robot.name)
         self._answers[number] = (robot.id, future)
         try:
-            if not connection.say('command', {'id': number, 'do': do, 'args': args, 'by': by}):
+            if not connection.send(RobotCommand(number, do, args, by)):
                 raise _away(robot.name)
             return await asyncio.wait_for(future, self._command_s)
         except asyncio.TimeoutError:
@@ -296,25 +305,23 @@ class Hub:
         finally:
             self._answers.pop(number, None)
 
-    def answered(self, robot: RobotState, answer: Mapping[str, Any]) -> None:
-        """Take the answer of a robot to a command; one to no command of its is counted."""
-        whose, future = self._answers.get(str(answer.get('id')), ('', None))
+    def answered(self, robot: RobotState, answer: CommandAnswer) -> None:
+        """Receive the answer of a robot to a command; one to no command of its is counted."""
+        whose, future = self._answers.get(answer.id, ('', None))
         if future is None or whose != robot.id or future.done():
             robot.count('answers_late')
             return
-        text = str(answer.get('text', ''))
-        codes = codes_of({**answer, 'text': text}, ('text',))
-        future.set_result({'ok': answer.get('ok') is True, 'text': text,
-                           **({'codes': codes} if codes else {})})
+        codes = codes_of({'text': answer.text, 'codes': answer.codes}, ('text',))
+        future.set_result(replace(answer, codes=codes))
 
-    def say(self, robot: RobotState, kind: str, content: Mapping[str, Any]) -> bool:
+    def send(self, robot: RobotState, message: UplinkMessage) -> bool:
         """Send a message to a robot; False when it is not connected or does not read."""
         connection = self._connections.get(robot.id)
-        return connection is not None and connection.say(kind, content)
+        return connection is not None and connection.send(message)
 
-    def drive(self, robot: str, kind: str, content: Mapping[str, Any]) -> bool:
+    def drive(self, robot: str, message: UplinkMessage) -> bool:
         """
-        Hand something of driving straight to a robot, before all that waits for it.
+        Send a message of driving to a robot, before all that waits for it.
 
         What has not been sent yet when the next of the same kind comes is not sent at all.
 
@@ -323,7 +330,7 @@ class Hub:
         connection = self._connections.get(robot)
         if connection is None:
             return False
-        connection.say_now(kind, content)
+        connection.send_urgent(message)
         return True
 
     def _tell_listeners(self, robot: RobotState) -> None:

@@ -30,7 +30,6 @@ import time
 from typing import Any
 from typing import Final
 
-from fastapi import APIRouter
 from fastapi import WebSocket
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.messages.texts.coded import codes_of
@@ -43,10 +42,6 @@ from rt_robot_os.monitor.live.pictures import Viewer
 from rt_robot_os.monitor.live.robot_media import RobotMedia
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.media_store import MediaStore
-from rt_robot_os.monitor.security.guard import Permission
-from rt_robot_os.monitor.security.guard import robot_of
-from rt_robot_os.monitor.security.guard import websocket_actor
-from rt_robot_os.monitor.services import Services
 from starlette.websockets import WebSocketDisconnect
 
 #: A browser that leaves a picture without an answer for so long is gone, or its tab sleeps.
@@ -55,46 +50,6 @@ VIEWERS_MOST: Final = 200
 _TEXT_MOST: Final = 4096
 _NAME_MOST: Final = 64
 _HOUSE_S: Final = 3600.0
-
-
-def router(services: Services) -> APIRouter:
-    """Return the endpoints of robots and browsers."""
-    found = APIRouter()
-    hub: MediaHub = services.media
-    browsers: set[BrowserMedia] = set()
-
-    def revoked(what: Any) -> None:
-        for each in list(browsers):
-            if each.session == what.id:
-                each.close(what.code, what.text)
-        hub.revoke(what)
-
-    services.accounts.on_revoked(revoked)
-
-    @found.websocket('/robot/media')
-    async def robot_media(websocket: WebSocket) -> None:
-        robot = await robot_of(websocket)
-        await websocket.accept()
-        await serve_robot(websocket, robot.id, hub)
-
-    @found.websocket('/camera')
-    async def camera(websocket: WebSocket) -> None:
-        actor = await websocket_actor(websocket, Permission.CAMERA)
-        await websocket.accept()
-        if len(browsers) >= VIEWERS_MOST:
-            await websocket.close(1013, 'too many browsers look at cameras')
-            return
-        browser = BrowserMedia(
-            websocket, hub.gallery, actor.session,
-            lambda robot: may_look(actor.people, services.hub.robots.get(robot)),
-            lambda key: services.audit.note(actor, 'camera.look', f'{key[0]}/{key[1]}'))
-        browsers.add(browser)
-        try:
-            await browser.serve()
-        finally:
-            browsers.discard(browser)
-
-    return found
 
 
 def may_look(people: frozenset[str] | None, robot: RobotState | None) -> bool:

@@ -46,7 +46,7 @@ class Outlet:
     The sending side of a connection.
 
     :param websocket: accepted.
-    :ivar sent: messages, :ivar sent_bytes: characters that were handed to the network.
+    :ivar sent: messages that were handed to the network.
     """
 
     def __init__(self, websocket: WebSocket) -> None:
@@ -58,7 +58,6 @@ class Outlet:
         self._wake = asyncio.Event()
         self._close: tuple[int, str] | None = None
         self.sent = 0
-        self.sent_bytes = 0
 
     @property
     def waiting(self) -> int:
@@ -139,4 +138,3 @@ class Outlet:
                 return
             await self._websocket.send_text(text)
             self.sent += 1
-            self.sent_bytes += len(text)

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Coroutine
-from collections.abc import Mapping
 from collections.abc import Sequence
 import logging
 import math
@@ -27,21 +26,31 @@ from typing import Any
 from typing import Final
 from typing import NamedTuple
 
-from fastapi import APIRouter
 from fastapi import WebSocket
 from rt_robot_os.base.errors import StoreError
 from rt_robot_os.base.safe_text import safe_text
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.messages.uplink.commands import CommandAnswer
+from rt_robot_os.messages.uplink.driving import DriveBeat
+from rt_robot_os.messages.uplink.greeting import RobotHello
+from rt_robot_os.messages.uplink.greeting import ServerWelcome
+from rt_robot_os.messages.uplink.kinds import read
+from rt_robot_os.messages.uplink.kinds import STATE_UP
+from rt_robot_os.messages.uplink.live import LiveReceived
+from rt_robot_os.messages.uplink.live import LiveSignals
+from rt_robot_os.messages.uplink.maps import MapMessage
 from rt_robot_os.messages.uplink.messages import decode
-from rt_robot_os.messages.uplink.messages import encode
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.messages.uplink.messages import VERSION
+from rt_robot_os.messages.uplink.records import BatchRefused
+from rt_robot_os.messages.uplink.records import BatchStored
+from rt_robot_os.messages.uplink.records import RecordBatch
+from rt_robot_os.messages.uplink.voice import VoiceMessage
 from rt_robot_os.monitor.live.outlet import Outlet
 from rt_robot_os.monitor.live.residents import admitted
 from rt_robot_os.monitor.live.residents import greet
-from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import is_time
 from rt_robot_os.monitor.live.robot_state import RobotState
-from rt_robot_os.monitor.security.guard import robot_of
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.store.robot_clock import RobotClock
 from rt_robot_os.monitor.store.store import Hello
@@ -57,36 +66,14 @@ RETRY_S: Final = 2.0
 MAP_S: Final = 1.0
 MESSAGES_A_SECOND: Final = 500
 BURST_S: Final = 1.0
-PEOPLE_MOST: Final = 64
-NAME_CHARACTERS: Final = 64
-ABOUT_CHARACTERS: Final = 32 << 10
 #: A clock that is further from ours is told.
 CLOCK_S: Final = 5.0
-_ABOUT: Final = ('cameras', 'capabilities', 'nodes', 'map', 'limits', 'version')
-
-
-def router(services: Services) -> APIRouter:
-    """Return the endpoint of robots."""
-    found = APIRouter()
-
-    @found.websocket('/robot/state')
-    async def robot_state(websocket: WebSocket) -> None:
-        robot = await robot_of(websocket)
-        await websocket.accept()
-        hub = services.hub
-        if hub.connected >= services.settings.robots and not hub.is_connected(robot.id):
-            hub.counts['robots_refused'] += 1
-            await websocket.close(1013, 'as many robots as there may be are connected')
-            return
-        await RobotConnection(services, websocket, services.hub.known(robot.id, robot.name)).run()
-
-    return found
 
 
 class _Received(NamedTuple):
     """A batch of records that waits for the disk."""
 
-    batch: object
+    batch: int | str
     boot: str
     records: list[Any]
     clock: RobotClock
@@ -107,13 +94,13 @@ class RobotConnection:
         self._next_s = 0.0
         self._tasks: set[asyncio.Task[None]] = set()
 
-    def say(self, kind: str, content: Mapping[str, Any]) -> bool:
+    def send(self, message: UplinkMessage) -> bool:
         """Send a message; False when the robot does not read."""
-        return self._outlet.say(encode(kind, content))
+        return self._outlet.say(message.to_json())
 
-    def say_now(self, kind: str, content: Mapping[str, Any]) -> None:
+    def send_urgent(self, message: UplinkMessage) -> None:
         """Send a message before all others; the newest of a kind wins."""
-        self._outlet.say_now(kind, encode(kind, content))
+        self._outlet.say_now(message.KIND, message.to_json())
 
     def close(self, code: int, reason: str) -> None:
         """Close it."""
@@ -153,116 +140,115 @@ class RobotConnection:
             await asyncio.sleep(self._next_s - now)
 
     async def _hello(self) -> bool:
-        try:
-            hello = await asyncio.wait_for(self._receive(), HELLO_S)
-        except asyncio.TimeoutError:
-            hello = {}
-        boot = hello.get('boot')
-        if hello.get('kind') != 'hello' or not isinstance(boot, str) or not 0 < len(boot) <= 64:
-            await self._websocket.close(1008, 'a hello with a boot is what comes first')
+        hello = await self._await_hello()
+        if hello is None:
+            await self._websocket.close(1008, 'the first message must be a hello with a boot')
             return False
-        if hello.get('version') != VERSION:
+        if hello.version != VERSION:
             await self._websocket.close(4426, f'this server speaks version {VERSION}')
             return False
-        self._boot = boot
+        self._boot = hello.boot
         now_ns = time.time_ns()
         self._take_about(hello, now_ns)
-        await greet(self._services, self._robot, _people(hello))
-        wants_map = await self._wants_map(hello.get('map'))
+        await greet(self._services, self._robot, hello.people)
+        wants_map = await self._wants_map(hello.map or '')
         if wants_map:  # a page asks for a map when it hears of it: until then there is that before
             self._robot.about['map'] = self._services.maps.digest(self._robot.id)
-        self.say('welcome', {'utc_ns': now_ns, 'version': VERSION, 'want_map': wants_map})
+        self.send(ServerWelcome(now_ns, wants_map))
         self._services.hub.connect(self._robot, self, now_ns)
         self._services.writer.hello(Hello(
-            self._robot.id, boot, self._robot.name,
+            self._robot.id, hello.boot, self._robot.name,
             {'people': sorted(self._robot.suggested), **self._robot.about}))
         return True
 
-    def _take_about(self, hello: Mapping[str, Any], now_ns: int) -> None:
+    async def _await_hello(self) -> RobotHello | None:
+        try:
+            message = await asyncio.wait_for(self._receive(), HELLO_S)
+            if message['kind'] == RobotHello.KIND:
+                return RobotHello.from_json(message)
+        except (asyncio.TimeoutError, ValueError):
+            pass
+        return None
+
+    def _take_about(self, hello: RobotHello, now_ns: int) -> None:
         robot = self._robot
         robot.boot = self._boot
-        robot.about = {}
-        for key in _ABOUT:
-            # Everybody who watches is sent it with each change of the robot.
-            if key in hello and len(encoded(hello[key])) <= ABOUT_CHARACTERS:
-                robot.about[key] = hello[key]
-            elif key in hello:
-                robot.count('hello_too_long')
-        if is_time(hello.get('utc_ns')):
-            robot.offset_s = (hello['utc_ns'] - now_ns) / 1e9
+        robot.about = hello.about()
+        for name, count in (('hello_too_long', hello.too_long), ('hello_wrong', hello.malformed)):
+            if count:
+                robot.count(name, count)
+        if hello.utc_ns is not None:
+            robot.offset_s = (hello.utc_ns - now_ns) / 1e9
             if abs(robot.offset_s) > CLOCK_S:
                 _LOG.warning('%s: its clock is %+.1f s from ours', robot.name, robot.offset_s)
 
-    async def _wants_map(self, sha256: object) -> bool:
+    async def _wants_map(self, sha256: str) -> bool:
         maps = self._services.maps
         return bool(sha256) and maps is not None and not await asyncio.to_thread(
             maps.has, self._robot.id, sha256)
 
-    def _take(self, message: dict[str, Any]) -> None:
+    def _take(self, content: dict[str, Any]) -> None:
         hub, robot = self._services.hub, self._robot
         hub.heard(robot, time.time_ns())
-        kind = message['kind']
-        if kind == 'live':
+        if content['kind'] == MapMessage.KIND:  # not unpacked here: that takes long
+            self._take_map(content)
+            return
+        try:
+            message = read(STATE_UP, content)
+        except ValueError:
+            robot.count('messages_wrong')
+            return
+        if isinstance(message, LiveSignals):
             self._take_live(message)
-        elif kind == 'records':
+        elif isinstance(message, RecordBatch):
             self._take_records(message)
-        elif kind == 'answer':
+        elif isinstance(message, CommandAnswer):
             hub.answered(robot, message)
-        elif kind == 'beat':
+        elif isinstance(message, DriveBeat):
             hub.beat(robot, message)
-        elif kind == 'map':
-            self._take_map(message)
-        elif kind in hub.on_message:
-            hub.on_message[kind](robot.id, message)
+        elif isinstance(message, VoiceMessage):
+            hub.voice(robot, message)
         else:
             robot.count('messages_unknown')
 
-    def _take_live(self, message: dict[str, Any]) -> None:
-        signals, n, utc_ns = (message.get(key) for key in ('signals', 'n', 'utc_ns'))
-        if not isinstance(signals, dict) or not is_time(n) or not is_time(utc_ns):
-            self._robot.count('messages_wrong')
-            return
-        self._robot.take(utc_ns, n, signals)  # type: ignore[arg-type]
+    def _take_live(self, message: LiveSignals) -> None:
+        self._robot.take(message.utc_ns, message.n, message.signals)
         self._services.hub.live(self._robot)
-        self.say('taken', {'n': n})
+        self.send(LiveReceived(message.n))
 
-    def _take_map(self, message: dict[str, Any]) -> None:
+    def _take_map(self, content: dict[str, Any]) -> None:
         now = asyncio.get_running_loop().time()
         if self._services.maps is None or now < self._map_s + MAP_S:
             self._robot.count('messages_unknown' if self._services.maps is None
                               else 'maps_too_fast')
             return
         self._map_s = now  # one is asked for; others come as it grows
-        self._start(self._keep_map(message))
+        self._start(self._keep_map(content))
 
-    async def _keep_map(self, message: dict[str, Any]) -> None:
+    async def _keep_map(self, content: dict[str, Any]) -> None:
         try:
             async with self._map_kept:
-                await asyncio.to_thread(self._services.maps.put, self._robot.id, message)
+                await asyncio.to_thread(self._store_map, content)
         except (ValueError, OSError) as error:
             self._robot.count('maps_wrong')
-            _LOG.warning('%s: its map cannot be kept: %s', self._robot.name, error)
+            _LOG.warning('%s: its map cannot be stored: %s', self._robot.name, error)
             return
         self._robot.about['map'] = self._services.maps.digest(self._robot.id)
         self._services.hub.tell_robot(self._robot)
+
+    def _store_map(self, content: dict[str, Any]) -> None:
+        self._services.maps.put(self._robot.id, MapMessage.from_json(content))
 
     def _start(self, what: Coroutine[Any, Any, None]) -> None:
         task = asyncio.create_task(what)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    def _take_records(self, message: dict[str, Any]) -> None:
-        records = message.get('records')
-        if not isinstance(records, list) or not isinstance(message.get('batch'), int | str):
-            self._robot.count('messages_wrong')
-            return
-        records = [admitted(self._services.hub, self._robot, each) for each in records]
-        boot = message.get('boot', self._boot)  # an earlier start may have left some
-        if not isinstance(boot, str) or not 0 < len(boot) <= NAME_CHARACTERS:
-            boot = self._boot
-        if isinstance(message.get('lost'), dict):
-            self._robot.lost = {str(key)[:8]: each for key, each in sorted(
-                message['lost'].items())[:8] if is_time(each)}
+    def _take_records(self, message: RecordBatch) -> None:
+        records = [admitted(self._services.hub, self._robot, each) for each in message.records]
+        boot = message.boot or self._boot  # an earlier start may have left some
+        if message.lost is not None:
+            self._robot.lost = dict(message.lost)
         wrong = sum(not is_record(each) for each in records)
         if wrong:
             self._robot.count('records_wrong', wrong)
@@ -270,9 +256,9 @@ class RobotConnection:
         clock = RobotClock(round(self._robot.offset_s * NS_PER_S), boot == self._boot)
         self._show_alarms(records, boot, clock)
         try:
-            self._batches.put_nowait(_Received(message['batch'], boot, records, clock))
+            self._batches.put_nowait(_Received(message.batch, boot, records, clock))
         except asyncio.QueueFull:
-            self._refuse(message['batch'], 'too many batches wait for the disk')
+            self._refuse(message.batch, 'too many batches wait for the disk')
 
     def _show_alarms(self, records: Sequence[Any], boot: str, clock: RobotClock) -> None:
         """Show alarms before they are stored: a full disk delays no alarm."""
@@ -299,16 +285,10 @@ class RobotConnection:
                 self._refuse(each.batch, f'{added.refused} records make no sense to this server, '
                              'and it has no room to set more aside: update it')
             else:
-                self.say('stored', {'batch': each.batch})
+                self.send(BatchStored(each.batch))
 
-    def _refuse(self, batch: object, text: str) -> None:
-        self.say('refused', {'batch': batch, 'text': text, 'retry_s': RETRY_S})
-
-
-def _people(hello: Mapping[str, Any]) -> list[str]:
-    people = hello.get('people')
-    return [each for each in people[:PEOPLE_MOST] if isinstance(each, str)
-            and 0 < len(each) <= NAME_CHARACTERS] if isinstance(people, list) else []
+    def _refuse(self, batch: int | str, text: str) -> None:
+        self.send(BatchRefused(batch, text, RETRY_S))
 
 
 def clean(value: Any) -> Any:

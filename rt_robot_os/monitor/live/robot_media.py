@@ -25,15 +25,27 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable
 from collections.abc import Callable
-from collections.abc import Mapping
 import time
-from typing import Any
 from typing import Final
 
-from rt_robot_os.messages.uplink.frames import decode_frame
 from rt_robot_os.messages.uplink.frames import encode_frame
+from rt_robot_os.messages.uplink.frames import UplinkFrame
+from rt_robot_os.messages.uplink.kinds import MEDIA_UP
+from rt_robot_os.messages.uplink.kinds import read
+from rt_robot_os.messages.uplink.kinds import read_frame
+from rt_robot_os.messages.uplink.media import CameraTrouble
+from rt_robot_os.messages.uplink.media import ClockReply
+from rt_robot_os.messages.uplink.media import ClockRequest
+from rt_robot_os.messages.uplink.media import FileOffer
+from rt_robot_os.messages.uplink.media import FilePart
+from rt_robot_os.messages.uplink.media import FileProgress
+from rt_robot_os.messages.uplink.media import FileRefusal
+from rt_robot_os.messages.uplink.media import MediaHello
+from rt_robot_os.messages.uplink.media import PictureFrame
+from rt_robot_os.messages.uplink.media import PictureReceived
+from rt_robot_os.messages.uplink.media import WantedCameras
 from rt_robot_os.messages.uplink.messages import decode
-from rt_robot_os.messages.uplink.messages import encode
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.monitor.live.memory_use import memory_of
 from rt_robot_os.monitor.live.pictures import Gallery
 from rt_robot_os.monitor.live.pictures import Picture
@@ -43,11 +55,8 @@ from rt_robot_os.monitor.media_store import Offered
 
 Send = Callable[[str], Awaitable[None]]
 _OFFERS_MOST: Final = 4
-#: Of why a camera gives no picture, and of the codes beside it.
-_WHY_MOST: Final = 300
+#: Of the codes of why a camera gives no picture.
 _CODES_BYTES: Final = 4000
-_NAME_MOST: Final = 64
-_CAMERAS_MOST: Final = 32
 _AGE_MOST_NS: Final = 600 * 1_000_000_000
 
 
@@ -77,62 +86,57 @@ class RobotMedia:
         now_ns = time.time_ns()
         try:
             if isinstance(message, str):
-                await self._text(decode(message), now_ns)
+                await self._text(read(MEDIA_UP, decode(message)), now_ns)
             else:
-                header, payload = decode_frame(message)
-                await self._frame(header, payload, now_ns)
-        except (KeyError, TypeError, ValueError):
+                await self._frame(read_frame(message), now_ns)
+        except ValueError:
             self.odd += 1
 
-    async def _text(self, message: dict[str, Any], now_ns: int) -> None:
-        kind = message['kind']
-        if kind == 'hello':
-            names = [str(name)[:_NAME_MOST] for name in message['cameras']]
-            self.cameras = tuple(names[:_CAMERAS_MOST])
+    async def _text(self, message: UplinkMessage | None, now_ns: int) -> None:
+        if isinstance(message, MediaHello):
+            self.cameras = message.cameras
             self.wanted_changed()
-        elif kind == 'clock':
-            await self._send(encode('clock', {'t': _whole(message['t']), 'utc_ns': now_ns}))
-        elif kind == 'trouble':
-            self._trouble(str(message['camera']), str(message['text'])[:_WHY_MOST],
-                          message.get('codes'))
-        elif kind == 'offer':
-            await self._offer(str(message['id'])[:_NAME_MOST], Offered(
-                str(message['sha256']), _whole(message['size'])))
+        elif isinstance(message, ClockRequest):
+            await self._send(ClockReply(message.t, now_ns).to_json())
+        elif isinstance(message, CameraTrouble):
+            self._trouble(message)
+        elif isinstance(message, FileOffer):
+            await self._offer(message.id, Offered(message.sha256, message.size))
         else:
             self.odd += 1
 
-    async def _frame(self, header: dict[str, Any], payload: memoryview, now_ns: int) -> None:
-        if header['kind'] == 'picture':
-            await self._picture(header, payload, now_ns)
-        elif header['kind'] == 'part':
-            await self._part(str(header['id']), _whole(header['offset']), payload)
+    async def _frame(self, frame: UplinkFrame | None, now_ns: int) -> None:
+        if isinstance(frame, PictureFrame):
+            await self._picture(frame, now_ns)
+        elif isinstance(frame, FilePart):
+            await self._part(frame)
         else:
             self.odd += 1
 
     # ---- pictures ----------------------------------------------------------------------------
 
-    async def _picture(self, header: Mapping[str, Any], payload: memoryview, now_ns: int) -> None:
-        camera, n = str(header['camera']), _whole(header['n'])
-        await self._send(encode('taken', {'camera': camera, 'n': n}))
-        if camera not in self.cameras or bytes(payload[:3]) != b'\xff\xd8\xff':
+    async def _picture(self, picture: PictureFrame, now_ns: int) -> None:
+        camera = picture.camera
+        await self._send(PictureReceived(camera, picture.n).to_json())
+        if camera not in self.cameras or bytes(picture.payload[:3]) != b'\xff\xd8\xff':
             self.odd += 1  # browsers get what a camera of this robot gives, as JPEG, or nothing
             return
         key = self.robot, camera
         number = self._gallery.next_n(key)
         frame = encode_frame('picture', {
             'robot': self.robot, 'camera': camera, 'n': number,
-            'utc_ns': captured_ns(header, now_ns), 'width': _whole(header.get('width', 0)),
-            'height': _whole(header.get('height', 0))}, payload)
+            'utc_ns': captured_ns(picture, now_ns), 'width': picture.width,
+            'height': picture.height}, picture.payload)
         self._gallery.put(Picture(key, number, frame))
 
-    def _trouble(self, camera: str, text: str, codes: object) -> None:
-        """Take why a camera gives no picture, as its device says it."""
-        if camera not in self.cameras:
+    def _trouble(self, trouble: CameraTrouble) -> None:
+        """Pass on why a camera gives no picture, as its device says it."""
+        if trouble.camera not in self.cameras:
             self.odd += 1
             return
-        is_small = isinstance(codes, dict) and memory_of(codes, _CODES_BYTES) <= _CODES_BYTES
-        self._gallery.trouble((self.robot, camera), {
-            'text': text, 'codes': codes if is_small else {}})
+        is_small = memory_of(trouble.codes, _CODES_BYTES) <= _CODES_BYTES
+        self._gallery.trouble((self.robot, trouble.camera), {
+            'text': trouble.text, 'codes': trouble.codes if is_small else {}})
 
     def wanted_changed(self) -> None:
         """Note that somebody looks at something else."""
@@ -147,7 +151,7 @@ class RobotMedia:
                       if name in self.cameras}
             if wanted != self._wanted:
                 self._wanted = wanted
-                await self._send(encode('want', {'cameras': wanted}))
+                await self._send(WantedCameras(wanted).to_json())
 
     # ---- files -------------------------------------------------------------------------------
 
@@ -161,46 +165,40 @@ class RobotMedia:
             while len(self._offers) >= _OFFERS_MOST:
                 del self._offers[next(iter(self._offers))]
             self._offers[name] = offered
-        await self._send(encode('have', {'id': name, 'offset': offset}))
+        await self._send(FileProgress(name, offset).to_json())
 
-    async def _part(self, name: str, offset: int, payload: memoryview) -> None:
+    async def _part(self, part: FilePart) -> None:
+        name = part.id
         offered = self._offers.get(name)
         if offered is None:
             await self._refuse(name, FileRefused('it was not offered on this connection', 1.0))
             return
         try:
-            there = await asyncio.to_thread(self._files.add, self.robot, offered, offset, payload)
+            there = await asyncio.to_thread(self._files.add, self.robot, offered, part.offset,
+                                            part.payload)
         except FileRefused as error:
             self._offers.pop(name, None)
             await self._refuse(name, error)
             return
         if there >= offered.size:
             self._offers.pop(name, None)
-        await self._send(encode('have', {'id': name, 'offset': there}))
+        await self._send(FileProgress(name, there).to_json())
 
     async def _refuse(self, name: str, error: FileRefused) -> None:
-        await self._send(encode('refused', {'id': name, 'text': str(error),
-                                            'retry_s': error.retry_s}))
+        await self._send(FileRefusal(name, str(error), error.retry_s).to_json())
 
 
-def captured_ns(header: Mapping[str, Any], now_ns: int) -> int:
+def captured_ns(picture: PictureFrame, now_ns: int) -> int:
     """
     Return when a picture was captured, by the clock of the server.
 
-    :param header: ``server_ns`` is that, as far as the robot knows the server's clock;
-        ``age_ns`` how old it was when it was sent, by the robot's steady clock. The robot's own
-        time of day (``utc_ns``) may be wrong by years, and is not used.
+    The robot's own time of day (``utc_ns``) may be wrong by years, and is not used.
+
     :param now_ns: when it came.
     """
-    at_least = now_ns - min(max(0, _whole(header.get('age_ns', 0))), _AGE_MOST_NS)
-    stated = _whole(header.get('server_ns', 0))
+    at_least = now_ns - min(picture.age_ns, _AGE_MOST_NS)
+    stated = picture.server_ns
     # Sent before it came, and not years before: else the two clocks have parted since.
     if stated and now_ns - _AGE_MOST_NS < stated <= now_ns:
         return min(stated, at_least)
     return at_least
-
-
-def _whole(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 1 << 63:
-        raise ValueError('not a whole number')
-    return value

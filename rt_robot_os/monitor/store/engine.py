@@ -98,7 +98,7 @@ def open_engine(url: URL) -> Engine:
     """
     Open a database; its file is made, for its owner alone.
 
-    :raises StartError: the file cannot be made or is not ours to write.
+    :raises StartError: the file cannot be made, or this user may not write to it.
     """
     if url.get_backend_name() == SQLITE:
         _make_file(Path(url.database or ''))

@@ -120,8 +120,8 @@ class SoleServer:
                 self._lock.note(pid=os.getpid())
                 return None
         except OSError as error:
-            raise StartError(f'{self._lock.path}: {error.strerror}; is the folder ours to write?'
-                             ) from error
+            raise StartError(f'{self._lock.path}: {error.strerror}; may this user write to its '
+                             'folder?') from error
         found: Any = holder(self._lock.path) or {}
         return f', process {found["pid"]}' if 'pid' in found else ''
 

@@ -45,6 +45,7 @@ from rt_robot_os.monitor.store.charts import Chart
 from rt_robot_os.monitor.store.charts import chart as make_chart
 from rt_robot_os.monitor.store.codes import unit_of
 from rt_robot_os.monitor.store.engine import open_engine
+from rt_robot_os.monitor.store.engine import POSTGRES
 from rt_robot_os.monitor.store.engine import read_url
 from rt_robot_os.monitor.store.engine import reading
 from rt_robot_os.monitor.store.engine import writing
@@ -57,12 +58,12 @@ from rt_robot_os.monitor.store.retention import Kept
 from rt_robot_os.monitor.store.retention import thin
 from rt_robot_os.monitor.store.rollups import roll_up
 from rt_robot_os.monitor.store.sole_server import SoleServer
-from rt_robot_os.monitor.store.tables import MEDIA
 from rt_robot_os.monitor.store.tables import ROBOTS
 from rt_robot_os.monitor.store.unconfirmed import file_confirmed
 from sqlalchemy import Connection
 from sqlalchemy import Engine
 from sqlalchemy import update
+from sqlalchemy import URL
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import IntegrityError
 
@@ -78,6 +79,12 @@ class Hello(NamedTuple):
     boot: str
     name: str = ''
     details: Mapping[str, Any] = MappingProxyType({})
+
+
+def _advice(url: URL) -> str:
+    if url.get_backend_name() == POSTGRES:
+        return 'Is PostgreSQL running, and may this account write to the database?'
+    return 'Is it a database of the monitor, and may this user write to it?'
 
 
 class Store:
@@ -115,11 +122,11 @@ class Store:
             upgrade(engine)
         except StoreError as error:
             engine.dispose()
-            raise StartError(f'{shown}: {error}; is it running, and ours to write?') from error
+            raise StartError(f'{shown}: {error}. {_advice(target)}') from error
         except DBAPIError as error:
             engine.dispose()
             first = ''.join(str(error.orig).strip().splitlines()[:1])[:200]
-            raise StartError(f'{shown}: {first}; is it running, and ours?') from error
+            raise StartError(f'{shown}: {first}. {_advice(target)}') from error
         except BaseException:
             engine.dispose()
             raise
@@ -406,9 +413,3 @@ class Store:
         """Return one by the id that its robot gave it."""
         with self.reading() as connection:
             return alarm_queries.media_by_name(connection, robot, media)
-
-    def media_stored(self, id: int, path: str) -> None:  # noqa: A002
-        """Note where the server has a file; '' when it has it no more."""
-        with self.writing() as connection:
-            connection.execute(update(MEDIA).where(MEDIA.c.id == id), {
-                'path': path, 'stored_ns': self.now_ns() if path else None})

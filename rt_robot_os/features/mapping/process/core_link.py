@@ -19,23 +19,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Mapping
 from pathlib import Path
-import threading
 from types import MappingProxyType
 from typing import Any
 from typing import Final
 
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.client import LinkClient
-from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.reader import SampleHandler
-from rt_robot_os.link.reconnecting_client import ReconnectingClient
+from rt_robot_os.link.threaded_client import advertise
+from rt_robot_os.link.threaded_client import run_of
+from rt_robot_os.link.threaded_client import ThreadedClient
 from rt_robot_os.motion.mounting import BASE_FRAME
 from rt_robot_os.motion.mounting import in_base
 from rt_robot_os.motion.mounting import Mounting
 
 #: How long the core may keep a sample to send it with others: less work for it.
 _DELAY_MS: Final = 10.0
-_PUMP_S: Final = 0.05
 
 
 class CoreLink:
@@ -69,20 +68,15 @@ class CoreLink:
         self.run_id = ''
         self._channels: Mapping[str, int] = MappingProxyType({})
         self._mountings: Mapping[str, Mounting] = MappingProxyType({})
-        self._link = ReconnectingClient(path, 'mapping', self._connect, tell)
-        self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='link', daemon=True)
+        self._link = ThreadedClient(path, 'mapping', self._connect, tell)
 
     def start(self) -> None:
         """Read from now on."""
-        self._thread.start()
+        self._link.start()
 
     def stop(self) -> None:
         """Disconnect; may be called twice."""
-        self._ending.set()
-        if self._thread.is_alive():
-            self._thread.join()
-        self._link.close()
+        self._link.stop()
 
     @property
     def is_connected(self) -> bool:
@@ -119,10 +113,6 @@ class CoreLink:
 
     # ---- in its thread -----------------------------------------------------------------------
 
-    def _run(self) -> None:
-        while not self._ending.is_set():
-            self._link.pump(_PUMP_S)
-
     def _connect(self, client: LinkClient) -> None:
         """
         Take a new connection.
@@ -135,23 +125,16 @@ class CoreLink:
                                 'odometry (scan_topic, odom_topic)')
         self.topics = frozenset(client.topics)
         self._mountings = _mountings(client)
-        run_id = f'{client.core.get("pid")}-{client.core.get("start_ns")}'
+        run_id = run_of(client)
         is_new, self.run_id = run_id != self.run_id, run_id
         self.counts['connections'] += 1
         self._on_core(is_new)
-        channels = {}
         for topic in self._publishes:
             if topic not in client.topics:
                 self._tell_once(f'this robot has no topic {topic}: nobody gets what mapping '
                                 'publishes there (docs/mapping.md)')
-                continue
-            try:
-                channels[topic] = client.advertise(topic)
-            except LinkSilent:
-                raise  # busy: it is asked for all of it again
-            except LinkError as error:  # a module of the core publishes it
-                self._tell_once(f'{topic}: {error}')
-        self._channels = channels
+        self._channels = advertise(client, (topic for topic in self._publishes
+                                            if topic in client.topics), self._tell_once)
         for topic, take in self._reads.items():
             if topic in client.topics:
                 client.sample_handlers[client.topics[topic].channel] = take

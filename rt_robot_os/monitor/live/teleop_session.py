@@ -23,20 +23,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Mapping
-import math
+from dataclasses import replace
 from typing import Any
-from typing import Final
 
 from rt_robot_os.messages.texts.coded import codes_of
+from rt_robot_os.messages.uplink.driving import DriveBeat
+from rt_robot_os.messages.uplink.driving import DriveBegin
+from rt_robot_os.messages.uplink.driving import DriveCommand
+from rt_robot_os.messages.uplink.driving import DriveEnd
+from rt_robot_os.messages.uplink.greeting import DriveLimits
 from rt_robot_os.messages.uplink.messages import encode
+from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.messages.uplink.speed_limit import bounded
 from rt_robot_os.monitor.live.lease import HeldByAnotherError
 from rt_robot_os.monitor.live.lease import Lease
 from rt_robot_os.monitor.live.outlet import Outlet
 
-#: Hands a message of a kind to a robot at once; False when it is not connected.
-Forward = Callable[[str, str, Mapping[str, Any]], bool]
-_SEQ_MOST: Final = 1 << 53
+#: Sends a message to a robot before all others; False when it is not connected.
+Forward = Callable[[str, UplinkMessage], bool]
 
 
 class Seat:
@@ -86,7 +90,7 @@ class Cab:
         self.seats: dict[Seat, None] = {}
         self.lease: Lease[Seat] = Lease()
         self.connected = False
-        self.limits: Mapping[str, Any] = {}
+        self.limits = DriveLimits()
         self.refused = self.lost = 0
         self._forward = forward
 
@@ -114,8 +118,7 @@ class Cab:
         if former is seat:
             return None
         if taken_from is not None:
-            self._forward(self.robot, 'drive_end', {
-                'lease': before, 'by': seat.name, 'why': 'taken over'})
+            self._forward(self.robot, DriveEnd(before, seat.name, 'taken over'))
             taken_from.tell('lost', by=seat.name, why='taken')
         seat.seq = seat.driven = 0
         self._begin()
@@ -127,38 +130,39 @@ class Cab:
         key = self.lease.give(seat)
         if not key:
             return False
-        self._forward(self.robot, 'drive_end', {'lease': key, 'by': seat.name, 'why': why})
+        self._forward(self.robot, DriveEnd(key, seat.name, why))
         self._tell_all()
         return True
 
     def drive(self, seat: Seat, message: Mapping[str, Any]) -> bool:
         """Hand a command on, within the robot's limits; return whether that went."""
-        command = _command(message)
-        if self.lease.holder is not seat or command is None or command['seq'] <= seat.seq:
+        try:
+            command = DriveCommand.from_json(message)
+        except ValueError:
+            command = None
+        if self.lease.holder is not seat or command is None or command.seq <= seat.seq:
             self.refused += 1
             return False
-        seat.seq = command['seq']
-        linear, angular = bounded(command['linear_m_s'], command['angular_rad_s'],
-                                  _limit(self.limits, 'linear_m_s'),
-                                  _limit(self.limits, 'angular_rad_s'))
-        went = self._forward(self.robot, 'drive', {
-            **command, 'linear_m_s': linear, 'angular_rad_s': angular, 'lease': self.lease.key,
-            'by': seat.name})
+        seat.seq = command.seq
+        linear, angular = bounded(command.linear_m_s, command.angular_rad_s,
+                                  self.limits.linear_m_s, self.limits.angular_rad_s)
+        went = self._forward(self.robot, replace(
+            command, linear_m_s=linear, angular_rad_s=angular, lease=self.lease.key,
+            by=seat.name))
         self.lost += not went
-        seat.driven += went and command['grip']
+        seat.driven += went and command.grip
         return went
 
-    def beat(self, message: Mapping[str, Any]) -> None:
-        """Show a beat of the robot to the one whose lease it is for."""
+    def beat(self, message: DriveBeat) -> None:
+        """Show a heart-beat of the robot to the driver whose lease it is for."""
         holder = self.lease.holder
-        if holder is not None and message.get('lease') == self.lease.key:
-            beat = {name: value for name, value in message.items()
-                    if name not in ('kind', 'lease')}
+        if holder is not None and message.lease == self.lease.key:
+            beat = message.for_page()
             if (codes := codes_of(beat, ('stop_reason', 'steering'))):
                 beat['codes'] = codes
             holder.show(encode('beat', beat))
 
-    def robot_is(self, connected: bool, limits: Mapping[str, Any]) -> None:
+    def robot_is(self, connected: bool, limits: DriveLimits) -> None:
         """Take note that the robot came, or went."""
         self.connected, self.limits = connected, limits
         if connected and self.lease.holder is not None:
@@ -168,7 +172,7 @@ class Cab:
     def _begin(self) -> None:
         holder = self.lease.holder
         if holder is not None:
-            self._forward(self.robot, 'drive_begin', {'lease': self.lease.key, 'by': holder.name})
+            self._forward(self.robot, DriveBegin(self.lease.key, holder.name))
 
     def _tell_all(self) -> None:
         for seat in self.seats:
@@ -179,31 +183,8 @@ class Cab:
         state = 'free' if holder is None else 'yours' if holder is seat else 'other'
         return {'state': state, 'by': holder.name if holder is not None else '',
                 'connected': self.connected,
-                'limits': {name: _limit(self.limits, name)
-                           for name in ('linear_m_s', 'angular_rad_s')}}
-
-
-def _limit(limits: Mapping[str, Any], name: str) -> float:
-    value = limits.get(name)
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return 0.0
-    return float(value) if math.isfinite(value) and value > 0.0 else 0.0
-
-
-def _command(message: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return what of a message is handed on; None when it is no command."""
-    seq, beat = message.get('seq'), message.get('beat')
-    for whole in (seq, beat):
-        if not isinstance(whole, int) or isinstance(whole, bool) or not 0 <= whole < _SEQ_MOST:
-            return None
-    numbers = {}
-    for name in ('linear_m_s', 'angular_rad_s', 'held_ms'):
-        value = message.get(name, 0.0)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or (
-                not math.isfinite(value)):
-            return None
-        numbers[name] = float(value)
-    return {'seq': seq, 'beat': beat, 'grip': message.get('grip') is True, **numbers}
+                'limits': {'linear_m_s': self.limits.linear_m_s,
+                           'angular_rad_s': self.limits.angular_rad_s}}
 
 
 __all__ = ['Cab', 'Forward', 'HeldByAnotherError', 'Seat']
