@@ -24,13 +24,13 @@ from broad import examples
 import pytest
 
 from rt_robot_os.features.alarms.alarm_service import AlarmService
-from rt_robot_os.features.alarms.cli import rehearsal_parts
 from rt_robot_os.features.alarms.cli.command import run
-from rt_robot_os.features.alarms.cli.rehearsal import rehearse
 from rt_robot_os.features.alarms.journal_lines import encode_header
 from rt_robot_os.features.alarms.journal_lines import encode_record
 from rt_robot_os.features.alarms.journal_lines import JournalHeader
 from rt_robot_os.features.alarms.notifier.delivery_log import DeliveryLog
+from rt_robot_os.features.alarms.scenarios import notifier_process
+from rt_robot_os.features.alarms.scenarios.rehearsal import rehearse
 
 ALARMS = min(examples(80), 10_000)
 
@@ -59,7 +59,7 @@ def test_the_same_seed_is_the_same_run(capsys: pytest.CaptureFixture[str]) -> No
 
 def test_a_notifier_that_forgets_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(DeliveryLog, 'restore', lambda self, lines: None)
-    monkeypatch.setattr(rehearsal_parts, 'is_doubtful', lambda *arguments: False)
+    monkeypatch.setattr(notifier_process, 'is_doubtful', lambda *arguments: False)
     assert rehearse(40, seed=1).shown_twice
 
 

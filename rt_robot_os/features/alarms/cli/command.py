@@ -166,7 +166,7 @@ def _journal(arguments: argparse.Namespace) -> int:
 
 
 def _rehearse(arguments: argparse.Namespace) -> int:
-    from rt_robot_os.features.alarms.cli.rehearsal import rehearse
+    from rt_robot_os.features.alarms.scenarios.rehearsal import rehearse
 
     if arguments.alarms < 1:
         raise ConfigError([f'--alarms {arguments.alarms}: must be at least 1'])

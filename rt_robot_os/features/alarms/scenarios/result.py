@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What happens to people in a rehearsal of alarms, and what became of it."""
+"""What became of the emergencies of all scenarios, as JSON and as text."""
 
 from __future__ import annotations
 
@@ -20,69 +20,22 @@ from collections import Counter
 from dataclasses import asdict
 from dataclasses import dataclass
 from dataclasses import field
-from random import Random
 from typing import Any
-from typing import Final
-
-from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.messages.cause import Level
-
-#: Those at the ends of the channels.
-PEOPLE: Final = ('operator', 'family', 'emergency')
-_KINDS: Final = (('fall', Level.CRITICAL), ('help', Level.CRITICAL), ('smoke', Level.CRITICAL),
-                 ('news2', Level.URGENT), ('no_movement', Level.URGENT),
-                 ('pulse_low', Level.CRITICAL))
-_LASTS_S: Final = (90.0, 400.0)
-
-
-@dataclass
-class RehearsedEmergency:
-    """
-    Something that happens to somebody.
-
-    :ivar helper: whose answer it gets; empty: nobody's.
-    :ivar seen: somebody has been shown it.
-    """
-
-    subject: str
-    kind: str
-    level: Level
-    lasts_ns: int
-    helper: str
-    active: bool = False
-    seen: bool = False
-    acknowledged: bool = False
-    top: bool = False
-    begun: int = 0
-    ids: set[str] = field(default_factory=set)
-
-    @property
-    def ended(self) -> bool:
-        """Return whether it is with somebody, or has been told as far as there are people."""
-        return self.acknowledged or (self.top and self.seen)
-
-
-def emergency_by_chance(random: Random, number: int) -> RehearsedEmergency:
-    """Make an emergency of which somebody will hear, if not always somebody who helps."""
-    kind, level = random.choice(_KINDS)
-    helper = random.choice((*PEOPLE, ''))
-    if level is Level.URGENT and helper == 'emergency':
-        helper = 'family'  # the last who are told of what is urgent
-    return RehearsedEmergency(f'p{number}', kind, level, round(random.uniform(*_LASTS_S) * NS_PER_S),
-                     helper)
 
 
 @dataclass
 class RehearsalResult:
     """
-    What became of all emergencies.
+    What became of all emergencies; the names are those of the JSON.
 
-    :ivar lost: neither acknowledged nor told up to the top; their scenes in ``scenes_lost``.
-    :ivar shown_twice: notifications that somebody was shown a second time as if they were new.
-    :ivar folded: that came a second time and said so, after a crash in the middle of a delivery.
-    :ivar told_anew: emergencies that have another number since a crash: nothing was written of the
-        first one, or the journal did not answer.
-    :ivar forgotten: alarms that somebody was told of, and that a later core did not know.
+    :ivar top: not acknowledged, escalation exhausted.
+    :ivar lost: neither of both; the numbers of their scenarios are in ``scenes_lost``.
+    :ivar shown_twice: notifications that were shown a second time as if they were new.
+    :ivar folded: shown a second time and marked as repeated, after a crash during delivery.
+    :ivar told_anew: emergencies with another alarm number after a crash: nothing was written of
+        the first, or the journal did not answer.
+    :ivar forgotten: alarms that were notified, and that a later core did not know.
+    :ivar went_wrong: injected faults, by kind.
     :ivar digest: of all events; the same for the same seed.
     """
 
