@@ -41,7 +41,7 @@ from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
 from rt_robot_os.gateway.robot_link import utc_of
-from rt_robot_os.link.conversions import labelled_numbers
+from rt_robot_os.messages.cdr import labelled_numbers
 from rt_robot_os.messages.cdr import string_in
 from rt_robot_os.messages.diagnostic_array import statuses_of
 from rt_robot_os.messages.texts.coded import codes_of

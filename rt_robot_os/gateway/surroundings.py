@@ -32,7 +32,7 @@ from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
-from rt_robot_os.linux.file_urls import text_of
+from rt_robot_os.linux.file_urls import read_text_file
 from rt_robot_os.messages.survey import read_survey
 from rt_robot_os.messages.uplink.greeting import NodePosition
 from rt_robot_os.messages.uplink.greeting import ServerWelcome
@@ -86,7 +86,7 @@ class Surroundings(Part):
         if not path:
             return ()
         try:
-            file, text = text_of(path, 'nodes_file', 'a YAML file with nodes')
+            file, text = read_text_file(path, 'nodes_file', 'a YAML file with nodes')
             return tuple(
                 NodePosition(each.id, each.token, each.x, each.y, each.z, each.person)
                 for each in read_survey(text, str(file)))

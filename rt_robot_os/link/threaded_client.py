@@ -25,7 +25,7 @@ from typing import Final
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.client import LinkSilent
-from rt_robot_os.link.lasting_client import LastingClient
+from rt_robot_os.link.reconnecting_client import ReconnectingClient
 
 _PUMP_S: Final = 0.05
 
@@ -46,7 +46,7 @@ class ThreadedClient:
                  tell: Callable[[str], None],
                  after_pump: Callable[[LinkClient], None] = lambda client: None) -> None:
         self._after_pump = after_pump
-        self._link = LastingClient(path, name, on_connect, tell)
+        self._link = ReconnectingClient(path, name, on_connect, tell)
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name='link', daemon=True)
 

@@ -113,7 +113,7 @@ def _simulators() -> PluginRegistry[Any]:
 
 def _simulator(name: str) -> PartKind:
     from rt_robot_os.devices.simulators import SIMULATORS
-    from rt_robot_os.sim.base import Place
+    from rt_robot_os.sim.base import RobotSite
     from rt_robot_os.sim.base import RobotSite
     cls = SIMULATORS.load(name)
 
