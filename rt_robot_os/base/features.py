@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What each feature brings: its modules, devices and programs, and the features that it needs.
+The manifests of the features: their modules, devices, programs and dependencies.
 
 A feature is a folder of ``rt_robot_os/features/``. Its ``manifest.py`` declares ``FEATURE`` and
 imports nothing else. ``setup.py``, the registries of modules and devices, `doctor`, the tests and
@@ -54,11 +54,15 @@ class Feature:
     requires: tuple[str, ...] = ()
 
     def inside(self, folder: str) -> Feature:
-        """Return it with the whole names of its modules."""
-        return replace(self, **{
-            kind: {name: f'{folder}{target}' if target.startswith('.') else target
-                   for name, target in getattr(self, kind).items()}
-            for kind in ('modules', 'devices', 'programs')})
+        """Return the manifest with absolute names of modules."""
+        return replace(self, modules=_inside(folder, self.modules),
+                       devices=_inside(folder, self.devices),
+                       programs=_inside(folder, self.programs))
+
+
+def _inside(folder: str, targets: Mapping[str, str]) -> Mapping[str, str]:
+    return {name: f'{folder}{target}' if target.startswith('.') else target
+            for name, target in targets.items()}
 
 
 @functools.cache

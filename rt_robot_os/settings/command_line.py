@@ -65,7 +65,7 @@ def parse_own(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.
     arguments, rest = parser.parse_known_args(own)
     arguments.files = tuple(Path(word) for word in rest if _is_file(word))
     if len(arguments.files) < len(rest):
-        programs.tell(parser.prog, _refusal(parser, list(rest), list(own), ros))
+        programs.warn(parser.prog, _refusal(parser, list(rest), list(own), ros))
         parser.exit(BAD_USE)
     return arguments
 
@@ -113,10 +113,10 @@ def tell(program: str, error: Exception) -> None:
     """Say on standard error why nothing was started, a line for each problem."""
     problems = error.problems if isinstance(error, ConfigError) else ()
     if not problems:
-        programs.tell(program, error)
+        programs.warn(program, error)
         return
     count = len(problems)
-    programs.tell(program, f'{count} problem{"s" if count > 1 else ""} in the configuration, '
+    programs.warn(program, f'{count} problem{"s" if count > 1 else ""} in the configuration, '
                   'nothing was started:', problems)
 
 
