@@ -164,7 +164,7 @@ def test_events_let_all_go_on_that_wait_the_highest_first(kernel: Kernel, setter
                 await kernel.sleep(MS)  # so that the lower one waits first
             await event.wait()
             order.append((name, kernel.now_ns() // MS))
-            await event.wait()  # still set: goes on at once
+            await event.wait()  # still set: continues immediately
             order.append((name, kernel.now_ns() // MS))
         return body
 
@@ -238,7 +238,7 @@ def test_to_await_inside_a_resource_is_an_error(kernel: Kernel) -> None:
     assert arm.holder is None
 
 
-def test_a_failure_begins_anew_after_the_pause(kernel: Kernel) -> None:
+def test_a_failed_coroutine_restarts_after_the_pause(kernel: Kernel) -> None:
     starts: list[int] = []
 
     async def body() -> None:

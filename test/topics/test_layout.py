@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Declaring layouts: what is accepted, what a layout tells, and each mistake with its remedy."""
+"""Declaring layouts: accepted shapes, their properties, and each error with its remedy."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_dotted_and_nested_keys_mean_the_same_and_mix() -> None:
     assert dotted.prototype == nested.prototype == mixed.prototype
 
 
-def test_a_layout_tells_its_sizes_and_its_stamp() -> None:
+def test_a_layout_has_its_sizes_and_its_stamp() -> None:
     layout = Layout.compile('sensor_msgs/Imu', {'header.frame_id': 'imu_link'})
     assert (layout.size, layout.max_size) == (324, 324)
     assert (layout.stamp_offset, layout.tail, layout.tail_offset) == (4, None, None)
@@ -206,7 +206,8 @@ def test_an_unknown_type_is_named_with_a_remedy(name: Any, words: list[str]) -> 
     ('sensor_msgs/Imu', {'header.frame': 'x'}, ["'header.frame'", 'std_msgs/msg/Header',
                                                 "did you mean 'frame_id'?"]),
     ('std_msgs/Empty', {'data': 1}, ["'data'", 'it has no fields']),
-    ('sensor_msgs/Imu', {'header.frame_id': 5}, ["'header.frame_id'", 'string', '5', 'give its string']),
+    ('sensor_msgs/Imu', {'header.frame_id': 5},
+     ["'header.frame_id'", 'string', '5', 'give its string']),
     ('sensor_msgs/Imu', {'header.frame_id': 'a\0b'}, ["'a\\x00b'", 'without NUL']),
     ('sensor_msgs/Imu', {'header.frame_id': '\ud800'}, ['UTF-8']),
     ('sensor_msgs/Imu', {'header': 'imu'}, ["'header'", "'imu'", 'mapping']),
