@@ -117,7 +117,8 @@ NAME_RULE = "letters, digits and '_', not beginning with a digit"
      "'topics' or 'mirrors' or 'services' or delete it, or did you mean 'core'?"),
     ('modules: [guard]', 'modules: guard',
      "robot.yaml:15: modules = 'guard': must be a list of strings: write ['guard']"),
-    ('modules: [guard]', 'modules: [1]', 'robot.yaml:15: modules = [1]: must be a list of strings'),
+    ('modules: [guard]', 'modules: [1]',
+     'robot.yaml:15: modules = [1]: must be a list of strings'),
     ('guard: {type: twist_guard, rate_hz: 50.0, priority: 40}', 'guard: 7',
      'robot.yaml:16: guard = 7: must be a section'),
     # types
