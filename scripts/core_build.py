@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Copies of the package with a C core that was compiled in another way, for the scripts here."""
+"""Copies of the package, and their compilation with other options, for the scripts here."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class BuildError(Exception):
     """The compiler refused; the text is its own."""
 
 
-def copy_tree(folder: Path) -> None:
-    """Copy what the tests need, without anything that is compiled."""
+def copy_tree(folder: Path, root: Path = ROOT) -> None:
+    """Copy the files that the tests need, without compiled ones."""
     for name in COPIED:
-        source = ROOT / name
+        source = root / name
         if source.is_dir():
             shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns(
                 '__pycache__', '_core.*.so', '.mypy_cache'))

@@ -321,7 +321,7 @@ build() {
     fail "colcon build failed, see $LOG"
   echo "$PYTHON $(version_of "$PYTHON")" >"$stamp.python"
   build_state | sha256sum >"$stamp"
-  say "$(PYTHONPATH=$ROOT/build/$PACKAGE "$PYTHON" -c "from $PACKAGE.compiled import state; print(state().text)" 2>&1 |
+  say "$(PYTHONPATH=$ROOT/build/$PACKAGE "$PYTHON" -c "from $PACKAGE.base.compiled import state; print(state().text)" 2>&1 |
     tail -n 1)"
 }
 

@@ -29,7 +29,7 @@ import pytest
 
 from rt_robot_os.base.logger import ARGUMENT_MAXIMUM
 from rt_robot_os.base.logger import Logger
-from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import LogEntry
 from rt_robot_os.base.reports import Reports
 from rt_robot_os.base.reports import Severity
 from rt_robot_os.kernel import Kernel
@@ -68,10 +68,10 @@ def test_lines_carry_severity_source_time_and_formatted_text() -> None:
     log.error('e')
     log.fatal('f')
     assert reports.since(0)[2] == (
-        Report(5, Severity.DEBUG, 'arm', 'plain 100 %'),
-        Report(5, Severity.INFO, 'arm', '1.2 m at 3'),
-        Report(5, Severity.WARN, 'arm', 'w'), Report(5, Severity.ERROR, 'arm', 'e'),
-        Report(5, Severity.FATAL, 'arm', 'f'))
+        LogEntry(5, Severity.DEBUG, 'arm', 'plain 100 %'),
+        LogEntry(5, Severity.INFO, 'arm', '1.2 m at 3'),
+        LogEntry(5, Severity.WARN, 'arm', 'w'), LogEntry(5, Severity.ERROR, 'arm', 'e'),
+        LogEntry(5, Severity.FATAL, 'arm', 'f'))
 
 
 def test_below_its_level_nothing_is_noted() -> None:
@@ -126,7 +126,7 @@ def test_an_integer_that_has_no_text_stops_no_other_line() -> None:
 def test_a_flood_of_lines_drives_out_no_report_and_is_counted() -> None:
     reports = Reports(capacity=4, lines=8)
     log = logger(reports)
-    reports.note(Report(0, Severity.ERROR, 'core', 'important'))
+    reports.note(LogEntry(0, Severity.ERROR, 'core', 'important'))
     for number in range(100):
         log.info('%d', number)
     place, dropped, found = reports.since(0)
@@ -186,7 +186,7 @@ CODES = frozenset(f.__code__ for f in (
     Reports.since))
 
 
-def accounted(reports: list[Report]) -> int:
+def accounted(reports: list[LogEntry]) -> int:
     """Count the lines that were logged, told one by one or summed up."""
     return sum(int(r.text.split()[0]) if ' more in ' in r.text else 1 for r in reports)
 
@@ -199,7 +199,7 @@ def test_nothing_is_lost_or_torn_wherever_a_higher_task_logs_too(
     while step <= total:
         reports, clock = Reports(), Clock()
         log = logger(reports, clock)
-        found: list[Report] = []
+        found: list[LogEntry] = []
         place = 0
 
         def say(number: int) -> None:

@@ -22,16 +22,16 @@ import sys
 from at_line import AtLine
 import pytest
 
-from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import LogEntry
 from rt_robot_os.base.reports import Reports
 from rt_robot_os.base.reports import Severity
 
 
-def report(number: int) -> Report:
-    return Report(number, Severity.INFO, 'test', f'{number}')
+def report(number: int) -> LogEntry:
+    return LogEntry(number, Severity.INFO, 'test', f'{number}')
 
 
-def texts(reports: tuple[Report, ...]) -> list[int]:
+def texts(reports: tuple[LogEntry, ...]) -> list[int]:
     return [int(r.text) for r in reports]
 
 
@@ -58,7 +58,7 @@ def test_the_oldest_give_way_and_are_counted() -> None:
 
 
 def test_a_report_says_how_bad_and_from_whom() -> None:
-    assert str(Report(1, Severity.WARN, 'imu', 'silent')) == '[WARN] imu: silent'
+    assert str(LogEntry(1, Severity.WARN, 'imu', 'silent')) == '[WARN] imu: silent'
 
 
 @pytest.mark.parametrize('capacity', [2, 100])

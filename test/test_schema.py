@@ -49,7 +49,7 @@ def test_a_bad_value_is_told_what_would_be_right(value: Any) -> None:
 
 @pytest.mark.parametrize('value', [[0], [1, 10], [1.5], ['1'], 3, [True]])
 def test_items_of_a_list_are_checked_like_values(value: Any) -> None:
-    assert LEVELS.problem(value) == 'a list of whole numbers from 1 to 9'
+    assert LEVELS.problem(value) == 'a list of integers from 1 to 9'
 
 
 def test_choices_are_listed() -> None:

@@ -53,7 +53,7 @@ class Severity(IntEnum):
 
 
 @dataclass(frozen=True)
-class Report:
+class LogEntry:
     """
     One log line.
 
@@ -70,7 +70,7 @@ class Report:
         return f'[{self.severity.name}] {self.source}: {self.text}'
 
 
-def formatted(line: RawLine) -> Report:
+def formatted(line: RawLine) -> LogEntry:
     """Format a log line; arguments that do not fit are appended to the text."""
     at_ns, severity, source, text, arguments = line
     if arguments:
@@ -78,10 +78,10 @@ def formatted(line: RawLine) -> Report:
             text = text % arguments
         except Exception:
             text = f'{text} {_shown(arguments)} (the arguments do not fit the text)'
-    return Report(at_ns, Severity(severity), source, text[:TEXT_MAXIMUM])
+    return LogEntry(at_ns, Severity(severity), source, text[:TEXT_MAXIMUM])
 
 
-def _safe(report: Report) -> Report:
+def _safe(report: LogEntry) -> LogEntry:
     """Make a report safe for consoles and messages; most are safe already."""
     source, text = safe_line(report.source), safe_text(report.text)
     if source is report.source and text is report.text:
@@ -108,7 +108,7 @@ class Reports:
     """
 
     def __init__(self, capacity: int = 256, lines: int = 1024) -> None:
-        self._stored: deque[tuple[Report, int]] = deque(maxlen=capacity)
+        self._stored: deque[tuple[LogEntry, int]] = deque(maxlen=capacity)
         self.lines: deque[tuple[RawLine, int]] = deque(maxlen=lines)
         self.numbers = itertools.count()
 
@@ -118,12 +118,12 @@ class Reports:
         kept = self._stored[-1][1] + 1 if self._stored else 0
         return max(kept, self.lines[-1][1] + 1) if self.lines else kept
 
-    def note(self, report: Report) -> None:
+    def note(self, report: LogEntry) -> None:
         """Add a report; safe in the real-time loop."""
         # Numbered and added in one native call, which another task cannot preempt.
         self._stored.extend(zip((report,), self.numbers))
 
-    def since(self, place: int) -> tuple[int, int, tuple[Report, ...]]:
+    def since(self, place: int) -> tuple[int, int, tuple[LogEntry, ...]]:
         """
         Return the reports after a position; it formats log lines, so not for high priorities.
 
@@ -137,9 +137,9 @@ class Reports:
         if end <= place:
             return place, 0, ()
         kept, lines = tuple(self._stored), tuple(self.lines)
-        found: list[tuple[Report | RawLine, int]] = sorted(
+        found: list[tuple[LogEntry | RawLine, int]] = sorted(
             [*_between(kept, place, end), *_between(lines, place, end)], key=_NUMBER)
-        reports = tuple(_safe(each if isinstance(each, Report) else formatted(each))
+        reports = tuple(_safe(each if isinstance(each, LogEntry) else formatted(each))
                         for each, _ in found)
         return end, end - place - len(found), reports
 

@@ -29,7 +29,7 @@ from typing import Any
 from rt_robot_os.base.compiled import state as compiled_state
 from rt_robot_os.base.live_settings import LiveSettings
 from rt_robot_os.base.logger import Logs
-from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import LogEntry
 from rt_robot_os.base.reports import Reports
 from rt_robot_os.base.reports import Severity
 from rt_robot_os.base.units import NS_PER_MS
@@ -314,4 +314,4 @@ class Core:
 
     def note(self, severity: Severity, source: str, text: str) -> None:
         """Tell people something; safe in the real-time loop."""
-        self.reports.note(Report(self.kernel.now_ns(), severity, source, text))
+        self.reports.note(LogEntry(self.kernel.now_ns(), severity, source, text))

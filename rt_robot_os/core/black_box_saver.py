@@ -25,7 +25,7 @@ import os
 import socket
 import subprocess
 
-from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import LogEntry
 from rt_robot_os.base.reports import Reports
 from rt_robot_os.base.reports import Severity
 from rt_robot_os.base.units import NS_PER_S
@@ -196,4 +196,4 @@ class BlackBoxSaver:
         self._writer = None
 
     def _note(self, severity: Severity, text: str) -> None:
-        self._reports.note(Report(self._kernel.now_ns(), severity, 'black box', text))
+        self._reports.note(LogEntry(self._kernel.now_ns(), severity, 'black box', text))

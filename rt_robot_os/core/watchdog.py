@@ -29,7 +29,7 @@ from collections.abc import Callable
 from collections.abc import Sequence
 from typing import Protocol
 
-from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import LogEntry
 from rt_robot_os.base.reports import Reports
 from rt_robot_os.base.reports import Severity
 from rt_robot_os.base.units import NS_PER_MS
@@ -214,7 +214,7 @@ class Watchdog:
                 and all(_rests(task) for task in self._with_safe_state()))
 
     def _note(self, severity: Severity, text: str) -> None:
-        self._reports.note(Report(self._kernel.now_ns(), severity, 'watchdog', text))
+        self._reports.note(LogEntry(self._kernel.now_ns(), severity, 'watchdog', text))
 
 
 def _rests(task: Task) -> bool:

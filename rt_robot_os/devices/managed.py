@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import LogEntry
 from rt_robot_os.base.reports import Reports
 from rt_robot_os.base.reports import Severity
 from rt_robot_os.base.units import NS_PER_MS
@@ -382,7 +382,7 @@ class ManagedDevice:
             self._note(Severity.ERROR, self.reason)
 
     def _note(self, severity: Severity, text: str) -> None:
-        self._reports.note(Report(self._kernel.now_ns(), severity, self.device.name, text))
+        self._reports.note(LogEntry(self._kernel.now_ns(), severity, self.device.name, text))
 
     def _recovered(self) -> None:
         self.state = DeviceState.ACTIVE

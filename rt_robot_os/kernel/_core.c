@@ -1687,7 +1687,7 @@ core_init(PyObject *self, PyObject *args, PyObject *keywords)
     Core *core = (Core *)self;
     PyObject *clock, *box;
     ns_t spin_ns = 0;
-    if (!PyArg_ParseTupleAndKeywords(args, keywords, "OO!|L:Core", names, &clock, black_box_type,
+    if (!PyArg_ParseTupleAndKeywords(args, keywords, "OO!|L:KernelCore", names, &clock, black_box_type,
                                      &box, &spin_ns))
         return -1;
     core_clear(self);
@@ -1722,7 +1722,7 @@ static PyType_Slot core_slots[] = {
 };
 
 static PyType_Spec core_spec = {
-    "rt_robot_os._core.Core", sizeof(Core), 0,
+    "rt_robot_os._core.KernelCore", sizeof(Core), 0,
     Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE | Py_TPFLAGS_HAVE_GC, core_slots,
 };
 
@@ -1747,5 +1747,5 @@ add_core_types(PyObject *module)
     core_type = (PyTypeObject *)PyType_FromSpec(&core_spec);
     if (core_type == NULL)
         return -1;
-    return PyModule_AddObjectRef(module, "Core", (PyObject *)core_type);
+    return PyModule_AddObjectRef(module, "KernelCore", (PyObject *)core_type);
 }

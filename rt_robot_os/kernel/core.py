@@ -21,11 +21,11 @@ every ready task above the interrupted one on top of it, to completion, and retu
 thread and one stack: the nesting depth is at most the number of priorities.
 
 Synchronisation is by one flag. While ``locked`` is set, an interrupt only sets ``pending``. The
-code that clears ``locked`` reads ``pending`` afterwards and calls :meth:`Core.settle`. Nested code
-always finishes before the code below it continues, so nothing else can come in between. The code
-that serves ``pending`` clears it first and reads the clock then: whatever an earlier interrupt was
-for is due by that time, and a later interrupt sets ``pending`` again. In the other order, an
-interrupt between the two steps would be lost.
+code that clears ``locked`` reads ``pending`` afterwards and calls :meth:`KernelCore.settle`.
+Nested code always finishes before the code below it continues, so nothing else can come in
+between. The code that serves ``pending`` clears it first and reads the clock then: whatever an
+earlier interrupt was for is due by that time, and a later interrupt sets ``pending`` again. In the
+other order, an interrupt between the two steps would be lost.
 
 This is the specification, and the implementation where nothing was compiled. The extension in C
 has the same class: each change here is made in ``_core.c`` as well.
@@ -79,7 +79,7 @@ TraceHook = Callable[[int, str, str], None]
 _set_recursion_limit: Final = sys.setrecursionlimit
 
 
-class Core(TimerInterrupt):
+class KernelCore(TimerInterrupt):
     """
     Dispatch: the code that runs with every job. :class:`~rt_robot_os.kernel.Kernel` has the rest.
 
@@ -479,4 +479,4 @@ class Core(TimerInterrupt):
 
 
 if not TYPE_CHECKING and NATIVE is not None:
-    Core = NATIVE.Core  # noqa: F811
+    KernelCore = NATIVE.KernelCore  # noqa: F811

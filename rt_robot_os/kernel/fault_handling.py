@@ -28,7 +28,7 @@ from rt_robot_os.kernel.black_box import FAILED
 from rt_robot_os.kernel.black_box import MISS
 from rt_robot_os.kernel.black_box import OVERRUN
 from rt_robot_os.kernel.core import BLOCKED_NS
-from rt_robot_os.kernel.core import Core
+from rt_robot_os.kernel.core import KernelCore
 from rt_robot_os.kernel.core import LATE_NS
 from rt_robot_os.kernel.failure import FailureReport
 from rt_robot_os.kernel.interference import blame
@@ -54,7 +54,7 @@ class FaultHandling:
 
     __slots__ = ('_kernel', '_resources', '_suspects_ns', '_ended')
 
-    def __init__(self, kernel: Core, resources: Mapping[str, Resource]) -> None:
+    def __init__(self, kernel: KernelCore, resources: Mapping[str, Resource]) -> None:
         self._kernel = kernel
         self._resources = resources
         self._suspects_ns = 0

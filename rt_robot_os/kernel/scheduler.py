@@ -16,7 +16,7 @@
 """
 The end of jobs by budgets, exceptions and the stop of the kernel; and interrupt sources.
 
-The code of every job is in :class:`rt_robot_os.kernel.core.Core`; the code here runs rarely.
+The code of every job is in :class:`rt_robot_os.kernel.core.KernelCore`; the code here runs rarely.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from rt_robot_os.kernel.black_box import RECORDS_DEFAULT
 from rt_robot_os.kernel.clock import Clock
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.core import ABORT_ALWAYS_NS
-from rt_robot_os.kernel.core import Core
+from rt_robot_os.kernel.core import KernelCore
 from rt_robot_os.kernel.core import LATE_NS
 from rt_robot_os.kernel.core import RECURSION_ROOM
 from rt_robot_os.kernel.failure import describe
@@ -71,7 +71,7 @@ _FAILURES_MAXIMUM: Final = 32
 Observer = Callable[[Record], None]
 
 
-class Scheduler(Core):
+class Scheduler(KernelCore):
     """
     The exceptional cases of the core.
 

@@ -74,7 +74,7 @@ class TaskState(Enum):
     STOPPED = 'stopped'
 
 
-class Rule(Enum):
+class DeclarationRule(Enum):
     """Declarations that contradict each other; the value is the message."""
 
     BUDGET_ABOVE_PERIOD = (
@@ -218,7 +218,7 @@ def contradictions(
     overrun: OverrunPolicy, overrun_limit: int, failure: FailurePolicy, restart_ns: int,
     restart_maximum_ns: int, logical: bool, preemptive: bool = True, can_be_safe: bool = True,
     **_others: object,
-) -> Iterator[Rule]:
+) -> Iterator[DeclarationRule]:
     """
     Find the rules that a declaration violates; its keywords are those of :class:`TaskSpec`.
 
@@ -229,35 +229,36 @@ def contradictions(
     yield from _of_budget(aborts, budget_ns, period_ns, deadline_ns)
     yield from _of_overrun(overrun, overrun_limit, failure, period_ns, deadline_ns)
     if aborts and not budget_ns:
-        yield Rule.ABORT_WITHOUT_BUDGET
+        yield DeclarationRule.ABORT_WITHOUT_BUDGET
     if restart_maximum_ns < restart_ns:
-        yield Rule.RESTART_SHRINKS
+        yield DeclarationRule.RESTART_SHRINKS
     if logical and not (deadline_ns or period_ns):
-        yield Rule.LOGICAL_WITHOUT_END
+        yield DeclarationRule.LOGICAL_WITHOUT_END
     if failure is FailurePolicy.SAFE_STATE and not can_be_safe:
-        yield Rule.NO_SAFE_STATE
+        yield DeclarationRule.NO_SAFE_STATE
     if aborts and not preemptive:
-        yield Rule.ABORT_WITHOUT_PREEMPTION
+        yield DeclarationRule.ABORT_WITHOUT_PREEMPTION
 
 
-def _of_budget(aborts: bool, budget_ns: int, period_ns: int, deadline_ns: int) -> Iterator[Rule]:
+def _of_budget(aborts: bool, budget_ns: int, period_ns: int, deadline_ns: int
+               ) -> Iterator[DeclarationRule]:
     if aborts and period_ns and budget_ns > period_ns:
-        yield Rule.BUDGET_ABOVE_PERIOD
+        yield DeclarationRule.BUDGET_ABOVE_PERIOD
     if aborts and deadline_ns and budget_ns > deadline_ns:
-        yield Rule.BUDGET_ABOVE_DEADLINE
+        yield DeclarationRule.BUDGET_ABOVE_DEADLINE
 
 
 def _of_overrun(overrun: OverrunPolicy, overrun_limit: int, failure: FailurePolicy,
-                period_ns: int, deadline_ns: int) -> Iterator[Rule]:
+                period_ns: int, deadline_ns: int) -> Iterator[DeclarationRule]:
     if period_ns and deadline_ns > period_ns and overrun not in _QUEUEING:
-        yield Rule.DEADLINE_ABOVE_PERIOD
+        yield DeclarationRule.DEADLINE_ABOVE_PERIOD
     if not period_ns and overrun is not OverrunPolicy.SKIP:
-        yield Rule.OVERRUN_WITHOUT_RATE
+        yield DeclarationRule.OVERRUN_WITHOUT_RATE
     if not overrun_limit:
         return
     if not period_ns:
-        yield Rule.LIMIT_WITHOUT_RATE
+        yield DeclarationRule.LIMIT_WITHOUT_RATE
     if overrun is OverrunPolicy.STOP:
-        yield Rule.LIMIT_WITH_STOP
+        yield DeclarationRule.LIMIT_WITH_STOP
     if failure is FailurePolicy.CONTINUE:
-        yield Rule.LIMIT_WITHOUT_POLICY
+        yield DeclarationRule.LIMIT_WITHOUT_POLICY

@@ -32,7 +32,7 @@ import socket
 import struct
 
 from rt_robot_os.base.errors import LinkError
-from rt_robot_os.base.reports import Report
+from rt_robot_os.base.reports import LogEntry
 from rt_robot_os.base.reports import Reports
 from rt_robot_os.base.reports import Severity
 from rt_robot_os.base.units import NS_PER_MS
@@ -342,7 +342,7 @@ class LinkServer:
             self._log(severity, text)
 
     def _log(self, severity: Severity, text: str) -> None:
-        self._reports.note(Report(self._kernel.now_ns(), severity, 'link', text))
+        self._reports.note(LogEntry(self._kernel.now_ns(), severity, 'link', text))
 
     def _report(self) -> None:
         for session in self._sessions:

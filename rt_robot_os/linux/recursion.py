@@ -34,6 +34,7 @@ from typing import Any
 SEPARATE_LIMITS = sys.version_info >= (3, 12)
 _ROOMY = 1_000_000
 
+_set_checked_limit = sys.setrecursionlimit
 _set_limit = ctypes.pythonapi.Py_SetRecursionLimit
 _set_limit.argtypes = (ctypes.c_int,)
 _set_limit.restype = None
@@ -51,7 +52,7 @@ def force_recursion_limit(limit: int) -> None:
 def restore_recursion_limit(limit: int) -> None:
     """Set the limit at the end of a handler of signals, however deep the stack is."""
     try:
-        sys.setrecursionlimit(limit)
+        _set_checked_limit(limit)
     except RecursionError:
         try:
             force_recursion_limit(limit)

@@ -81,7 +81,7 @@ is left out.
 ## How it is read
 
 - Every problem is told at once, with file, line, key, value and what would be right, before
-  anything is opened: `robot.yaml:14: imu.baud = 'fast': must be a whole number from ...`.
+  anything is opened: `robot.yaml:14: imu.baud = 'fast': must be an integer from ...`.
 - Several files are laid over each other, key by key; later ones win, and the command line wins
   over all files. (In rcl a `-p` loses to the node's own section when the file also has `/**`.)
 - `robot:`, `/robot:`, `/lab: {robot: ...}` and `/lab/robot:` name the node as in every ROS 2 file.

@@ -31,9 +31,9 @@ from rt_robot_os.base.units import period_from_rate
 from rt_robot_os.kernel.clock import NEVER_NS
 from rt_robot_os.kernel.spec import BudgetPolicy
 from rt_robot_os.kernel.spec import contradictions as kernel_rules
+from rt_robot_os.kernel.spec import DeclarationRule
 from rt_robot_os.kernel.spec import FailurePolicy
 from rt_robot_os.kernel.spec import OverrunPolicy
-from rt_robot_os.kernel.spec import Rule
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.model import SLOWEST_HZ
 from rt_robot_os.settings.model import TaskSettings
@@ -48,34 +48,35 @@ from rt_robot_os.settings.sections import Section
 SHORTEST_TIMEOUT_S = 0.1
 
 # The kernel's rules in the words of the file: the key that is told, and the remedy.
-TOLD: Final[Mapping[Rule, tuple[str, str]]] = {
-    Rule.BUDGET_ABOVE_PERIOD: (
+TOLD: Final[Mapping[DeclarationRule, tuple[str, str]]] = {
+    DeclarationRule.BUDGET_ABOVE_PERIOD: (
         'budget_us', 'is above {period}: a job is not aborted before its next release is lost: '
         'make it smaller'),
-    Rule.BUDGET_ABOVE_DEADLINE: (
+    DeclarationRule.BUDGET_ABOVE_DEADLINE: (
         'deadline_us', 'is below budget_us, {task.budget_us:g} (us): a job may miss it within its '
         'budget: make the budget smaller'),
-    Rule.DEADLINE_ABOVE_PERIOD: (
+    DeclarationRule.DEADLINE_ABOVE_PERIOD: (
         'deadline_us', 'is above {period}: with overrun: {task.overrun} such a job loses its next '
         'release: make it smaller, or choose overrun: catch_up'),
-    Rule.OVERRUN_WITHOUT_RATE: (
+    DeclarationRule.OVERRUN_WITHOUT_RATE: (
         'overrun', 'needs a rate_hz: what its inputs release never overruns'),
-    Rule.LIMIT_WITHOUT_RATE: (
+    DeclarationRule.LIMIT_WITHOUT_RATE: (
         'overrun_limit', 'needs a rate_hz: what its inputs release never overruns'),
-    Rule.LIMIT_WITH_STOP: (
+    DeclarationRule.LIMIT_WITH_STOP: (
         'overrun_limit', 'is never reached: overrun: stop ends the task with its first overrun: '
         'choose another policy or delete the limit'),
-    Rule.LIMIT_WITHOUT_POLICY: (
+    DeclarationRule.LIMIT_WITHOUT_POLICY: (
         'overrun_limit', 'nothing follows from it with failure: continue: choose restart, stop or '
         'safe_state'),
-    Rule.ABORT_WITHOUT_BUDGET: (
+    DeclarationRule.ABORT_WITHOUT_BUDGET: (
         'on_budget', 'there is no budget: give budget_us or delete it'),
-    Rule.RESTART_SHRINKS: ('restart_max_s', 'must be at least restart_s, {task.restart_s:g} (s)'),
-    Rule.LOGICAL_WITHOUT_END: (
+    DeclarationRule.RESTART_SHRINKS: (
+        'restart_max_s', 'must be at least restart_s, {task.restart_s:g} (s)'),
+    DeclarationRule.LOGICAL_WITHOUT_END: (
         'logical_execution', 'needs a rate_hz: inputs and outputs have no instants without one'),
-    Rule.NO_SAFE_STATE: (
+    DeclarationRule.NO_SAFE_STATE: (
         'failure', '{kind!r} has no method safe_state(): choose restart or stop, or write one'),
-    Rule.ABORT_WITHOUT_PREEMPTION: (
+    DeclarationRule.ABORT_WITHOUT_PREEMPTION: (
         'on_budget', 'core.dispatcher ({where}) is cooperative: no job can be aborted: choose '
         'warn, or dispatcher: preemptive'),
 }
@@ -125,9 +126,9 @@ def contradictions(
     rules = dict.fromkeys(kernel_rules(period_ns=period_ns, preemptive=not cooperative,
                                        can_be_safe=not never_safe, **keywords))
     if not period_ns and task.logical_execution:
-        rules[Rule.LOGICAL_WITHOUT_END] = None  # here a deadline is not enough
-    if Rule.LIMIT_WITH_STOP in rules:
-        rules.pop(Rule.LIMIT_WITHOUT_POLICY, None)  # one remedy for one key
+        rules[DeclarationRule.LOGICAL_WITHOUT_END] = None  # here a deadline is not enough
+    if DeclarationRule.LIMIT_WITH_STOP in rules:
+        rules.pop(DeclarationRule.LIMIT_WITHOUT_POLICY, None)  # one remedy for one key
     period = '' if rate_hz is None else (
         f'the period, {period_ns / NS_PER_US:g} us at {rate_hz:g} Hz')
     for rule in rules:

@@ -200,9 +200,9 @@ def test_a_resource_that_is_not_declared_is_told_before_anything_runs(
         make_core: MakeCore) -> None:
     core = make_core(it('asks: arm'))
     with pytest.raises(ConfigError, match=r"it\.resources does not list 'arm', which the module "
-                                          'asks for: add it'):
+                                          'uses: add it'):
         module(core).configure()
-    with pytest.raises(ConfigError, match='can be had from'):
+    with pytest.raises(ConfigError, match='is available from'):
         Noted('alone', {'asks': ''}).resource('arm')
 
 

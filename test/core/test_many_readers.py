@@ -54,7 +54,7 @@ def test_more_modules_than_there_is_room_for_are_refused_before_anything_is_open
 @pytest.mark.parametrize('wrong', ['0', '-1', "'3'", '1.5', '5000'])
 def test_a_limit_that_is_none_is_told_with_what_would_be_right(
         make_core: MakeCore, wrong: str) -> None:
-    with pytest.raises(ConfigError, match='cmd_vel.max_subscribers = .*whole number from 1 to'):
+    with pytest.raises(ConfigError, match='cmd_vel.max_subscribers = .*an integer from 1 to'):
         make_core(guards(1, f', max_subscribers: {wrong}'))
 
 

@@ -219,7 +219,8 @@ def test_what_was_changed_from_ros_and_in_the_core_is_saved_for_the_next_start(
     assert set_parameter(world, 'guard.rate_hz', double_value=30.0).successful
     answer = world.call(Trigger, '/robot/save_parameters', Trigger.Request())
     assert not answer.success
-    assert answer.message.startswith(f'{world.folder} cannot be written: it is not a regular file: give')
+    assert answer.message.startswith(
+        f'{world.folder} cannot be written: it is not a regular file: give')
 
 
 def test_a_core_that_dies_is_started_again_with_what_was_changed(

@@ -70,7 +70,7 @@ class Worn:
         self.end_s = begun
 
     def felt(self, force: Sequence[float], rate: Sequence[float] = (0.0, 0.0, 0.0),
-             stamp_ns: int | None = None) -> None:
+             stamp_ns: int = 0) -> None:
         self.imu.msg.linear_acceleration, self.imu.msg.angular_velocity = force, rate
         self.imu.msg.linear_acceleration_covariance = 9 * [0.0]
         self.imu.publish(stamp_ns)

@@ -39,7 +39,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 PATIENCE_S = 20.0
 PATIENCE_AT_START_S = 60.0
-BEFORE = 12  # what came before the first difference, told with it
+BEFORE = 12  # number of lines shown before the first difference
 _LENGTH = struct.Struct('=Q')
 
 # What a process says instead of what it saw: it could not make the scenario, or it is gone.
@@ -80,7 +80,7 @@ class BuildProcess:
             process.stdin.write(_LENGTH.pack(len(data)) + data)
             process.stdin.flush()
         except BrokenPipeError:
-            pass  # receive() tells why
+            pass  # receive() reports the reason
 
     def receive(self) -> dict[str, Any]:
         process = self._process

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A virtual clock that costs something, and on which Linux takes the CPU away when it is told."""
+"""A virtual clock whose calls take time, and which simulates steal time on request."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.clock import Handler
 from rt_robot_os.kernel.clock import TICK_SIGNAL
 
-# So many times the clock is read in a row by who spins, and nobody else.
+# Only a spinning kernel reads the clock this many times in a row.
 SPINNING_READS = 100
 SPINNING_STEP_NS = 1_000
 
@@ -35,7 +35,7 @@ class ScenarioClock(VirtualClock):
     The clock of a scenario.
 
     :param spins: the kernel spins until a release, so that time must pass when the clock is read.
-    :param note: told each time that a timer is set, or the kernel waits.
+    :param note: called each time that a timer is set, or the kernel waits.
     :ivar reads: how often it was read since something else happened.
     """
 

@@ -17,7 +17,7 @@
 Run a scenario on the virtual clock and tell everything that can be seen of it, as plain values.
 
 What happens, in order, is one list (``timeline``): starts and ends of jobs, each operation with
-its result, what the kernel asked of its clock, what observers and the idle hook were told. The
+its result, the calls of the clock, and those of observers and the idle hook. The
 rest is what can be asked when a run has ended.
 """
 
@@ -185,7 +185,7 @@ class Runner(Operations):
 
         return call
 
-    # ---- what is told ------------------------------------------------------------------------
+    # ---- the report --------------------------------------------------------------------------
 
     def note(self, *what: Any) -> None:
         if len(self.timeline) < 2 * ENTRIES_MOST:

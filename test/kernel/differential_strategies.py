@@ -116,7 +116,7 @@ class Programs:
     """
     Make programs of some kinds of operations.
 
-    Strategies that are made anew for each scenario would take longer than its runs.
+    Building the strategies again for each scenario would take longer than its runs.
 
     :param kinds: which.
     """

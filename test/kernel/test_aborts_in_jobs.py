@@ -475,7 +475,7 @@ def test_a_native_call_at_the_end_of_a_job_is_charged_to_it() -> None:
     assert not any(map(balance, kernel.tasks))
 
 
-def test_a_native_call_that_holds_up_nobody_above_is_no_event() -> None:
+def test_a_native_call_that_delays_no_higher_task_is_not_recorded() -> None:
     clock = StallingClock()
     kernel = Kernel(clock)
     low = kernel.add_task('low', lambda: None, priority=10, rate_hz=1000.0, phase_ns=MS)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Budgets: warn counts, abort ends even what does not want to end, and hits nobody else."""
+"""Budgets: warn counts; abort ends any job, and no other task is affected."""
 
 from __future__ import annotations
 

@@ -47,9 +47,9 @@ def unmade(kind: str) -> Any:
 
 
 UNMADE: dict[str, Callable[[], Any]] = {
-    'release': lambda: unmade('Core').release(Task),
-    'begin_timers': lambda: unmade('Core').begin_timers(),
-    'schedule': lambda: unmade('Core').schedule(1, print, 200),
+    'release': lambda: unmade('KernelCore').release(Task),
+    'begin_timers': lambda: unmade('KernelCore').begin_timers(),
+    'schedule': lambda: unmade('KernelCore').schedule(1, print, 200),
     'length_of': lambda: unmade('TopicCore').length_of(0),
     'publish': lambda: unmade('PublisherCore').publish(),
     'send': lambda: unmade('PublisherCore').send(b''),
@@ -99,8 +99,8 @@ WRONG: dict[str, Callable[[Kernel, Bus], Any]] = {
         kernel, 'x', bus.topic('fixed').layout, [1, 2, 3], bytearray(400)),
     'made again': lambda kernel, bus: bus.topic('fixed').__init__(  # type: ignore[misc]
         kernel, 'fixed', bus.topic('fixed').layout),
-    'clock': lambda kernel, bus: NATIVE.Core(None, kernel.black_box),
-    'black box': lambda kernel, bus: NATIVE.Core(VirtualClock(), None),
+    'clock': lambda kernel, bus: NATIVE.KernelCore(None, kernel.black_box),
+    'black box': lambda kernel, bus: NATIVE.KernelCore(VirtualClock(), None),
 }
 
 

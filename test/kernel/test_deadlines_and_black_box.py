@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Missed deadlines, and what the black box tells of what happened."""
+"""Missed deadlines, and the records of the black box."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_an_overload_is_not_made_worse_by_looking_for_suspects(
     assert len(looks) <= 10 and all(b - a >= 10 * MS for a, b in zip(looks, looks[1:]))
 
 
-def test_a_job_is_one_record_and_nesting_tells_who_preempted_whom(kernel: Kernel) -> None:
+def test_a_job_is_one_record_and_nesting_shows_preemption(kernel: Kernel) -> None:
     low = kernel.add_task('low', lambda: kernel.clock.spend(5 * MS), priority=10, rate_hz=10.0)
     high = kernel.add_task('high', lambda: kernel.clock.spend(MS), priority=90, rate_hz=10.0,
                            phase_ns=2 * MS)

@@ -33,7 +33,7 @@ from rt_robot_os.kernel import VirtualClock
 
 
 class Machine:
-    """A task that fails when told to, and notes what is done to it."""
+    """A task that fails on request, and records the calls of its functions."""
 
     def __init__(self, rate_hz: float | None = 100.0, **declared: object) -> None:
         self.kernel = Kernel(VirtualClock())
@@ -92,7 +92,7 @@ def test_safe_state_is_brought_about_once_and_then_held() -> None:
     machine.bad = lambda now_ns: now_ns == 50 * MS
     task = machine.run(200 * MS)
     assert machine.what() == ['job'] * 6 + ['safe']
-    assert machine.calls[-1] == (50, 'safe')  # at once, not with the next release
+    assert machine.calls[-1] == (50, 'safe')  # immediately, not at the next release
     assert task.state is TaskState.SAFE
 
 
@@ -182,7 +182,7 @@ def test_an_event_that_comes_while_the_failing_job_runs_is_not_served() -> None:
     assert (task.runs, task.missed, task.releases) == (1, 1, 2)
 
 
-def test_whoever_watches_can_hold_a_task_and_its_job_ends_first() -> None:
+def test_a_task_is_held_from_outside_after_its_job_has_ended() -> None:
     machine = Machine()
     machine.task.body = lambda: machine.kernel.clock.spend(4 * MS) or machine.note('job')
 
@@ -196,7 +196,7 @@ def test_whoever_watches_can_hold_a_task_and_its_job_ends_first() -> None:
     assert machine.kernel.failures[0].error == 'tripped'
 
 
-def test_whoever_watches_can_hold_an_idle_task_at_once() -> None:
+def test_an_idle_task_is_held_from_outside_immediately() -> None:
     machine = Machine()
     machine.kernel.add_task(
         'trip', lambda: machine.kernel.hold(machine.task, FailurePolicy.SAFE_STATE, 'tripped'),

@@ -85,7 +85,7 @@ def test_a_native_call_of_an_ended_job_counts_once(tasks: dict[str, Task]) -> No
     assert blame(reversed(records), tasks['control'], 0, 700) == ('camera', 'planner')
 
 
-def test_nobody_ran(tasks: dict[str, Task]) -> None:
+def test_no_other_task_ran(tasks: dict[str, Task]) -> None:
     assert blame((), tasks['control'], 0, 10) == ()
     records = [_job(tasks['planner'], 0, 100), (PUBLISH, None, 120, 'imu', 1)]
     assert blame(reversed(records), tasks['control'], 100, 200) == ()

@@ -43,6 +43,8 @@ from rt_robot_os.kernel import releases
 from rt_robot_os.kernel import scheduler as scheduler_module
 from rt_robot_os.kernel import timer_interrupt
 from rt_robot_os.kernel import VirtualClock
+from rt_robot_os.kernel.clock import Handler
+from rt_robot_os.linux import recursion
 from rt_robot_os.linux.timer import REPEAT_NS
 
 PERIODS = 2
@@ -80,7 +82,7 @@ def run_with_interrupt_at(step: int) -> tuple[Kernel, int]:
     kernel = Kernel(clock)
 
     def low_job() -> None:
-        # Never idle, rarely in the kernel: an interrupt that is lost shows at once.
+        # Never idle, rarely in the kernel: a lost interrupt shows immediately.
         kernel.release(event)
         clock.spend(400 * US)
         kernel.settle()  # with nothing to run, as after an interrupt that was none
@@ -96,7 +98,8 @@ def run_with_interrupt_at(step: int) -> tuple[Kernel, int]:
     kernel.add_task('low', low_job, priority=10, rate_hz=100.0)
     event = kernel.add_task('event', lambda: None, priority=20)
     files = tuple(str(module.__file__) for module in (
-        core, fault_handling, kernel_module, releases, scheduler_module, timer_interrupt))
+        core, fault_handling, kernel_module, recursion, releases, scheduler_module,
+        timer_interrupt))
     # Before and after, an interrupt finds a kernel that does not run, at each of some 2000 lines.
     tracer = AtLine(step, clock.fire, of_files(*files), when=lambda: kernel.running)
     sys.settrace(tracer)
@@ -164,9 +167,20 @@ def test_a_stop_at_any_instruction_of_the_kernel_ends_it(untraced: None) -> None
     assert step > 200
 
 
+class InterruptedClock(VirtualClock):
+    """A clock whose descriptors can interrupt at any line."""
+
+    interrupt: Handler
+
+    def attach(self, on_tick: Handler, on_interrupt: Handler, on_break: Handler) -> None:
+        super().attach(on_tick, on_interrupt, on_break)
+        self.interrupt = on_interrupt
+
+
 def run_with_signal_at(step: int, reading: int) -> int:
     """Add and remove a readable descriptor while the signal of one comes at a given line."""
-    kernel = Kernel(VirtualClock(start_ns=MS))
+    clock = InterruptedClock(start_ns=MS)
+    kernel = Kernel(clock)
     lines = []
 
     def come_and_go() -> None:
@@ -176,7 +190,7 @@ def run_with_signal_at(step: int, reading: int) -> int:
 
     reader = kernel.add_task('reader', lambda: None, priority=50)
     kernel.add_task('low', come_and_go, priority=10, rate_hz=1000.0)
-    tracer = AtLine(step, kernel._on_interrupt, of_files(interrupts.__file__))
+    tracer = AtLine(step, lambda: clock.interrupt(), of_files(interrupts.__file__))
     sys.settrace(tracer)
     try:
         kernel.run(MS)

@@ -160,7 +160,7 @@ def test_a_descriptor_added_by_a_task_is_looked_at_at_once(
     assert seen == [1]
 
 
-def test_a_removed_descriptor_releases_nobody_and_gets_its_flags_back(
+def test_a_removed_descriptor_releases_no_task_and_gets_its_flags_back(
         kernel: Kernel, ends: Ends) -> None:
     reading, writing = ends
     flags = fcntl.fcntl(reading, fcntl.F_GETFL)

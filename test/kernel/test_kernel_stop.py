@@ -347,7 +347,7 @@ def press(kernel: Kernel, times: int) -> None:
             time.sleep(0.0005)
 
 
-def test_what_a_handler_of_somebody_else_raises_is_contained(
+def test_an_exception_of_a_foreign_handler_is_contained(
         clean: Callable[[], None], sends: None) -> None:
     kernel = Kernel(MonotonicClock())
     thread = threading.Thread(target=press, args=(kernel, 100))

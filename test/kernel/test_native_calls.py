@@ -103,7 +103,7 @@ def wait_by_select(fd: int) -> None:
 
 
 @pytest.mark.parametrize('wait', [wait_by_read, wait_by_poll, wait_by_select])
-def test_waiting_in_the_system_delays_nobody(wait: Callable[[int], None]) -> None:
+def test_waiting_in_a_system_call_delays_no_task(wait: Callable[[int], None]) -> None:
     kernel = Kernel(MonotonicClock())
     reading, writing = os.pipe()
     runs_at_the_end: list[int] = []
@@ -129,7 +129,7 @@ def test_waiting_in_the_system_delays_nobody(wait: Callable[[int], None]) -> Non
     assert not any(map(balance, kernel.tasks))
 
 
-def test_waiting_for_a_datagram_delays_nobody() -> None:
+def test_waiting_for_a_datagram_delays_no_task() -> None:
     kernel = Kernel(MonotonicClock())
     first, second = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
 
@@ -150,7 +150,7 @@ def test_waiting_for_a_datagram_delays_nobody() -> None:
     assert not kernel.failures
 
 
-def test_sleeping_delays_nobody_and_is_as_long_as_asked_for() -> None:
+def test_sleeping_delays_no_task_and_lasts_as_long_as_requested() -> None:
     kernel = Kernel(MonotonicClock())
     slept: list[int] = []
 

@@ -102,7 +102,7 @@ def test_catch_up_never_keeps_more_than_it_may_under_a_lasting_overload(
 
 
 @BOTH
-def test_rephase_begins_the_grid_anew_where_the_late_job_ended(
+def test_rephase_restarts_the_grid_where_the_late_job_ended(
         kernel: Kernel, clock: StallingClock, log: TraceLog, where: str) -> None:
     task = stalled(kernel, clock, where, overrun=OverrunPolicy.REPHASE)
     kernel.run(12 * MS)

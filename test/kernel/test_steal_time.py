@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Time that Linux took is told as that, and charged to nobody."""
+"""Steal time is counted as such and charged to no task."""
 
 from __future__ import annotations
 
@@ -260,10 +260,10 @@ def test_a_job_that_lost_time_to_linux_is_charged_with_its_own_time(
     assert 500 * US < task.execution.maximum_ns < 700 * US
     assert task.execution_total_ns < task.runs * 700 * US
     assert sum(task.execution.counts) == task.runs
-    told = kernel.statistics()
-    assert told.stolen.count == 1
-    assert 699 * MS < told.stolen.maximum_ns <= 700 * MS
-    assert told.stolen_total_ns == told.stolen.maximum_ns
+    statistics = kernel.statistics()
+    assert statistics.stolen.count == 1
+    assert 699 * MS < statistics.stolen.maximum_ns <= 700 * MS
+    assert statistics.stolen_total_ns == statistics.stolen.maximum_ns
     assert [r[3] for r in kernel.black_box.records if r[0] == MARK] == [
         'Linux took the CPU from imu for 700.0 ms']
     assert [r for r in kernel.black_box.records if r[0] == BLOCKED] == []
@@ -307,7 +307,7 @@ def test_a_stop_after_a_job_has_ended_belongs_to_what_comes_next(clock: SharedCl
     assert account.attribute(ended_ns, 2 * MS) == 0
     clock.spend(MS)
     assert account.attribute(clock.now_ns(), 401 * MS) == 400 * MS
-    clock.block(30 * MS)  # the stop is not told twice
+    clock.block(30 * MS)  # the stop is not counted twice
     assert account.attribute(clock.now_ns(), 30 * MS) == 0
 
 
@@ -337,8 +337,8 @@ def test_a_budget_is_computing_time(kernel: Kernel, clock: SharedClock) -> None:
     assert (task.runs, task.aborted, task.budget_exceeded) == (10, 0, 0)
 
 
-def test_a_late_wake_up_is_nobodys_fault(kernel: Kernel, clock: SharedClock,
-                                         monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_late_wake_up_is_charged_to_no_task(
+        kernel: Kernel, clock: SharedClock, monkeypatch: pytest.MonkeyPatch) -> None:
     wait = clock.wait_masked
 
     def late() -> bool:
@@ -367,8 +367,8 @@ kernel.add_task('fast', lambda: None, priority=90, rate_hz=1000.0)
 task = kernel.add_task('imu', work, priority=50, rate_hz=250.0)
 print('begins', flush=True)
 kernel.run(3_000_000_000)
-told = kernel.statistics()
-print(task.blocked_maximum_ns, task.execution.maximum_ns, told.stolen.maximum_ns)
+statistics = kernel.statistics()
+print(task.blocked_maximum_ns, task.execution.maximum_ns, statistics.stolen.maximum_ns)
 """
 
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Everything at once on the real clock: what must hold for any interleaving."""
+"""Many features together on the real clock: invariants of any interleaving."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def storm() -> tuple[Storm, TraceLog]:
 def test_a_job_is_only_interrupted_by_higher_ones_that_end_before_it_goes_on(
         storm: tuple[Storm, TraceLog]) -> None:
     kernel, events = storm[0].kernel, storm[1].events()
-    assert any(event.depth for event in events), 'nobody was interrupted'
+    assert any(event.depth for event in events), 'no task was interrupted'
     stack: list[str] = []
     for event in events:
         if event.kind == 'start':

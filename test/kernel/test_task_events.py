@@ -166,7 +166,7 @@ def test_a_subscription_that_is_gone_wakes_its_task_no_more(kernel: Kernel) -> N
     assert runs == [1, 2, 2]
 
 
-def test_publishing_and_releasing_while_the_kernel_does_not_run_wakes_nobody(
+def test_publishing_and_releasing_while_the_kernel_does_not_run_releases_no_task(
         kernel: Kernel) -> None:
     bus = Bus(kernel)
     bus.declare('value', FLOAT)

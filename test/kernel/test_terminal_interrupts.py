@@ -86,7 +86,7 @@ def test_looking_at_a_terminal_does_not_wait_for_bytes_on_their_way(
     assert waits <= 20
 
 
-def test_all_terminals_that_have_bytes_are_heard_beside_other_descriptors(
+def test_all_terminals_with_bytes_are_served_next_to_other_descriptors(
         kernel: Kernel, ends: tuple[int, int]) -> None:
     more = pty.openpty()
     tty.setraw(more[1])

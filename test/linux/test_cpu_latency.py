@@ -56,7 +56,7 @@ def test_other_refusals_have_a_reason(tmp_path: Path) -> None:
     assert result.reason.endswith('Is a directory')
 
 
-@pytest.mark.skipif(not os.access(DEVICE, os.R_OK | os.W_OK), reason=f'{DEVICE} is not ours')
+@pytest.mark.skipif(not os.access(DEVICE, os.R_OK | os.W_OK), reason=f'{DEVICE} is not accessible')
 def test_linux_takes_it() -> None:
     result, held = request_cpu_latency(5)
     assert result.ok and held is not None

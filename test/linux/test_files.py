@@ -59,7 +59,7 @@ def test_in_a_folder_of_all_others_lead_us_nowhere(tmp_path: Path) -> None:
         open_to_append(log)
     log.unlink()
     os.link(victim, log)
-    with pytest.raises(OSError, match='no file of this user'):
+    with pytest.raises(OSError, match='not a file of this user'):
         open_to_append(log)
     log.unlink()
     os.mkfifo(log)

@@ -48,7 +48,7 @@ def test_one_that_shall_strike_is_not_stopped(tmp_path: Path) -> None:
     assert path.read_bytes() == b'\0'
 
 
-def test_a_device_that_goes_away_hurts_nobody() -> None:
+def test_a_device_that_disappears_does_no_harm() -> None:
     control, port = os.openpty()
     tty.setraw(port)
     _, watchdog = open_machine_watchdog(Path(os.ttyname(port)), 4)

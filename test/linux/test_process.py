@@ -30,7 +30,7 @@ from rt_robot_os.linux.process import start_child
 Runner = Callable[..., subprocess.CompletedProcess[str]]
 
 # The grandchild says when it is ready, then waits for ever; the child ends without a word. The
-# pipe ends when nobody holds its writing end any more: when the grandchild has ended.
+# pipe ends when its writing end is closed everywhere: when the grandchild has ended.
 CODE = """
 import os, signal, sys
 from rt_robot_os.linux.process import die_with_parent

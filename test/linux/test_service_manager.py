@@ -77,7 +77,7 @@ def test_nonsense_in_its_variables_is_ignored(text: str, listener: socket.socket
     manager.close()
 
 
-def test_one_that_does_not_read_holds_up_nobody(listener: socket.socket) -> None:
+def test_a_manager_that_does_not_read_blocks_nothing(listener: socket.socket) -> None:
     manager = ServiceManager({'NOTIFY_SOCKET': listener.getsockname()})
     for _ in range(2000):
         manager.notify('WATCHDOG=1')

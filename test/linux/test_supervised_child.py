@@ -22,7 +22,7 @@ from rt_robot_os.linux.supervised_child import SupervisedChild
 
 
 class Process:
-    """A process that ends when it is told to."""
+    """A process that ends on request."""
 
     code: int | None = None
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Is it told how much a terminal has to read, and that it has gone."""
+"""The number of readable bytes of a terminal, and the error when it is gone."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ def test_a_new_deadline_replaces_the_old_one(timer: SignalTimer, seen: list[int]
     assert seen[before] >= deadline_ns
 
 
-def test_the_signal_is_repeated_until_the_timer_is_armed_anew_or_disarmed(
+def test_the_signal_repeats_until_the_timer_is_armed_again_or_disarmed(
         timer: SignalTimer, seen: list[int]) -> None:
     timer.arm(time.monotonic_ns() + MS)
     wait_for(3, seen)

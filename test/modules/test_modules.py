@@ -138,7 +138,7 @@ def test_a_change_takes_effect_with_the_next_job_and_not_in_the_middle_of_one(
 
 
 @pytest.mark.parametrize(('name', 'value', 'reason'), [
-    ('factor', 0, 'doubler.factor = 0: must be a whole number from 1 to 100'),
+    ('factor', 0, 'doubler.factor = 0: must be an integer from 1 to 100'),
     ('factor', 'x', "doubler.factor = 'x': must be"),
     ('limit', 1, 'doubler.limit cannot be changed while the robot runs; live settings: factor'),
     ('nothing', 1, 'doubler.nothing cannot be changed')])

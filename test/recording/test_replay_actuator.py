@@ -42,7 +42,7 @@ def test_a_robot_with_an_actuator_is_replayed_the_same(
         robot: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     wheels.install(robot.output)
     monkeypatch.setenv('PYTHONPATH', os.pathsep.join(
-        [str(robot.output), str(Path(wheels.__file__).parents[0])]))
+        [str(robot.output), str(Path(wheels.__file__).parents[1])]))
     (robot.output / 'robot.yaml').write_text(YAML)
     bag = robot.output / 'bag'
     recorder, log = robot.record('-o', str(bag))

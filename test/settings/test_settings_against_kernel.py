@@ -27,7 +27,7 @@ from rt_robot_os.base.schema import declared
 from rt_robot_os.core.tasks import declaration
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.kernel.spec import Rule
+from rt_robot_os.kernel.spec import DeclarationRule
 from rt_robot_os.settings import TaskSettings
 from rt_robot_os.settings.tasks import contradictions
 from rt_robot_os.settings.tasks import TOLD
@@ -90,8 +90,8 @@ def test_what_the_kernel_refuses_is_told_with_a_key_of_the_file(
         assert len(told) > 0, str(error)
 
 
-@pytest.mark.parametrize('rule', Rule)
-def test_each_rule_of_the_kernel_has_words_for_the_file(rule: Rule) -> None:
+@pytest.mark.parametrize('rule', DeclarationRule)
+def test_each_rule_of_the_kernel_has_words_for_the_file(rule: DeclarationRule) -> None:
     key, remedy = TOLD[rule]
     assert key in {each.name for each in TASK}
     assert remedy

@@ -254,7 +254,7 @@ def test_a_misspelt_resource_is_found(problems_of: Judge, load_text: Loader) -> 
      'watchdog.timeout_s is 0: give one'),
     ('{timeout_s: 1, action: safe_state}', "watchdog.action = 'safe_state': no device and no "
      'module of this robot has a safe_state(): choose log or exit'),
-    ('{timeout_s: 1, exit_code: 2}', 'watchdog.exit_code = 2: must be a whole number from 3 to '
+    ('{timeout_s: 1, exit_code: 2}', 'watchdog.exit_code = 2: must be an integer from 3 to '
      '125'),
     ('5', 'watchdog = 5: must be a section'),
 ])

@@ -117,8 +117,8 @@ def test_every_problem_is_told_with_its_line(problems_of: Judge, maps: Path) -> 
     (('map: open', 'events: [person bob 1 2 at 3]'), 'no such person; there are none'),
     (('map: maps/flat.yaml', 'start: [0.01, 0.02, 0.0]'), 'robot.yaml:5: world.start: in the map '
      'there stands something at 0.01, 0.02: choose a free place from 0, 0 to 0.1, 0.05'),
-    (('file: [1]',), 'world.file = [1]: must be a text'),
-    (('map: 5',), 'world.map = 5: must be a text'),
+    (('file: [1]',), 'world.file = [1]: must be a string'),
+    (('map: 5',), 'world.map = 5: must be a string'),
 ])
 def test_a_mistake_is_told(
         problems_of: Judge, maps: Path, lines: tuple[str, ...], problem: str) -> None:

@@ -259,7 +259,7 @@ def test_an_old_sample_becomes_stale_after_ten_periods(bus: Bus) -> None:
     reader.take()
     spend = bus.kernel.clock.spend
     spend(2_000_000_000)
-    assert reader.status is ReadStatus.NEW, 'as long as nobody looked again'
+    assert reader.status is ReadStatus.NEW, 'until the next read'
     reader.take()
     assert reader.status is ReadStatus.STALE
     publish(bus, 't', [1.0])
@@ -281,8 +281,8 @@ def test_statistics_say_what_went_through(bus: Bus) -> None:
     publish(bus, 't', range(10))
     slow.take()
     picky.latest()
-    told, = bus.statistics()
-    assert (told.name, told.type_name, told.depth, told.rate_hz) == ('t', FLOAT, 4, 50.0)
-    assert (told.published, told.stamp_ns) == (10, 5_000_000_000)
-    assert [(s.name, s.reads, s.lost, s.skipped) for s in told.subscribers] == [
+    found, = bus.statistics()
+    assert (found.name, found.type_name, found.depth, found.rate_hz) == ('t', FLOAT, 4, 50.0)
+    assert (found.published, found.stamp_ns) == (10, 5_000_000_000)
+    assert [(s.name, s.reads, s.lost, s.skipped) for s in found.subscribers] == [
         ('never reads', 0, 6, 0), ('slow', 1, 6, 0), ('picky', 1, 0, 9)]

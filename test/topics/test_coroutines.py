@@ -164,7 +164,7 @@ def test_events_let_all_go_on_that_wait_the_highest_first(kernel: Kernel, setter
                 await kernel.sleep(MS)  # so that the lower one waits first
             await event.wait()
             order.append((name, kernel.now_ns() // MS))
-            await event.wait()  # still set: goes on at once
+            await event.wait()  # still set: continues immediately
             order.append((name, kernel.now_ns() // MS))
         return body
 
@@ -221,7 +221,7 @@ def test_to_await_anything_else_is_an_error_at_that_line(kernel: Kernel) -> None
 def test_asyncio_does_not_work_here_and_says_so(kernel: Kernel) -> None:
     error, _ = foreign(kernel, lambda: asyncio.sleep(0))
     assert 'awaited None: only events that release tasks can be awaited' in error
-    assert 'asyncio needs a process of its own' in error
+    assert 'asyncio needs a separate process' in error
 
 
 def test_to_await_inside_a_resource_is_an_error(kernel: Kernel) -> None:
@@ -238,7 +238,7 @@ def test_to_await_inside_a_resource_is_an_error(kernel: Kernel) -> None:
     assert arm.holder is None
 
 
-def test_a_failure_begins_anew_after_the_pause(kernel: Kernel) -> None:
+def test_a_failed_coroutine_restarts_after_the_pause(kernel: Kernel) -> None:
     starts: list[int] = []
 
     async def body() -> None:
@@ -295,7 +295,7 @@ def test_declarations_that_make_no_sense_are_refused(kernel: Kernel) -> None:
         kernel.add_async_task('a', body, priority=50, rate_hz=10.0)
     with pytest.raises(TaskError, match='cannot continue; choose failure restart'):
         kernel.add_async_task('a', body, priority=50, failure=FailurePolicy.CONTINUE)
-    with pytest.raises(TaskError, match='is no coroutine function'):
+    with pytest.raises(TaskError, match='is not a coroutine function'):
         kernel.add_async_task('a', print, priority=50)  # type: ignore[arg-type]
     with pytest.raises(TaskError, match='add it with add_async_task'):
         kernel.add_task('a', body, priority=50)

@@ -116,7 +116,7 @@ def test_two_publishers_and_a_reader_agree_with_a_simple_ring(steps: list[str]) 
     assert len(buffers | {id(p.buffer.obj) for p in publishers.values()}) == 4
 
 
-def test_a_reader_that_is_lapped_between_two_pieces_begins_anew(
+def test_a_reader_that_is_lapped_between_two_chunks_starts_over(
         monkeypatch: pytest.MonkeyPatch) -> None:
     bus = declare(depth=2)
     publisher, reader = bus.publisher('image'), bus.subscribe('image', 'test')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Declaring layouts: what is accepted, what a layout tells, and each mistake with its remedy."""
+"""Declaring layouts: accepted shapes, their properties, and each error with its remedy."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_dotted_and_nested_keys_mean_the_same_and_mix() -> None:
     assert dotted.prototype == nested.prototype == mixed.prototype
 
 
-def test_a_layout_tells_its_sizes_and_its_stamp() -> None:
+def test_a_layout_has_its_sizes_and_its_stamp() -> None:
     layout = Layout.compile('sensor_msgs/Imu', {'header.frame_id': 'imu_link'})
     assert (layout.size, layout.max_size) == (324, 324)
     assert (layout.stamp_offset, layout.tail, layout.tail_offset) == (4, None, None)
@@ -206,14 +206,15 @@ def test_an_unknown_type_is_named_with_a_remedy(name: Any, words: list[str]) -> 
     ('sensor_msgs/Imu', {'header.frame': 'x'}, ["'header.frame'", 'std_msgs/msg/Header',
                                                 "did you mean 'frame_id'?"]),
     ('std_msgs/Empty', {'data': 1}, ["'data'", 'it has no fields']),
-    ('sensor_msgs/Imu', {'header.frame_id': 5}, ["'header.frame_id'", 'string', '5', 'text']),
+    ('sensor_msgs/Imu', {'header.frame_id': 5},
+     ["'header.frame_id'", 'string', '5', 'give its string']),
     ('sensor_msgs/Imu', {'header.frame_id': 'a\0b'}, ["'a\\x00b'", 'without NUL']),
     ('sensor_msgs/Imu', {'header.frame_id': '\ud800'}, ['UTF-8']),
     ('sensor_msgs/Imu', {'header': 'imu'}, ["'header'", "'imu'", 'mapping']),
     ('sensor_msgs/Imu', {'header': {'frame_id': 'a'}, 'header.frame_id': 'b'},
      ["'header.frame_id'", 'twice', "'a'", "'b'"]),
     ('sensor_msgs/Imu', {'header': 'a', 'header.frame_id': 'b'}, ["'header'", 'twice']),
-    ('sensor_msgs/Imu', {3: 'x'}, ['key 3', 'texts']),
+    ('sensor_msgs/Imu', {3: 'x'}, ['key 3', 'strings']),
     ('sensor_msgs/Imu', ['header'], ['the shape', 'mapping']),
     ('sensor_msgs/Imu', {'orientation.x': 'one'}, ["'orientation.x'", 'double', "'one'"]),
     ('sensor_msgs/Imu', {'orientation_covariance': 8}, ['array of 9', '8']),
@@ -229,11 +230,11 @@ def test_an_unknown_type_is_named_with_a_remedy(name: Any, words: list[str]) -> 
     ('nav_msgs/Path', {'poses': [{'pose.position': {'q': 1}}]},
      ["'poses[0].pose.position.q'", 'geometry_msgs/msg/Point']),
     ('nav_msgs/Path', {'poses': ['x']}, ["'poses[0]'", "'x'", 'mapping']),
-    ('sensor_msgs/JointState', {'name': ['a', 4]}, ["'name[1]'", '4', 'text']),
+    ('sensor_msgs/JointState', {'name': ['a', 4]}, ["'name[1]'", '4', 'string']),
     ('sensor_msgs/JointState', {'name': 'left'}, ["'name'", "'left'", 'list']),
     ('sensor_msgs/NavSatStatus', {'status': 300}, ["'status'", '300', '-128 to 127']),
     ('sensor_msgs/BatteryState', {'present': 1}, ["'present'", 'true or false']),
-    ('sensor_msgs/BatteryState', {'power_supply_health': True}, ['whole number', 'True']),
+    ('sensor_msgs/BatteryState', {'power_supply_health': True}, ['an integer', 'True']),
     ('diagnostic_msgs/DiagnosticStatus', {'level': b'ab'}, ["'level'", 'one byte']),
     ('shape_msgs/SolidPrimitive', {'dimensions': 4}, ["'dimensions'", 'at most 3', '4']),
     ('type_description_interfaces/FieldType', {'nested_type_name': 'x' * 256},
@@ -258,7 +259,7 @@ def test_a_mistake_in_the_shape_names_type_field_value_and_remedy(
     ('std_msgs/String', {}, -1, ["'data'", '-1', '0 or more']),
     ('std_msgs/String', {}, 'all', ["'data'", "'all'"]),
     ('std_msgs/String', {}, 1 << 40, ["'data'", 'at most']),
-    ('std_msgs/String', {'data': 'x'}, 9, ["'data'", 'keep one']),
+    ('std_msgs/String', {'data': 'x'}, 9, ["'data'", 'remove one']),
     ('type_description_interfaces/FieldType', {}, 256, ["'nested_type_name'", '255', '256']),
 ])
 def test_a_tail_that_cannot_be_is_refused(name: str, shape: Any, tail: Any,

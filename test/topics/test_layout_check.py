@@ -89,7 +89,7 @@ def test_other_texts_and_counts_are_named() -> None:
     other = Layout.compile('sensor_msgs/Imu', {'header.frame_id': 'other'})
     assert IMU.check(other.prototype) == (
         "sensor_msgs/msg/Imu: field 'header.frame_id' is 'other' where this layout has "
-        "'imu_link'; declare it with the other text, or send this one")
+        "'imu_link'; declare it with the other string, or send this one")
     three = Layout.compile('sensor_msgs/JointState', {'name': ['left', 'right', 'x']})
     assert "field 'name' has 3 elements where this layout has 2" in str(
         JOINTS.check(three.prototype))
@@ -127,7 +127,7 @@ def test_tails_are_judged_by_their_count() -> None:
 
 def test_a_text_needs_its_nul() -> None:
     assert 'the length counts the NUL' in str(TEXT.check(b'\0\1\0\0\0\0\0\0'))
-    assert 'not ended by a NUL' in str(TEXT.check(b'\0\1\0\0\2\0\0\0ab'))
+    assert 'not terminated by a NUL' in str(TEXT.check(b'\0\1\0\0\2\0\0\0ab'))
     assert TEXT.check(b'\0\1\0\0\2\0\0\0a\0') is None
 
 

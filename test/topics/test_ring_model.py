@@ -65,7 +65,7 @@ class Reader:
 
 
 class Told(Trigger):
-    """Note which samples a trigger was asked about; each while nobody can come in between."""
+    """Record the samples for which a trigger was evaluated, each within its publication."""
 
     def __init__(self, task: Task) -> None:
         super().__init__(task)

@@ -170,9 +170,9 @@ class Scene:
         assert self.topic.head == len(self.published)
         numbers = [seq for seq, _ in self.read]
         assert numbers == sorted(set(numbers)), 'doubled or out of order'
-        told = self.reader.statistics()
-        assert len(self.read) == told.reads
-        assert told.reads + told.lost + told.skipped == len(self.published)
+        found = self.reader.statistics()
+        assert len(self.read) == found.reads
+        assert found.reads + found.lost + found.skipped == len(self.published)
         assert not self.kernel.locked
         assert not self.kernel.pending
 

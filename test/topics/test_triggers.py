@@ -105,7 +105,7 @@ def test_what_a_reader_of_the_newest_never_looked_at_is_not_lost(robot: Robot) -
 @pytest.mark.parametrize('number', [0, -1, 2.5, True])
 def test_a_number_that_is_none_is_refused(robot: Robot, number: int) -> None:
     robot.sensor('imu', 100.0)
-    with pytest.raises(TopicError, match=f"task 'fusion': every {number!r} must be a whole"):
+    with pytest.raises(TopicError, match=f"task 'fusion': every {number!r} must be an integer"):
         robot.bus.release_every('imu', robot.fusion, number)
 
 

@@ -55,7 +55,7 @@ NATIVE: Any
 
 
 @dataclass(frozen=True)
-class State:
+class BuildState:
     """
     The build that runs.
 
@@ -71,7 +71,7 @@ class State:
 
 class _Decision(NamedTuple):
     native: Any
-    state: State
+    state: BuildState
 
 
 def wanted() -> bool | None:
@@ -135,7 +135,7 @@ def _load(path: Path) -> Any:
 def _decide(package: Path) -> _Decision:
     """Load the C core if it is allowed and one matches the sources."""
     if wanted() is False:
-        return _Decision(None, State(False, f'pure Python: {SWITCH}=0'))
+        return _Decision(None, BuildState(False, f'pure Python: {SWITCH}=0'))
     digest = sources_digest(package)
     why, stale = 'it was not compiled; with a C compiler `colcon build` does that', False
     for path in _binaries(package):
@@ -145,13 +145,13 @@ def _decide(package: Path) -> _Decision:
             except ImportError as error:  # built for another processor or C library
                 why = f'{path} cannot be loaded: {error}; `colcon build` compiles it again'
                 continue
-            return _Decision(native, State(True, f'compiled with {native.BUILD}'))
+            return _Decision(native, BuildState(True, f'compiled with {native.BUILD}'))
         if not stale:
             why, stale = ('its C sources changed after it was compiled; `colcon build` compiles '
                           'it again'), True
     if wanted():
         raise ImportError(f'{SWITCH}=1, but pure Python: {why}', name=EXTENSION)
-    return _Decision(None, State(False, f'pure Python: {why}', stale))
+    return _Decision(None, BuildState(False, f'pure Python: {why}', stale))
 
 
 _decision: _Decision | None = None
@@ -164,7 +164,7 @@ def _decided() -> _Decision:
     return _decision
 
 
-def state() -> State:
+def state() -> BuildState:
     """
     Return which build runs.
 
