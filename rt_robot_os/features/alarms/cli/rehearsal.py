@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Rehearse alarms: thousands of emergencies while everything that can fail does.
+Rehearse alarms: thousands of emergencies while every part fails now and then.
 
-Each emergency must end acknowledged, or told up to the top of its escalation; no person may be
-shown the same notification twice. The same seed gives the same run.
+Each emergency must end acknowledged, or with its escalation exhausted; no person may be shown the
+same notification twice. The same seed gives the same run.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ A_SCENE: Final = 40
 
 def rehearse(alarms: int, seed: int, first: int = 0) -> RehearsalResult:
     """
-    Run scenes with so many alarms in all.
+    Run scenes with this number of alarms in all.
 
-    :param first: the scene to begin with, to look at one again.
+    :param first: the scene to begin with, to repeat one.
     """
     result = RehearsalResult()
     digest = hashlib.sha256()

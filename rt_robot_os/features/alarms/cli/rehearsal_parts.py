@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The parts of a rehearsal of alarms beside the desk: time, the disk, the notifier, people.
+The simulated parts of a rehearsal of alarms: time, disk, notifier and people.
 
-The journal and the memory of the notifier are the real ones, over files in memory that can be cut
-at any byte. Processes are lives: what a life has under way dies with it.
+The journal and the delivery log are the real ones, over files in memory that can be cut at any
+byte. A process that is killed loses its pending work.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from rt_robot_os.messages.notification import DeliveryReport
 from rt_robot_os.messages.notification import Notification
 
 Action = Callable[[], None]
-# Short, so that it is written anew often.
+# Short, so that it is rewritten often.
 _LIMIT_BYTES: Final = 40_000
 _RETRY_S: Final = (1.0, 5.0)
 _EXPIRES_NS: Final = 60 * NS_PER_S
@@ -54,7 +54,7 @@ MEMORY: Final = 'deliveries'
 
 
 class RehearsalClock:
-    """Virtual time: what is due happens in order, at its own time."""
+    """Virtual time: scheduled calls run in order, each at its own time."""
 
     def __init__(self) -> None:
         self.now_ns = 0
@@ -62,11 +62,11 @@ class RehearsalClock:
         self._count = itertools.count()
 
     def after(self, delay_ns: int, action: Action) -> None:
-        """Have something happen later."""
+        """Schedule a call."""
         heapq.heappush(self._due, (self.now_ns + max(0, delay_ns), next(self._count), action))
 
     def step(self) -> bool:
-        """Do what is due next; False when nothing is."""
+        """Run the next call; False when there is none."""
         if not self._due:
             return False
         self.now_ns, _, action = heapq.heappop(self._due)
@@ -76,11 +76,11 @@ class RehearsalClock:
 
 class JournalProcess:
     """
-    The process that keeps the journal of one life of a core.
+    The process that writes the journal of one run of a core.
 
     :param store: the disk.
-    :param tell: takes what it says to the core.
-    :param killed: called when something kills it in the middle of a write.
+    :param tell: receives its replies to the core.
+    :param killed: called when it is killed in the middle of a write.
     """
 
     def __init__(self, timeline: RehearsalClock, random: Random, store: MemoryStore,
@@ -92,7 +92,7 @@ class JournalProcess:
         self._tell = tell
         self._killed = killed
         self._file: JournalFile | None = None
-        self._waiting: list[str] = []
+        self._deferred: list[str] = []
         self._low = False
         timeline.after(self._ms(2, 30), self._open)
 
@@ -100,12 +100,12 @@ class JournalProcess:
         return round(self._random.uniform(least, most) * NS_PER_MS)
 
     def keep(self, text: str) -> None:
-        """Take a record; what comes before it has opened is asked for again by then."""
+        """Store a record; those before it has opened are requested again then."""
         if self._file is None:
             return
-        if not self._waiting:
+        if not self._deferred:
             self._timeline.after(self._ms(0.2, 3), self._write)
-        self._waiting.append(text)
+        self._deferred.append(text)
 
     def _open(self) -> None:
         if self.ended:
@@ -128,7 +128,7 @@ class JournalProcess:
     def _write(self) -> None:
         if self.ended or self._file is None:
             return
-        waiting, self._waiting = self._waiting, []
+        waiting, self._deferred = self._deferred, []
         try:
             for text in waiting:
                 self._file.append(text, int(json.loads(text)['seq']))
@@ -150,19 +150,19 @@ class JournalProcess:
             self._tell(said)
 
     def _fail(self, why: str) -> None:
-        """Tell what is wrong, and try again with another process."""
-        self._file, self._waiting = None, []
+        """Report a fault, and try again with another process."""
+        self._file, self._deferred = None, []
         self._timeline.after(round(self._random.uniform(*_RETRY_S) * NS_PER_S), self._open)
         self._tell({'fault': why})
 
 
 class Responder:
     """
-    Somebody at the end of a channel, and what they were shown.
+    A person at the end of a channel, and the notifications that they were shown.
 
     :ivar shown: how often each key reached them.
-    :ivar twice: of them, those that came again without a word that they may be known.
-    :ivar folded: those that came again and said so, which whoever receives them can tell.
+    :ivar twice: of them, those that came again without saying so.
+    :ivar folded: those that came again and said so.
     """
 
     def __init__(self, name: str) -> None:
@@ -172,7 +172,7 @@ class Responder:
         self.down = self.hangs = False
 
     def show(self, key: str, again: bool) -> bool:
-        """Show something; return whether it is news."""
+        """Show a notification; return whether it is new."""
         self.shown[key] += 1
         if self.shown[key] == 1:
             return True
@@ -183,11 +183,11 @@ class Responder:
 
 class NotifierProcess:
     """
-    One life of the notifier, with the real memory.
+    One run of the notifier, with the real delivery log.
 
     :param store: its disk.
-    :param report: takes what became of a notification, to the core.
-    :param see: takes what a person is shown.
+    :param report: receives the delivery reports for the core.
+    :param see: receives what a person is shown.
     :param killed: called when something kills it in the middle of a write.
     """
 
@@ -203,9 +203,9 @@ class NotifierProcess:
         self._people = people
         self._tell = report
         self._see = see
-        self._ledger = DeliveryLog()
+        self._log = DeliveryLog()
         data = store.read(MEMORY)
-        self._ledger.restore(data.decode(errors='replace').splitlines())
+        self._log.restore(data.decode(errors='replace').splitlines())
         if data and not data.endswith(b'\n'):
             self._keep('\n')
         self._queues: dict[str, deque[tuple[Notification, bool, int]]] = {
@@ -213,27 +213,27 @@ class NotifierProcess:
         self._busy: set[str] = set()
 
     def connect(self, ring: list[tuple[int, str]]) -> None:
-        """Take the connection to a core, with what its ring still holds."""
-        for report in self._ledger.recent(_REPORTS_AGAIN):
+        """Connect to a core, with the samples that its ring still holds."""
+        for report in self._log.recent(_REPORTS_AGAIN):
             self._tell(report)
         for stamp_ns, text in ring:
             self.take(text, stamp_ns)
 
     def take(self, text: str, stamp_ns: int) -> None:
-        """Take a notification."""
+        """Handle a notification."""
         if self.ended:
             return
         found = Notification.from_json(text)
         key, channel = found.key, found.channel
-        verdict = self._ledger.take(key, is_doubtful(found, stamp_ns, self._start_ns))
-        known = self._ledger.report(key)
+        verdict = self._log.start(key, is_doubtful(found, stamp_ns, self._start_ns))
+        known = self._log.report(key)
         if known is not None:
             self._tell(known)
         elif verdict is not DeliveryStatus.RUNNING:
             queue = self._queues[channel]
             if len(queue) >= _QUEUE:
                 report = DeliveryReport(key, channel, False, 'too many wait')
-                self._ledger.end(report)
+                self._log.finish(report)
                 self._tell(report)
                 return
             queue.append((found, verdict is DeliveryStatus.AGAIN, stamp_ns))
@@ -248,14 +248,15 @@ class NotifierProcess:
         if self._timeline.now_ns - stamp_ns > _EXPIRES_NS:
             self._end(DeliveryReport(found.key, channel, False, 'too old'))
             return
-        if self._keep(self._ledger.begun(found.key, channel)):
+        if self._keep(self._log.start_line(found.key, channel)):
             self._timeline.after(self._ms(1, 400), lambda: self._show(found, again))
 
     def _show(self, found: Notification, again: bool) -> None:
         if self.ended:
             return
         person = self._people[found.channel]
-        report = DeliveryReport(found.key, person.name, not person.down, 'down' if person.down else '')
+        report = DeliveryReport(found.key, person.name, not person.down,
+                                'down' if person.down else '')
         if not person.down and person.show(found.key, again):
             self._see(person, found)
         if person.hangs and not person.down:
@@ -266,13 +267,13 @@ class NotifierProcess:
     def _end(self, report: DeliveryReport) -> None:
         if self.ended:
             return
-        if self._keep(self._ledger.end(report)):
+        if self._keep(self._log.finish(report)):
             self._tell(report)
             self._busy.discard(report.channel)
             self._next(report.channel)
 
     def _keep(self, line: str) -> bool:
-        """Write a line as the real store does, whole or not at all; False when that kills it."""
+        """Write a line as the real file does, whole or not at all; False when that kills it."""
         store, size = self._store, len(self._store.read(MEMORY))
         try:
             try:

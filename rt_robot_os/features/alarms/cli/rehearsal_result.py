@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What happens to people in a rehearsal of alarms, and what became of it."""
+"""The emergencies of a rehearsal of alarms, and the result."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.messages.cause import Level
 
-#: Those at the ends of the channels.
+#: The people at the ends of the channels.
 PEOPLE: Final = ('operator', 'family', 'emergency')
 _KINDS: Final = (('fall', Level.CRITICAL), ('help', Level.CRITICAL), ('smoke', Level.CRITICAL),
                  ('news2', Level.URGENT), ('no_movement', Level.URGENT),
@@ -38,10 +38,10 @@ _LASTS_S: Final = (90.0, 400.0)
 @dataclass
 class RehearsedEmergency:
     """
-    Something that happens to somebody.
+    An emergency of a person.
 
-    :ivar helper: whose answer it gets; empty: nobody's.
-    :ivar seen: somebody has been shown it.
+    :ivar helper: the person who answers; empty: nobody does.
+    :ivar seen: a person was shown a notification of it.
     """
 
     subject: str
@@ -58,31 +58,31 @@ class RehearsedEmergency:
 
     @property
     def ended(self) -> bool:
-        """Return whether it is with somebody, or has been told as far as there are people."""
+        """Return whether it is acknowledged, or its escalation exhausted."""
         return self.acknowledged or (self.top and self.seen)
 
 
 def emergency_by_chance(random: Random, number: int) -> RehearsedEmergency:
-    """Make an emergency of which somebody will hear, if not always somebody who helps."""
+    """Make an emergency that a person will be shown, though not always one who answers."""
     kind, level = random.choice(_KINDS)
     helper = random.choice((*PEOPLE, ''))
     if level is Level.URGENT and helper == 'emergency':
-        helper = 'family'  # the last who are told of what is urgent
-    return RehearsedEmergency(f'p{number}', kind, level, round(random.uniform(*_LASTS_S) * NS_PER_S),
-                     helper)
+        helper = 'family'  # the last step of urgent alarms
+    lasts_ns = round(random.uniform(*_LASTS_S) * NS_PER_S)
+    return RehearsedEmergency(f'p{number}', kind, level, lasts_ns, helper)
 
 
 @dataclass
 class RehearsalResult:
     """
-    What became of all emergencies.
+    The result for all emergencies.
 
-    :ivar lost: neither acknowledged nor told up to the top; their scenes in ``scenes_lost``.
-    :ivar shown_twice: notifications that somebody was shown a second time as if they were new.
+    :ivar lost: neither acknowledged nor exhausted; their scenes are in ``scenes_lost``.
+    :ivar shown_twice: notifications that a person was shown again as if they were new.
     :ivar folded: that came a second time and said so, after a crash in the middle of a delivery.
-    :ivar told_anew: emergencies that have another number since a crash: nothing was written of the
-        first one, or the journal did not answer.
-    :ivar forgotten: alarms that somebody was told of, and that a later core did not know.
+    :ivar told_anew: emergencies with a new number after a crash: nothing of the first one was
+        stored, or the journal did not answer.
+    :ivar forgotten: alarms that a person was notified of and that a later core did not know.
     :ivar digest: of all events; the same for the same seed.
     """
 

@@ -15,10 +15,10 @@
 """
 A scene of a rehearsal: one robot, forty people, and everything that can fail.
 
-The desk, the journal and the memory of the notifier are those of the robot. Time, disk, network
-and people are simulated: cores, journals, notifiers and the power go at random moments, also in
-the middle of a write; disks are full; channels are down, or take a message and do not say so;
-reports are lost and come twice. All of it follows from the seed.
+The service, the journal and the delivery log are those of the robot. Time, disk, network and
+people are simulated: cores, journals, notifiers and the power fail at random moments, even in the
+middle of a write; disks are full; channels are down, or deliver without a report; reports are lost
+or come twice. All of it follows from the seed.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from rt_robot_os.messages.notification import Notification
 _RULES: Final = Rules(remind_ns=240 * NS_PER_S, resolve_after_ns=60 * NS_PER_S)
 _REFRESH_NS: Final = 10 * NS_PER_S
 _RING: Final = 64
-# A scene that has not ended so long after its last emergency will not.
+# A scene that has not ended by then after its last emergency will not end.
 _PATIENCE_NS: Final = 3 * 3600 * NS_PER_S
 # What goes wrong, and how often, in seconds on average.
 _EVERY_S: Final = {'core': 90.0, 'power': 300.0, 'journal': 150.0, 'notifier': 120.0,
@@ -64,9 +64,9 @@ _EVERY_S: Final = {'core': 90.0, 'power': 300.0, 'journal': 150.0, 'notifier': 1
 
 class RehearsalRun:
     """
-    One robot and what happens around it.
+    One robot, its people and its faults.
 
-    :param seed: of everything that is left to chance.
+    :param seed: of all random numbers.
     """
 
     def __init__(self, seed: int, emergencies: int) -> None:
@@ -79,16 +79,16 @@ class RehearsalRun:
         self.all = {each.subject: each for each in (
             emergency_by_chance(random, number) for number in range(emergencies))}
         self.told_anew = self.forgotten = 0
-        self._told: set[str] = set()  # open alarms of which somebody was told
+        self._told: set[str] = set()  # open alarms of which a person was notified
         self._disk, self._memory = MemoryStore(), MemoryStore()
-        self._desk: AlarmService | None = None
+        self._service: AlarmService | None = None
         self._life = 0
         self._due_ns = 0
         self._offset_ns = 0
         self._journal: JournalProcess | None = None
         self._ring: deque[tuple[int, str]] = deque(maxlen=_RING)
         self._network_down = False
-        # What ends when something is in the middle of a write, on the disk and on the other one.
+        # What is killed in the middle of a write, on each of the two disks.
         self._aimed = {True: 'journal', False: 'notifier'}
         self._notifier: NotifierProcess | None = None
         self._start_core()
@@ -102,7 +102,7 @@ class RehearsalRun:
             self._plan(what)
 
     def run(self) -> bool:
-        """Let it happen; return whether all emergencies have ended."""
+        """Run it; return whether all emergencies have ended."""
         while not all(each.ended for each in self.all.values()):
             if self.timeline.now_ns > self._last_ns + _PATIENCE_NS or not self.timeline.step():
                 return False
@@ -133,14 +133,15 @@ class RehearsalRun:
         self._publish(each)
 
     def _publish(self, each: RehearsedEmergency) -> None:
-        desk = self._desk
-        if desk is not None:
-            desk.take_cause(Cause(each.kind, each.subject, each.level, each.active,
-                                  f'{each.kind} of {each.subject}', 'rehearsal'), self._core_ns())
+        service = self._service
+        if service is not None:
+            service.handle_cause(Cause(
+                each.kind, each.subject, each.level, each.active,
+                f'{each.kind} of {each.subject}', 'rehearsal'), self._core_ns())
             self._settle()
 
     def _see(self, person: Responder, found: Notification) -> None:
-        """Let a person see a notification, and perhaps do something."""
+        """Show a notification to a person, who perhaps answers."""
         each = self.all.get(found.subject)
         if each is None:
             return
@@ -151,7 +152,7 @@ class RehearsalRun:
             self._after(20.0, 60.0, lambda: self._order(f'resolve {each.subject} by x too late'))
 
     def _acknowledge(self, each: RehearsedEmergency) -> None:
-        """Acknowledge, and ask again until the robot has heard."""
+        """Acknowledge, again and again until the robot has received it."""
         if each.acknowledged and self.random.random() < 0.5:
             self._after(10.0, 90.0, lambda: self._order(f'resolve {each.subject} by x helped'))
             return
@@ -160,8 +161,8 @@ class RehearsalRun:
             self._after(3.0, 10.0, lambda: self._acknowledge(each))
 
     def _order(self, text: str) -> None:
-        if self._desk is not None:
-            self._desk.take_command(text, self._core_ns())
+        if self._service is not None:
+            self._service.handle_command(text, self._core_ns())
             self._settle()
 
     # ---- the core ----------------------------------------------------------------------------
@@ -170,12 +171,12 @@ class RehearsalRun:
         return self.timeline.now_ns - self._offset_ns
 
     def _start_core(self) -> None:
-        if self._desk is not None:
+        if self._service is not None:
             return
         self._life += 1
-        self._desk = desk = AlarmService(_RULES)
+        self._service = service = AlarmService(_RULES)
         self._ring.clear()
-        desk.start(self._core_ns())
+        service.start(self._core_ns())
         self._open_journal()
         if self._notifier is not None:
             self._connect(self._notifier)
@@ -188,24 +189,24 @@ class RehearsalRun:
         life = self._life
 
         def tell(said: dict[str, Any]) -> None:
-            desk = self._desk
-            if desk is None or life != self._life:
+            service = self._service
+            if service is None or life != self._life:
                 return
-            desk.handle_journal(JournalReply.from_dict(said), self._core_ns())
+            service.handle_journal(JournalReply.from_dict(said), self._core_ns())
             self._settle()
             if 'restored' in said:
-                self.forgotten += len(self._told - set(desk.book.alarms))
-                self._told &= set(desk.book.alarms)
+                self.forgotten += len(self._told - set(service.table.alarms))
+                self._told &= set(service.table.alarms)
 
         self._journal = JournalProcess(self.timeline, self.random, self._disk, tell,
                                        lambda: self._hit(True))
 
     def _settle(self) -> None:
-        """Hand on what the desk has to say, and come back when it has more to do."""
-        desk = self._desk
-        while desk is not None:
-            records, events = desk.take_records(), desk.take_events()
-            sent, _ = desk.take_notifications(), desk.take_answers()
+        """Pass on the output of the service, and schedule its next deadline."""
+        service = self._service
+        while service is not None:
+            records, events = service.pop_records(), service.pop_events()
+            sent, _ = service.pop_notifications(), service.pop_answers()
             if not (records or events or sent):
                 break
             for text in records:
@@ -215,18 +216,18 @@ class RehearsalRun:
                 self._note(event)
             for each in sent:
                 if each.channel == ROBOT:
-                    desk.take_report(each.key, True, '', self._core_ns())
+                    service.handle_report(each.key, True, '', self._core_ns())
                 else:
                     self._told.add(each.alarm)
                     self._notify(each.to_json())
-        if desk is not None and desk.next_ns and desk.next_ns != self._due_ns:
-            self._due_ns = due_ns = desk.next_ns
-            self.timeline.after(due_ns - self._core_ns(), lambda: self._advance(desk, due_ns))
+        if service is not None and service.next_ns and service.next_ns != self._due_ns:
+            self._due_ns = due_ns = service.next_ns
+            self.timeline.after(due_ns - self._core_ns(), lambda: self._advance(service, due_ns))
 
-    def _advance(self, desk: AlarmService, due_ns: int) -> None:
-        if desk is self._desk and due_ns == self._due_ns:
+    def _advance(self, service: AlarmService, due_ns: int) -> None:
+        if service is self._service and due_ns == self._due_ns:
             self._due_ns = 0
-            desk.advance(self._core_ns())
+            service.advance(self._core_ns())
             self._settle()
 
     def _note(self, event: AlarmEvent) -> None:
@@ -258,7 +259,7 @@ class RehearsalRun:
         self._after(0.0002, 0.003, arrive)
 
     def _report(self, report: DeliveryReport) -> None:
-        """Bring a report to the core: late, lost, or twice."""
+        """Pass a report to the core: late, lost, or twice."""
         life = self._life
         lost = self._network_down and self.random.random() < 0.7
         self.went_wrong['reports_lost'] += lost
@@ -266,8 +267,8 @@ class RehearsalRun:
             self._after(0.0005, 0.05, lambda: self._take_report(report, life))
 
     def _take_report(self, report: DeliveryReport, life: int) -> None:
-        if self._desk is not None and life == self._life:
-            self._desk.take_report(report.key, report.ok, report.text, self._core_ns())
+        if self._service is not None and life == self._life:
+            self._service.handle_report(report.key, report.ok, report.text, self._core_ns())
             self._settle()
 
     def _start_notifier(self) -> None:
@@ -323,7 +324,7 @@ class RehearsalRun:
         self._network_down = False
 
     def _strike(self, what: str) -> None:
-        """End a process: now, or in the middle of one of its next writes."""
+        """Kill a process: now, or in the middle of one of its next writes."""
         if self.random.random() < 0.3:
             self._crash(what)
             return
@@ -333,7 +334,7 @@ class RehearsalRun:
         self._aimed[on_disk] = what
 
     def _hit(self, on_disk: bool) -> None:
-        """End what was to end in the middle of a write."""
+        """Kill the process that was to die in the middle of a write."""
         self.went_wrong['in_a_write'] += 1
         self._crash(self._aimed[on_disk])
 
@@ -342,29 +343,29 @@ class RehearsalRun:
         if what == 'power':
             self._disk.lose_power(self.random)
             self._memory.lose_power(self.random)
-            # The clock of the core begins anew.
+            # The clock of the core restarts.
             self._offset_ns = self.timeline.now_ns - self.random.randint(1, 100) * NS_PER_S
         if what in ('notifier', 'power'):
             self._end_notifier()
         if what in ('core', 'power'):
-            self._desk, self._due_ns = None, 0
+            self._service, self._due_ns = None, 0
             self._after(0.3, 15.0, self._start_core)
         if what in ('core', 'power', 'journal') and self._journal is not None:
             self._journal.ended = True
             self._journal = None
-            if what == 'journal' and self._desk is not None:
+            if what == 'journal' and self._service is not None:
                 life = self._life
                 self.timeline.after(NS_PER_MS, lambda: self._journal_gone(life))
 
     def _journal_gone(self, life: int) -> None:
-        if self._desk is None or life != self._life:
+        if self._service is None or life != self._life:
             return
-        self._desk.handle_journal(
+        self._service.handle_journal(
             JournalReply(fault='its process has ended'), self._core_ns())
         self._settle()
 
         def reopen() -> None:
-            if self._desk is not None and life == self._life:
+            if self._service is not None and life == self._life:
                 self._open_journal()
 
         self._after(0.3, 1.5, reopen)
