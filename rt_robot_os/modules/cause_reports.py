@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which causes of alarms a module has found: told when they change, and again while they last."""
+"""The active causes of a module: published when they change, and again while they are active."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ from rt_robot_os.topics.ports import Output
 #: The output of a module that reports causes: ``causes = CAUSES_OUTPUT`` in its class.
 CAUSES_OUTPUT: Final = Output(
     CAUSES_TOPIC, CAUSES_MESSAGE, tail=CAUSE_BYTES, depth=CAUSES_DEPTH, most_hz=1.0)
-#: After it a cause that lasts is told again, for a reader that was not there.
+#: Period at which an active cause is published again, for receivers that start later.
 REFRESH_NS: Final = 10 * NS_PER_S
 
 
 class CauseReports:
     """
-    Keep which causes are active, and publish them.
+    Keeps the active causes of a module, and publishes them.
 
-    A cause is known by its kind and its subject. It is published when it begins, when its level
-    changes, when it is over, and every ten seconds while it lasts; a new text or value goes with
-    the next of these. Safe in the real-time loop.
+    A cause is identified by its kind and its subject. It is published when it begins, when its
+    level changes, when it clears, and every ten seconds while it is active; a new text or value is
+    part of the next of these. Safe in the real-time loop.
 
     :ivar reports: publications.
-    :ivar refused: reports that were not kept, for want of room.
+    :ivar refused: reports that were dropped, for want of room.
     """
 
     def __init__(self, publisher: Publisher, source: str, most: int = 64) -> None:
@@ -56,8 +56,8 @@ class CauseReports:
 
         :param publisher: of :data:`CAUSES_OUTPUT`.
         :param source: name of the module, for the causes.
-        :param most: so many are active at a time. Of more, the mildest give way to worse ones, and
-            are told to be over; one that is no worse is refused. Both are counted.
+        :param most: active causes. A worse cause then replaces the least severe one, which is
+            published as cleared; another one is refused. Both are counted.
         """
         self._publisher = publisher
         self._source = source
@@ -68,9 +68,9 @@ class CauseReports:
 
     def report(self, cause: Cause, stamp_ns: int) -> bool:
         """
-        Take how it is; tell it if that is news.
+        Update a cause; publish it if that is news.
 
-        :param cause: active or over; its ``source`` is filled in.
+        :param cause: active or cleared; its ``source`` is filled in.
         :param stamp_ns: since when: of the sample, or the deadline that has passed.
         :return: whether it was published.
         """
@@ -95,9 +95,9 @@ class CauseReports:
 
     def end(self, kind: str, subject: str, stamp_ns: int, text: str = '') -> bool:
         """
-        Report that a cause is over, whatever it was.
+        Clear a cause, whatever its level.
 
-        :param text: why, if there is something to say; by default what it was.
+        :param text: the reason; by default the text of the cause.
         :return: whether it was active until now.
         """
         before = self._active.get((kind, subject))
@@ -110,7 +110,7 @@ class CauseReports:
         return self._active.get((kind, subject))
 
     def refresh(self, now_ns: int) -> None:
-        """Tell again what has not been told for ten seconds; call it in every step."""
+        """Publish causes again that were not published for ten seconds; call it in every step."""
         for key, due_ns in list(self._due_ns.items()):
             if due_ns <= now_ns:
                 # On the grid of its first report, whenever the module comes to run: so the stamps
@@ -121,7 +121,7 @@ class CauseReports:
 
     @property
     def due_ns(self) -> float:
-        """When :meth:`refresh` has something to tell; infinite without a cause."""
+        """When :meth:`refresh` has something to publish; infinite without a cause."""
         return min(self._due_ns.values(), default=math.inf)
 
     def statistics(self) -> Mapping[str, Any]:

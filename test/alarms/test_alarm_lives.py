@@ -59,39 +59,39 @@ NEXT = {
 
 
 class Lives(RuleBasedStateMachine):
-    """A desk, what it told, and the model."""
+    """A service, what it told, and the model."""
 
     def __init__(self) -> None:
         super().__init__()
         self.now = 1000 * NS_PER_S
         self.model = Model(RULES)
-        # From the time of the model to the clock of the desk, which begins anew with a restart.
+        # From the time of the model to the clock of the service, which begins anew with a restart.
         self.offset = 0
         self.records: list[tuple[str, int]] = []
         self.events: dict[str, list[AlarmEvent]] = defaultdict(list)
         self.told: dict[str, str] = {}  # key -> '' or what was reported
         self.last_event = 0
-        self.desk = self._begin()
+        self.service = self._begin()
 
     @property
     def clock(self) -> int:
         return self.now - self.offset
 
     def _begin(self) -> AlarmService:
-        desk = AlarmService(RULES)
-        desk.start(self.clock)
+        service = AlarmService(RULES)
+        service.start(self.clock)
         for text, offset in self.records:
             record: dict[str, Any] = json.loads(text)
             age_ns = self.now - record['t_ns'] - offset
-            desk.handle_journal(JournalReply(record, age_ns), self.clock)
-        desk.handle_journal(JournalReply(restored=len(self.records)), self.clock)
-        return desk
+            service.handle_journal(JournalReply(record, age_ns), self.clock)
+        service.handle_journal(JournalReply(restored=len(self.records)), self.clock)
+        return service
 
     def _hear(self, resent: bool = False) -> None:
-        for record in self.desk.take_records():
+        for record in self.service.pop_records():
             self.records.append((record, self.offset))
-            self.desk.handle_journal(JournalReply(stored=json.loads(record)['seq']), self.clock)
-        for event in self.desk.take_events():
+            self.service.handle_journal(JournalReply(stored=json.loads(record)['seq']), self.clock)
+        for event in self.service.pop_events():
             assert event.seq > self.last_event
             self.last_event = event.seq
             history = self.events[event.alarm]
@@ -101,18 +101,19 @@ class Lives(RuleBasedStateMachine):
             elif event.state != before:
                 assert event.state in NEXT[before], (before, event)
             history.append(event)
-        for each in self.desk.take_notifications():
+        for each in self.service.pop_notifications():
             assert each.key not in self.told or (resent and not self.told[each.key]), (
                 'told twice', each)
             self.told.setdefault(each.key, '')
-            alarm = self.desk.book.alarms[each.alarm]
+            alarm = self.service.table.alarms[each.alarm]
             assert alarm.state.value == RAISED
 
     # ---- what happens ------------------------------------------------------------------------
 
     @rule(subject=SUBJECTS, kind=KINDS, level=st.sampled_from(Level), active=st.booleans())
     def cause(self, subject: str, kind: str, level: Level, active: bool) -> None:
-        self.desk.take_cause(Cause(kind, subject, level, active, 'text', 'module'), self.clock)
+        self.service.handle_cause(
+            Cause(kind, subject, level, active, 'text', 'module'), self.clock)
         self.model.cause(subject, kind, level, active, self.now)
         self._hear()
 
@@ -123,9 +124,9 @@ class Lives(RuleBasedStateMachine):
 
     def _wait(self, seconds: int) -> None:
         until = self.now + seconds * NS_PER_S
-        while (due := self.desk.next_ns) and due + self.offset <= until:
+        while (due := self.service.next_ns) and due + self.offset <= until:
             self.now = due + self.offset
-            self.desk.advance(due)
+            self.service.advance(due)
             self._hear()
         self.now = until
 
@@ -133,13 +134,13 @@ class Lives(RuleBasedStateMachine):
     @rule(data=st.data(), verb=st.sampled_from(['acknowledge', 'resolve', 'cancel', 'confirm']))
     def command(self, data: st.DataObject, verb: str) -> None:
         key = data.draw(st.sampled_from(sorted(self.model.alarms)))
-        (alarm,) = [each for each in self.desk.book.alarms.values()
+        (alarm,) = [each for each in self.service.table.alarms.values()
                     if (each.subject, each.technical) == key]
-        others = {each.id: each.state for each in self.desk.book.alarms.values()
+        others = {each.id: each.state for each in self.service.table.alarms.values()
                   if each is not alarm}
         suspected = self.model.alarms[key].state == SUSPECTED
-        self.desk.take_command(f'{verb} {alarm.id} by mary', self.clock)
-        (answer,) = self.desk.take_answers()
+        self.service.handle_command(f'{verb} {alarm.id} by mary', self.clock)
+        (answer,) = self.service.pop_answers()
         if verb == 'acknowledge':
             self.model.acknowledge(key, self.now)
         elif verb == 'resolve' or (verb == 'cancel' and suspected):
@@ -147,7 +148,7 @@ class Lives(RuleBasedStateMachine):
         elif suspected:
             self.model.confirm(key, self.now)
         assert answer.ok == (suspected or verb in ('acknowledge', 'resolve'))
-        assert others == {each.id: each.state for each in self.desk.book.alarms.values()
+        assert others == {each.id: each.state for each in self.service.table.alarms.values()
                           if each is not alarm}
         self._hear()
 
@@ -156,7 +157,7 @@ class Lives(RuleBasedStateMachine):
     def report(self, data: st.DataObject, ok: bool) -> None:
         key = data.draw(st.sampled_from([key for key, said in self.told.items() if not said]))
         self.told[key] = str(ok)
-        self.desk.take_report(key, ok, '', self.clock)
+        self.service.handle_report(key, ok, '', self.clock)
         self._hear()
 
     @rule(seconds=st.sampled_from([0, 5, 100, 2000]))
@@ -164,7 +165,7 @@ class Lives(RuleBasedStateMachine):
         self.now += seconds * NS_PER_S
         # As if the machine had been switched off and on.
         self.offset = self.now - 30 * NS_PER_S - 7  # so that no time is 0, which is none
-        self.desk = self._begin()
+        self.service = self._begin()
         self.model.restart(self.now)
         self._hear(resent=True)
 
@@ -176,27 +177,27 @@ class Lives(RuleBasedStateMachine):
 
     @invariant()
     def the_same_as_the_model(self) -> None:
-        book = {(each.subject, each.technical): (
+        table = {(each.subject, each.technical): (
             each.state.value, each.level, set(each.reasons),
             {kind for kind, reason in each.reasons.items() if reason.active})
-            for each in self.desk.book.alarms.values()}
-        assert book == {key: (
+            for each in self.service.table.alarms.values()}
+        assert table == {key: (
             each.state, each.level, set(each.kinds),
             {kind for kind, one in each.kinds.items() if one.active})
             for key, each in self.model.alarms.items()}
 
     @invariant()
     def nothing_is_forgotten(self) -> None:
-        for alarm in self.desk.book.alarms.values():
+        for alarm in self.service.table.alarms.values():
             if STEPS[alarm.level]:
-                assert self.desk.book._due_ns(alarm) > self.clock
+                assert self.service.table.due_ns(alarm) > self.clock
             if alarm.state.value == ACKNOWLEDGED:
                 assert not alarm.next_ns and not alarm.repeat_ns
 
     def teardown(self) -> None:
         """Leave everything alone: all that is open comes to its top, and nobody is forgotten."""
         self._wait(3000)
-        for alarm in self.desk.book.alarms.values():
+        for alarm in self.service.table.alarms.values():
             assert alarm.state.value == RAISED
             assert alarm.top or not STEPS[alarm.level]
 

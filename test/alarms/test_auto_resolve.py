@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.alarm_table import AlarmTable
 from rt_robot_os.features.alarms.command_handler import execute
@@ -30,28 +31,28 @@ BROKEN = Cause('sensor_off', 'wrist', Level.TECHNICAL, True, 'it does not answer
 
 
 class Ward:
-    """A book; times are in seconds."""
+    """An alarm table; times are in seconds."""
 
     def __init__(self) -> None:
-        self.book = AlarmTable(RULES)
+        self.table = AlarmTable(RULES)
 
     def cause(self, at_s: float, cause: Cause) -> None:
-        self.book.take_cause(cause, round(at_s * NS_PER_S))
+        self.table.handle_cause(cause, round(at_s * NS_PER_S))
 
     def over(self, at_s: float, cause: Cause) -> None:
         self.cause(at_s, replace(cause, active=False))
 
     def order(self, at_s: float, text: str) -> None:
-        answer = execute(self.book, text, round(at_s * NS_PER_S))
+        answer = execute(self.table, text, round(at_s * NS_PER_S))
         assert answer.ok, answer
 
     def state(self, at_s: float) -> str:
         """Return the state of the only alarm at a time; '' when it is resolved."""
-        self.book.advance(round(at_s * NS_PER_S))
-        return ''.join(each.state.value for each in self.book.in_order())
+        self.table.advance(round(at_s * NS_PER_S))
+        return ''.join(each.state.value for each in self.table.in_order())
 
     def next_s(self) -> float:
-        return self.book.next_ns() / NS_PER_S
+        return self.table.next_ns() / NS_PER_S
 
 
 def test_an_alarm_acknowledged_after_its_cause_was_over_stays_from_that_moment_on() -> None:
@@ -120,7 +121,7 @@ def test_what_is_acknowledged_and_lasts_is_raised_again_after_the_time_to_remind
     ward.order(100, 'acknowledge anna by mary')
     assert ward.state(999.999) == 'acknowledged'
     assert ward.state(1000) == 'raised'
-    (event,) = [each for change in ward.book.take_changes() for each in change.events
+    (event,) = [each for change in ward.table.pop_changes() for each in change.events
                 if each.event == 'unacknowledged']
     assert event.why == 'mary acknowledged it 15 min ago, and it is not resolved'
 
@@ -132,7 +133,7 @@ def test_who_acknowledges_again_does_not_put_off_the_reminder() -> None:
     ward.order(800, 'acknowledge anna by bob')
     assert ward.state(999.999) == 'acknowledged'
     assert ward.state(1000) == 'raised'
-    assert ward.book.in_order()[0].by == 'mary'
+    assert ward.table.in_order()[0].by == 'mary'
 
 
 def test_what_ends_in_the_moment_of_its_reminder_is_resolved_and_wakes_nobody() -> None:
@@ -141,7 +142,7 @@ def test_what_ends_in_the_moment_of_its_reminder_is_resolved_and_wakes_nobody() 
     ward.order(100, 'acknowledge anna by mary')
     ward.over(880, HELP)
     assert ward.state(1000) == ''
-    assert ward.book.counters['unacknowledged'] == 0
+    assert ward.table.counters['unacknowledged'] == 0
 
 
 def test_an_alarm_raised_again_is_not_reminded_of_or_resolved_by_its_old_acknowledgement() -> None:
@@ -153,23 +154,23 @@ def test_an_alarm_raised_again_is_not_reminded_of_or_resolved_by_its_old_acknowl
     ward.over(11, HELP)
     ward.over(11, replace(HELP, kind='fall'))
     assert ward.state(2000) == 'raised'
-    assert ward.book.counters['unacknowledged'] == 1
+    assert ward.table.counters['unacknowledged'] == 1
 
 
 def test_a_new_alarm_and_one_that_comes_again_end_the_silence_of_the_robot() -> None:
     ward = Ward()
     ward.cause(1, HELP)
     ward.order(2, 'silence 60 by mary')
-    assert ward.book.silent_until_ns == 62 * NS_PER_S
+    assert ward.table.silent_until_ns == 62 * NS_PER_S
     ward.cause(3, HELP)  # it lasts
-    assert ward.book.silent_until_ns == 62 * NS_PER_S
+    assert ward.table.silent_until_ns == 62 * NS_PER_S
     ward.cause(4, BROKEN)
-    assert ward.book.silent_until_ns == 0
+    assert ward.table.silent_until_ns == 0
     ward.order(5, 'acknowledge anna by mary')
     ward.order(890, 'silence 600 by mary')
-    assert ward.book.silent_until_ns == 1010 * NS_PER_S  # 120 s at most
-    ward.book.advance(905 * NS_PER_S)
-    assert ward.book.silent_until_ns == 0
+    assert ward.table.silent_until_ns == 1010 * NS_PER_S  # 120 s at most
+    ward.table.advance(905 * NS_PER_S)
+    assert ward.table.silent_until_ns == 0
 
 
 def test_a_suspicion_does_not_end_the_silence_and_what_becomes_of_it_does() -> None:
@@ -177,9 +178,9 @@ def test_a_suspicion_does_not_end_the_silence_and_what_becomes_of_it_does() -> N
     ward.order(1, 'silence 60 by mary')
     ward.cause(2, replace(HELP, kind='fall'))
     assert ward.state(31.999) == 'suspected'
-    assert ward.book.silent_until_ns == 61 * NS_PER_S
+    assert ward.table.silent_until_ns == 61 * NS_PER_S
     assert ward.state(32) == 'raised'
-    assert ward.book.silent_until_ns == 0
+    assert ward.table.silent_until_ns == 0
     ward.order(33, 'silence 60 by mary')
     ward.order(34, 'silence 0 by mary')
-    assert ward.book.silent_until_ns == 0
+    assert ward.table.silent_until_ns == 0

@@ -73,6 +73,6 @@ def test_any_text_is_read_or_refused(text):
 
 def test_what_no_message_can_hold_is_told_without_it():
     found = Cause.from_json('{"kind": "fall", "subject": "an\\u0000na", "level": "critical", '
-                     '"text": "\\ud800 fell"}')
+                            '"text": "\\ud800 fell"}')
     assert (found.subject, found.text) == ('an na', '? fell')
     assert found.to_json().encode()

@@ -32,16 +32,16 @@ class Ward:
     """A critical alarm at 1 s, and what was told of it."""
 
     def __init__(self, *steps: str) -> None:
-        self.book = AlarmTable(Rules({Level.CRITICAL: parse_steps(steps)},
-                               delivery_timeout_ns=10 * NS_PER_S))
+        self.table = AlarmTable(Rules({Level.CRITICAL: parse_steps(steps)},
+                                      delivery_timeout_ns=10 * NS_PER_S))
         self.sent: list[Delivery] = []
         self.events: list[AlarmEvent] = []
-        self.book.take_cause(
+        self.table.handle_cause(
             Cause('help', 'anna', Level.CRITICAL, True, 'text', 'button'), NS_PER_S)
         self._hear()
 
     def _hear(self) -> None:
-        for change in self.book.take_changes():
+        for change in self.table.pop_changes():
             self.sent += change.sends
             self.events += change.events
 
@@ -49,14 +49,14 @@ class Ward:
         """Report of the newest notification of a channel, or of another; return who is told."""
         before = len(self.events)
         delivery = [each for each in self.sent if each.channel == channel][nth]
-        self.book.take_report(delivery.key, ok, '', round(at_s * NS_PER_S))
+        self.table.handle_report(delivery.key, ok, '', round(at_s * NS_PER_S))
         self._hear()
         return [each.why for each in self.events[before:] if each.event in TOLD]
 
     def told(self, at_s: float) -> list[tuple[float, str]]:
         """Let time pass; return who is told meanwhile, and when."""
         before = len(self.events)
-        self.book.advance(round(at_s * NS_PER_S))
+        self.table.advance(round(at_s * NS_PER_S))
         self._hear()
         return [(each.t_ns / NS_PER_S, each.why) for each in self.events[before:]
                 if each.event in TOLD]
@@ -139,7 +139,7 @@ def test_a_report_of_what_was_replaced_by_a_newer_word_is_counted_and_nothing_mo
     ward = Ward('operator 60 repeat 4', 'family 60')
     ward.told(5)
     assert ward.report(6, 'operator', ok=False, nth=0) == []
-    assert ward.book.counters['late_reports'] == 1 and ward.count('failed') == 0
+    assert ward.table.counters['late_reports'] == 1 and ward.count('failed') == 0
     assert ward.report(7, 'operator', ok=False) == ['family']
 
 

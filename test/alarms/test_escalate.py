@@ -29,43 +29,43 @@ RULES = Rules({Level.CRITICAL: parse_steps(['operator 30 repeat 10', 'family 60'
 
 
 def _book(kind: str) -> AlarmTable:
-    book = AlarmTable(RULES)
-    book.take_cause(Cause(kind, 'anna', Level.CRITICAL, True, 'text', 'module'), NS_PER_S)
-    return book
+    table = AlarmTable(RULES)
+    table.handle_cause(Cause(kind, 'anna', Level.CRITICAL, True, 'text', 'module'), NS_PER_S)
+    return table
 
 
-def _told(book: AlarmTable) -> list[str]:
-    return [event.why for change in book.take_changes() for event in change.events
+def _told(table: AlarmTable) -> list[str]:
+    return [event.why for change in table.pop_changes() for event in change.events
             if event.event in ('notified', 'escalated', 'repeated')]
 
 
 def test_the_next_step_is_told_at_once_and_the_last_one_once_more() -> None:
-    book = _book('help')
-    assert _told(book) == ['operator']
-    assert execute(book, 'escalate anna by mary nobody is near', 2 * NS_PER_S).ok
-    assert _told(book) == ['family']
-    answer = execute(book, 'escalate anna by mary', 3 * NS_PER_S)
+    table = _book('help')
+    assert _told(table) == ['operator']
+    assert execute(table, 'escalate anna by mary nobody is near', 2 * NS_PER_S).ok
+    assert _told(table) == ['family']
+    answer = execute(table, 'escalate anna by mary', 3 * NS_PER_S)
     assert answer.ok and 'nobody else' in answer.text
-    assert _told(book) == ['family']
-    book.advance(62 * NS_PER_S)
-    assert _told(book) == []  # told anew at 3 s: the repetition counts from there
-    book.advance(63 * NS_PER_S)
-    assert len(_told(book)) == 1
+    assert _told(table) == ['family']
+    table.advance(62 * NS_PER_S)
+    assert _told(table) == []  # told anew at 3 s: the repetition counts from there
+    table.advance(63 * NS_PER_S)
+    assert len(_told(table)) == 1
 
 
 def test_who_hurried_it_is_in_its_events() -> None:
-    book = _book('help')
-    execute(book, 'escalate anna by mary nobody is near', 2 * NS_PER_S)
-    found = [(event.by, event.why) for change in book.take_changes() for event in change.events
+    table = _book('help')
+    execute(table, 'escalate anna by mary nobody is near', 2 * NS_PER_S)
+    found = [(event.by, event.why) for change in table.pop_changes() for event in change.events
              if event.event == 'hurried']
     assert found == [('mary', 'nobody is near')]
 
 
 def test_what_is_only_suspected_or_taken_on_is_not_escalated() -> None:
-    book = _book('fall')
-    answer = execute(book, 'escalate anna by mary', 2 * NS_PER_S)
+    table = _book('fall')
+    answer = execute(table, 'escalate anna by mary', 2 * NS_PER_S)
     assert not answer.ok and '"confirm ' in answer.text
-    book = _book('help')
-    execute(book, 'acknowledge anna by mary', 2 * NS_PER_S)
-    answer = execute(book, 'escalate anna by mary', 3 * NS_PER_S)
+    table = _book('help')
+    execute(table, 'acknowledge anna by mary', 2 * NS_PER_S)
+    answer = execute(table, 'escalate anna by mary', 3 * NS_PER_S)
     assert not answer.ok and '"resolve ' in answer.text

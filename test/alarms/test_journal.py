@@ -249,7 +249,7 @@ def test_a_journal_is_what_was_written_whatever_happens(
             seq = committed = kept.seq
             written = {alarm: (at, is_open) for alarm, (at, is_open) in written.items()
                        if at <= seq}
-            living = {each.alarm: each.seq for each in found.living() if each.lives}
+            living = {each.alarm: each.seq for each in found.living() if each.is_needed}
             for alarm, (at, is_open) in written.items():
                 if is_open:
                     assert living[alarm] == at

@@ -28,7 +28,8 @@ HELD_BACK: dict[str, Any] = {'state': None, 'lasting': [{'kind': 'help'}]}
 
 
 def journal(*records: tuple[str, dict[str, Any]]) -> list[StoredRecord]:
-    return [StoredRecord(seq, alarm, seq, record) for seq, (alarm, record) in enumerate(records, 1)]
+    return [StoredRecord(seq, alarm, seq, record)
+            for seq, (alarm, record) in enumerate(records, 1)]
 
 
 def kept(records: list[StoredRecord], history_bytes: int = 0) -> list[int]:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A book that is full: which alarm gives way to which, and who is told of it."""
+"""A full alarm table: which alarm replaces which, and how that is reported."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ def cause(subject: str, level: Level, *, active: bool = True) -> Cause:
 
 
 class FullBook:
-    """A book with room for two alarms; each call comes a second after the one before."""
+    """A table with room for two alarms; each call comes a second after the one before."""
 
     def __init__(self) -> None:
-        self.book = AlarmTable(Rules(alarms_most=2))
+        self.table = AlarmTable(Rules(alarms_most=2))
         self.at_s = 0
         self.events: list[AlarmEvent] = []
 
     def take(self, found: Cause) -> list[str]:
         """Take a cause, and return the subjects of the open alarms, the worst first."""
         self.at_s += 1
-        self.book.take_cause(found, self.at_s * NS_PER_S)
-        self.events += [event for change in self.book.take_changes() for event in change.events]
-        return [each.subject for each in self.book.in_order()]
+        self.table.handle_cause(found, self.at_s * NS_PER_S)
+        self.events += [event for change in self.table.pop_changes() for event in change.events]
+        return [each.subject for each in self.table.in_order()]
 
 
 def test_an_alarm_does_not_give_way_to_one_of_its_own_level() -> None:
@@ -50,7 +50,7 @@ def test_an_alarm_does_not_give_way_to_one_of_its_own_level() -> None:
     full.take(cause('anna', Level.URGENT))
     full.take(cause('bert', Level.URGENT))
     assert full.take(cause('carl', Level.URGENT)) == ['anna', 'bert', 'alarms']
-    assert full.book.counters['displaced'] == 0 and full.book.counters['overflowed'] == 1
+    assert full.table.counters['displaced'] == 0 and full.table.counters['overflowed'] == 1
 
 
 def test_a_lesser_alarm_is_turned_away_and_counted() -> None:
@@ -59,7 +59,7 @@ def test_a_lesser_alarm_is_turned_away_and_counted() -> None:
     full.take(cause('bert', Level.URGENT))
     assert full.take(cause('carl', Level.WARNING)) == ['anna', 'bert', 'alarms']
     assert full.take(cause('dora', Level.WARNING)) == ['anna', 'bert', 'alarms']
-    assert full.book.counters['overflowed'] == 2
+    assert full.table.counters['overflowed'] == 2
 
 
 def test_of_the_least_alarms_the_newest_gives_way_to_a_worse_one() -> None:
@@ -84,7 +84,7 @@ def test_what_gave_way_and_lasts_is_an_alarm_again_as_soon_as_there_is_room() ->
     full.take(cause('bert', Level.WARNING))
     full.take(cause('carl', Level.CRITICAL))
     assert full.take(cause('bert', Level.WARNING)) == ['carl', 'anna', 'alarms']
-    execute(full.book, 'resolve carl by mary', full.at_s * NS_PER_S)
+    execute(full.table, 'resolve carl by mary', full.at_s * NS_PER_S)
     assert full.take(cause('bert', Level.WARNING)) == ['anna', 'bert', 'alarms']
 
 
@@ -93,20 +93,20 @@ def test_the_alarm_of_the_book_itself_takes_no_room_and_ends_when_there_is_room(
     full.take(cause('anna', Level.URGENT))
     full.take(cause('bert', Level.URGENT))
     full.take(cause('carl', Level.URGENT))
-    (itself,) = [each for each in full.book.in_order() if each.subject == 'alarms']
+    (itself,) = [each for each in full.table.in_order() if each.subject == 'alarms']
     assert not itself.over_ns
-    execute(full.book, 'resolve anna by mary', full.at_s * NS_PER_S)
+    execute(full.table, 'resolve anna by mary', full.at_s * NS_PER_S)
     assert itself.over_ns == full.at_s * NS_PER_S
     # It is open still, and the second place is free all the same.
     assert full.take(cause('dora', Level.WARNING)) == ['bert', 'dora', 'alarms']
-    assert full.book.counters['overflowed'] == 1
+    assert full.table.counters['overflowed'] == 1
 
 
 def test_a_test_takes_no_place_of_an_alarm_that_is_as_bad() -> None:
     full = FullBook()
     full.take(cause('anna', Level.URGENT))
     full.take(cause('bert', Level.URGENT))
-    answer = execute(full.book, 'test urgent by mary', 5 * NS_PER_S)
+    answer = execute(full.table, 'test urgent by mary', 5 * NS_PER_S)
     assert not answer.ok and 'no room for a test' in answer.text
     assert full.take(cause('anna', Level.URGENT)) == ['anna', 'bert', 'alarms']
 
@@ -114,14 +114,14 @@ def test_a_test_takes_no_place_of_an_alarm_that_is_as_bad() -> None:
 def test_more_alarms_of_before_a_restart_than_there_is_room_for_leave_no_room() -> None:
     before = AlarmTable(Rules(alarms_most=3))
     for at_s, subject in enumerate(['anna', 'bert', 'carl'], 1):
-        before.take_cause(cause(subject, Level.URGENT), at_s * NS_PER_S)
+        before.handle_cause(cause(subject, Level.URGENT), at_s * NS_PER_S)
     full = FullBook()
-    full.book.number = before.number
-    full.book.restore(before.in_order(), 10 * NS_PER_S)
+    full.table.number = before.number
+    full.table.restore(before.in_order(), 10 * NS_PER_S)
     full.at_s = 10
     assert full.take(cause('dora', Level.URGENT)) == ['anna', 'bert', 'carl', 'alarms']
-    itself = full.book.in_order()[-1]
-    execute(full.book, 'resolve anna by mary', 12 * NS_PER_S)
+    itself = full.table.in_order()[-1]
+    execute(full.table, 'resolve anna by mary', 12 * NS_PER_S)
     assert not itself.over_ns  # two are open, and there is room for two
-    execute(full.book, 'resolve bert by mary', 13 * NS_PER_S)
+    execute(full.table, 'resolve bert by mary', 13 * NS_PER_S)
     assert itself.over_ns == 13 * NS_PER_S

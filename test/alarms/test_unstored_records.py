@@ -39,111 +39,112 @@ def help_of(subject: str, level: Level = Level.CRITICAL) -> Cause:
 
 
 def new_desk(records: Iterable[str] = ()) -> AlarmService:
-    desk = AlarmService(RULES, wait_ns=WAIT_S * NS_PER_S)
-    desk.start(NS_PER_S)
+    service = AlarmService(RULES, wait_ns=WAIT_S * NS_PER_S)
+    service.start(NS_PER_S)
     for each in records:
-        desk.handle_journal(JournalReply(json.loads(each), 0), NS_PER_S)
-    desk.handle_journal(JournalReply(restored=0), NS_PER_S)
-    return desk
+        service.handle_journal(JournalReply(json.loads(each), 0), NS_PER_S)
+    service.handle_journal(JournalReply(restored=0), NS_PER_S)
+    return service
 
 
-def see(desk: AlarmService, subject: str, pictures: int) -> None:
+def see(service: AlarmService, subject: str, pictures: int) -> None:
     """Make so many records of an alarm: a picture each."""
-    (alarm,) = [each.id for each in desk.book.in_order() if each.subject == subject]
+    (alarm,) = [each.id for each in service.table.in_order() if each.subject == subject]
     for number in range(pictures):
-        desk.take_picture(alarm, f'{subject}{number}.jpg', 2 * NS_PER_S)
+        service.handle_picture(alarm, f'{subject}{number}.jpg', 2 * NS_PER_S)
 
 
-def about(desk: AlarmService) -> list[str]:
+def about(service: AlarmService) -> list[str]:
     """Return what is not stored: the alarm of each record, by subject."""
-    return [json.loads(each)['state']['subject'] for each in desk.unstored()]
+    return [json.loads(each)['state']['subject'] for each in service.unstored()]
 
 
-def told(desk: AlarmService, at_s: float) -> list[str]:
-    desk.advance(round(at_s * NS_PER_S))
-    return [each.subject for each in desk.take_notifications()]
+def told(service: AlarmService, at_s: float) -> list[str]:
+    service.advance(round(at_s * NS_PER_S))
+    return [each.subject for each in service.pop_notifications()]
 
 
 def test_the_only_record_of_an_alarm_outlives_many_of_another_one() -> None:
-    desk = new_desk()
-    desk.take_cause(help_of('anna'), 2 * NS_PER_S)
-    desk.take_cause(help_of('bert'), 2 * NS_PER_S)
-    see(desk, 'bert', MOST + 50)
-    assert about(desk) == ['anna', *['bert'] * (MOST - 1)]
-    assert desk.statistics()['dropped_records'] == 52
+    service = new_desk()
+    service.handle_cause(help_of('anna'), 2 * NS_PER_S)
+    service.handle_cause(help_of('bert'), 2 * NS_PER_S)
+    see(service, 'bert', MOST + 50)
+    assert about(service) == ['anna', *['bert'] * (MOST - 1)]
+    assert service.statistics()['dropped_records'] == 52
     # The journal is back, it gets what there is, and then the core starts anew.
-    after = new_desk(desk.unstored())
-    assert {each.subject for each in after.book.in_order()} == {'anna', 'bert'}
-    assert after.book.in_order()[1].pictures[-1] == f'bert{MOST + 49}.jpg'
+    after = new_desk(service.unstored())
+    assert {each.subject for each in after.table.in_order()} == {'anna', 'bert'}
+    assert after.table.in_order()[1].pictures[-1] == f'bert{MOST + 49}.jpg'
 
 
 def test_of_the_records_that_a_later_one_makes_up_for_the_oldest_goes_first() -> None:
-    desk = new_desk()
-    desk.take_cause(help_of('anna'), 2 * NS_PER_S)
-    see(desk, 'anna', 1)
-    desk.take_cause(help_of('bert'), 2 * NS_PER_S)
-    see(desk, 'bert', MOST - 3)
-    assert about(desk)[:3] == ['anna', 'anna', 'bert'] and len(about(desk)) == MOST
-    see(desk, 'bert', 1)
-    assert about(desk)[:2] == ['anna', 'bert'] and len(about(desk)) == MOST
-    see(desk, 'bert', 1)
-    assert about(desk)[:2] == ['anna', 'bert'] and len(about(desk)) == MOST
+    service = new_desk()
+    service.handle_cause(help_of('anna'), 2 * NS_PER_S)
+    see(service, 'anna', 1)
+    service.handle_cause(help_of('bert'), 2 * NS_PER_S)
+    see(service, 'bert', MOST - 3)
+    assert about(service)[:3] == ['anna', 'anna', 'bert'] and len(about(service)) == MOST
+    see(service, 'bert', 1)
+    assert about(service)[:2] == ['anna', 'bert'] and len(about(service)) == MOST
+    see(service, 'bert', 1)
+    assert about(service)[:2] == ['anna', 'bert'] and len(about(service)) == MOST
 
 
 def test_a_record_that_is_not_stored_is_sent_again_and_one_that_is_stored_is_not() -> None:
-    desk = new_desk()
-    desk.take_cause(help_of('anna'), 2 * NS_PER_S)
-    desk.take_cause(help_of('bert'), 2 * NS_PER_S)
-    first, second = desk.take_records()
-    desk.handle_journal(JournalReply(stored=json.loads(first)['seq']), 2 * NS_PER_S)
-    assert desk.unstored() == [second]
-    desk.handle_journal(JournalReply(resend=True), 2 * NS_PER_S)
-    assert desk.take_records() == [second]
+    service = new_desk()
+    service.handle_cause(help_of('anna'), 2 * NS_PER_S)
+    service.handle_cause(help_of('bert'), 2 * NS_PER_S)
+    first, second = service.pop_records()
+    service.handle_journal(JournalReply(stored=json.loads(first)['seq']), 2 * NS_PER_S)
+    assert service.unstored() == [second]
+    service.handle_journal(JournalReply(resend=True), 2 * NS_PER_S)
+    assert service.pop_records() == [second]
 
 
 def test_a_notification_is_let_go_when_its_own_record_is_stored_and_no_later() -> None:
-    desk = new_desk()
-    desk.take_cause(help_of('anna'), 2 * NS_PER_S)
-    desk.take_cause(help_of('bert'), 2 * NS_PER_S)
-    first, _ = desk.take_records()
-    assert told(desk, 2.5) == []
-    desk.handle_journal(JournalReply(stored=json.loads(first)['seq']), round(2.5 * NS_PER_S))
-    assert told(desk, 2.5) == ['anna']
+    service = new_desk()
+    service.handle_cause(help_of('anna'), 2 * NS_PER_S)
+    service.handle_cause(help_of('bert'), 2 * NS_PER_S)
+    first, _ = service.pop_records()
+    assert told(service, 2.5) == []
+    service.handle_journal(JournalReply(stored=json.loads(first)['seq']), round(2.5 * NS_PER_S))
+    assert told(service, 2.5) == ['anna']
 
 
 def test_a_cause_that_comes_during_a_fault_waits_until_the_end_of_the_patience_with_it() -> None:
-    desk = new_desk()
-    desk.handle_journal(JournalReply(fault='no such disk'), 2 * NS_PER_S)
-    desk.take_cause(help_of('anna'), round(3.5 * NS_PER_S))
-    assert told(desk, 3.999) == []
-    assert desk.next_ns == 4 * NS_PER_S  # not 2 s after the cause
-    assert told(desk, 4) == ['anna']
+    service = new_desk()
+    service.handle_journal(JournalReply(fault='no such disk'), 2 * NS_PER_S)
+    service.handle_cause(help_of('anna'), round(3.5 * NS_PER_S))
+    assert told(service, 3.999) == []
+    assert service.next_ns == 4 * NS_PER_S  # not 2 s after the cause
+    assert told(service, 4) == ['anna']
 
 
 def test_a_cause_from_before_a_fault_waits_no_longer_than_it_would_have_done_without() -> None:
-    desk = new_desk()
-    desk.take_cause(help_of('anna'), 2 * NS_PER_S)
-    desk.handle_journal(JournalReply(fault='no such disk'), 3 * NS_PER_S)
-    assert told(desk, 3.999) == []
-    assert told(desk, 4) == ['anna']
+    service = new_desk()
+    service.handle_cause(help_of('anna'), 2 * NS_PER_S)
+    service.handle_journal(JournalReply(fault='no such disk'), 3 * NS_PER_S)
+    assert told(service, 3.999) == []
+    assert told(service, 4) == ['anna']
 
 
 def test_when_patience_is_over_people_are_told_at_once_until_the_journal_stores_again() -> None:
-    desk = new_desk()
-    desk.handle_journal(JournalReply(fault='no such disk'), 2 * NS_PER_S)
-    desk.take_cause(help_of('anna'), 4 * NS_PER_S)
-    assert told(desk, 4) == ['anna']
-    desk.handle_journal(JournalReply(stored=json.loads(desk.unstored()[-1])['seq']), 5 * NS_PER_S)
-    assert not desk.warning
-    desk.take_cause(help_of('bert'), 6 * NS_PER_S)
-    assert told(desk, 7.999) == []
-    assert told(desk, 8) == ['bert']
-    assert 'it has stored nothing for 2 s' in desk.warning
+    service = new_desk()
+    service.handle_journal(JournalReply(fault='no such disk'), 2 * NS_PER_S)
+    service.handle_cause(help_of('anna'), 4 * NS_PER_S)
+    assert told(service, 4) == ['anna']
+    last = json.loads(service.unstored()[-1])['seq']
+    service.handle_journal(JournalReply(stored=last), 5 * NS_PER_S)
+    assert not service.warning
+    service.handle_cause(help_of('bert'), 6 * NS_PER_S)
+    assert told(service, 7.999) == []
+    assert told(service, 8) == ['bert']
+    assert 'it has stored nothing for 2 s' in service.warning
 
 
 def test_who_was_acknowledged_while_the_notification_waited_is_told_of_nothing() -> None:
-    desk = new_desk()
-    desk.take_cause(help_of('anna'), 2 * NS_PER_S)
-    desk.take_command('acknowledge anna by mary', 3 * NS_PER_S)
-    assert told(desk, 10) == []
-    assert desk.statistics()['withdrawn'] == 1
+    service = new_desk()
+    service.handle_cause(help_of('anna'), 2 * NS_PER_S)
+    service.handle_command('acknowledge anna by mary', 3 * NS_PER_S)
+    assert told(service, 10) == []
+    assert service.statistics()['withdrawn'] == 1

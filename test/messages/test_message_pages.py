@@ -17,10 +17,12 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 from pathlib import Path
 import re
 
 import pytest
+from rt_robot_os.messages.alarm_state import AlarmEventKind
 from rt_robot_os.messages.alarm_state import AlarmState
 from rt_robot_os.messages.cause import LEVELS
 
@@ -58,3 +60,18 @@ def test_the_web_page_knows_each_state_of_an_alarm() -> None:
 
 def test_the_web_page_knows_each_level_from_the_least_to_the_worst() -> None:
     assert listed('LEVELS') == list(LEVELS)
+
+
+@pytest.mark.parametrize('language', ['en', 'de'])
+def test_the_web_page_has_words_for_each_state_and_event_of_an_alarm(language: str) -> None:
+    path = ALARMS_JS.parents[1] / 'messages' / language / 'words.json'
+    words = json.loads(path.read_text(encoding='utf-8'))
+    wanted = {*(f'words.state.{each.value}' for each in AlarmState),
+              *(f'words.event.{each.value}' for each in AlarmEventKind)}
+    assert wanted - words.keys() == set()
+
+
+def test_the_page_about_alarms_maps_each_state_to_the_standard() -> None:
+    text = (ROOT / 'docs' / 'alarms.md').read_text(encoding='utf-8')
+    table = text.split('| state | meaning | ISA-18.2 |', 1)[1].split('\n\n', 1)[0]
+    assert re.findall(r'^\| `(\w+)` \|', table, re.M) == [each.value for each in AlarmState]

@@ -233,15 +233,15 @@ def test_a_flood_of_causes_is_bounded_and_the_worst_gets_through() -> None:
         robot.cause(Cause('sensor_off', f'node{number}', Level.TECHNICAL), 1.0)
     robot.cause(HELP, 1.5)
     robot.run(5.0)
-    assert len(robot.module._desk.book.alarms) == 5  # with that of the overflow
+    assert len(robot.kept['alarms/list'][-1]['status']) == 5  # with that of the overflow
     statistics = robot.module.statistics()
     assert statistics['overflowed'] + 4 == 41
     assert ('help' in robot.kept['alarms/list'][-1]['status'][0]['message'])
 
 
 @pytest.mark.parametrize(('given', 'problem'), [
-    ({'critical_steps': []}, 'nobody would be told'),
-    ({'urgent_steps': ['operator']}, 'is no step'),
+    ({'critical_steps': []}, 'no one would be notified'),
+    ({'urgent_steps': ['operator']}, 'is not a step'),
     ({'warning_steps': ['Operator 3']}, 'small letters'),
     ({'technical_steps': ['operator 0']}, 'at least 1 second'),
     ({'confirm_kinds': ['A fall']}, 'is not a kind of cause')])

@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-An alarm: what it is about, its state, how far its escalation has come, and all of it as JSON.
+An alarm: its causes, its state, the progress of its escalation, and all of it as JSON.
 
-All times are in ns of the core's clock; 0 is none. In a record of the journal they are those of
-the core that wrote it, and :meth:`Alarm.shift` moves them to the clock of the one that reads it.
+All times are in ns of the core's clock; 0 is none. In a record of the journal they are of the core
+that wrote it; :meth:`Alarm.shift` moves them to the clock of the core that reads it. Fields are
+named as their keys in the journal.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ from rt_robot_os.messages.alarm_event import AlarmEvent
 from rt_robot_os.messages.alarm_event import KINDS_MOST
 from rt_robot_os.messages.alarm_state import AlarmState
 from rt_robot_os.messages.cause import Cause
-from rt_robot_os.messages.cause import LEVEL_WORDS
 from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.cause import LEVEL_WORDS
 from rt_robot_os.messages.cause import LEVELS
 
 #: Pictures that one alarm keeps.
@@ -47,12 +48,12 @@ TEST: Final = 'test'
 @dataclass
 class Reason:
     """
-    What is known of one kind of cause of an alarm.
+    One kind of cause of an alarm.
 
     :ivar count: how often it began.
     :ivar since_ns: when it began last.
-    :ivar heard_ns: when it was told last.
-    :ivar over_ns: when it ended; 0 while it lasts.
+    :ivar heard_ns: when it was published last.
+    :ivar over_ns: when it cleared; 0 while it is active.
     """
 
     kind: str
@@ -67,19 +68,19 @@ class Reason:
 
     @classmethod
     def of(cls, cause: Cause, t_ns: int) -> Reason:
-        """Make it of the first cause of its kind."""
+        """Make it from the first cause of its kind."""
         return cls(cause.kind, cause.level, True, 1, t_ns, t_ns, 0, cause.text[:REASON_TEXT],
                    cause.source)
 
-    def hear(self, cause: Cause, t_ns: int, again_ns: int) -> tuple[bool, bool | None]:
+    def update(self, cause: Cause, t_ns: int, again_ns: int) -> tuple[bool, bool | None]:
         """
-        Take a cause of its kind once more.
+        Update it with another cause of its kind.
 
-        :param again_ns: what comes back or rises sooner is flapping.
-        :return: whether it has begun anew; and whether it has begun or risen so that it is news,
-            False when that is flapping, None when it only lasts.
+        :param again_ns: a cause that returns or gets worse sooner is flapping.
+        :return: whether it has begun again; and whether that or a worse level is to be notified,
+            False when it is flapping, None when it is only still active.
         """
-        # Told by a person, without a module behind, it has begun each time.
+        # Published by a person, without a source, it begins each time.
         began = not self.active or not cause.source
         rises = cause.level > self.level
         since_ns = self.over_ns or (self.since_ns if rises else self.heard_ns)
@@ -97,9 +98,9 @@ class Delivery:
     """
     A notification that was made.
 
-    :ivar key: tells it from all others; the same when it is sent again after a restart.
-    :ivar due_ns: without a report until then it has failed; 0 when that is decided.
-    :ivar ok: what was reported; None as long as nothing was.
+    :ivar key: identifies it; the same when it is sent again after a restart.
+    :ivar due_ns: without a report until then it has failed; 0 when it is decided.
+    :ivar ok: the reported result; None before a report.
     :ivar again: it was sent before a restart, too.
     """
 
@@ -116,18 +117,19 @@ class Alarm:
     """
     One alarm.
 
-    :ivar id: what people name it by.
-    :ivar level: the worst so far; it never becomes less.
+    :ivar id: identifier, which people use in commands.
+    :ivar level: the worst so far; it never decreases.
     :ivar state_ns: since when it is in its state.
     :ivar confirm_ns: when a suspicion is raised.
-    :ivar by: who acknowledged it.
-    :ivar remark: what somebody noted, for whoever is told of it.
-    :ivar over_ns: since when all causes are over; 0 while one lasts.
+    :ivar by: the person who acknowledged it.
+    :ivar why: the reason of the last change by a command.
+    :ivar remark: a note, for the notifications that follow.
+    :ivar over_ns: since when all causes are clear; 0 while one is active.
     :ivar round: how often its escalation began.
     :ivar step: of the escalation; -1 before the first.
-    :ivar sent: how many times the channels of this step were told.
+    :ivar sent: how often the channels of this step were notified.
     :ivar next_ns: when the next step comes.
-    :ivar repeat_ns: when this step is repeated.
+    :ivar repeat_ns: when this step repeats.
     :ivar top: the last step has been reached in this round.
     :ivar reasons: its causes, by kind, in the order in which they came.
     :ivar deliveries: the notifications of this round, by key.
@@ -161,7 +163,7 @@ class Alarm:
 
     @property
     def technical(self) -> bool:
-        """Return whether it is of ours that something is broken."""
+        """Return whether it is about a fault of the system."""
         return self.level is Level.TECHNICAL
 
     @property
@@ -175,11 +177,11 @@ class Alarm:
         return tuple(self.reasons)
 
     def order(self) -> tuple[int, int, str]:
-        """Return what sorts alarms: the worst first, then the oldest."""
+        """Return the sort key of alarms: the worst first, then the oldest."""
         return -self.level, self.opened_ns, self.id
 
-    def see(self, cause: Cause) -> None:
-        """Keep what the newest cause says, if it is not less than what was said before."""
+    def update_from(self, cause: Cause) -> None:
+        """Update text and position, unless the cause is less severe than those so far."""
         worst = max((each.level for each in self.reasons.values()), default=cause.level)
         if cause.level >= worst or not self.text:
             self.text = cause.text or self.text
@@ -197,7 +199,7 @@ class Alarm:
                     setattr(each, name, getattr(each, name) + by_ns or 1)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as it is in JSON."""
+        """Return it as a JSON object."""
         return _finite({
             **{name: getattr(self, name) for name in _PLAIN[Alarm]},
             'level': LEVEL_WORDS[self.level], 'state': self.state.value,
@@ -210,7 +212,7 @@ class Alarm:
         """
         Read what :meth:`as_dict` gave.
 
-        :raises ValueError: it is something else.
+        :raises ValueError: it is not an alarm.
         """
         try:
             made = cls(str(found['id']), str(found['subject']), LEVELS[found['level']],
@@ -226,7 +228,7 @@ class Alarm:
                 made.deliveries[delivery.key] = delivery
             made.pictures = [str(each) for each in found['pictures'][:PICTURES_MOST]]
         except (KeyError, TypeError, AttributeError) as error:
-            raise ValueError(f'no alarm: {type(error).__name__} {error}') from error
+            raise ValueError(f'not an alarm: {type(error).__name__} {error}') from error
         if not made.reasons:
             raise ValueError(f'alarm {made.id} has no cause')
         return made
@@ -234,11 +236,11 @@ class Alarm:
 
 class AlarmChange(NamedTuple):
     """
-    What happened to one alarm, to be kept before anybody is told.
+    A change of one alarm, to be stored before its notifications are sent.
 
-    :ivar alarm: as it is now.
-    :ivar events: what happened, in order; may be none.
-    :ivar sends: notifications to be made of it.
+    :ivar alarm: after the change.
+    :ivar events: in order; there may be none.
+    :ivar sends: notifications to be sent.
     """
 
     alarm: Alarm
@@ -266,7 +268,7 @@ def _plain(each: Reason | Delivery) -> dict[str, Any]:
 
 
 def _set(made: Alarm | Reason | Delivery, found: Mapping[str, Any]) -> None:
-    """Take over the plain values that are of the right type."""
+    """Set the plain values that are of the right type."""
     for name, kind in _TYPES[type(made)].items():
         value = found.get(name)
         if isinstance(value, bool) is (kind is bool) and isinstance(

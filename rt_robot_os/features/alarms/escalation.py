@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The escalation of an alarm: whom to tell, when to tell the next, what to do when nobody hears.
+The escalation of an alarm: which channels are notified when, and what follows a failure.
 
-It changes the alarm and makes notifications; times are handed in.
+It changes the alarm and makes notifications; all times are handed in.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rt_robot_os.features.alarms.alarm import Delivery
 from rt_robot_os.messages.alarm_state import AlarmEventKind
 from rt_robot_os.messages.cause import Level
 
-#: The robot's own voice.
+#: The channel of the robot's own voice.
 ROBOT: Final = 'robot'
 STEPS_MOST: Final = 8
 _CHANNELS_MOST: Final = 4
@@ -46,9 +46,9 @@ class EscalationStep(NamedTuple):
     """
     One step of an escalation.
 
-    :ivar channels: that are told, all at once.
-    :ivar wait_ns: until the next step; of the last one until it is repeated.
-    :ivar repeat_ns: from one repetition within the step to the next; 0 for none.
+    :ivar channels: that are notified together.
+    :ivar wait_ns: until the next step; of the last step until it repeats.
+    :ivar repeat_ns: period of repetitions within the step; 0 for none.
     """
 
     channels: tuple[str, ...]
@@ -57,29 +57,30 @@ class EscalationStep(NamedTuple):
 
 
 class EscalationListener(Protocol):
-    """What becomes of an escalation."""
+    """Receives what an escalation does."""
 
-    def note(self, alarm: Alarm, event: AlarmEventKind, t_ns: int, *, by: str = '', why: str = '') -> None:
-        """Note an event."""
+    def note(self, alarm: Alarm, event: AlarmEventKind, t_ns: int, *, by: str = '',
+             why: str = '') -> None:
+        """Record an event."""
 
     def send(self, alarm: Alarm, delivery: Delivery) -> None:
-        """Send a notification."""
+        """Queue a notification."""
 
 
 def parse_steps(texts: Iterable[str]) -> tuple[EscalationStep, ...]:
     """
-    Read steps such as ``operator+screen 30 repeat 10``.
+    Parse steps such as ``operator+screen 30 repeat 10``.
 
-    Channels, the seconds until the next step, and after how many seconds the step is repeated
-    meanwhile. The last step is repeated until somebody acknowledges.
+    Channels, the seconds until the next step, and the period in seconds at which the step repeats
+    meanwhile. The last step repeats until the alarm is acknowledged.
 
-    :raises ValueError: with what is wrong and what would be right.
+    :raises ValueError: with what is wrong, and an example.
     """
     steps = []
     for text in texts:
         words = text.split()
         if len(words) not in (2, 4) or (len(words) == 4 and words[2] != 'repeat'):
-            raise ValueError(f'{text[:60]!r} is no step: write channels and seconds until the '
+            raise ValueError(f'{text[:60]!r} is not a step: write channels and seconds until the '
                              'next step, such as "operator 30" or "operator+screen 30 repeat 10"')
         channels = tuple(words[0].split('+'))
         if len(channels) > _CHANNELS_MOST or len(set(channels)) != len(channels) or not all(
@@ -92,14 +93,9 @@ def parse_steps(texts: Iterable[str]) -> tuple[EscalationStep, ...]:
     if len(steps) > STEPS_MOST:
         raise ValueError(f'{len(steps)} steps: at most {STEPS_MOST}')
     if steps and not steps[-1].repeat_ns and steps[-1].wait_ns < _SHORTEST_REPEAT_S * NS_PER_S:
-        raise ValueError(f'the last step, {texts_end(steps)!r}, is repeated until somebody '
-                         'acknowledges: give it at least 1 second')
+        raise ValueError(f'the last step, {"+".join(steps[-1].channels)!r}, repeats until '
+                         'the alarm is acknowledged: give it at least 1 second')
     return tuple(steps)
-
-
-def texts_end(steps: list[EscalationStep]) -> str:
-    """Name the channels of the last step."""
-    return '+'.join(steps[-1].channels)
 
 
 def _ns(text: str, word: str, least: int) -> int:
@@ -118,10 +114,10 @@ class Escalation:
     The escalation of all alarms.
 
     :param steps: by level.
-    :param listener: what becomes of it.
-    :ivar floor_ns: nobody was there before: what was missed until then is not made up for.
-    :ivar life: ends all keys that it makes. What was told while the disk was full is not known
-        after a restart, and must not be taken for what is told then.
+    :param listener: receives events and notifications.
+    :ivar floor_ns: when the core started; repetitions missed before it are not made up for.
+    :ivar life: ends all keys that it makes. Notifications that were sent while the disk was full
+        are not known after a restart, and their keys must not be made again.
     """
 
     def __init__(self, steps: Mapping[Level, tuple[EscalationStep, ...]], delivery_timeout_ns: int,
@@ -137,7 +133,7 @@ class Escalation:
         return self._steps.get(alarm.level, ())
 
     def begin(self, alarm: Alarm, t_ns: int) -> None:
-        """Begin at the first step, in a round of its own."""
+        """Start at the first step, as a new round."""
         self.stop(alarm)
         alarm.round += 1
         alarm.step, alarm.top = -1, False
@@ -145,7 +141,7 @@ class Escalation:
         self._next_step(alarm, t_ns)
 
     def stop(self, alarm: Alarm) -> None:
-        """Tell nobody any more, and wait for nothing."""
+        """Stop notifications and deadlines."""
         alarm.next_ns = alarm.repeat_ns = 0
         for each in alarm.deliveries.values():
             each.due_ns = 0
@@ -169,7 +165,7 @@ class Escalation:
             alarm.repeat_ns = self._repeat_ns(alarm, t_ns)
 
     def escalate_now(self, alarm: Alarm, t_ns: int) -> None:
-        """Tell the next step now; at the top tell that once more."""
+        """Notify the next step immediately; at the last step repeat it."""
         if not alarm.top:
             self._next_step(alarm, t_ns)
         elif alarm.repeat_ns:
@@ -177,7 +173,7 @@ class Escalation:
             alarm.repeat_ns = self._repeat_ns(alarm, t_ns)
 
     def report(self, alarm: Alarm, delivery: Delivery, ok: bool, text: str, t_ns: int) -> None:
-        """Take what a channel reports; of each notification the first word that it went well."""
+        """Apply a delivery report; the first success of each notification counts."""
         if delivery.ok or (delivery.ok is False and not ok):
             return
         if not ok:
@@ -187,19 +183,19 @@ class Escalation:
         self._listener.note(alarm, AlarmEventKind.DELIVERED, t_ns, why=_about(delivery, text))
 
     def repeat(self, alarm: Alarm, t_ns: int) -> None:
-        """Tell the channels of the present step once more; at the top also those that failed."""
+        """Notify the channels of the present step again; at the top also those that failed."""
         steps = self.steps_of(alarm)
         if not 0 <= alarm.step < len(steps):
             return
         channels = dict.fromkeys(steps[alarm.step].channels)
         if alarm.top:
-            heard = {each.channel for each in alarm.deliveries.values() if each.ok}
+            delivered = {each.channel for each in alarm.deliveries.values() if each.ok}
             channels |= dict.fromkeys(each.channel for each in alarm.deliveries.values()
-                                      if each.ok is False and each.channel not in heard)
+                                      if each.ok is False and each.channel not in delivered)
         self._send(alarm, tuple(channels), t_ns, AlarmEventKind.REPEATED)
 
     def resume(self, alarm: Alarm, t_ns: int) -> None:
-        """Go on after a restart: what nobody reported of is sent again, under its key."""
+        """Continue after a restart: send again, under its key, what has no report yet."""
         for each in alarm.deliveries.values():
             if each.due_ns:
                 each.due_ns, each.again = t_ns + self._timeout_ns, True
@@ -210,7 +206,7 @@ class Escalation:
             alarm.repeat_ns = self._repeat_ns(alarm, alarm.repeat_ns)
 
     def _next_step(self, alarm: Alarm, t_ns: int) -> None:
-        """Tell the next step; those that wait for nothing go together with the one behind."""
+        """Notify the next step, together with those that follow without a wait."""
         steps = self.steps_of(alarm)
         while alarm.step + 1 < len(steps):
             alarm.step += 1
@@ -226,20 +222,22 @@ class Escalation:
                        AlarmEventKind.ESCALATED if alarm.step else AlarmEventKind.NOTIFIED)
             if last and not alarm.top:
                 alarm.top = True
-                self._listener.note(alarm, AlarmEventKind.TOP, t_ns, why='there is nobody else to be told')
+                self._listener.note(alarm, AlarmEventKind.TOP, t_ns,
+                                    why='there is nobody else to be told')
             if last or step.wait_ns:
                 return
 
     def _repeat_ns(self, alarm: Alarm, t_ns: int) -> int:
-        """Return when the present step is repeated, which was told at ``t_ns``."""
+        """Return when the present step repeats, which was notified at ``t_ns``."""
         step = self.steps_of(alarm)[alarm.step]
         period_ns = max(step.repeat_ns or step.wait_ns, _SHORTEST_REPEAT_S * NS_PER_S)
         return t_ns + period_ns * max(1, -((t_ns - self.floor_ns) // period_ns))
 
-    def _send(self, alarm: Alarm, channels: tuple[str, ...], t_ns: int, event: AlarmEventKind) -> None:
+    def _send(self, alarm: Alarm, channels: tuple[str, ...], t_ns: int,
+              event: AlarmEventKind) -> None:
         step = alarm.step
-        # The new word takes the place of what was told of this step before. Who has not reported
-        # of that gets no more time by being told again.
+        # These replace the notifications of this step so far. A channel that has not reported yet
+        # gets no more time by being notified again.
         before = {each.channel: alarm.deliveries.pop(key)
                   for key, each in list(alarm.deliveries.items()) if each.step == step}
         for channel in channels:
@@ -256,7 +254,7 @@ class Escalation:
         delivery.ok, delivery.due_ns = False, 0
         self._listener.note(alarm, AlarmEventKind.FAILED, t_ns, why=_about(delivery, text))
         if not alarm.next_ns or delivery.step != alarm.step:
-            return  # the last step, which is repeated, or one that is over
+            return  # the last step, which repeats, or one that has ended
         if all(each.ok is False for each in alarm.deliveries.values()
                if each.step == alarm.step):
             self._next_step(alarm, t_ns)

@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-The file of a journal: opened, appended to, synced, and now and then written anew.
+The file of a journal: opened, appended to, synced, and rewritten now and then.
 
 There are two generations. A new file is written whole, synced, and only then takes the name of the
-one in use, which becomes the older one. So at each moment one of them is whole, whatever is cut.
-It is written anew each time it is opened, too: what a crash has left behind it stays behind.
+one in use, which becomes the older one. So one of them is whole at each moment, whatever is cut.
+The file is also rewritten each time it is opened, which leaves behind what a crash has left.
 
-DiskReserve is kept on the disk for what will be added and for the next file, so that a disk that becomes
-full does not stop it soon; :meth:`JournalFile.keep_room` says how much is left.
+Room on the disk is reserved for what will be added and for the next file, so that a full disk does
+not stop the journal soon; :meth:`JournalFile.keep_room` returns how much is left.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from rt_robot_os.messages.fields import compact
 NAME: Final = 'alarms.journal'
 OLDER: Final = 'alarms.journal.1'
 NEW: Final = 'alarms.journal.new'
-# So often it is tried to write the file anew within one limit, while the disk does not let it.
+# How often within one limit a rewrite is tried again, while the disk refuses it.
 _TRIES: Final = 16
 
 
@@ -67,22 +67,23 @@ class JournalHistory:
     generation: int = 0
 
     def living(self) -> list[StoredRecord]:
-        """Return what a desk needs to go on: of each open alarm the newest, and the last one."""
+        """Return what a service needs to continue: the newest record of each open alarm, and the
+        last record."""
         last = max((each.seq for each in self.records), default=0)
         return sorted(each for each in newest(self.records).values()
-                      if each.lives or each.seq == last)
+                      if each.is_needed or each.seq == last)
 
 
 def disk_bytes(limit_bytes: int) -> int:
-    """Return what a journal takes of its disk with all that it keeps free, about."""
+    """Return about how much of its disk a journal takes, with its reserve."""
     return 3 * (limit_bytes + limit_bytes // 2)
 
 
 class DiskReserve(NamedTuple):
     """
-    What is kept on the disk for records.
+    Room that is reserved on the disk for records.
 
-    :ivar kept_bytes: behind what is written.
+    :ivar kept_bytes: reserved behind what is written.
     :ivar problem: why there is less than there should be; None when there is all of it.
     """
 
@@ -92,7 +93,7 @@ class DiskReserve(NamedTuple):
 
 def read_journal(store: JournalStore) -> JournalHistory:
     """
-    Read a journal, also while another process writes it.
+    Read a journal, even while another process writes it.
 
     :raises OSError: it cannot be read.
     """
@@ -101,7 +102,7 @@ def read_journal(store: JournalStore) -> JournalHistory:
 
 def _found(used: JournalContents, older: Callable[[], JournalContents]) -> JournalHistory:
     found = JournalHistory(used.records, used.torn_bytes, used.damaged,
-                  used.beginning.generation if used.beginning else 0)
+                           used.beginning.generation if used.beginning else 0)
     if used.whole:
         return found
     before = older()
@@ -114,15 +115,15 @@ def _found(used: JournalContents, older: Callable[[], JournalContents]) -> Journ
 
 class JournalFile:
     """
-    The journal of one robot; nobody else may write it.
+    The journal of one robot; no other process may write it.
 
     :param store: where its files are.
-    :param limit_bytes: when it has become that long it is written anew.
+    :param limit_bytes: a file of that length is rewritten.
     :param now_ns: the time of day, in ns since 1970.
-    :ivar seq: of the last record that is kept.
+    :ivar seq: of the last record that is stored.
     :ivar begun: the number of the file that was begun with :meth:`open`, which no file had before;
         0 when none could be begun.
-    :ivar put_off: how often no new file could be written, and the one in use was used on.
+    :ivar put_off: how often no new file could be written, and the one in use was kept.
     """
 
     def __init__(self, store: JournalStore, limit_bytes: int, now_ns: Callable[[], int]) -> None:
@@ -132,18 +133,18 @@ class JournalFile:
         self._now_ns = now_ns
         self._generation = 0
         self._size = 0
-        # From when on it is tried to write it anew, and how long it may become meanwhile.
+        # From which length on it is rewritten, and how long it may become meanwhile.
         self._anew_at = limit_bytes
         self._most_bytes = 0
         self._dirty = False
 
     def open(self) -> JournalHistory:  # noqa: A003
         """
-        Read what is there, and begin a new file with what is worth keeping.
+        Read the journal, and begin a new file with the records that are retained.
 
-        On a full disk, on which no new file can be written, the one that is there is used on.
+        On a full disk, on which no new file can be written, the present one stays in use.
 
-        :raises OSError: it can neither be written anew nor used on.
+        :raises OSError: it can neither be rewritten nor used.
         """
         used = decode(self._store.read(NAME))
         found = _found(used, lambda: decode(self._store.read(OLDER)))
@@ -161,7 +162,7 @@ class JournalFile:
 
     def append(self, text: str, seq: int) -> None:
         """
-        Add a record, unless it is there; it is safe with :meth:`commit`.
+        Append a record, unless it is there; it is safe after :meth:`commit`.
 
         :param text: of the record, JSON.
         :raises OSError: it cannot be written; nothing is left of it.
@@ -186,7 +187,7 @@ class JournalFile:
         Wait until all records are safe.
 
         :return: the number of the last one.
-        :raises OSError: nobody knows what is safe; open it anew.
+        :raises OSError: what is safe is not known; open the journal again.
         """
         if self._dirty:
             self._store.sync(NAME)
@@ -194,7 +195,7 @@ class JournalFile:
         return self.seq
 
     def keep_room(self) -> DiskReserve:
-        """Keep room for what will be added and for the next file, as far as there is any."""
+        """Reserve room for what will be added and for the next file, as far as there is any."""
         problem = None
         for name in (NAME, NEW):
             try:
@@ -205,7 +206,7 @@ class JournalFile:
         return DiskReserve(max(0, self._store.kept(NAME) - self._size), problem)
 
     def _shorten(self, more_bytes: int) -> None:
-        """Write it anew; while that cannot be it is used on, but not for ever."""
+        """Rewrite the file; while that is not possible it stays in use, but not for ever."""
         try:
             data = self._write_new(decode(self._store.read(NAME)).records)
         except OSError:
@@ -218,7 +219,7 @@ class JournalFile:
         self.keep_room()
 
     def _write_new(self, records: list[StoredRecord]) -> bytes:
-        """Write what is worth keeping to a file that is not in use yet."""
+        """Write the retained records to a file that is not in use yet."""
         kept = retained(records, self._limit_bytes // 2)
         beginning = encode_header(JournalHeader(self._generation + 1, len(kept)))
         data = b''.join([beginning, *(
@@ -238,13 +239,13 @@ class JournalFile:
         store.sync_folder()
         self._generation += 1
         self._size = len(data)
-        # What lives may be more than half of the limit: not anew with each record then.
+        # Open alarms may take more than half of the limit: no rewrite with each record then.
         self._limit_to(2 * len(data))
         self._dirty = False
 
     def _use_on(self, used: JournalContents) -> None:
         if used.torn_bytes:
-            # To cut them off would give back the room that is kept behind them.
+            # To cut them off would give back the room that is reserved behind them.
             self._store.blank(NAME, used.end)
         self._size = used.end + used.torn_bytes
         if not used.ended:

@@ -19,8 +19,8 @@ The bytes of a journal: a line for each record, with its length and its CRC-32.
 
     R1 0000004e 9d4c21f0 {"at_ns":1795370000000000000,"record":{"seq":1, ...}}
 
-What is read may have been cut at any byte, or be damaged anywhere: every record that is whole is
-found again, and what is between is counted. Nothing here does any input or output.
+The bytes may be cut or damaged anywhere: every whole record is found again, and the damaged
+stretches between them are counted. This module does no input or output.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from typing import Final
 from typing import NamedTuple
 import zlib
 
-#: The longest line that is taken for one.
+#: The longest valid line.
 LINE_BYTES: Final = 65_536
 _HEAD: Final = re.compile(rb'R1 ([0-9a-f]{8}) ([0-9a-f]{8}) ')
 _HEAD_BYTES: Final = 21
@@ -48,12 +48,12 @@ _SEARCH_BYTES: Final = 32 << 20
 
 class StoredRecord(NamedTuple):
     """
-    A record as it is kept.
+    A record as it is stored.
 
     :ivar seq: its number.
-    :ivar alarm: which alarm it is about.
+    :ivar alarm: the alarm that it is about.
     :ivar at_ns: the time of day at which it was stored, in ns since 1970.
-    :ivar record: what the desk wrote.
+    :ivar record: the journal record, with keys of other releases.
     """
 
     seq: int
@@ -62,16 +62,16 @@ class StoredRecord(NamedTuple):
     record: dict[str, Any]
 
     @property
-    def lives(self) -> bool:
-        """Return whether something may still become of it."""
+    def is_needed(self) -> bool:
+        """Return whether a restart needs it."""
         return self.record.get('state') is not None or bool(self.record.get('lasting'))
 
 
 class JournalHeader(NamedTuple):
     """
-    What a file begins with.
+    The first line of a file.
 
-    :ivar generation: how often the journal was written anew.
+    :ivar generation: how often the journal was rewritten.
     :ivar carried: records of the file before it that follow.
     """
 
@@ -84,11 +84,11 @@ class JournalContents:
     """
     What was found in a file.
 
-    :ivar beginning: None when that is damaged or there is none.
+    :ivar beginning: its header; None when it is damaged or missing.
     :ivar records: in the order of the file.
-    :ivar end: where the last whole line ends; what is behind was cut off.
-    :ivar torn_bytes: that are behind it.
-    :ivar damaged: stretches of bytes before it that are no lines.
+    :ivar end: where the last whole line ends.
+    :ivar torn_bytes: bytes behind that end, which were cut off.
+    :ivar damaged: stretches of bytes before that end that are not lines.
     :ivar ended: the last line has its end, so that another may follow.
     """
 
@@ -101,7 +101,7 @@ class JournalContents:
 
     @property
     def whole(self) -> bool:
-        """Return whether it needs no file of before: what was taken over is all there."""
+        """Return whether the older file is not needed: all carried records are there."""
         return (self.beginning is not None and not self.damaged
                 and len(self.records) >= self.beginning.carried)
 
@@ -186,7 +186,7 @@ def _between_ends(data: bytes, head: re.Match[bytes]) -> bool:
 
 
 def _take(found: JournalContents, text: bytes) -> bool:
-    """Take a line over; return whether it is one."""
+    """Add a line to the contents; return whether it is valid."""
     try:
         said = json.loads(text)
         if 'journal' in said:
@@ -211,12 +211,13 @@ def newest(records: Iterable[StoredRecord]) -> dict[str, StoredRecord]:
 
 def retained(records: Iterable[StoredRecord], history_bytes: int) -> list[StoredRecord]:
     """
-    Return what a new file takes over: what lives, the last record, and of the rest the newest.
+    Return the records that a new file carries: those a restart needs, the last one, the newest of
+    the rest.
 
-    :param history_bytes: so much of what is over, about.
+    :param history_bytes: about how many bytes of records that no restart needs.
     """
     ordered = sorted({each.seq: each for each in records}.values())
-    living = {each.seq for each in newest(ordered).values() if each.lives}
+    living = {each.seq for each in newest(ordered).values() if each.is_needed}
     kept: list[StoredRecord] = []
     left = history_bytes
     for each in reversed(ordered):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where a journal's files are: what a store can do, and one in memory that can lose its power."""
+"""The storage of a journal: its interface, and one in memory that can lose its power."""
 
 from __future__ import annotations
 
@@ -37,26 +37,26 @@ class JournalStore(Protocol):
         """Add bytes at the end of a file; they are safe with :meth:`sync`."""
 
     def sync(self, name: str) -> None:
-        """Wait until the file is where a loss of power does not reach it."""
+        """Wait until the file is safe against a loss of power."""
 
     def truncate(self, name: str, size: int) -> None:
         """Cut a file off."""
 
     def blank(self, name: str, start: int) -> None:
-        """Write ends of lines over all that is behind a place; needs no room."""
+        """Overwrite everything behind a position with ends of lines; needs no room."""
 
     def write(self, name: str, data: bytes) -> None:
         """
-        Write a file anew and wait until it is safe; its name is safe with the folder.
+        Rewrite a file and wait until it is safe; its name is safe after :meth:`sync_folder`.
 
-        What was kept for a file of this name that is empty is used.
+        Room that was reserved for an empty file of this name is used.
         """
 
     def keep(self, name: str, size: int) -> None:
-        """Keep room for a file of such a size; one that is not there is made, empty."""
+        """Reserve room for a file of this size; a missing file is created, empty."""
 
     def kept(self, name: str) -> int:
-        """Return the bytes that a file has on the disk, written or kept."""
+        """Return the bytes that a file has on the disk, written or reserved."""
 
     def rename(self, name: str, other: str) -> None:
         """Give a file another name, which another may have had."""
@@ -69,11 +69,11 @@ class JournalStore(Protocol):
 
 
 class Killed(BaseException):
-    """The process is killed in the middle of something; nobody catches that."""
+    """The process is killed in the middle of an operation; only tests catch it."""
 
 
 class _File:
-    """A file: what a process sees, and what a loss of power leaves for sure."""
+    """A file: what a process reads, and what surely survives a loss of power."""
 
     def __init__(self) -> None:
         self.data = bytearray()
@@ -87,11 +87,11 @@ class _File:
 
 class MemoryStore:
     """
-    A store in memory, for tests: it can be full, kill who uses it, and lose its power.
+    A store in memory, for tests: it can be full, kill its user, and lose its power.
 
     :param room: bytes that it holds.
-    :ivar calls: how many changes it has seen.
-    :ivar kill_at: the call that kills whoever makes it, half done; 0 for none.
+    :ivar calls: number of changes.
+    :ivar kill_at: the call that raises :class:`Killed`, half done; 0 for none.
     """
 
     def __init__(self, room: int = 1 << 30) -> None:
@@ -103,7 +103,7 @@ class MemoryStore:
         self._names: list[dict[str, _File]] = [{}]
 
     def lose_power(self, random: Random) -> None:
-        """Keep what was synced, and of the rest as much as chance leaves."""
+        """Keep what was synced, and a random part of the rest."""
         names = random.choice(self._names)
         for file in {id(each): each for each in names.values()}.values():
             data = bytes(file.data)
@@ -123,7 +123,7 @@ class MemoryStore:
         return b'' if file is None else bytes(file.data)
 
     def append(self, name: str, data: bytes) -> None:
-        """Add bytes; when there is no room a part of them."""
+        """Append bytes; only a part of them when there is no room."""
         self._call(lambda: self._add(name, data[:len(data) // 2]))
         self._add(name, data)
 
@@ -134,20 +134,20 @@ class MemoryStore:
         file.safe, file.safely_kept = bytes(file.data), file.kept
 
     def truncate(self, name: str, size: int) -> None:
-        """Cut a file off, and give back what was kept for it."""
+        """Truncate a file, and release its reserved room."""
         self._call()
         file = self._files[name]
         del file.data[size:]
         file.kept = file.safely_kept = 0
 
     def blank(self, name: str, start: int) -> None:
-        """Write ends of lines over what is behind."""
+        """Overwrite the rest with ends of lines."""
         self._call()
         data = self._files[name].data
         data[start:] = b'\n' * (len(data) - start)
 
     def keep(self, name: str, size: int) -> None:
-        """Keep room for a file."""
+        """Reserve room for a file."""
         self._call()
         file = self._file(name)
         if size - file.room > self._free():
@@ -160,7 +160,7 @@ class MemoryStore:
         return 0 if file is None else file.room
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a file anew."""
+        """Rewrite a file."""
         if self.read(name):
             self._files.pop(name)
         self._call(lambda: self._add(name, data[:len(data) // 2]))

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Alarms with a life of their own: raised, told, acknowledged, escalated, resolved.
+The module of alarms: raised, notified, acknowledged, escalated, resolved.
 
-All causes come together here. What follows of them is decided by the book in
-:mod:`rt_robot_os.features.alarms`, from the stamps of samples and from deadlines alone, so a
-replay comes to the same. Each change is kept by the journal before anybody outside is told of it.
+All causes come together here. The alarm table decides what follows, from the stamps of samples and
+from deadlines alone, so a replay gives the same result. The journal stores each change before its
+notifications leave the robot.
 """
 
 from __future__ import annotations
@@ -58,16 +58,16 @@ _TEXT: Final = CAUSES_MESSAGE
 _EVENT_BYTES: Final = 6000
 _ANSWER_BYTES: Final = 2000
 _SAY_BYTES: Final = 1000
-# Inputs of one topic that one job takes, and records that it sends; the next takes the others.
+# Inputs of one topic, and records, that one job handles; the next job handles the others.
 _A_JOB: Final = 16
 _RECORDS_A_JOB: Final = 16
 _LIST_PERIOD_NS: Final = 5 * NS_PER_S
-# What happened that long ago needs no warning any more; the counters keep it.
-_TOLD_NS: Final = 60 * NS_PER_S
+# How long a refused input stays a warning; the counters keep it.
+_WARNING_NS: Final = 60 * NS_PER_S
 
 
 class Alarms(Module):
-    """Keep all alarms of the robot, and see to it that each is told until somebody comes."""
+    """Keep all alarms of the robot, and repeat notifications until acknowledged."""
 
     causes = Input(CAUSES_TOPIC, wake=True, message=CAUSES_MESSAGE)
     command = Input('alarms/command', wake=True, message=_TEXT)
@@ -91,8 +91,9 @@ class Alarms(Module):
         :raises ConfigError: steps or kinds are wrong.
         """
         super().__init__(name, settings)
-        self._desk = AlarmService(rules_of(name, settings), journal=bool(settings['stored_topic']),
-                          wait_ns=round(settings['journal_wait_s'] * NS_PER_S))
+        self._service = AlarmService(
+            rules_of(name, settings), journal=bool(settings['stored_topic']),
+            wait_ns=round(settings['journal_wait_s'] * NS_PER_S))
         self._counters: Counter[str] = Counter()
         self._records: list[str] = []
         self._last_ns = self._list_ns = 0
@@ -109,73 +110,73 @@ class Alarms(Module):
         """
         if not rate_hz:
             # Not timers of its own: jobs at a rate are released in a replay as they were.
-            raise ConfigError([f'{self.name}.rate_hz is missing: it looks so often whether the '
-                               'time of something has come; write rate_hz: 10.0'])
+            raise ConfigError([f'{self.name}.rate_hz is missing: the rate at which deadlines are '
+                               'checked; write rate_hz: 10.0'])
         super().declare(bus, rate_hz, max_subscribers)
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic; without answers of a journal there is none."""
+        """Return whether a port has a topic; without replies of a journal there is none."""
         if attribute == 'journal' and not self.topic_of('stored'):
             return False
         return bool(self.topic_of(attribute))
 
     def step(self) -> None:
-        """Take what came in the order in which it was said, do what is due, tell of it."""
+        """Handle inputs in the order of their stamps, do what is due, publish the results."""
         now_ns = self.events.topic.kernel.now_ns()
-        desk = self._desk
+        service = self._service
         if not self._last_ns:
-            # A whole second: the same in a replay, whose job looks at the clock a little sooner.
+            # A full second: the same in a replay, whose job reads the clock a little earlier.
             self._last_ns = self._list_ns = now_ns - now_ns % NS_PER_S
-            desk.start(self._last_ns)
+            service.start(self._last_ns)
         for stamp_ns, take in self._inputs(now_ns):
-            self._pass(stamp_ns)
+            self._advance(stamp_ns)
             self._last_ns = max(stamp_ns, self._last_ns)
             self._try(take, self._last_ns)
-            self._tell()
-        self._pass(now_ns)
+            self._publish_results()
+        self._advance(now_ns)
         self._publish_records()
         if now_ns >= self._list_ns:
             self._last_ns = max(self._list_ns, self._last_ns)
             self._publish_list()
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell how many alarms there are, what came and went, and what is wrong."""
+        """Return the number of alarms, the counters, and what is wrong."""
         now_ns = self.kernel.now_ns() if self.kernel else 0
-        warnings = [self._desk.warning]
+        warnings = [self._service.warning]
         if not self.settings['stored_topic']:
             warnings.append('there is no journal: a restart forgets all alarms')
-        if self._refused and now_ns - self._refused_ns < _TOLD_NS:
+        if self._refused and now_ns - self._refused_ns < _WARNING_NS:
             warnings.append(self._refused)
-        found = self._desk.statistics()
+        found = self._service.statistics()
         return {'warning': '; '.join(filter(None, warnings)), **found, **self._counters,
                 'causes_lost': self.causes.lost, 'reports_lost': self.report.lost}
 
     # ---- what comes in -----------------------------------------------------------------------
 
-    def _pass(self, until_ns: int) -> None:
-        """Do what was due, each thing at its own time and told by itself."""
-        while (due_ns := self._desk.next_ns) and due_ns <= until_ns:
+    def _advance(self, until_ns: int) -> None:
+        """Do what was due, each at its own time, and publish each result by itself."""
+        while (due_ns := self._service.next_ns) and due_ns <= until_ns:
             self._last_ns = max(due_ns, self._last_ns)
-            self._desk.advance(due_ns)
-            self._tell()
+            self._service.advance(due_ns)
+            self._publish_results()
 
     def _inputs(self, now_ns: int) -> Iterable[tuple[int, Callable[[int], None]]]:
-        """Take some of what came, in the order in which it was said."""
+        """Return some of the inputs that came, in the order of their stamps."""
         found: list[tuple[int, int, Callable[[int], None]]] = []
-        takers: tuple[tuple[str, Callable[[str, int], None]], ...] = (
-            ('stored', self._take_stored), ('causes', self._take_cause),
-            ('command', self._desk.take_command), ('report', self._take_report),
-            ('observed', self._take_observed))
-        for attribute, take in takers:
+        handlers: tuple[tuple[str, Callable[[str, int], None]], ...] = (
+            ('stored', self._handle_stored), ('causes', self._handle_cause),
+            ('command', self._service.handle_command), ('report', self._handle_report),
+            ('observed', self._handle_observed))
+        for attribute, take in handlers:
             if not self.connected(attribute):
                 continue
-            said: Subscription = getattr(self, attribute)
-            # What is there at the beginning: to ask where nothing is lets time pass in a replay.
-            for _ in range(min(_A_JOB, said.unread)):
-                if not said.take():
+            port: Subscription = getattr(self, attribute)
+            # Only samples that are there now: in a replay, reading an empty topic lets time pass.
+            for _ in range(min(_A_JOB, port.unread)):
+                if not port.take():
                     break
-                found.append((min(said.stamp_ns, now_ns), len(found),
-                              partial(take, str(said.msg.data))))
+                found.append((min(port.stamp_ns, now_ns), len(found),
+                              partial(take, str(port.msg.data))))
         return [(stamp_ns, take) for stamp_ns, _, take in sorted(
             found, key=lambda each: each[:2])]
 
@@ -187,33 +188,33 @@ class Alarms(Module):
             self._refused, self._refused_ns = f'refused: {error}', stamp_ns
             self.log.warn('refused: %s', str(error), throttle_s=1.0)
 
-    def _take_cause(self, text: str, stamp_ns: int) -> None:
-        self._desk.take_cause(Cause.from_json(text), stamp_ns)
+    def _handle_cause(self, text: str, stamp_ns: int) -> None:
+        self._service.handle_cause(Cause.from_json(text), stamp_ns)
 
-    def _take_report(self, text: str, stamp_ns: int) -> None:
+    def _handle_report(self, text: str, stamp_ns: int) -> None:
         report = DeliveryReport.from_json(text)
-        self._desk.take_report(report.key, report.ok, report.text, stamp_ns)
+        self._service.handle_report(report.key, report.ok, report.text, stamp_ns)
 
-    def _take_stored(self, text: str, stamp_ns: int) -> None:
-        self._desk.handle_journal(JournalReply.from_json(text), stamp_ns)
+    def _handle_stored(self, text: str, stamp_ns: int) -> None:
+        self._service.handle_journal(JournalReply.from_json(text), stamp_ns)
 
-    def _take_observed(self, text: str, stamp_ns: int) -> None:
+    def _handle_observed(self, text: str, stamp_ns: int) -> None:
         found = Observation.from_json(text)
         if not found.problem:
-            self._desk.take_picture(found.alarm, found.file, stamp_ns)
+            self._service.handle_picture(found.alarm, found.file, stamp_ns)
 
     # ---- what goes out -----------------------------------------------------------------------
 
-    def _tell(self) -> None:
-        """Publish what has come of one input or deadline."""
-        desk, stamp_ns = self._desk, self._last_ns
-        self._records += desk.take_records()
-        events = desk.take_events()
+    def _publish_results(self) -> None:
+        """Publish the results of one input or deadline."""
+        service, stamp_ns = self._service, self._last_ns
+        self._records += service.pop_records()
+        events = service.pop_events()
         for event in events:
             self._publish(self.events, event.to_json(), stamp_ns)
-        for answer in desk.take_answers():
+        for answer in service.pop_answers():
             self._publish(self.answer, answer.to_json(), stamp_ns)
-        for each in desk.take_notifications():
+        for each in service.pop_notifications():
             if each.channel == ROBOT:
                 self._speak(each)
             else:
@@ -223,11 +224,11 @@ class Alarms(Module):
 
     def _speak(self, each: Notification) -> None:
         stamp_ns = self._last_ns
-        silent = stamp_ns < self._desk.book.silent_until_ns
+        silent = stamp_ns < self._service.table.silent_until_ns
         if not silent:
             self._publish(self.say, each.text, stamp_ns)
-        self._desk.take_report(each.key, True, 'silenced' if silent else '', stamp_ns)
-        self._tell()
+        self._service.handle_report(each.key, True, 'silenced' if silent else '', stamp_ns)
+        self._publish_results()
 
     def _publish_records(self) -> None:
         if not self._records:
@@ -238,7 +239,7 @@ class Alarms(Module):
 
     def _publish_list(self) -> None:
         stamp_ns = self._last_ns
-        self._publish(self.list, list_text(self._desk.book.in_order(), stamp_ns), stamp_ns)
+        self._publish(self.list, list_text(self._service.table.in_order(), stamp_ns), stamp_ns)
         self._list_ns = stamp_ns + _LIST_PERIOD_NS
 
     def _publish(self, output: Publisher, text: str, stamp_ns: int) -> None:

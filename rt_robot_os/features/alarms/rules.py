@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""By what rules alarms live: how long they wait, who is told, what comes again."""
+"""The rules of alarms: delays, limits, and the escalation of each level."""
 
 from __future__ import annotations
 
@@ -42,20 +42,20 @@ def _default_steps() -> dict[Level, tuple[EscalationStep, ...]]:
 @dataclass(frozen=True)
 class Rules:
     """
-    The rules of a book.
+    The rules of an alarm table.
 
     :ivar steps: of the escalation, by level.
     :ivar confirm_kinds: kinds of causes that begin as a suspicion.
-    :ivar confirm_ns: a suspicion that nobody confirms or cancels is raised after that.
-    :ivar remind_ns: what is acknowledged and not resolved comes again after that.
-    :ivar resolve_after_ns: what somebody has acknowledged is resolved by itself when its causes
-        have been over for that long.
-    :ivar unseen_levels: those are resolved so without having been acknowledged, too.
-    :ivar again_ns: a cause that comes back sooner is flapping: it is counted and nothing more.
-    :ivar refresh_ns: a cause that lasts is told again within that.
-    :ivar delivery_timeout_ns: a notification of which no report came has failed.
-    :ivar silence_most_ns: the robot's voice is silenced for so long at most.
-    :ivar alarms_most: open at a time.
+    :ivar confirm_ns: a suspicion that is neither confirmed nor cancelled is raised after it.
+    :ivar remind_ns: an acknowledged alarm that is not resolved is raised again after it.
+    :ivar resolve_after_ns: an acknowledged alarm resolves itself when its causes have been clear
+        for that long.
+    :ivar unseen_levels: alarms of these levels resolve themselves without being acknowledged, too.
+    :ivar again_ns: a cause that returns sooner is flapping: it is only counted.
+    :ivar refresh_ns: an active cause is published again within that time.
+    :ivar delivery_timeout_ns: a notification without a report has failed after it.
+    :ivar silence_most_ns: the longest time for which the robot's voice is muted.
+    :ivar alarms_most: the most open alarms.
     """
 
     steps: Mapping[Level, tuple[EscalationStep, ...]] = field(default_factory=_default_steps)

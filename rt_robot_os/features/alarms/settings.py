@@ -29,6 +29,7 @@ from rt_robot_os.features.alarms.rules import DEFAULT_STEPS
 from rt_robot_os.features.alarms.rules import Rules
 from rt_robot_os.messages.cause import check_kind
 from rt_robot_os.messages.cause import Level
+from rt_robot_os.messages.cause import LEVEL_WORDS
 
 _DEFAULTS: Final = Rules()
 _DAY_S: Final = 86_400.0
@@ -41,56 +42,57 @@ def _seconds(name: str, default_ns: int, text: str, minimum: float) -> Field:
 SETTINGS: Final = (
     Field('confirm_kinds', list, sorted(_DEFAULTS.confirm_kinds),
           'Kinds of causes that begin as a suspicion, which may be cancelled; others are raised '
-          'at once'),
+          'immediately'),
     _seconds('confirm_s', _DEFAULTS.confirm_ns,
-             'A suspicion that nobody confirms or cancels is raised after that', 0.0),
+             'A suspicion that is neither confirmed nor cancelled is raised after this time', 0.0),
     _seconds('remind_s', _DEFAULTS.remind_ns,
-             'What is acknowledged and not resolved is raised again after that', 1.0),
+             'An acknowledged alarm that is not resolved is raised again after this time', 1.0),
     _seconds('resolve_after_s', _DEFAULTS.resolve_after_ns,
-             'What is acknowledged resolves itself when its causes have been over for that long',
+             'An acknowledged alarm resolves itself when its causes have been clear for this time',
              0.0),
     Field('unseen_levels', list, ['technical'],
-          'Alarms of these levels resolve themselves so without having been acknowledged, too',
+          'Alarms of these levels resolve themselves without being acknowledged, too',
           choices=('technical', 'warning')),
     _seconds('again_s', _DEFAULTS.again_ns,
-             'A cause that comes back sooner is flapping: it is counted, and nobody is told again',
+             'A cause that returns sooner is flapping: it is counted, without a new notification',
              0.0),
-    *(Field(f'{level.name.lower()}_steps', list, list(DEFAULT_STEPS[level]),
-            f'Who is told of alarms of level {level.name.lower()}: channels and the seconds until '
+    *(Field(f'{LEVEL_WORDS[level]}_steps', list, list(DEFAULT_STEPS[level]),
+            f'Escalation of alarms of level {LEVEL_WORDS[level]}: channels and the seconds until '
             'the next step, such as "operator+screen 30 repeat 10"; the last step is repeated')
       for level in sorted(Level, reverse=True)),
     _seconds('delivery_timeout_s', _DEFAULTS.delivery_timeout_ns,
-             'A notification of which nobody has reported after that has failed', 0.1),
+             'A notification without a delivery report after this time has failed', 0.1),
     _seconds('silence_s', _DEFAULTS.silence_most_ns,
-             'The longest time for which the command silence holds', 0.0),
-    Field('alarms', int, _DEFAULTS.alarms_most, 'Most alarms that are open at a time', '', 4, 64),
+             'The longest time for which the command silence mutes the robot', 0.0),
+    Field('alarms', int, _DEFAULTS.alarms_most, 'The most open alarms', '', 4, 64),
     _seconds('journal_wait_s', 2 * NS_PER_S,
-             'How long notifications wait for the journal, and all for it at the start', 0.0),
+             'How long notifications wait for the journal, and all inputs at the start', 0.0),
     Field('stored_topic', str, 'alarms/stored',
-          'Topic on which the journal answers; empty: there is none, and a restart forgets all '
-          'alarms'),
-    Field('observed_topic', str, '', 'Topic that tells of pictures that were taken; empty: none'),
+          'Topic on which the journal replies; empty: there is no journal, and a restart loses '
+          'all alarms'),
+    Field('observed_topic', str, '',
+          'Topic of pictures that were taken, such as agent/observed; empty: none'),
 )
 
 
 def rules_of(name: str, settings: Mapping[str, Any]) -> Rules:
     """
-    Make the rules of the settings.
+    Make the rules from the settings.
 
     :raises ConfigError: steps or kinds are wrong; it names each.
     """
     problems: list[str] = []
     steps: dict[Level, tuple[EscalationStep, ...]] = {}
     for level in Level:
-        key = f'{level.name.lower()}_steps'
+        key = f'{LEVEL_WORDS[level]}_steps'
         try:
             steps[level] = parse_steps(settings[key])
         except ValueError as error:
             problems.append(f'{name}.{key}: {error}')
             continue
         if not steps[level] and level >= Level.URGENT:
-            problems.append(f'{name}.{key} is empty: nobody would be told; name a channel, such '
-                            'as "operator 60"')
+            problems.append(f'{name}.{key} is empty: no one would be notified; name a channel, '
+                            'such as "operator 60"')
     for kind in settings['confirm_kinds']:
         try:
             check_kind(kind)

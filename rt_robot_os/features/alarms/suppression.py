@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Causes that outlast their alarm: somebody resolved or cancelled it, and the cause is told on.
+Suppression of causes that are still active after their alarm was resolved or cancelled.
 
-Without this, an operator who resolves an alarm would get it back ten seconds later, when the
-module that watches says again that it is still so.
+Without it, an operator who resolves an alarm would get it back ten seconds later, when the module
+publishes the active cause again.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ _MOST: Final = 256
 @dataclass
 class SuppressedCause:
     """
-    A cause that lasts.
+    A cause that is active without an alarm.
 
-    :ivar alarm: the one that is over.
-    :ivar until_ns: then it is an alarm again, if it lasts.
-    :ivar heard_ns: when it was told last.
+    :ivar alarm: the alarm that has ended.
+    :ivar until_ns: if it is active then, it opens an alarm again.
+    :ivar heard_ns: when it was published last.
     """
 
     alarm: str
@@ -60,60 +60,61 @@ class SuppressedCause:
 
 
 class SuppressedCauses:
-    """The causes that last although their alarm is over; at most 256."""
+    """The causes that are active although their alarm has ended; at most 256."""
 
     def __init__(self, rules: Rules) -> None:
         self._rules = rules
-        self._held: dict[tuple[str, str], SuppressedCause] = {}
+        self._causes: dict[tuple[str, str], SuppressedCause] = {}
 
-    def keep(self, alarm: Alarm, t_ns: int) -> None:
-        """Hold back what lasts of an alarm that is over now."""
+    def add(self, alarm: Alarm, t_ns: int) -> None:
+        """Suppress the active causes of an alarm that ends now."""
         for reason in alarm.reasons.values():
             if reason.active:
-                self._held[alarm.subject, reason.kind] = SuppressedCause(
+                self._causes[alarm.subject, reason.kind] = SuppressedCause(
                     alarm.id, alarm.subject, reason.kind, reason.level,
                     t_ns + self._rules.remind_ns, t_ns)
-        while len(self._held) > _MOST:
-            del self._held[next(iter(self._held))]
+        while len(self._causes) > _MOST:
+            del self._causes[next(iter(self._causes))]
 
     def of(self, alarm: Alarm) -> list[dict[str, Any]]:
-        """Return what lasts of an alarm, for the journal."""
-        return [each.as_dict() for each in self._held.values() if each.alarm == alarm.id]
+        """Return the suppressed causes of an alarm, for the journal."""
+        return [each.as_dict() for each in self._causes.values() if each.alarm == alarm.id]
 
-    def restore(self, found: Iterable[Mapping[str, Any]], shift_ns: int, t_ns: int) -> None:
+    def restore(self, records: Iterable[Mapping[str, Any]], shift_ns: int, t_ns: int) -> None:
         """
-        Take over what :meth:`of` gave before a restart.
+        Restore what :meth:`of` gave before a restart.
 
         :param shift_ns: from the clock of then to that of now.
         :raises ValueError: it is something else.
         """
         try:
-            for each in found:
-                held = SuppressedCause(str(each['alarm']), str(each['subject']), str(each['kind']),
-                            LEVELS[each['level']], int(each['until_ns']) + shift_ns, t_ns)
-                if held.until_ns > t_ns:
-                    self._held[held.subject, held.kind] = held
+            for each in records:
+                found = SuppressedCause(
+                    str(each['alarm']), str(each['subject']), str(each['kind']),
+                    LEVELS[each['level']], int(each['until_ns']) + shift_ns, t_ns)
+                if found.until_ns > t_ns:
+                    self._causes[found.subject, found.kind] = found
         except (KeyError, TypeError) as error:
-            raise ValueError(f'nothing that lasts: {type(error).__name__} {error}') from error
+            raise ValueError(f'not a suppressed cause: {type(error).__name__} {error}') from error
 
-    def over(self, cause: Cause) -> None:
-        """Forget a cause: it is over, or has become part of an open alarm."""
-        self._held.pop((cause.subject, cause.kind), None)
+    def remove(self, cause: Cause) -> None:
+        """Remove a cause: it has cleared, or belongs to an open alarm now."""
+        self._causes.pop((cause.subject, cause.kind), None)
 
-    def holds(self, cause: Cause, t_ns: int) -> bool:
+    def suppresses(self, cause: Cause, t_ns: int) -> bool:
         """
-        Return whether a cause is the one that lasts, so that there is nothing new in it.
+        Return whether a cause is suppressed, because it is the one that was active before.
 
-        It is new when it is worse, when it had not been told for a while, and when nobody says who
-        tells it: a person who publishes it by hand means it.
+        It is not when it is worse, when it was not published for a while, or when it has no
+        source: then a person has published it by hand.
         """
-        held = self._held.get((cause.subject, cause.kind))
-        if held is None:
+        found = self._causes.get((cause.subject, cause.kind))
+        if found is None:
             return False
-        lasts = (bool(cause.source) and cause.level <= held.level and t_ns < held.until_ns
-                 and t_ns - held.heard_ns <= self._rules.refresh_ns)
+        lasts = (bool(cause.source) and cause.level <= found.level and t_ns < found.until_ns
+                 and t_ns - found.heard_ns <= self._rules.refresh_ns)
         if lasts:
-            held.heard_ns = t_ns
+            found.heard_ns = t_ns
         else:
-            del self._held[cause.subject, cause.kind]
+            del self._causes[cause.subject, cause.kind]
         return lasts

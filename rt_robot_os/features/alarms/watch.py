@@ -14,10 +14,10 @@
 
 
 """
-What is broken in a sensor network, as technical causes: sink, silent nodes, batteries.
+Technical causes of a sensor network: an unresponsive sink, unresponsive nodes, low batteries.
 
-One for all nodes, from the rows of the network model. A sink that is silent is one cause and not
-one for each node behind it: while it is, nothing is known of them.
+One module watches all nodes, from the rows of the network model. An unresponsive sink is one cause
+and not one for each node behind it, because nothing is known of these meanwhile.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ NODE_BATTERY: Final = 'node_battery'
 _SINK: Final = 'sink'
 _MOST_NODES: Final = 1024
 _LONGEST_S: Final = 31 * 86_400.0
-# A node is back when it was heard for so long.
+# A node is back after this time with packets.
 _BACK_NS: Final = 30 * NS_PER_S
 
 
 class Watch(Module):
-    """Report technical causes of a sensor network: silence of sink and nodes, empty batteries."""
+    """Report causes of a sensor network: unresponsive sink and nodes, low batteries."""
 
     RATE_HZ = 1.0
 
@@ -63,16 +63,18 @@ class Watch(Module):
     causes = CAUSES_OUTPUT
 
     SETTINGS = (
-        Field('sink_silent_s', float, 60.0, 'No packet of any node for so long: the sink is '
-              'silent, or all are', 's', 1.0, _LONGEST_S),
-        Field('node_silent_s', float, 120.0, 'A node was silent for so long, as the network model '
-              'judges it', 's', 1.0, _LONGEST_S),
-        Field('unheard_s', float, 900.0, 'A surveyed node was never heard for so long', 's', 1.0,
+        Field('sink_silent_s', float, 60.0, 'Without a packet of any node for this time the '
+              'sink counts as unresponsive', 's', 1.0, _LONGEST_S),
+        Field('node_silent_s', float, 120.0, 'A node is reported after this time in the state '
+              'silent of the network model', 's', 1.0, _LONGEST_S),
+        Field('unheard_s', float, 900.0, 'A surveyed node without any packet is reported after '
+              'this time', 's', 1.0, _LONGEST_S),
+        Field('battery_v', float, 2.2, 'A battery below this voltage is low', 'V', 0.1, 60.0),
+        Field('battery_clear_v', float, 2.5, 'The cause clears above this voltage', 'V', 0.1,
+              60.0),
+        Field('battery_s', float, 600.0, 'A battery must be low for this time', 's', 0.0,
               _LONGEST_S),
-        Field('battery_v', float, 2.2, 'A battery below it is nearly empty', 'V', 0.1, 60.0),
-        Field('battery_clear_v', float, 2.5, 'A new one is above it', 'V', 0.1, 60.0),
-        Field('battery_s', float, 600.0, 'So long it must be', 's', 0.0, _LONGEST_S),
-        Field('ignored', list, [], 'Names of nodes of which nothing is told'),
+        Field('ignored', list, [], 'Names of nodes that are not reported'),
     )
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
@@ -101,7 +103,7 @@ class Watch(Module):
             self.nodes.msg.layout.dim) else {}
 
     def step(self) -> None:
-        """Look at the rows that came; let time pass."""
+        """Evaluate the rows that came, and what has become due."""
         reports = self._reports
         if reports is None:
             return
@@ -109,14 +111,14 @@ class Watch(Module):
         while self.nodes.take():
             stamp_ns = min(self.nodes.stamp_ns, now_ns)
             self._pass_time(stamp_ns, reports)
-            self._look(list(rows_of(list(self.nodes.msg.data))), stamp_ns)
+            self._evaluate(list(rows_of(list(self.nodes.msg.data))), stamp_ns)
             self._pass_time(stamp_ns, reports)
         reports.refresh(now_ns)
-        # Rows come again and again, and what lasts is judged with them.
+        # Active conditions are evaluated with the rows, which come periodically.
         self._wake_up.no_later_than(reports.due_ns)
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell what is wrong."""
+        """Return what is wrong."""
         if self._reports is None:
             return {}
         wrong = [f'{kind} {subject}' for (kind, subject), each in list(self._conditions.items())
@@ -126,7 +128,7 @@ class Watch(Module):
 
     # ---- work --------------------------------------------------------------------------------
 
-    def _look(self, rows: list[NodeRow], stamp_ns: int) -> None:
+    def _evaluate(self, rows: list[NodeRow], stamp_ns: int) -> None:
         if self._since_ns < 0:
             self._since_ns = stamp_ns
         s = self.settings
@@ -135,8 +137,8 @@ class Watch(Module):
         if not quiet_s >= 0.0:  # NaN: never heard
             quiet_s = (stamp_ns - self._since_ns) / NS_PER_S
         silent = quiet_s >= s['sink_silent_s']
-        self._put(SINK_SILENT, _SINK, silent, stamp_ns, 0.0,
-                  'No packet of the sensor network comes any more: look at the sink', quiet_s)
+        self._update(SINK_SILENT, _SINK, silent, stamp_ns, 0.0,
+                     'No packet of the sensor network comes any more: look at the sink', quiet_s)
         for row in rows:
             name = self._names.get(int(row.id), f'node_{row.id:.0f}')
             if row is not sink and name not in s['ignored']:
@@ -145,21 +147,21 @@ class Watch(Module):
     def _node(self, name: str, row: NodeRow, sink_silent: bool, stamp_ns: int) -> None:
         s = self.settings
         unheard = row.state == NodeState.UNHEARD
-        # What is wanting when nothing comes at all is not known of a single node.
+        # While the sink is unresponsive nothing is known of a single node.
         wait_s = s['unheard_s'] if unheard else s['node_silent_s']
-        self._put(NODE_SILENT, name, None if sink_silent else (
+        self._update(NODE_SILENT, name, None if sink_silent else (
             unheard or row.state == NodeState.SILENT), stamp_ns, wait_s,
             f'Node {name} {"was never heard" if unheard else "is silent"}: look at its battery '
             'and its place', row.age_s)
         low = self._conditions.get((NODE_BATTERY, name))
         limit_v = s['battery_clear_v'] if low is not None and low.on else s['battery_v']
-        self._put(NODE_BATTERY, name, row.battery_v < limit_v if row.battery_v > 0.0 else None,
-                  stamp_ns, s['battery_s'], f'The battery of node {name} is nearly empty: '
-                  f'{row.battery_v:.2f} V', row.battery_v)
+        self._update(NODE_BATTERY, name, row.battery_v < limit_v if row.battery_v > 0.0 else None,
+                     stamp_ns, s['battery_s'], f'The battery of node {name} is nearly empty: '
+                     f'{row.battery_v:.2f} V', row.battery_v)
 
-    def _put(self, kind: str, subject: str, is_so: bool | None, stamp_ns: int, wait_s: float,
-             text: str, value: float) -> None:
-        """Take how it is; None for not known, which leaves it as it was."""
+    def _update(self, kind: str, subject: str, is_so: bool | None, stamp_ns: int, wait_s: float,
+                text: str, value: float) -> None:
+        """Update a condition; None, for not known, leaves it unmodified."""
         key = kind, subject
         found = self._conditions.get(key)
         if found is None:
@@ -191,6 +193,6 @@ class Watch(Module):
             if stamp_ns >= 0:
                 yield kind, subject, stamp_ns, each.on
             if not each.on and each.due_ns == math.inf:
-                # Made anew when it is wrong again.
+                # It is made again with the next fault.
                 del self._conditions[kind, subject]
                 self._texts.pop((kind, subject), None)

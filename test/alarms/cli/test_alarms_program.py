@@ -91,7 +91,7 @@ def test_a_refusal_is_told_and_is_the_exit_code(
 
 def test_without_an_answer_it_says_what_may_have_happened(core: Any) -> None:
     with pytest.raises(LinkError, match="did not answer 'test technical by mary' within 0.05 s; "
-                                        'it is not known whether it was done'):
+                                        'the outcome is unknown'):
         run(['test', '--by', 'mary', '--timeout', '0.05'])
 
 

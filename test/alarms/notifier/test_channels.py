@@ -257,7 +257,7 @@ def test_who_has_no_good_certificate_is_told_nothing(tmp_path: Path, web: Web, p
     ('file', {}, 'operator.path is missing'),
     ('file', {'path': 'x', 'paht': 'y'}, 'operator.paht: unknown key'),
     ('command', {'command': []}, 'operator: command is empty'),
-    ('webhook', {'url': 'http://example.org'}, 'which everybody on the way can read'),
+    ('webhook', {'url': 'http://example.org'}, 'which can be read on the network'),
     ('webhook', {'url': 'ftp://example.org'}, 'url must be https://host/path'),
     ('webhook', {'url': 'https://me:you@example.org'}, 'without a user in it'),
     ('webhook', {'url': 'https://x', 'header': 'Authorization', 'secret': 'Bearer 4711'},
@@ -268,10 +268,10 @@ def test_who_has_no_good_certificate_is_told_nothing(tmp_path: Path, web: Web, p
     ('webhook', {'url': 'https://x', 'ca_file': '/no/such.pem'}, 'ca_file cannot be used'),
     ('webhook', {'url': 'https://x', 'timeout_s': 0}, 'operator.timeout_s = 0'),
     ('email', {'server': 'mail.example.org', 'sender': 'a@b', 'to': ['c@d'], 'security': 'none'},
-     'everybody on the way can read that'),
+     'it can be read on the network'),
     ('email', {'server': 'x', 'sender': 'a@b', 'to': ['c@d'], 'user': 'a', 'password': 'sesame'},
      'no place for secrets'),
-    ('email', {'server': 'x', 'sender': 'a@b', 'to': ['mary']}, "'mary' is no address"),
+    ('email', {'server': 'x', 'sender': 'a@b', 'to': ['mary']}, "'mary' is not an address"),
     ('email', {'server': 'x', 'sender': 'a@b', 'to': []}, 'to is empty')])
 def test_wrong_settings_are_told_before_anything_is_carried(
         tmp_path: Path, kind: str, values: dict[str, Any], problem: str) -> None:

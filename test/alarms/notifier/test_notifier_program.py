@@ -91,7 +91,7 @@ def test_a_slow_channel_delays_no_other_and_a_full_one_says_so(core: Any, tmp_pa
                                             'timeout_s': 60.0},
                       quick={'type': 'file', 'path': str(tmp_path / 'quick.jsonl')}) as made:
             notify(core, 's1', 'slow')
-            wait_until(lambda: made.couriers['slow'].busy_since_ns, 'the slow delivery')
+            wait_until(lambda: made.senders['slow'].busy_since_ns, 'the slow delivery')
             for key in ('s2', 's3'):
                 notify(core, key, 'slow')
             notify(core, 'q1', 'quick')

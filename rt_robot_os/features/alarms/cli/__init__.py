@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The alarms of a robot that runs: looked at and answered without ROS."""
+"""The alarms of a running robot, without ROS."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The alarms of a core over the link: which are open, what is ordered and what became of it."""
+"""A client of the alarms of a core over the link: the open alarms, commands and answers."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ _LOOK_S: Final = 0.05
 
 def check_topics(client: LinkClient, *topics: str) -> None:
     """
-    Make sure that a robot has alarms.
+    Check that a robot has alarms.
 
     :raises LinkError: it has none.
     """
     missing = [topic for topic in topics if topic not in client.topics]
     if missing:
-        raise LinkError(f'this robot has no topic {missing[0]}: it keeps no alarms (its modules '
+        raise LinkError(f'this robot has no topic {missing[0]}: it has no alarms (its modules '
                         'need one of type alarms, and topics those that clients publish; see '
                         'docs/alarms.md)')
 
@@ -56,7 +56,7 @@ def open_alarms(client: LinkClient, timeout_s: float = LIST_TIMEOUT_S) -> list[D
     """
     Get the list of open alarms.
 
-    :raises LinkError: the core is gone, has no alarms, or says nothing in time.
+    :raises LinkError: the core is gone, has no alarms, or does not respond in time.
     """
     check_topics(client, LIST)
     found: list[list[DiagnosticStatus]] = []
@@ -72,8 +72,8 @@ def open_alarms(client: LinkClient, timeout_s: float = LIST_TIMEOUT_S) -> list[D
     deadline = time.monotonic() + timeout_s
     while not found:
         if time.monotonic() > deadline:
-            raise LinkError(f'no list of alarms came within {timeout_s:g} s: does the module that '
-                            'keeps them run (see top)?')
+            raise LinkError(f'no list of alarms came within {timeout_s:g} s: does its module '
+                            'run (see top)?')
         client.pump(_LOOK_S)
     return found[-1]
 
@@ -105,7 +105,7 @@ def send_command(client: LinkClient, command: str, timeout_s: float) -> CommandA
     deadline = time.monotonic() + timeout_s
     while not found:
         if time.monotonic() > deadline:
-            raise LinkError(f'the robot did not answer {command!r} within {timeout_s:g} s; it '
-                            'is not known whether it was done: check with `alarms list`')
+            raise LinkError(f'the robot did not answer {command!r} within {timeout_s:g} s; the '
+                            'outcome is unknown: check with `alarms list`')
         client.pump(_LOOK_S)
     return found[0]

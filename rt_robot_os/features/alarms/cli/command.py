@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the program `alarms` does with its command line."""
+"""The command line of the program `alarms`."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ from rt_robot_os.linux.paths import socket_path
 
 _NAME = 'alarms'
 _ORDERS = {
-    'acknowledge': 'say that somebody sees to it: nobody else is told meanwhile',
+    'acknowledge': 'acknowledge an alarm: notifications stop',
     'resolve': 'say that it is over',
-    'cancel': 'say that it was none; only as long as it is suspected',
-    'confirm': 'say that it is one, when it is only suspected',
-    'escalate': 'have the next step told now, without waiting for its time',
+    'cancel': 'end a suspected alarm that was wrong',
+    'confirm': 'raise a suspected alarm',
+    'escalate': 'notify the next step immediately',
 }
 
 
@@ -53,19 +53,19 @@ def _parser() -> argparse.ArgumentParser:
         'open, what happens to them, and to answer them. No medical device.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     one = _add(commands, 'list', _list, 'show the open alarms, the worst first')
-    one = _add(commands, 'watch', _watch, 'follow what happens to alarms, until Ctrl-C')
+    one = _add(commands, 'watch', _watch, 'follow the events of alarms, until Ctrl-C')
     for verb, what in _ORDERS.items():
         one = _add(commands, verb, _order, what)
-        target = 'its number, or whom it is about' + (
+        target = 'its number or its subject' + (
             '; all: every alarm' if verb == 'acknowledge' else '')
         one.add_argument('alarm', metavar='ID', help=target)
         one.add_argument('why', nargs='*', metavar='WHY', help='a word about it')
         _add_who(one)
-    one = _add(commands, 'test', _test, 'raise an alarm that is a test, to see who is told')
+    one = _add(commands, 'test', _test, 'open a test alarm, to see which channels are notified')
     one.add_argument('level', nargs='?', default='technical',
                      choices=('technical', 'warning', 'urgent', 'critical'))
     _add_who(one)
-    one = _add(commands, 'journal', _journal, 'show what the journal of alarms holds',
+    one = _add(commands, 'journal', _journal, 'show the content of the journal of alarms',
                robot=False)
     one.add_argument('file', nargs='?', default='', metavar='FOLDER',
                      help='its folder or a file of it (default: alarms in $ROS_HOME or ~/.ros)')
@@ -76,7 +76,7 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('--seed', type=int, default=1, metavar='N')
     one.add_argument('--scene', type=int, default=0, metavar='N',
                      help='begin with this one, to look at it again')
-    one = _add(commands, 'silence', _silence, "silence the robot's voice for a while")
+    one = _add(commands, 'silence', _silence, "mute the robot's voice for a while")
     one.add_argument('seconds', nargs='?', type=float, default=60.0, metavar='SECONDS')
     _add_who(one)
     return parser
@@ -137,7 +137,7 @@ def _list(arguments: argparse.Namespace) -> int:
 
 def _watch(arguments: argparse.Namespace) -> int:
     with connect(arguments.robot, _NAME):
-        pass  # the first time a robot that is not there is a mistake; later it is waited for
+        pass  # a missing robot is an error at the first time; later it is waited for
     watch(socket_path(arguments.robot), arguments.json)
     return OK
 
@@ -155,7 +155,7 @@ def _silence(arguments: argparse.Namespace) -> int:
 
 
 def _journal(arguments: argparse.Namespace) -> int:
-    from rt_robot_os.features.alarms.cli import history  # takes long to import: not for the others
+    from rt_robot_os.features.alarms.cli import history  # takes long to import
 
     found = history.find(arguments.file)
     if arguments.json:
@@ -179,7 +179,7 @@ def _rehearse(arguments: argparse.Namespace) -> int:
 
 
 def _ask(arguments: argparse.Namespace, verb: str, about: str, why: str = '') -> int:
-    """Have a command carried out, and print what became of it."""
+    """Send a command, and print the answer."""
     command = ' '.join(f'{verb} {about} by {_who(arguments.by)} {why}'.split())
     with connect(arguments.robot, _NAME) as client:
         answer = send_command(client, command, arguments.timeout)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the journal of a robot holds, for people and as JSON; it may be written meanwhile."""
+"""The content of a journal, for people and as JSON; it may be written meanwhile."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ def find(name: str) -> JournalHistory:
     """
     Read a journal.
 
-    :param name: its folder, or one of its files; empty: that of ROS's folder of this user.
+    :param name: its folder, or one of its files; empty: the one in this user's folder of ROS.
     :raises ConfigError: there is none.
     """
     path = Path(name).expanduser() if name else ros_home() / DEFAULT_FOLDER
     try:
         if path.is_dir():
             if not any((path / each).exists() for each in (NAME, OLDER)):
-                raise ConfigError([f'{path} holds no journal of alarms ({NAME})'])
+                raise ConfigError([f'{path} has no journal of alarms ({NAME})'])
             return read_journal(JournalFolder(path))
         contents = decode(read_file(path, _LARGEST_BYTES))
     except OSError as error:
@@ -81,7 +81,7 @@ def lines(found: JournalHistory) -> list[str]:
     told.append(f'{len(found.records)} records, {count} alarms open')
     if found.torn_bytes or found.damaged:
         told.append(f'{found.torn_bytes} bytes cut off at the end, {found.damaged} damaged '
-                    'places: what was whole is above')
+                    'places: all whole records are above')
     return told
 
 

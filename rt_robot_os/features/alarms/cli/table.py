@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How alarms and what happens to them are shown: tables and lines for people, values for JSON."""
+"""How alarms and their events are shown: tables and lines for people, values for JSON."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ _UNITS: Final = ((86_400, 'd'), (3_600, 'h'), (60, 'min'))
 
 
 def alarm_rows(statuses: Iterable[DiagnosticStatus]) -> list[dict[str, Any]]:
-    """Return the open alarms of a list, with what it says of each."""
+    """Return the open alarms of a list, with the values of each."""
     return [{**each.values, 'message': each.message, 'severity': each.level}
             for each in statuses if each.values.get('id')]
 
 
 def notes_of(statuses: Iterable[DiagnosticStatus]) -> list[str]:
-    """Return what a list says beside the alarms."""
+    """Return the messages of a list that are not alarms."""
     return [safe_line(each.message) for each in statuses
             if not each.values.get('id') and each.message]
 
 
 def duration(seconds: str) -> str:
-    """Write a time for people: ``40 s``, ``12 min``, ``3 h``."""
+    """Return a duration for people: ``40 s``, ``12 min``, ``3 h``."""
     try:
         left = max(0, round(float(seconds)))
     except (ValueError, OverflowError):
@@ -58,7 +58,7 @@ def duration(seconds: str) -> str:
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Write alarms as a table, a line each and one above them."""
+    """Return alarms as a table, with a header line."""
     cells = [_HEADS, *(_cells(row) for row in rows)]
     widths = [max(map(len, column)) for column in zip(*cells)]
     return ['  '.join(f'{cell:{width}}' for cell, width in zip(line, widths)).rstrip()

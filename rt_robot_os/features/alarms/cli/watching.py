@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Follow what happens to the alarms of a core, from one core to the next."""
+"""Follow the events of alarms, from one core to the next."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ _SHOWN = 60
 
 def watch(path: Path, as_json: bool, stopping: Callable[[], bool] = lambda: False) -> None:
     """
-    Print an event a line until somebody stops it.
+    Print one event per line until stopped.
 
     :param path: of the core's socket.
-    :param as_json: as they come; else in words.
+    :param as_json: as JSON; else in words.
     """
     behind_ns = time.time_ns() - time.monotonic_ns()
 
@@ -53,7 +53,7 @@ def watch(path: Path, as_json: bool, stopping: Callable[[], bool] = lambda: Fals
     def connect(client: LinkClient) -> None:
         check_topics(client, EVENTS)
         client.sample_handlers[client.topics[EVENTS].channel] = take
-        # What was kept before the first look is history; what a new core tells at once is not.
+        # Events of before the first connection are history; those of a new core are not.
         client.mirror(EVENTS, patient=True, oldest=connection.connections > 0)
 
     def say(text: str) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The journal of alarms: a process that writes, syncs and says so."""
+"""The journal of alarms: a process that writes, syncs and reports."""
 
 from rt_robot_os.devices.parts import DeviceParts
 

@@ -15,10 +15,10 @@
 """
 The journal of alarms: the core's side, a device whose port is a process that writes.
 
-It hands records to the process and publishes what that says: what was kept before a restart, up to
-which record all is safe, what is wrong. Whoever makes the records keeps those that are not safe,
-and sends them again when the journal was opened anew. In a replay the process is not started: what
-it had said is in the recording.
+It sends records to the process and publishes its replies: the records of before a restart, up to
+which record all are on the disk, and faults. Module ``alarms`` keeps the records that are not
+stored yet, and sends them again when the journal was opened again. In a replay the process is not
+started: its replies are in the recording.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ from rt_robot_os.topics.ports import Output
 
 _PACKETS_PER_READ: Final = 8
 _PING_NS: Final = NS_PER_S
-# A disk that stays full is told again, should somebody have resolved what was told.
+# A disk that stays full is reported again, in case that alarm was resolved.
 _AGAIN_NS: Final = 60 * NS_PER_S
 _KB: Final = 1024
 _LOW: Final = ('{}: alarms are stored in the {} KiB that were kept free for them, and not at all '
                'when that is used up; make room on the disk')
-_ENDED: Final = ('its process ended without a word (somebody killed it, or the memory was full); '
+_ENDED: Final = ('its process ended without a word (it was killed, or the memory was full); '
                  'it is started anew')
 
 
@@ -78,7 +78,7 @@ class Journal(Device):
     stored = Output('alarms/stored', CAUSES_MESSAGE, tail=PACKET_BYTES, depth=32, most_hz=5.0)
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
-        """Keep the settings; nothing is opened."""
+        """Store the settings; nothing is opened."""
         super().__init__(name, settings)
         self._connection: socket.socket | None = None
         self._stop: Callable[[], object] | None = None
@@ -94,7 +94,7 @@ class Journal(Device):
 
     def open(self) -> None:  # noqa: A003
         """
-        Have a process read the journal; what it finds comes later, with :meth:`read`.
+        Start a process that reads the journal; its records arrive later, with :meth:`read`.
 
         :raises DeviceError: the process cannot be started.
         """
@@ -123,7 +123,7 @@ class Journal(Device):
         self._pinged_ns = 0
 
     def close(self) -> None:
-        """Let the process end; may be called twice and does not raise."""
+        """End the process; may be called twice and does not raise."""
         connection, self._connection = self._connection, None
         if connection is not None:
             connection.close()
@@ -133,7 +133,7 @@ class Journal(Device):
         self._ready = False
 
     def fileno(self) -> int | None:
-        """Return the file descriptor that becomes readable with what the process says."""
+        """Return the file descriptor of the replies of the process."""
         return None if self._connection is None else self._connection.fileno()
 
     def quiet_s(self) -> float:
@@ -142,9 +142,9 @@ class Journal(Device):
 
     def receive(self, now_ns: int, polled: bool) -> int:
         """
-        Hand on what is to be kept, if it may be.
+        Send records that are to be stored, if the journal is ready.
 
-        :raises DeviceError: the process has ended, or takes nothing more.
+        :raises DeviceError: the process has ended, or receives nothing more.
         """
         while self.records.take():
             if not self._ready:
@@ -160,16 +160,16 @@ class Journal(Device):
         return 0
 
     def write(self, now_ns: int) -> None:
-        """Ask now and then whether the process is there."""
+        """Check now and then whether the process responds."""
         if now_ns - self._pinged_ns >= _PING_NS:
             self._pinged_ns = now_ns
             self._send(packet(JournalPacket.PING))
 
     def read(self, now_ns: int) -> int:
         """
-        Publish what the process says; does not block.
+        Publish the replies of the process; does not block.
 
-        :raises DeviceError: the process has ended, or says what does not work.
+        :raises DeviceError: the process has ended, or reports a fault.
         """
         connection = self._connection
         if connection is None:
@@ -214,7 +214,7 @@ class Journal(Device):
         return 1
 
     def _take_room(self, text: str, now_ns: int) -> int:
-        """Take how much room is kept on the disk; a full disk is told before that is used up."""
+        """Update the reserve on the disk; report a full disk before the reserve is used up."""
         try:
             found = json.loads(text)
             kept_kb, put_off = int(found['kept_kb']), int(found['put_off'])
@@ -234,7 +234,7 @@ class Journal(Device):
         return 1
 
     def _look_at(self, torn_bytes: int, damaged: int) -> None:
-        """Tell of what a crash has left behind."""
+        """Log what a crash has left behind."""
         if torn_bytes:
             self.log.info('%d bytes at the end had not been finished, and are left out',
                           torn_bytes)
@@ -265,7 +265,7 @@ class Journal(Device):
             pass  # it has ended: what it said last may still be there to read
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now."""
+        """Return the present counters."""
         return DeviceStatistics(
             bytes_read=self._bytes, frames=self._frames, samples=self._samples,
             rejected_frames=self._rejected, last_frame_ns=self._last_ns,

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A journal's files in a folder of the disk, for this user alone."""
+"""The files of a journal in a folder of the disk, for this user only."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _FLAGS = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
 
 class JournalFolder:
     """
-    A :class:`rt_robot_os.features.alarms.journal_store.JournalStore` on a disk; not for the real-time loop.
+    A :class:`~rt_robot_os.features.alarms.journal_store.JournalStore` on a disk; not real-time.
 
-    :param path: of the folder; it is made if it is not there.
+    :param path: of the folder; a missing one is created.
     :raises OSError: it cannot be made.
     """
 
@@ -58,7 +58,7 @@ class JournalFolder:
         os.ftruncate(self._opened(name), size)
 
     def blank(self, name: str, start: int) -> None:
-        """Write ends of lines over all that is behind a place."""
+        """Overwrite everything behind a position with ends of lines."""
         fd = os.open(self.path / name, _FLAGS)  # where it is to be: not at the end
         try:
             os.lseek(fd, start, os.SEEK_SET)
@@ -67,15 +67,15 @@ class JournalFolder:
             os.close(fd)
 
     def keep(self, name: str, size: int) -> None:
-        """Keep room for a file of such a size; one that is not there is made, empty."""
+        """Reserve room for a file of this size; a missing file is created, empty."""
         reserve_space(self._opened(name), size)
 
     def kept(self, name: str) -> int:
-        """Return the bytes that a file has on the disk, written or kept."""
+        """Return the bytes that a file has on the disk, written or reserved."""
         return allocated_bytes(self.path / name)
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a file anew and wait until it is on the disk."""
+        """Rewrite a file and wait until it is on the disk."""
         self._close(name)
         fd = os.open(self.path / name, _FLAGS, 0o600)
         try:
@@ -122,7 +122,7 @@ class JournalFolder:
 
 
 def _write(fd: int, data: bytes) -> None:
-    """Write all of it, or raise what stands in the way."""
+    """Write all of it, or raise."""
     left = memoryview(data)
     while left:
         left = left[os.write(fd, left):]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a device and the process that writes its journal say to each other, a packet each."""
+"""The packets between the device and the process that writes its journal."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What starts the processes that write journals, as a service."""
+"""The service that starts the processes that write journals."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WORKER: Final = 'rt_robot_os.features.alarms.journal_device.worker'
 
 
 class JournalService(CaptureService):
-    """The child process that starts writers of journals, as that of the captures does."""
+    """The child process that starts writers of journals."""
 
     WORKER = WORKER
     FOR = 'writers of journals'

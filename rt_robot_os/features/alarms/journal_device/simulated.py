@@ -15,7 +15,7 @@
 """
 A simulated journal: a socket that gives the driver the real process, on an empty folder.
 
-What befalls the disk and the process of a real one can befall this one.
+Faults of the disk and of the process can be simulated.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _FULL: Final = 'full'
 
 
 class SimulatedJournal(SimulatedCapture):
-    """A journal that begins empty."""
+    """A journal that starts empty."""
 
     SETTINGS: ClassVar[tuple[Field, ...]] = (
         Field('faults', list, (), f'schedule of {", ".join((*CAPTURE_FAULTS, _FULL))}, such as '
@@ -56,12 +56,12 @@ class SimulatedJournal(SimulatedCapture):
 
     def pump(self, now_ns: int) -> None:
         """
-        Start what is asked for, and what befalls it.
+        Start requested processes, and apply faults.
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
         super().pump(now_ns)
-        # No more than this process may, or an ordinary user could not end the fault.
+        # At most what this process may use, or an ordinary user could not end the fault.
         soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
         limit = 0 if _FULL in self.faults.active(now_ns) else soft
         for worker in self.port.workers:

@@ -15,9 +15,9 @@
 """
 The process that writes a journal, on a connection that it inherits.
 
-It gives back what the journal holds, and then writes what it is sent, waits until that is on the
-disk, and says so. It ends when the core closes the connection, and with the first error of the
-disk, which it tells: the core begins anew with another process.
+It returns the records of the journal, then writes new records, waits until they are on the disk,
+and reports that. It ends when the core closes the connection, and after it has reported the first
+error of the disk; the core starts another process then.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class JournalWorker:
     A connection and a journal.
 
     :param connection: to the core; blocks.
-    :raises DeviceError: what the core says first makes no sense.
+    :raises DeviceError: the first packet of the core is not valid.
     """
 
     def __init__(self, connection: socket.socket) -> None:
@@ -72,15 +72,15 @@ class JournalWorker:
         if not data:
             raise ConnectionResetError('the core closed the connection')
         if data[0] != JournalPacket.OPEN:
-            raise DeviceError('the core said something else than what to open')
+            raise DeviceError('the first packet of the core is not OPEN')
         self._wanted: dict[str, Any] = json.loads(data[1:])
 
     def run(self) -> None:
         """
         Write until the core closes the connection.
 
-        :raises DeviceError: somebody else writes this journal.
-        :raises OSError: the disk does not do what it should.
+        :raises DeviceError: another process writes this journal.
+        :raises OSError: the disk fails.
         """
         use_ordinary_scheduling(self._wanted['avoid_cpus'])
         folder = JournalFolder(folder_of(self._wanted['folder']))
@@ -93,9 +93,9 @@ class JournalWorker:
 
     def _opened(self, folder: JournalFolder, lock: LockFile) -> JournalFile:
         """
-        Open the journal and give back what it holds, also when it cannot be written.
+        Open the journal and return its records, even when it cannot be written.
 
-        :raises DeviceError: another robot writes it; nothing is given back.
+        :raises DeviceError: another robot writes it; nothing is returned.
         """
         try:
             if not lock.acquire():
@@ -103,11 +103,11 @@ class JournalWorker:
                 raise DeviceError(
                     f'{folder.path} is written by process {there.get("pid", "?")}, for '
                     f'{there.get("device", "another robot")}: give each robot a folder of its own')
-            with suppress(OSError):  # a full disk: nobody can say who holds the lock
+            with suppress(OSError):  # a full disk: the holder of the lock cannot be written
                 lock.note(pid=os.getpid(), device=self._wanted['name'])
             journal = JournalFile(folder, self._wanted['limit_bytes'], time.time_ns)
             found = journal.open()
-        except DeviceError:  # the alarms of another robot are not this one's to give back
+        except DeviceError:  # those are alarms of another robot
             raise
         except OSError:
             self._give_back(read_journal(folder), 0)
@@ -125,7 +125,7 @@ class JournalWorker:
             'generation': begun}))
 
     def _write(self, journal: JournalFile) -> None:
-        """Write all that is there, and sync once for it."""
+        """Write all pending records, and sync once."""
         poll = select.poll()
         poll.register(self._connection, select.POLLIN)
         while True:
@@ -145,11 +145,12 @@ class JournalWorker:
                 elif data[0] == JournalPacket.PING:
                     self._connection.send(json_packet(JournalPacket.PONG, _room(journal)))
             if kept:
-                self._connection.send(json_packet(JournalPacket.STORED, {'stored': journal.commit()}))
+                self._connection.send(json_packet(
+                    JournalPacket.STORED, {'stored': journal.commit()}))
 
 
 def _room(journal: JournalFile) -> dict[str, Any]:
-    """Keep room for what will come, and tell how much there is."""
+    """Reserve room for new records, and return how much there is."""
     room = journal.keep_room()
     problem = room.problem
     told = '' if problem is None else problem.strerror or str(problem)
@@ -170,12 +171,12 @@ def main(arguments: Sequence[str]) -> int:
     except OSError as error:
         name = f'{error.filename}: ' if error.filename else ''
         text = f'the journal cannot be written: {name}{error.strerror or error}'
-    except Exception as error:  # whatever it is, the core has to tell it
+    except Exception as error:  # whatever it is, the core has to report it
         text = f'the journal cannot be written: {type(error).__name__}: {error}'
     try:
         connection.send(packet(JournalPacket.FAULT, text))
     except OSError:
-        pass  # nobody listens any more
+        pass  # the core has closed the connection
     return 1
 
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Notifications of alarms, carried to people: by e-mail, over the web, by a program, to a file.
+Notifications of alarms for people: by e-mail, web hook, program, or to a file.
 
-A process of its own beside the core: what waits for a network never waits in the robot.
+A separate process: a delivery that waits for a network never waits in the core.
 """

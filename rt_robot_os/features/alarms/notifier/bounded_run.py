@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Run a program that ends, with all its children, when the process that wants it has ended.
+Run a program that ends, with all its children, when its parent process has ended.
 
 Started as a script, with the standard library alone and isolated from the environment, which is
 the program's. Arguments: a descriptor, and the command. Nothing is written to the descriptor; it
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str]) -> int:
     waiting.register(int(life), select.POLLIN | select.POLLHUP)
     waiting.register(os.pidfd_open(process.pid), select.POLLIN)
     waiting.poll()
-    if process.poll() is None:  # the process that wanted it has ended
+    if process.poll() is None:  # the parent process has ended
         os.killpg(0, signal.SIGKILL)  # this one leads the group
     return process.returncode if process.returncode >= 0 else 128 - process.returncode
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a channel is, and what all of them need."""
+"""The interface of a channel, and what all channels use."""
 
 from __future__ import annotations
 
@@ -30,32 +30,32 @@ from typing import Protocol
 from rt_robot_os.base.schema import Field
 from rt_robot_os.messages.notification import Notification
 
-#: A value of a channel's settings that begins so names a variable of the environment.
+#: A setting that begins with it names a variable of the environment.
 VARIABLE: Final = '$'
-#: A single read or write may take so much longer than the whole: the deadline is to come first.
+#: The time-out of a single read or write exceeds the deadline of the whole by it.
 GRACE_S: Final = 0.5
 
 
 class DeliveryError(Exception):
-    """A notification was not delivered, or nobody knows; the text says why."""
+    """A notification was not delivered, or the outcome is unknown; the text says why."""
 
 
 class Channel(Protocol):
     """
-    Tells a notification to somebody; used by one thread.
+    Delivers notifications; used by one thread.
 
-    :cvar SETTINGS: the keys of its section beside the common ones.
+    :cvar SETTINGS: the keys of its section, in addition to the common ones.
     """
 
     SETTINGS: tuple[Field, ...]
 
     def deliver(self, notification: Notification, again: bool) -> str:
         """
-        Tell it, within the channel's time-out.
+        Deliver it, within the time-out of the channel.
 
-        :param again: it may have been told before: a channel that can find out does.
-        :return: a word about it.
-        :raises DeliveryError: it is not told, as far as the channel knows.
+        :param again: it may have been delivered before; a channel that can checks.
+        :return: a short text about the delivery.
+        :raises DeliveryError: it is not delivered, as far as the channel knows.
         """
 
 
@@ -75,7 +75,7 @@ def environment_value(text: str, environ: Mapping[str, str]) -> str:
 
 
 def is_own_machine(host: str) -> bool:
-    """Return whether a host is this machine: what goes there crosses no network."""
+    """Return whether a host is this machine, so that no network is crossed."""
     if host == 'localhost':
         return True
     try:
@@ -86,7 +86,7 @@ def is_own_machine(host: str) -> bool:
 
 class Deadline:
     """
-    Cut a connection when its time is over, whatever the other side sends a byte at a time.
+    Cut a connection at its deadline, even when the other side sends a byte now and then.
 
     :param timeout_s: for the whole delivery.
     """
@@ -99,7 +99,7 @@ class Deadline:
 
     @contextmanager
     def watch(self) -> Iterator[Deadline]:
-        """Let the time begin."""
+        """Start the time."""
         timer = threading.Timer(self._timeout_s, self._end)
         timer.daemon = True
         timer.start()
@@ -111,7 +111,7 @@ class Deadline:
                 self._socket = None
 
     def guard(self, connection: Any) -> None:
-        """Name the connection, as soon as it is there."""
+        """Register the connection, as soon as there is one."""
         with self._lock:
             self._socket = connection
         if self.over:

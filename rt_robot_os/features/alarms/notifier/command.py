@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the program `notifier` does with its command line."""
+"""The command line of the program `notifier`."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ Exit code: 0 ended by a signal, 1 it cannot run, 2 wrong settings."""
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog=_NAME, description='Carry notifications of alarms to people: by e-mail, webhook, '
+        prog=_NAME, description='Deliver notifications of alarms: by e-mail, webhook, '
         'program, file or console. No medical device.', epilog=_EPILOG, allow_abbrev=False,
         usage='notifier [options] [FILE ...] [--ros-args -p NAME:=VALUE ...]')
     add_robot_option(parser)
-    parser.set_defaults(robot=None)  # that of its own namespace
+    parser.set_defaults(robot=None)  # the robot in its own namespace
     parser.add_argument('--check', action='store_true',
                         help='check the settings, name the channels, and end')
     return parser
@@ -55,7 +55,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def run(argv: Sequence[str]) -> int:
     """
-    Carry notifications until a signal ends it.
+    Deliver notifications until a signal ends it.
 
     :param argv: without the program's name.
     :return: the exit code.
@@ -84,7 +84,7 @@ def _carry(settings: NotifierSettings, robot: str) -> int:
     folder = data_folder(_NAME, robot, settings.folder)
     stopping: list[int] = []
     with single_instance(_NAME, robot,
-                         f'a notifier of the robot {robot} runs already: two would tell '
+                         f'a notifier of the robot {robot} runs already: two would deliver '
                          'everything twice'):
         notifier = Notifier(settings, socket_path(robot), folder / 'deliveries.jsonl',
                             lambda text: warn(_NAME, text))

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What has become of each notification, so that none is told twice and each is reported.
+The log of deliveries, so that no notification is delivered twice and each is reported.
 
-Pure: lines to be kept come out, lines that were kept go in. A notification whose beginning was
-kept and whose end was not may have been told: that is for its channel to find out.
+It does no input or output: it returns lines to be stored, and reads stored lines. A notification
+whose start is stored and whose end is not may have been delivered; its channel has to find out.
 """
 
 from __future__ import annotations
@@ -33,26 +33,26 @@ from rt_robot_os.messages.fields import Text
 from rt_robot_os.messages.notification import DeliveryReport
 from rt_robot_os.messages.notification import Notification
 
-#: Notifications that are remembered; the oldest are forgotten first.
+#: The most deliveries that are remembered; the oldest are dropped first.
 REMEMBERED: Final = 4096
 _KEY: Final = Text(200)
 
 
 class DeliveryStatus(Enum):
-    """What is to be done with a notification that came."""
+    """How far the delivery of a notification has come."""
 
     NEW = 'new'
-    #: It was begun before a restart, and nobody knows whether it was told.
+    #: It was started before a restart; whether it was delivered is unknown.
     AGAIN = 'again'
-    #: It is under way already.
+    #: It is being delivered.
     RUNNING = 'running'
-    #: What became of it is known: report that.
+    #: It has a report, which is sent again.
     DONE = 'done'
 
 
 class DeliveryLog:
     """
-    The memory of notifications, by their keys.
+    The deliveries, by the keys of their notifications.
 
     :ivar unreadable: lines that could not be read.
     """
@@ -60,14 +60,14 @@ class DeliveryLog:
     def __init__(self, remembered: int = REMEMBERED) -> None:
         self.unreadable = 0
         self._remembered = remembered
-        # None: begun in an earlier life; False: under way in this one.
+        # None: started by an earlier process; False: being delivered by this one.
         self._known: OrderedDict[str, DeliveryReport | None | bool] = OrderedDict()
 
     def __len__(self) -> int:
         return len(self._known)
 
     def restore(self, lines: Iterable[str]) -> None:
-        """Take what was kept before a restart; a line that was cut is passed over."""
+        """Read the lines of before a restart; a line that was cut is skipped."""
         for line in lines:
             try:
                 found = parse_object(line, '{"key": "7.1.0.0.operator", ...}')
@@ -79,11 +79,11 @@ class DeliveryLog:
             except ValueError:
                 self.unreadable += bool(line.strip())
 
-    def take(self, key: str, doubtful: bool = False) -> DeliveryStatus:
+    def start(self, key: str, doubtful: bool = False) -> DeliveryStatus:
         """
-        Take a notification that came; one that is new or begun again is under way now.
+        Start the delivery of a notification, if it is new or has to be repeated.
 
-        :param doubtful: an earlier life may have told it, and not have been able to keep that.
+        :param doubtful: an earlier process may have delivered it without storing that.
         """
         known = self._known.get(key)
         if isinstance(known, DeliveryReport):
@@ -94,17 +94,17 @@ class DeliveryLog:
         self._put(key, False)
         return verdict
 
-    def begun(self, key: str, channel: str) -> str:
-        """Return the line to be kept before a notification is told."""
+    def start_line(self, key: str, channel: str) -> str:
+        """Return the line to be stored before a notification is delivered."""
         return _line({'key': key, 'channel': channel})
 
-    def end(self, report: DeliveryReport) -> str:
-        """Note what became of one; return the line to be kept."""
+    def finish(self, report: DeliveryReport) -> str:
+        """Add a delivery report; return the line to be stored."""
         self._put(report.key, report)
         return _line(report.to_dict())
 
     def report(self, key: str) -> DeliveryReport | None:
-        """Return what became of one, as far as it is known."""
+        """Return the report of a notification, if there is one."""
         known = self._known.get(key)
         return known if isinstance(known, DeliveryReport) else None
 
@@ -114,8 +114,8 @@ class DeliveryLog:
         return found[-most:]
 
     def lines(self) -> list[str]:
-        """Return what has to be kept of all that is remembered."""
-        return [_line(known.to_dict()) if isinstance(known, DeliveryReport) else _line({'key': key})
+        """Return the lines that have to be stored for all deliveries."""
+        return [_line(known.to_dict() if isinstance(known, DeliveryReport) else {'key': key})
                 for key, known in self._known.items()]
 
     def _put(self, key: str, known: DeliveryReport | None | bool) -> None:
@@ -127,10 +127,10 @@ class DeliveryLog:
 
 def is_doubtful(notification: Notification, stamp_ns: int, start_ns: int) -> bool:
     """
-    Return whether an earlier life of the notifier may have told a notification.
+    Return whether an earlier process may have delivered a notification.
 
     :param stamp_ns: when it was sent.
-    :param start_ns: when this life began, on the same clock.
+    :param start_ns: when this process began, on the same clock.
     """
     return stamp_ns < start_ns or notification.again
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The ledger's file: a line is on the disk before what it says is done."""
+"""The file of the delivery log: a line is on the disk before its delivery or report."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from typing import Final
 
 from rt_robot_os.base.errors import StartError
 
-#: With so many lines more than are needed the file is written anew.
+#: Lines more than needed, with which the file is rewritten.
 LINES_SPARE: Final = 4096
 _LARGEST_BYTES: Final = 64 << 20
 
@@ -32,11 +32,12 @@ class DeliveryLogFile:
     """
     An append-only file of lines; calls may wait for the disk.
 
-    A disk that is full or broken stops nothing: what cannot be kept is counted, and told.
+    A disk that is full or broken stops nothing: lines that cannot be stored are counted and
+    reported.
 
-    :param path: of the file; its folder is made, for this user alone.
-    :ivar problem: why the last line could not be kept; empty when it was.
-    :ivar failed: lines that could not be kept.
+    :param path: of the file; its folder is created, for this user only.
+    :ivar problem: why the last line could not be stored; empty when it was.
+    :ivar failed: lines that could not be stored.
     :raises StartError: the folder cannot be used.
     """
 
@@ -54,7 +55,7 @@ class DeliveryLogFile:
                              'can be') from error
 
     def read(self) -> list[str]:
-        """Return the lines that are there; the last one may have been cut."""
+        """Return the lines; the last one may have been cut."""
         size = os.fstat(self._fd).st_size
         start = max(0, size - _LARGEST_BYTES)
         data = b''
@@ -66,7 +67,7 @@ class DeliveryLogFile:
         lines = data.decode(errors='replace').splitlines()
         self._lines = len(lines)
         if data and not data.endswith(b'\n'):
-            self._put(b'\n')  # what was cut must not take the next line with it
+            self._put(b'\n')  # a cut line must not damage the next one
         return lines
 
     def keep(self, line: str) -> bool:
@@ -77,11 +78,11 @@ class DeliveryLogFile:
         return True
 
     def is_long(self, needed: int) -> bool:
-        """Return whether it holds much more than so many lines."""
+        """Return whether it has many more lines than this number."""
         return self._lines > needed + LINES_SPARE
 
-    def write_anew(self, lines: list[str]) -> None:
-        """Put what is needed in the place of all that is there, or leave it as it is."""
+    def rewrite(self, lines: list[str]) -> None:
+        """Replace all lines by these, or leave the file unmodified."""
         new = self._path.with_suffix('.new')
         try:
             fd = os.open(new, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC
@@ -119,7 +120,7 @@ class DeliveryLogFile:
         except OSError as error:
             self.failed += 1
             self.problem = f'{self._path}: {error.strerror}'
-            with suppress(OSError):  # no half a line stays
+            with suppress(OSError):  # no partial line stays
                 os.ftruncate(self._fd, size)
             return False
         self.problem = ''

@@ -36,7 +36,7 @@ from rt_robot_os.features.alarms.notifier.wording import json_of
 from rt_robot_os.features.alarms.notifier.wording import title_of
 from rt_robot_os.messages.notification import Notification
 
-# So much of a file is looked through for what may have been written before.
+# How much of the end of a file is searched for a line that was written before.
 _LOOK_BACK_BYTES: Final = 1 << 20
 
 
@@ -49,13 +49,13 @@ class ConsoleChannel:
         pass
 
     def deliver(self, notification: Notification, again: bool) -> str:
-        """Print it; whether somebody looks nobody knows."""
+        """Print it; whether a person reads it is unknown."""
         at = datetime.now().strftime('%H:%M:%S')
         text = notification.text or title_of(notification)
         try:
             print(f'{at} {text}{" (perhaps again)" if again else ""}', file=sys.stdout, flush=True)
         except (OSError, ValueError) as error:
-            raise DeliveryError(f'nobody reads the console: {error}') from error
+            raise DeliveryError(f'the console cannot be written: {error}') from error
         return 'printed'
 
 
@@ -70,7 +70,7 @@ class FileChannel:
         self._path = Path(values['path']).expanduser()
 
     def deliver(self, notification: Notification, again: bool) -> str:
-        """Write it; a line that is there already is not written again."""
+        """Append it, unless the line is there already."""
         line = json.dumps({'at': datetime.now().astimezone().isoformat(timespec='milliseconds'),
                            **notification.to_dict()}, ensure_ascii=True).encode() + b'\n'
         try:
@@ -106,7 +106,7 @@ class FileChannel:
 
 
 class CommandChannel:
-    """Run a program of the user's with the notification as JSON on its standard input."""
+    """Run a program of the user, with the notification as JSON on its standard input."""
 
     SETTINGS = (
         Field('command', list, REQUIRED, 'Program and its arguments, run without a shell; it gets '
@@ -115,7 +115,7 @@ class CommandChannel:
 
     def __init__(self, values: Mapping[str, Any], environ: Mapping[str, str]) -> None:
         """
-        Take the command.
+        Check the command.
 
         :raises ValueError: it is empty.
         """
@@ -126,11 +126,11 @@ class CommandChannel:
             raise ValueError('command is empty: name a program, such as [/usr/local/bin/page]')
 
     def deliver(self, notification: Notification, again: bool) -> str:
-        """Run it; with its children it is ended after its time, or with this process."""
+        """Run it; it is ended, with its children, after its time-out or with this process."""
         program = self._command[0]
         if shutil.which(program, path=self._environ.get('PATH')) is None:
             raise DeliveryError(f'{program}: No such file that can be run')
-        # The end that this process holds is closed when it ends, by SIGKILL too.
+        # The kernel closes the end of this process when the process ends, even by SIGKILL.
         life, held = os.pipe()
         try:
             self._run(life, json_of(notification, again).encode())

@@ -47,7 +47,7 @@ _PICTURES: Final = {'.jpg': 'jpeg', '.jpeg': 'jpeg', '.png': 'png'}
 
 
 class _Server(smtplib.SMTP):
-    """A connection whose deadline holds from its first byte."""
+    """A connection with a deadline from its first byte."""
 
     def __init__(self, deadline: Deadline, *arguments: Any, **options: Any) -> None:
         self._deadline = deadline
@@ -64,10 +64,10 @@ class _TlsServer(_Server, smtplib.SMTP_SSL):
 
 
 class MailChannel:
-    """Send a message; the server's word that it has taken it means that it is delivered."""
+    """Send a message; it is delivered when the server has accepted it."""
 
     SETTINGS = (
-        Field('server', str, REQUIRED, 'Server that sends mail for us'),
+        Field('server', str, REQUIRED, 'Server that sends the mail'),
         Field('port', int, 587, 'Its port', minimum=1, maximum=65535),
         Field('security', str, 'starttls', 'How the connection is encrypted; none only on this '
               'machine', choices=('starttls', 'tls', 'none')),
@@ -82,7 +82,7 @@ class MailChannel:
 
     def __init__(self, values: Mapping[str, Any], environ: Mapping[str, str]) -> None:
         """
-        Take the settings.
+        Check the settings.
 
         :raises ValueError: with what is wrong with them.
         """
@@ -91,12 +91,12 @@ class MailChannel:
         self._password = ''
         for address in (values['sender'], *values['to']):
             if '@' not in address or not address.isprintable() or ' ' in address:
-                raise ValueError(f'{address[:60]!r} is no address: write name@example.org')
+                raise ValueError(f'{address[:60]!r} is not an address: write name@example.org')
         if not values['to']:
             raise ValueError('to is empty: name an address')
         if values['security'] == 'none' and not is_own_machine(values['server']):
-            raise ValueError(f'security: none to {values["server"]}: everybody on the way can '
-                             'read that; use starttls or tls')
+            raise ValueError(f'security: none to {values["server"]}: it can be read on '
+                             'the network; use starttls or tls')
         if bool(values['user']) != bool(values['password']):
             raise ValueError('user and password go together')
         if values['password']:
@@ -110,7 +110,7 @@ class MailChannel:
             raise ValueError(f'ca_file cannot be used: {error}') from error
 
     def deliver(self, notification: Notification, again: bool) -> str:
-        """Send it; the same notification has the same Message-ID, which mail programs fold."""
+        """Send it; a repetition has the same Message-ID, which mail programs show once."""
         message = self._message(notification, again)
         deadline = Deadline(self._timeout_s)
         server = None
@@ -129,7 +129,7 @@ class MailChannel:
             raise DeliveryError(f'{self._values["server"]}: {why}') from None
         finally:
             if server is not None:
-                server.close()  # without QUIT: what was taken is taken
+                server.close()  # without QUIT: the message was accepted
         if refused:
             return f'taken, but not for {len(refused)} of {len(self._values["to"])}'
         return f'{self._values["server"]} took it'
@@ -163,7 +163,7 @@ class MailChannel:
         return message
 
     def _said(self, error: Exception) -> str:
-        """Return what a server says, without our secrets."""
+        """Return the answer of a server, without secrets."""
         if isinstance(error, smtplib.SMTPRecipientsRefused):
             text = f'refuses {", ".join(error.recipients)}'
         elif isinstance(error, smtplib.SMTPResponseException):
@@ -176,7 +176,7 @@ class MailChannel:
 
 
 def _picture(path: Path) -> tuple[bytes, str, str] | None:
-    """Read a picture that is to be attached; None for anything else."""
+    """Read a picture that is to be attached; None when it is not one."""
     kind = _PICTURES.get(path.suffix.lower())
     if kind is None:
         return None

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The notifier: notifications from the core to the couriers, and what became of them back.
+The notifier: it passes notifications from the core to the channels, and reports back.
 
-A key is delivered once. What was delivered is on the disk before the core is told; after the core
-or the notifier was away all recent reports are told again, which the core takes as one.
+A key is delivered once. A delivery is on the disk before its report is sent. After a new
+connection all recent reports are sent again; the core ignores those that it has.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from rt_robot_os.messages.notification import REPORT_CHARACTERS
 NOTIFY: Final = 'alarms/notify'
 REPORT: Final = 'alarms/report'
 HEARTBEAT: Final = 'notifier/heartbeat'
-#: Reports that are told again to a core that comes (back).
+#: Reports that are sent again to a core after a new connection.
 REPORTS_AGAIN: Final = 32
 _PUMP_S: Final = 0.05
 _END_S: Final = 3.0
@@ -56,12 +56,12 @@ _END_S: Final = 3.0
 
 class Notifier:
     """
-    Carry notifications of one robot.
+    Delivers the notifications of one robot.
 
     :param path: of the core's socket.
-    :param memory: the file that remembers what was delivered.
-    :param tell: takes a line of text about what goes wrong.
-    :raises StartError: the memory cannot be used.
+    :param memory: the file of the delivery log.
+    :param tell: receives a line of text about each problem.
+    :raises StartError: the file cannot be used.
     """
 
     def __init__(self, settings: NotifierSettings, path: Path, memory: Path,
@@ -69,10 +69,10 @@ class Notifier:
         self._settings = settings
         self._tell = tell
         self._store = DeliveryLogFile(memory)
-        self._ledger = DeliveryLog()
-        self._ledger.restore(self._store.read())
+        self._log = DeliveryLog()
+        self._log.restore(self._store.read())
         self._lock = threading.Lock()
-        # Who waits for the disk holds up only who has something to keep as well.
+        # A thread that waits for the disk delays only threads that store lines, too.
         self._disk = threading.Lock()
         self._shrink()
         self._reports: queue.SimpleQueue[DeliveryReport] = queue.SimpleQueue()
@@ -82,12 +82,12 @@ class Notifier:
                           'unknown_channel': 0}
         self._beat_s = 0.0
         self._start_ns = time.monotonic_ns()
-        self.couriers = {each.name: ChannelSender(each, self._begin, self._end, settings.expires_s)
-                         for each in settings.channels}
+        self.senders = {each.name: ChannelSender(each, self._begin, self._end, settings.expires_s)
+                        for each in settings.channels}
         self.link = ReconnectingClient(path, 'notifier', self._connect, tell)
 
     def run(self, stopping: Callable[[], bool]) -> None:
-        """Carry until somebody stops it; then what runs has three seconds to end."""
+        """Deliver until stopped; then running deliveries have three seconds to end."""
         try:
             while not stopping():
                 self.link.pump(_PUMP_S)
@@ -95,8 +95,8 @@ class Notifier:
                 self._beat()
         finally:
             deadline = time.monotonic() + _END_S
-            for courier in self.couriers.values():
-                courier.stop(max(0.0, deadline - time.monotonic()))
+            for sender in self.senders.values():
+                sender.stop(max(0.0, deadline - time.monotonic()))
             self._report()
             self.link.close()
             with self._disk:
@@ -106,18 +106,18 @@ class Notifier:
 
     def _connect(self, client: LinkClient) -> None:
         """
-        Take a new connection: what its core told already, and what it may not have heard.
+        Set up a new connection: notifications so far, and reports that may have been lost.
 
         :raises LinkError: this robot has no alarms.
         """
         missing = [topic for topic in (NOTIFY, REPORT) if topic not in client.topics]
         if missing:
-            raise LinkError(f'this robot has no topic {missing[0]}: it keeps no alarms, or '
+            raise LinkError(f'this robot has no topic {missing[0]}: it has no module alarms, or '
                             'does not list that topic (docs/notifier.md)')
         self._channels = {topic: client.advertise(topic) for topic in (REPORT, HEARTBEAT)
                           if topic in client.topics}
         with self._lock:
-            again = self._ledger.recent(REPORTS_AGAIN)
+            again = self._log.recent(REPORTS_AGAIN)
         known = {each.key for each in again}
         self._unsent = [*again, *(each for each in self._unsent if each.key not in known)]
         self._beat_s = 0.0
@@ -134,9 +134,9 @@ class Notifier:
             return
         self._counters['taken'] += 1
         with self._lock:
-            verdict = self._ledger.take(notification.key, is_doubtful(
+            verdict = self._log.start(notification.key, is_doubtful(
                 notification, stamp_ns, self._start_ns))
-            known = self._ledger.report(notification.key)
+            known = self._log.report(notification.key)
         if known is not None:
             self._counters['duplicates'] += 1
             self._reports.put(known)
@@ -147,47 +147,48 @@ class Notifier:
             self._hand_over(notification, verdict is DeliveryStatus.AGAIN, stamp_ns)
 
     def _hand_over(self, notification: Notification, again: bool, stamp_ns: int) -> None:
-        courier = self.couriers.get(notification.channel)
-        if courier is None:
+        sender = self.senders.get(notification.channel)
+        if sender is None:
             self._counters['unknown_channel'] += 1
-            there = ', '.join(self.couriers) or 'none'
+            there = ', '.join(self.senders) or 'none'
             self._refuse(notification, f'the notifier has no such channel; it has {there}')
-        elif not courier.send(notification, again, stamp_ns):
+        elif not sender.send(notification, again, stamp_ns):
             self._refuse(notification, 'too many notifications wait for this channel')
 
     def _refuse(self, notification: Notification, why: str) -> None:
         self._tell(f'{notification.key}: {why}')
-        report = DeliveryReport(notification.key, notification.channel, False, why[:REPORT_CHARACTERS])
+        report = DeliveryReport(
+            notification.key, notification.channel, False, why[:REPORT_CHARACTERS])
         with self._lock:
-            self._ledger.end(report)  # not worth the disk: it was not told
+            self._log.finish(report)  # not stored: nothing was delivered
         self._reports.put(report)
 
-    # ---- by the couriers ---------------------------------------------------------------------
+    # ---- by the senders ----------------------------------------------------------------------
 
     def _begin(self, notification: Notification) -> None:
-        """Have it on the disk that somebody may know from now on."""
-        line = self._ledger.begun(notification.key, notification.channel)
+        """Store that the delivery starts."""
+        line = self._log.start_line(notification.key, notification.channel)
         with self._disk:
             self._store.keep(line)
 
     def _end(self, report: DeliveryReport) -> None:
         with self._lock:
-            line = self._ledger.end(report)
+            line = self._log.finish(report)
         with self._disk:
             self._store.keep(line)
             self._shrink()
         self._reports.put(report)
 
     def _shrink(self) -> None:
-        if self._store.is_long(len(self._ledger)):
+        if self._store.is_long(len(self._log)):
             with self._lock:
-                lines = self._ledger.lines()
-            self._store.write_anew(lines)
+                lines = self._log.lines()
+            self._store.rewrite(lines)
 
     # ---- to the core -------------------------------------------------------------------------
 
     def _report(self) -> None:
-        """Publish what became of notifications; what cannot be is kept for later."""
+        """Publish delivery reports; those that cannot be published wait."""
         while True:
             try:
                 report = self._reports.get_nowait()
@@ -201,7 +202,7 @@ class Notifier:
             try:
                 client.publish(self._channels[REPORT], string_message(self._unsent[0].to_json()))
             except LinkError:
-                return  # it is told again with the next connection, or a moment later
+                return  # it is sent again with the next connection, or a moment later
             self._unsent.pop(0)
 
     def _beat(self) -> None:
@@ -214,12 +215,12 @@ class Notifier:
             client.publish(self._channels[HEARTBEAT],
                            string_message(json.dumps(self.statistics())[:_BEAT_LETTERS]))
         except LinkError:
-            return  # the next one says as much
+            return  # the next heartbeat has the same content
 
     def statistics(self) -> dict[str, Any]:
         """Return the counters of all channels, and what is wrong."""
-        return {'channels': {name: each.statistics() for name, each in self.couriers.items()},
-                **self._counters, 'unsent': len(self._unsent), 'remembered': len(self._ledger),
+        return {'channels': {name: each.statistics() for name, each in self.senders.items()},
+                **self._counters, 'unsent': len(self._unsent), 'remembered': len(self._log),
                 'unkept': self._store.failed, 'problem': self._store.problem}
 
 

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The program `notifier`: carry notifications of alarms to people.
+The program `notifier`: deliver notifications of alarms.
 
-Run it beside the robot with the same parameter file.
+Run it next to the robot, with the same parameter file.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Couriers: each channel has a thread and a queue of its own, so that none waits for another."""
+"""Delivery workers: each channel has its own thread and queue, so that none waits for another."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class ChannelSender:
     Delivers by one channel, one notification after the other.
 
     :param begin: called by its thread before each delivery, with the notification.
-    :param end: called by its thread with what became of it.
-    :param expires_s: what has waited longer is not delivered any more.
+    :param end: called by its thread with the report.
+    :param expires_s: a notification that has waited longer is not delivered any more.
     :ivar delivered: so far.
     :ivar failed: so far.
     :ivar problem: why the last delivery failed; empty when it went well.
@@ -58,7 +58,7 @@ class ChannelSender:
         self._queue: queue.Queue[tuple[Notification, bool, int] | None] = queue.Queue(
             settings.queue)
         self._thread = threading.Thread(
-            target=self._run, name=f'courier {settings.name}', daemon=True)
+            target=self._run, name=f'sender {settings.name}', daemon=True)
         self._thread.start()
 
     def send(self, notification: Notification, again: bool, stamp_ns: int) -> bool:
@@ -74,14 +74,14 @@ class ChannelSender:
         return True
 
     def stop(self, timeout_s: float) -> bool:
-        """Take no more, and wait for the delivery that runs; return whether it is done."""
+        """Start no more deliveries, and wait for the running one; return whether it has ended."""
         while True:
             try:
                 self._queue.put_nowait(_END)
                 break
             except queue.Full:
                 try:
-                    self._queue.get_nowait()  # it is not begun, and comes again after a restart
+                    self._queue.get_nowait()  # not started: it is sent again after a restart
                 except queue.Empty:
                     pass
         self._thread.join(timeout_s)
@@ -114,5 +114,5 @@ class ChannelSender:
             return True, self.settings.channel.deliver(notification, again)
         except DeliveryError as error:
             return False, str(error)
-        except Exception as error:  # the thread has to go on, whatever a channel does
+        except Exception as error:  # the thread continues, whatever a channel raises
             return False, f'{type(error).__name__} in the channel'

@@ -51,9 +51,10 @@ from rt_robot_os.settings.tree import Leaf
 
 Kind = Callable[[Mapping[str, Any], Mapping[str, str]], Channel]
 KINDS: Final[Mapping[str, Any]] = {
-    'console': ConsoleChannel, 'file': FileChannel, 'command': CommandChannel, 'webhook': WebhookChannel, 'email': MailChannel}
+    'console': ConsoleChannel, 'file': FileChannel, 'command': CommandChannel,
+    'webhook': WebhookChannel, 'email': MailChannel}
 _NAME: Final = re.compile(r'[a-z][a-z0-9_-]{0,31}', re.ASCII)
-#: The names that the robot itself answers to, without a notifier.
+#: Channels of the robot itself, which need no notifier.
 _ROBOTS: Final = ('robot',)
 
 TOP: Final = (
@@ -106,12 +107,12 @@ def load(paths: Sequence[Path], overrides: Mapping[str, Any], environ: Mapping[s
     :param overrides: by dotted name; they win over the files.
     :raises ConfigError: with one line for each problem.
     """
-    # Late: `--help` needs none of it.
+    # Imported late: `--help` needs none of it.
     from rt_robot_os.settings.program_settings import read_parameters
     tree, problems = read_parameters(paths, overrides, node, namespace)
     top = read_section(tree, '', TOP, problems, set(tree.children) | ROS_OWN).values
     names = top.get('channels', ())
-    # What is secret to one channel is not for the programs of another.
+    # The secrets of a channel are hidden from the programs of others.
     secret = {leaf.value[1:] for leaf in flatten(tree).values()
               if isinstance(leaf.value, str) and leaf.value.startswith(VARIABLE)}
     plain = {name: value for name, value in environ.items() if name not in secret}
@@ -150,7 +151,7 @@ def _channel(tree: Branch, name: str, environ: Mapping[str, str], plain: Mapping
         return ChannelSettings(name, section.values['type'], section.values['queue'],
                                cls(section.values, plain if cls is CommandChannel else environ))
     except KeyError:
-        return None  # a value is missing, which was told
+        return None  # a value is missing, which was reported
     except ValueError as error:
         problems.add(branch.origin, f'{name}: {error}')
         return None

@@ -47,7 +47,7 @@ def idempotency_key(key: str) -> str:
 
 
 class WebhookChannel:
-    """POST it; an answer 2xx means that it is delivered, and redirections are not followed."""
+    """Send a POST request; a 2xx response means delivered, redirections are not followed."""
 
     SETTINGS = (
         Field('url', str, REQUIRED, 'https://... that takes a POST of JSON, or $NAME of a '
@@ -60,7 +60,7 @@ class WebhookChannel:
 
     def __init__(self, values: Mapping[str, Any], environ: Mapping[str, str]) -> None:
         """
-        Take the settings.
+        Check the settings.
 
         :raises ValueError: with what is wrong with them.
         """
@@ -71,12 +71,12 @@ class WebhookChannel:
             parts = urlsplit(url)
             self._host, self._port = parts.hostname or '', parts.port
         except ValueError:
-            raise ValueError('url is no URL: write https://host/path') from None
+            raise ValueError('url is not a URL: write https://host/path') from None
         if not self._host or parts.scheme not in ('https', 'http') or parts.username:
             raise ValueError('url must be https://host/path, without a user in it')
         if parts.scheme == 'http' and not is_own_machine(self._host):
-            raise ValueError(f'url goes to {self._host} by http, which everybody on the way can '
-                             'read: use https')
+            raise ValueError(f'url goes to {self._host} by http, which can be read on the '
+                             'network: use https')
         self._path = (parts.path or '/') + (f'?{parts.query}' if parts.query else '')
         self._tls = self._context(values['ca_file']) if parts.scheme == 'https' else None
         self._headers = self._header(values['header'], values['secret'], environ)
@@ -103,7 +103,7 @@ class WebhookChannel:
         return {name: secret}
 
     def deliver(self, notification: Notification, again: bool) -> str:
-        """Post it; who gets it knows by the header Idempotency-Key what came before."""
+        """Send it; the header Idempotency-Key lets the receiver detect a repetition."""
         kind = HTTPConnection if self._tls is None else HTTPSConnection
         options: dict[str, Any] = {} if self._tls is None else {'context': self._tls}
         connection = kind(self._host, self._port, timeout=self._timeout_s + GRACE_S, **options)
@@ -116,7 +116,7 @@ class WebhookChannel:
                     'Content-Type': 'application/json', 'User-Agent': 'rt_robot_os notifier',
                     'Idempotency-Key': idempotency_key(notification.key), **self._headers})
                 answer = connection.getresponse()
-                answer.close()  # what follows the head does not matter
+                answer.close()  # the body of the response does not matter
         except (OSError, HTTPException, ValueError) as error:
             why = f'no answer in {self._timeout_s:g} s' if deadline.over or isinstance(
                 error, TimeoutError) else self._hidden(
@@ -132,7 +132,7 @@ class WebhookChannel:
         raise DeliveryError(f'{self._host} answered {answer.status} {self._hidden(answer.reason)}')
 
     def _hidden(self, text: str) -> str:
-        """Return a text of somebody else's without our secrets."""
+        """Return a received text without secrets."""
         for secret in self._secrets:
             text = text.replace(secret, '***')
         return safe_line(text, 60)

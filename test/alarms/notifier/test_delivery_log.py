@@ -36,13 +36,13 @@ KEYS = st.text('7.öx"', min_size=1, max_size=6)
 
 
 def test_a_notification_is_told_once_and_its_report_is_known() -> None:
-    ledger = DeliveryLog()
-    assert ledger.take('7.1') is DeliveryStatus.NEW
-    assert ledger.take('7.1') is DeliveryStatus.RUNNING
-    ledger.end(DeliveryReport('7.1', 'operator', True, 'told'))
-    assert ledger.take('7.1') is DeliveryStatus.DONE
-    assert ledger.report('7.1') == DeliveryReport('7.1', 'operator', True, 'told')
-    assert ledger.report('7.2') is None
+    log = DeliveryLog()
+    assert log.start('7.1') is DeliveryStatus.NEW
+    assert log.start('7.1') is DeliveryStatus.RUNNING
+    log.finish(DeliveryReport('7.1', 'operator', True, 'told'))
+    assert log.start('7.1') is DeliveryStatus.DONE
+    assert log.report('7.1') == DeliveryReport('7.1', 'operator', True, 'told')
+    assert log.report('7.2') is None
 
 
 @given(st.lists(st.tuples(KEYS, st.sampled_from((None, True, False))), max_size=12),
@@ -52,9 +52,9 @@ def test_after_a_cut_anywhere_it_knows_what_was_kept_before(
     first = DeliveryLog()
     lines = []
     for key, ok in rows:
-        first.take(key)
-        lines.append(first.begun(key, 'operator') if ok is None else
-                     first.end(DeliveryReport(key, 'operator', ok, 'why')))
+        first.start(key)
+        lines.append(first.start_line(key, 'operator') if ok is None else
+                     first.finish(DeliveryReport(key, 'operator', ok, 'why')))
     text = ''.join(lines)[:cut]
     kept = text.count('\n')
     second = DeliveryLog()
@@ -63,7 +63,8 @@ def test_after_a_cut_anywhere_it_knows_what_was_kept_before(
     whole = text.endswith('\n') or not text
     for key, ok in last.items():
         if whole or key != rows[kept][0]:
-            assert second.take(key) is (DeliveryStatus.AGAIN if ok is None else DeliveryStatus.DONE)
+            wanted = DeliveryStatus.AGAIN if ok is None else DeliveryStatus.DONE
+            assert second.start(key) is wanted
             assert ok is None or second.report(key) == DeliveryReport(key, 'operator', ok, 'why')
     third = DeliveryLog()
     third.restore(DeliveryLog.lines(first))
@@ -77,12 +78,12 @@ def test_any_lines_are_read(lines: list[str]) -> None:
 
 
 def test_the_oldest_are_forgotten_first() -> None:
-    ledger = DeliveryLog(remembered=3)
+    log = DeliveryLog(remembered=3)
     for number in range(5):
-        ledger.take(str(number))
-        ledger.end(DeliveryReport(str(number), '', True))
-    assert [each.key for each in ledger.recent(9)] == ['2', '3', '4']
-    assert [each.key for each in ledger.recent(2)] == ['3', '4']
+        log.start(str(number))
+        log.finish(DeliveryReport(str(number), '', True))
+    assert [each.key for each in log.recent(9)] == ['2', '3', '4']
+    assert [each.key for each in log.recent(2)] == ['3', '4']
 
 
 # ---- its file --------------------------------------------------------------------------------
@@ -136,10 +137,10 @@ def test_a_file_that_has_grown_is_written_anew_or_left_alone(
 
     with monkeypatch.context() as patch:
         patch.setattr(os, 'replace', broken)
-        store.write_anew(['a\n'])
+        store.rewrite(['a\n'])
     assert 'cannot be written anew' in store.problem and store.is_long(2)
     assert os.listdir(tmp_path) == ['deliveries.jsonl']
-    store.write_anew(['a\n', 'b\n'])
+    store.rewrite(['a\n', 'b\n'])
     assert store.keep('c\n') and path.read_text() == 'a\nb\nc\n'
     store.close()
 
