@@ -72,7 +72,7 @@ from rt_robot_os.settings import CoreSettings
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.topics import Bus
 
-# From the order to stop until jobs that have not ended are ended.
+# From the request to stop until remaining jobs are aborted.
 STOP_GRACE_NS = 500 * NS_PER_MS
 
 
@@ -92,14 +92,14 @@ class Core:
     :param settings: checked already.
     :param path: of the link's socket.
     :param ports: the real path of each simulated device's port, by device.
-    :param clock: by default CLOCK_MONOTONIC, with the dispatcher that is set.
-    :param writer: of the black box; None saves it nowhere.
-    :param loaded: what the files said, when something was changed since.
-    :param services: what is offered to devices that ask for it, by name.
-    :param parts: of this process that are no part of core/.
-    :param cpu: the one to be pinned to; None for that of the settings.
-    :param make_bus: a replay has one of its own.
-    :param liveness_fd: the page for the sign of life that a node has made; -1 for none.
+    :param clock: by default CLOCK_MONOTONIC, with the dispatcher of the settings.
+    :param writer: of the black box; None saves nothing.
+    :param loaded: the settings of the files, if they were changed since.
+    :param services: by name, for the devices that require them.
+    :param parts: plug-ins of this process.
+    :param cpu: to be pinned to; None for that of the settings.
+    :param make_bus: a replay has its own.
+    :param liveness_fd: of the liveness page that a node has created; -1 for none.
     :ivar on_open: called when clients can connect, right before the kernel runs.
     :raises RtRobotError: the parts do not fit together; nothing is open then.
     """
@@ -149,14 +149,14 @@ class Core:
                          Statistics(self.kernel, self.requests, warn), self.watch, self.note)
         self._attach(owners)
         self.parts = Parts(parts, self.host)
-        self.watchdog = self._watchdog()  # it watches the tasks that are there by now
+        self.watchdog = self._watchdog()  # it watches the tasks that exist now
 
     @property
     def modules(self) -> list[Module]:
         """All modules, in the order of the configuration."""
         return self._lifecycle.modules
 
-    # ---- how it is wired ---------------------------------------------------------------------
+    # ---- wiring ------------------------------------------------------------------------------
 
     def _add_devices(self, ports: Mapping[str, str]) -> None:
         for device in self.settings.devices:
@@ -177,7 +177,7 @@ class Core:
                 max_subscribers=device.max_subscribers)
 
     def _attach(self, owners: Mapping[str, object]) -> None:
-        """Attach the parts in this order: it is that of requests, statistics and the watch."""
+        """Attach the parts; the order of requests, statistics and the watch follows from it."""
         host, statistics = self.host, self.host.statistics
         self.taps.attach(host)
         KernelRequests(self.kernel, self.stop, self.note).attach(host)
@@ -217,10 +217,10 @@ class Core:
         watchdog.on_fault = self._save_fault
         return watchdog
 
-    # ---- how it runs -------------------------------------------------------------------------
+    # ---- running -----------------------------------------------------------------------------
 
     def prepare_process(self) -> None:
-        """Ask Linux for real time; what it refuses is reported."""
+        """Request real-time properties from Linux; refused requests are reported."""
         results = self.process.prepare(self.guard, self.watchdog)
         names = self.settings.simulated
         if names:
@@ -234,7 +234,7 @@ class Core:
 
     def run(self, duration_ns: int | None = None) -> str:
         """
-        Run until the kernel is stopped; closes everything afterwards, whatever happened.
+        Run until the kernel is stopped; closes everything afterwards in any case.
 
         :return: why it stopped.
         :raises RtRobotError: a module or the link could not be prepared.
@@ -262,7 +262,7 @@ class Core:
         """
         Configure and activate all modules, and open parts; :meth:`run` does it.
 
-        :raises RtRobotError: one of them could not be prepared.
+        :raises RtRobotError: a module or a part could not be prepared.
         """
         self._lifecycle.prepare()
         self.parts.open()
@@ -271,19 +271,19 @@ class Core:
         """
         End :meth:`run`, in order or by force; safe in the real-time loop.
 
-        Jobs have a while to end, then TaskAborted ends them; modules that do not let themselves be
-        deactivated are stopped as well, and what is left then ends with the process.
+        Jobs have a grace period, then TaskAborted ends them; so are modules that do not complete
+        their deactivation. Anything left then ends with the process.
         """
         self.guard.begin_end()
         self.kernel.stop(reason)
 
     @property
     def forced(self) -> list[str]:
-        """Name the tasks, modules and devices that did not end by themselves."""
+        """Return the names of tasks, modules and devices that had to be ended by force."""
         return [*self.kernel.ended, *self._lifecycle.forced]
 
     def close(self) -> None:
-        """Leave a safe state and close everything; may be called twice."""
+        """Bring the outputs to a safe state and close everything; may be called twice."""
         self.guard.begin_end()
         if self.watchdog is not None:
             self.watchdog.leave()
@@ -302,16 +302,16 @@ class Core:
 
     @property
     def tripped(self) -> bool:
-        """Whether the watchdog ended it: its process ends with the exit code that is set."""
+        """Whether the watchdog ended it: the process ends with the configured exit code."""
         return self.watchdog is not None and bool(self.watchdog.tripped)
 
     def _save_fault(self, reason: str) -> None:
         if self.tripped:
-            # It may be over before the lowest task runs again. Nothing else matters any more.
+            # The process may end before the lowest task runs again; priorities no longer matter.
             self.black_box.save(reason)
         else:
             self.black_box.fault(reason)
 
     def note(self, severity: Severity, source: str, text: str) -> None:
-        """Tell people something; safe in the real-time loop."""
+        """Log a report; safe in the real-time loop."""
         self.reports.note(LogEntry(self.kernel.now_ns(), severity, source, text))

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the program `core` does: the real-time process.
+The program `core`: the real-time process.
 
-The node `robot` starts it as its child, with checked settings on standard input. Started by hand
-it reads parameter files itself, and a node with ``core.spawn: false`` attaches to it.
+The node `robot` starts it as its child, with checked settings on standard input. When started by
+hand it reads parameter files itself, and a node with ``core.spawn: false`` attaches to it.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from rt_robot_os.settings.command_line import parse_own
 
 def run(argv: Sequence[str]) -> int:
     """
-    Run the core until it is told to stop.
+    Run the core until it is stopped.
 
     :param argv: without the program's name.
-    :return: the exit code: 2 when it cannot start as it is, 3 when a job had to be ended at the
-        stop.
+    :return: the exit code: 2 when it cannot start with this configuration, 3 when a job had to be
+        aborted at the stop.
     """
     arguments = _arguments(argv)
     if arguments.parent is not None and not die_with_parent(arguments.parent):
@@ -60,7 +60,7 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument('--socket', metavar='PATH', type=Path, help='where to listen')
     parser.add_argument('--parent', metavar='PID', type=int, help='end when this process does')
     parser.add_argument('--life', metavar='FD', type=int, default=-1,
-                        help=argparse.SUPPRESS)  # where a node looks for the sign of life
+                        help=argparse.SUPPRESS)  # of the liveness page that the node reads
     parser.add_argument('--ahead', action='store_true',
                         help=argparse.SUPPRESS)  # see rt_robot_os.core.preload
     parser.add_argument('--ready', metavar='FD', type=int, default=-1,

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the frames of the devices are, for clients that know no configuration."""
+"""The frames of the devices, for clients without the configuration."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from rt_robot_os.settings import RobotSettings
 
 
 class FrameRequests:
-    """Tell the mountings of a robot."""
+    """Answer the request for the mountings of a robot."""
 
     def __init__(self, settings: RobotSettings) -> None:
         self._settings = settings
 
     def attach(self, host: Host) -> None:
-        """Answer what is asked about frames."""
+        """Register the request."""
         host.requests.add('frames', self._frames)
 
     def _frames(self, session: ClientSession, arguments: Arguments) -> Arguments:
         """
-        Tell all of them.
+        Return all mountings.
 
-        By frame: its parent, its place in m, its roll, pitch and yaw in rad, and whether the
-        configuration says so (``stated``) or nothing, which is at the origin of the parent.
+        By frame: its parent, its position in m, its roll, pitch and yaw in rad, and whether the
+        configuration has them (``stated``); otherwise the frame is at the origin of its parent.
         """
         return {'frames': {each.frame_id: {
             'parent': each.mounting.parent, 'position_m': each.mounting.position_m,

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What clients may do to the kernel: re-arm tasks, reset statistics, stop the core."""
+"""The requests to the kernel: re-arm tasks, reset statistics, stop the core."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from rt_robot_os.link.session import ClientSession
 
 class KernelRequests:
     """
-    Answer what is asked of the kernel itself.
+    Answer the requests to the kernel.
 
-    :param stop: ends the core for a reason.
+    :param stop: stops the core, with a reason.
     """
 
     def __init__(self, kernel: Kernel, stop: Callable[[str], object], note: Note) -> None:
@@ -45,7 +45,7 @@ class KernelRequests:
         self._note = note
 
     def attach(self, host: Host) -> None:
-        """Answer it, and tell what the kernel counts."""
+        """Register the requests, and add the kernel's counters."""
         host.requests.add('rearm', self._rearm)
         host.requests.add('reset_statistics', self._reset_statistics)
         host.requests.add('stop', self._end)
@@ -53,7 +53,7 @@ class KernelRequests:
         host.statistics.add_facts(self._facts)
 
     def _facts(self) -> dict[str, Any]:
-        """Return what the kernel counts that belongs to no task."""
+        """Return the kernel's counters that belong to no task."""
         kernel, now_ns = self._kernel, self._kernel.now_ns()
         return {'pid': os.getpid(), 'now_ns': now_ns, 'elapsed_ns': now_ns - kernel.start_ns,
                 'wakeups': kernel.wakeups, 'overhead_ns': kernel.overhead_ns,

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The modules of the core from beginning to end: made, prepared, restarted, deactivated."""
+"""The life cycle of the modules: created, prepared, restarted, deactivated."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ class ModuleLifecycle:
     """
     The modules, in the order of the configuration.
 
-    :param note: tells people something: how severe, of which module, what.
-    :ivar modules: all of them.
-    :ivar forced: the names of those, and of devices, whose last steps had to be ended.
+    :param note: logs a report: severity, module, text.
+    :ivar modules: all modules.
+    :ivar forced: the names of modules and devices whose last steps exceeded their time limit.
     """
 
     def __init__(self, note: Callable[[Severity, str, str], None]) -> None:
@@ -55,9 +55,9 @@ class ModuleLifecycle:
     def add(self, entries: Sequence[ModuleSettings], kernel: Kernel, bus: Bus,
             connect_log: Callable[[object, str], None]) -> None:
         """
-        Make the modules with their topics and tasks.
+        Create the modules with their topics and tasks.
 
-        :param connect_log: makes a log work, at a level.
+        :param connect_log: connects a logger, with a level.
         :raises RtRobotError: a module does not fit.
         """
         for entry in entries:
@@ -65,7 +65,7 @@ class ModuleLifecycle:
             connect_log(module.log, entry.log_level)
             module.declare(bus, entry.rate_hz, entry.max_subscribers)
             self.modules.append(module)
-        # All topics are declared by now, so that each finds those of the others.
+        # All topics are declared now, so that each module finds those of the others.
         for entry, module in zip(entries, self.modules):
             module.bind(bus, add_module_task(
                 kernel, module, entry, functools.partial(self._restart, module)))
@@ -74,7 +74,7 @@ class ModuleLifecycle:
         """
         Configure and activate all modules.
 
-        :raises RtRobotError: one of them could not be prepared.
+        :raises RtRobotError: a module could not be prepared.
         """
         for module in self.modules:
             self._prepare(module)
@@ -91,7 +91,7 @@ class ModuleLifecycle:
                                f'{type(error).__name__}: {error}']) from error
 
     def _restart(self, module: Module) -> None:
-        """Begin anew after a failure; what configure() prepared is still there."""
+        """Restart a module after a failure, without configure()."""
         try:
             at_once(module.task, module.deactivate)
         except Exception as error:
@@ -101,9 +101,9 @@ class ModuleLifecycle:
 
     def end(self) -> None:
         """
-        Deactivate what was activated, the last one first; may be called twice.
+        Deactivate the active modules in reverse order; may be called twice.
 
-        One that fails, or takes too long, goes to its safe state instead, if it has one.
+        A module that fails, or takes too long, goes to its safe state, if it has one.
         """
         while self._active:
             module = self._active.pop()
@@ -114,9 +114,9 @@ class ModuleLifecycle:
 
     def call(self, name: str, function: Callable[[], object], step: str = 'close') -> bool:
         """
-        Call a last step of a module or a device, within bounds.
+        Call a last step of a module or a device, with a time limit.
 
-        :return: whether it ended well; otherwise that is told.
+        :return: whether it succeeded; otherwise it is reported.
         """
         error = call_within(name, function, END_NS)
         if error is None:

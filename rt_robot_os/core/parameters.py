@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters of a running core: as they are now, as they were loaded, and their change."""
+"""The parameters of a running core: current values, loaded values, and changes."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _TEXT_A_PACKET = 16_384
 
 @dataclass(frozen=True)
 class _Place:
-    """Where the value of a parameter is: in a task, a log, a device or a module."""
+    """The access to the value of a parameter: in a task, a log, a device or a module."""
 
     get: Callable[[], Any]
     put: Callable[[Any], object]
@@ -55,12 +55,12 @@ class _Place:
 
 class LiveParameters:
     """
-    What may change while a core runs; not for the real-time loop.
+    The parameters that may change while a core runs; not for the real-time loop.
 
-    :param loaded: what the configuration said in the beginning.
-    :param kernel: has a task of the name of each device and module.
+    :param loaded: the settings as the configuration had them at the start.
+    :param kernel: has a task with the name of each device and module.
     :param owners: the devices and modules by name.
-    :param loggers: those of them that have one, by name.
+    :param loggers: the loggers by the name of their owner.
     """
 
     def __init__(self, settings: RobotSettings, loaded: RobotSettings, kernel: Kernel,
@@ -74,37 +74,37 @@ class LiveParameters:
         self._loaded = {each.name: each.value for each in live_parameters(loaded, kinds)}
 
     def attach(self, host: Host) -> None:
-        """Answer what is asked about parameters and settings."""
+        """Register the requests about parameters and settings."""
         host.requests.add('change', self._change)
         host.requests.add_long('parameters', self._parameters)
         host.requests.add_long('settings', self._text)
         host.statistics.add_facts(lambda: {'parameters': self.digest()})
 
     def facts(self) -> Iterator[Arguments]:
-        """Yield each parameter: name, value, loaded value, and what it means."""
+        """Yield each parameter: name, value, loaded value, unit and description."""
         for name, (entry, place) in self._places.items():
             loaded = self._loaded[name]
             yield {'name': name, 'value': place.get(),
-                   # A rate is what its period makes of it.
+                   # A rate is rounded to its period in ns.
                    'loaded': _rate_of(period_from_rate(loaded)) if entry.task else loaded,
                    'unit': entry.field.unit, 'description': entry.field.description,
                    'wanted': entry.field.wanted()}
 
     def digest(self) -> int:
-        """Return a number that is another one when a value is."""
+        """Return a checksum of all values."""
         return zlib.crc32(repr([place.get() for _, place in self._places.values()]).encode())
 
     def change(self, name: str, value: Any) -> Any:
         """
-        Change a parameter, from the next release or job on.
+        Change a parameter, with effect from the next release or job.
 
         :param name: dotted, such as ``imu.rate_hz``.
         :return: the value in its declared type.
-        :raises ConfigError: there is none of that name, or the value may not be used.
+        :raises ConfigError: there is no such parameter, or the value is not valid.
         """
         if name not in self._places:
-            raise ConfigError([f'{name}: no parameter that can be changed while the robot runs, '
-                               f'{did_you_mean(name, self._places)}'])
+            raise ConfigError([f'{name}: not a parameter that can be changed while the robot '
+                               f'runs, {did_you_mean(name, self._places)}'])
         entry, place = self._places[name]
         reason = entry.refusal(value)
         if reason:
@@ -141,7 +141,7 @@ def _place(name: str, tasks: Mapping[str, Task], owners: Mapping[str, LiveSettin
 
 
 def _rate_of(period_ns: int) -> float:
-    """Return the shortest number of all rates that have this period: 30, not 30.0000003."""
+    """Return the shortest of all numbers with this period: 30, not 30.0000003."""
     for digits in range(1, 18):
         rate_hz = float(f'{NS_PER_S / period_ns:.{digits}g}')
         if period_from_rate(rate_hz) == period_ns:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What watches the core's process from outside: Linux, the machine, the service manager."""
+"""The external supervision of the core's process: Linux, the machine, the service manager."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from rt_robot_os.linux.realtime import RtResult
 from rt_robot_os.linux.service_manager import ServiceManager
 from rt_robot_os.settings import WatchdogSettings
 
-# From the order to stop; the node waits for 3 s before it kills.
+# After the request to stop; the node kills the core after 3 s.
 END_NS = 2500 * NS_PER_MS
 
 
@@ -42,7 +42,7 @@ class ProcessGuard:
     """
     The timers and watchdogs that a healthy core feeds; nothing is open before :meth:`equip`.
 
-    :param environment: where a service manager leaves its address.
+    :param environment: with the address of a service manager.
     """
 
     def __init__(self, settings: WatchdogSettings,
@@ -53,23 +53,23 @@ class ProcessGuard:
         self._handle: DeadManTimer | None = None
         self._end: DeadManTimer | None = None
         self._ending = False
-        self._told = False
+        self._notified = False
 
     def equip(self, watchdog: Watchdog | None) -> list[RtResult]:
         """
         Open everything that the watchdog feeds.
 
-        :return: what became of each step.
+        :return: the result of each step.
         """
-        results = self._take_end()
+        results = self._open_end_timer()
         if watchdog is None:
             if not self.manager.watchdog_ns:
                 return results
             seconds = self.manager.watchdog_ns / 1e9
             return [*results, RtResult(
-                False, 'food for the service manager', 'it waits for a sign of life '
-                f'every {seconds:g} s. Remedy: set watchdog.timeout_s')]
-        results.append(self._take_handle(watchdog))
+                False, 'heartbeat of the service manager', 'it expects one every '
+                f'{seconds:g} s. Remedy: set watchdog.timeout_s')]
+        results.append(self._open_handle(watchdog))
         if self._settings.device:
             result, self.machine = open_machine_watchdog(
                 Path(self._settings.device),
@@ -81,9 +81,9 @@ class ProcessGuard:
             watchdog.feeders.append(self._feed_manager)
         return results
 
-    def _take_end(self) -> list[RtResult]:
-        """Prepare the timer that ends a process which does not end; reported only if refused."""
-        faulthandler.enable()  # in C: where the hanging call was is written to standard error
+    def _open_end_timer(self) -> list[RtResult]:
+        """Create the timer that ends a process which hangs at its end; report only a failure."""
+        faulthandler.enable()  # it writes the place of a hanging call to standard error
         try:
             self._end = DeadManTimer()
         except OSError as error:
@@ -93,15 +93,15 @@ class ProcessGuard:
 
     def begin_end(self) -> None:
         """
-        Give the process a last deadline, once; safe in the real-time loop.
+        Set a final deadline for the process, once; safe in the real-time loop.
 
-        Whatever it does then, in a native call that does not return as well, it is ended.
+        Then the process is ended, even in a native call that does not return.
         """
         if self._end is not None and not self._ending:
             self._ending = True
             self._end.push(time.monotonic_ns() + END_NS)
 
-    def _take_handle(self, watchdog: Watchdog) -> RtResult:
+    def _open_handle(self, watchdog: Watchdog) -> RtResult:
         step = 'end of a process that hangs'
         try:
             watchdog.handle = self._handle = DeadManTimer()
@@ -114,17 +114,17 @@ class ProcessGuard:
         self.manager.notify('WATCHDOG=1')
 
     def ready(self) -> None:
-        """Tell the service manager, once, that everything runs."""
-        if not self._told:
-            self._told = True
+        """Notify the service manager, once, that everything runs."""
+        if not self._notified:
+            self._notified = True
             self.manager.notify('READY=1')
 
     def leave(self) -> None:
-        """Tell the service manager that the end has begun."""
+        """Notify the service manager that the core is stopping."""
         self.manager.notify('STOPPING=1')
 
     def release(self) -> None:
-        """Stop the timer of the watchdog: what follows is bounded in time."""
+        """Stop the timer of the watchdog: the following steps are bounded in time."""
         if self._handle is not None:
             self._handle.release()
 
@@ -132,7 +132,7 @@ class ProcessGuard:
         """
         Close everything; may be called twice.
 
-        :param stop: stop the machine's watchdog; otherwise the machine starts anew unless the next
+        :param stop: stop the machine's watchdog; otherwise the machine restarts unless the next
             core opens it in time.
         """
         for handle in (self._handle, self._end):

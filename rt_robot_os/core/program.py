@@ -30,9 +30,9 @@ def _load() -> Run:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the core until it is told to stop; see :mod:`rt_robot_os.core.command`."""
+    """Run the core until it is stopped; see :mod:`rt_robot_os.core.command`."""
     if 'OPENBLAS_NUM_THREADS' not in os.environ:
-        # NumPy starts threads when it is imported, and the core has one: begin again without.
+        # NumPy starts threads when it is imported, and the core must have only one: restart.
         os.environ['OPENBLAS_NUM_THREADS'] = '1'
         os.execv(sys.executable, [sys.executable, '-m', 'rt_robot_os.core.program',
                                   *(sys.argv[1:] if argv is None else argv)])

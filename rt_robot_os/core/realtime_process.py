@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the core's process asks of Linux before it runs: a CPU, memory, priority, no deep sleep."""
+"""The real-time properties of the core's process: CPU, locked memory, priority, CPU latency."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ UNPINNED = -2
 
 class RealtimeProcess:
     """
-    The process as Linux sees it.
+    Request real-time properties from Linux.
 
-    :param cpu: the one to be pinned to; ``UNPINNED`` for none.
-    :ivar results: what became of each request.
+    :param cpu: to be pinned to; ``UNPINNED`` for none.
+    :ivar results: the result of each request.
     """
 
     def __init__(self, settings: CoreSettings, cpu: int) -> None:
@@ -42,7 +42,7 @@ class RealtimeProcess:
         self._cpu_latency: CpuLatencyRequest | None = None
 
     def prepare(self, guard: ProcessGuard, watchdog: Watchdog | None) -> tuple[RtResult, ...]:
-        """Ask for everything; what is refused is among the results."""
+        """Request everything; refused requests are among the results."""
         wanted = self._settings
         results = [realtime.set_timer_slack()]
         if self._cpu != UNPINNED:
@@ -54,7 +54,7 @@ class RealtimeProcess:
             results.append(result)
         results += guard.equip(watchdog)
         results.append(realtime.freeze_garbage())
-        # Last, so that the slow steps before do not hold up others at this priority.
+        # Last, so that the slow steps before do not delay other programs at this priority.
         if wanted.scheduler_priority:
             results.append(realtime.set_fifo(wanted.scheduler_priority, alone=True))
         self.results = tuple(results)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How a core runs, from its settings to its exit code."""
+"""Run a core, from its settings to its exit code."""
 
 from __future__ import annotations
 
@@ -68,14 +68,14 @@ DUMP_SIGNAL = signal.SIGUSR1
 
 def _settings(arguments: argparse.Namespace, argv: Sequence[str]
               ) -> tuple[RobotSettings, RobotSettings, Path] | None:
-    """Return the settings and the socket's path; None when the node has ended without a word."""
+    """Return the settings and the socket's path; None if the node ended before it sent them."""
     if arguments.settings:
-        # A second line: as it was loaded, before something was changed while a core ran.
+        # The second line: the settings as they were loaded, before changes at run time.
         now, _, loaded = _text(arguments.settings).strip().partition('\n')
         if arguments.parent is not None and not now:
             return None
         return from_json(now), from_json(loaded or now), arguments.socket or socket_path()
-    # Reading YAML takes memory that a spawned core does not need.
+    # Late: parsing YAML needs memory, which a core with a node does not.
     from rt_robot_os.settings.load import load_from_arguments
     settings, ros = load_from_arguments(argv, arguments.simulate, arguments.files)
     path = arguments.socket or socket_path(robot_name(ros.node_name, ros.namespace))
@@ -90,15 +90,15 @@ def _text(file: str) -> str:
     except OSError as error:
         raise ConfigError([f'--settings {file}: cannot be read: {error.strerror}']) from error
     except UnicodeDecodeError:
-        raise ConfigError([f'--settings {file}: not JSON: no text']) from None
+        raise ConfigError([f'--settings {file}: not JSON: not UTF-8']) from None
 
 
 def run_core(arguments: argparse.Namespace, argv: Sequence[str]) -> int:
     """
-    Run a core until it is told to stop.
+    Run a core until it is stopped.
 
     :param arguments: of :mod:`rt_robot_os.core.command`.
-    :param argv: what they were read from.
+    :param argv: the command line that they were parsed from.
     :return: the exit code.
     """
     simulators = Simulators()
@@ -119,7 +119,7 @@ def run_core(arguments: argparse.Namespace, argv: Sequence[str]) -> int:
     by_hand = arguments.settings is None
     if by_hand and settings.simulated:
         print(f'core: {told_simulated(settings)}', file=sys.stderr)
-    # Up to the end: its parent's death is told twice, and the signal may come while it tidies up.
+    # Until the end: the death of the parent is signalled twice, possibly during the clean-up.
     with ExitStack() as signals:
         try:
             return _run(settings, loaded, path, lock, arguments, by_hand, signals, simulators)
@@ -149,7 +149,7 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
         signals.enter_context(_signals_to(core))
         if arguments.ready >= 0:
             core.on_open = partial(os.close, arguments.ready)
-        simulators.wait()  # they have started beside all this
+        simulators.wait()  # they have started in parallel
         core.prepare_process()
         if by_hand:
             core.watch.write_reports_to(sys.stderr.fileno())
@@ -170,12 +170,12 @@ def _run(settings: RobotSettings, loaded: RobotSettings, path: Path, lock: LockF
 
 
 def _watch(services: RunningServices, host: Host) -> None:
-    """Have the core restart and report services that have ended."""
-    def look() -> None:
+    """Restart and report services that have ended."""
+    def check() -> None:
         for text in services.check():
             host.note(Severity.WARN, 'services', text)
 
-    host.watch.add(look)
+    host.watch.add(check)
 
 
 @contextmanager

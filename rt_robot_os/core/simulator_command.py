@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What `simulator` and `player` do: devices that are not there, under paths that are."""
+"""The programs `simulator` and `player`: simulated devices and recorded logs on real paths."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def simulator(argv: Sequence[str]) -> int:
     parser = _simulator_parser()
     arguments = parser.parse_args(argv)
     if arguments.tell:
-        return _tell(arguments)
+        return _send_command(arguments)
     if not arguments.devices:
         parser.error('name a device, such as imu:witmotion')
     try:
@@ -89,7 +89,7 @@ def simulator(argv: Sequence[str]) -> int:
         devices = build_devices(arguments, world)
     except ConfigError as error:
         return _fail(error)
-    server = SimServer(tuple(devices.values()), report=_complain)
+    server = SimServer(tuple(devices.values()), report=_report_error)
     held: list[LockFile] = []
     try:
         with ended_by_signals(lambda _: server.stop()):
@@ -135,7 +135,7 @@ def player(argv: Sequence[str]) -> int:
             speed=arguments.speed, wait_for_reader=arguments.wait)
     except ConfigError as error:
         return _fail(error)
-    server = SimServer([playing], report=_complain)
+    server = SimServer([playing], report=_report_error)
     try:
         with ended_by_signals(lambda _: server.stop()):
             playing.port.plug()
@@ -151,9 +151,9 @@ def player(argv: Sequence[str]) -> int:
 def build_devices(arguments: argparse.Namespace, world: World | None = None
                   ) -> dict[str, Simulated]:
     """
-    Make the simulated devices that the arguments ask for; nothing is plugged in.
+    Make the simulated devices of the arguments; nothing is plugged in.
 
-    :param world: that they look at.
+    :param world: that they sense.
     :raises ConfigError: with every problem found.
     """
     problems: list[str] = []
@@ -163,7 +163,7 @@ def build_devices(arguments: argparse.Namespace, world: World | None = None
         if not name or not kind or '/' in name or name.startswith('.'):
             problems.append(f'device {text!r} is not understood: write NAME:TYPE, imu:witmotion')
         elif name in types:
-            problems.append(f'there are two devices of the name {name!r}: rename one')
+            problems.append(f'there are two devices with the name {name!r}: rename one')
         else:
             types[name] = kind
     bauds = _per_device(arguments.baud, types, '--baud', problems)
@@ -181,7 +181,7 @@ def build_devices(arguments: argparse.Namespace, world: World | None = None
             wanted = {'baud': int(bauds[name])} if name in bauds else {}
             device = SIMULATORS.load(kind).made_for(name, settings, place, wanted)
             if told := SIMULATORS.deprecation(kind):
-                _complain(told)
+                _report_error(told)
             device.check_speed()
             if name in numbers:
                 _put_on_network(name, device, int(numbers[name]))
@@ -195,7 +195,7 @@ def build_devices(arguments: argparse.Namespace, world: World | None = None
 
 def _put_on_network(name: str, device: Simulated, number: int) -> None:
     if not isinstance(device, SimulatedDevice):
-        raise ConfigError([f'--tcp {name}={number}: it is no serial device'])
+        raise ConfigError([f'--tcp {name}={number}: it is not a serial device'])
     if not 0 < number < 65536:
         raise ConfigError([f'--tcp {name}={number}: the port must be from 1 to 65535'])
     device.port = TcpPlug(number)
@@ -203,11 +203,11 @@ def _put_on_network(name: str, device: Simulated, number: int) -> None:
 
 def _simulator_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='simulator', description='Simulated devices, with faults on demand: serial ones '
+        prog='simulator', description='Simulated devices, with faults on demand: serial devices '
         'on ptys, chips on an emulated I2C bus.',
-        epilog='A line "imu silent 3" on the standard input makes the device imu silent for three '
-        f'seconds. Faults: {FAULT_HELP}. With a world, "{WORLD} person anna 2.0 1.0" makes anna '
-        f'stand there, and so on: {EVENT_FORMS}. "{WORLD} {WHERE}" prints where all are.')
+        epilog='A line "imu silent 3" on standard input makes the device imu silent for three '
+        f'seconds. Faults: {FAULT_HELP}. With a world, "{WORLD} person anna 2.0 1.0" places anna '
+        f'there, and so on: {EVENT_FORMS}. "{WORLD} {WHERE}" prints all positions.')
     parser.add_argument('devices', nargs='*', metavar='NAME:TYPE',
                         help=f'such as imu:witmotion; types: {", ".join(SIMULATORS.names())}')
     parser.add_argument('--dir', help='folder of the paths, '
@@ -220,11 +220,11 @@ def _simulator_parser() -> argparse.ArgumentParser:
                         help='such as "imu: unplug at 5 for 2", seconds after the start')
     parser.add_argument('--tcp', action='append', default=[], metavar='NAME=PORT',
                         help='serve a serial device at tcp://127.0.0.1:PORT instead of a pty')
-    parser.add_argument('--world', metavar='FILE', help='what the devices look at: a YAML file '
-                        'with a map, people, marks and so on; see docs/world.md')
+    parser.add_argument('--world', metavar='FILE', help='the world that the devices sense: a YAML '
+                        'file with a map, people, marks and so on; see docs/world.md')
     parser.add_argument('--seed', type=int, default=1, help='of noise and faults')
-    parser.add_argument('--tell', metavar='ORDER', help='simulate nothing: give the simulated '
-                        'devices of a running robot such a line, and end')
+    parser.add_argument('--tell', metavar='ORDER', help='simulate nothing: send such a line to '
+                        'the simulated devices of a running robot, and end')
     add_robot_option(parser)
     _add_keep_running(parser)
     return parser
@@ -233,32 +233,32 @@ def _simulator_parser() -> argparse.ArgumentParser:
 def _player_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='player', description='Play a recorded log of bytes through a pty.')
-    parser.add_argument('file', help='the log; lines beginning with # are left out')
+    parser.add_argument('file', help='the log; lines beginning with # are skipped')
     parser.add_argument('--link', required=True, help='path that the driver opens')
     parser.add_argument('--baud', type=int,
                         help=f'speed of the line ({_BAUD}; {_SCAN_BAUD} with --scans)')
     pace = parser.add_mutually_exclusive_group()
     pace.add_argument('--times', action='store_const', const='times', dest='pace', default='line',
-                      help='begin each epoch at the time in its NMEA sentences')
+                      help='start each epoch at the time in its NMEA sentences')
     pace.add_argument('--scans', action='store_const', const='scans', dest='pace',
-                      help='the log holds scans of a Hokuyo URG-04LX, one a line, in the format '
+                      help='the log holds scans of a Hokuyo URG-04LX, one per line, in the format '
                       'of BreezySLAM; read it with type: hokuyo and configure: false')
-    parser.add_argument('--loop', action='store_true', help='begin again at the end')
+    parser.add_argument('--loop', action='store_true', help='restart at the end')
     parser.add_argument('--speed', type=float, default=1.0, help='times faster than recorded')
-    parser.add_argument('--wait', action='store_true', help='begin when somebody reads')
+    parser.add_argument('--wait', action='store_true', help='start when a reader opens the port')
     _add_keep_running(parser)
     return parser
 
 
 def _add_keep_running(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--keep-running', action='store_true',
-                        help='go on when the process that started this one ends')
+                        help='continue when the process that started this one ends')
 
 
 def _per_device(
     texts: Sequence[str], types: dict[str, str], option: str, problems: list[str],
 ) -> dict[str, float]:
-    """Read ``VALUE`` for all devices or ``NAME=VALUE`` for one; later ones win."""
+    """Parse ``VALUE`` for all devices or ``NAME=VALUE`` for one; later ones win."""
     values: dict[str, float] = {}
     for text in texts:
         name, equals, number = text.rpartition('=')
@@ -295,29 +295,29 @@ def _folder(given: str | None, problems: list[str]) -> Path:
         return Path(given)
     runtime = os.environ.get('XDG_RUNTIME_DIR')
     if not runtime:
-        problems.append('there is no XDG_RUNTIME_DIR: say with --dir where the paths shall be')
+        problems.append('XDG_RUNTIME_DIR is not set: give the folder of the paths with --dir')
     return Path(runtime or '.') / 'rt_robot_os'
 
 
 def _inject(devices: dict[str, Simulated], line: str, world: World | None) -> None:
-    """Obey a line such as ``imu silent 3`` or ``world kidnap 1.0 2.0 0.5``."""
+    """Execute a command such as ``imu silent 3`` or ``world kidnap 1.0 2.0 0.5``."""
     try:
-        _say(execute_command(line, devices, world))
+        _print_answer(execute_command(line, devices, world))
     except ConfigError as error:
-        _complain(str(error))
+        _report_error(str(error))
 
 
-def _say(answer: str) -> None:
+def _print_answer(answer: str) -> None:
     if answer:
         print(answer, flush=True)
 
 
-def _tell(arguments: argparse.Namespace) -> int:
-    """Give the simulated devices of a running robot an order."""
-    # Late: `--help` needs none of it.
+def _send_command(arguments: argparse.Namespace) -> int:
+    """Send a command to the simulated devices of a running robot."""
+    # Late: `--help` does not need it.
     from rt_robot_os.core.simulators import device_folder
     try:
-        _say(send_command(Path(arguments.dir) if arguments.dir else device_folder(
+        _print_answer(send_command(Path(arguments.dir) if arguments.dir else device_folder(
             socket_path(arguments.robot)), arguments.tell))
     except (ConfigError, DeviceError, StartError) as error:
         return _fail(error)
@@ -329,16 +329,16 @@ def _run(server: SimServer, keep_running: bool, until: Callable[[], bool] | None
 
 
 def _die_with_parent(server: SimServer) -> None:
-    # Imported here: who only builds simulated devices needs nothing of Linux.
+    # Late: a caller that only builds simulated devices does not need it.
     from rt_robot_os.linux.process import die_with_parent
     if not die_with_parent(os.getppid()):
         server.stop()
 
 
-def _complain(text: str) -> None:
+def _report_error(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
 def _fail(error: Exception) -> int:
-    _complain(str(error))
+    _report_error(str(error))
     return BAD_USE

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The child process with a robot's simulated devices; settings come on standard input."""
+"""The child process with a robot's simulated devices; it reads settings from standard input."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ if TYPE_CHECKING:
 def build(devices: dict[str, Any], folder: Path, world: dict[str, Any] | None = None,
           mountings: dict[str, dict[str, Any]] | None = None) -> SimServer:
     """
-    Make the simulated devices, with their ports as ``folder/name``, and the world they look at.
+    Make the simulated devices, with their ports as ``folder/name``, and the world they sense.
 
-    :param world: its settings; None when each device is by itself.
-    :param mountings: where the frames of all devices are, by name.
-    :raises RtRobotError: a setting is wrong, or a port cannot be made.
+    :param world: its settings; None for devices without a world.
+    :param mountings: the mountings of the frames of all devices, by name.
+    :raises RtRobotError: a setting is wrong, or a port cannot be created.
     """
     there = None if world is None else _world(world)
     return device_server(devices, RobotSite(
@@ -60,11 +60,11 @@ def build(devices: dict[str, Any], folder: Path, world: dict[str, Any] | None = 
 
 def device_server(devices: dict[str, Any], place: RobotSite) -> SimServer:
     """
-    Make the simulated devices of a place, plugged in, with a socket for orders to them.
+    Make the simulated devices of a place, plugged in, with a socket for commands to them.
 
-    :param devices: by name: ``type``, settings of the simulated one (``sim``) and of the device
+    :param devices: by name: ``type``, settings of the simulated device (``sim``) and of the device
         itself (``device``).
-    :raises RtRobotError: a setting is wrong, or a port cannot be made.
+    :raises RtRobotError: a setting is wrong, or a port cannot be created.
     """
     made = {name: SIMULATORS.load(d['type']).made_for(name, d['sim'], place, d['device'])
             for name, d in devices.items()}
@@ -75,7 +75,7 @@ def device_server(devices: dict[str, Any], place: RobotSite) -> SimServer:
         server.watch(CommandSocket(place.folder,
                                    lambda line: execute_command(line, made, place.world)))
     except DeviceError as error:
-        tell(f'they take no orders: {error}')
+        tell(f'they accept no commands: {error}')
     return server
 
 
@@ -86,11 +86,11 @@ def _world(settings: dict[str, Any]) -> World:
 
 
 def tell(text: str) -> None:
-    """Write a line to standard error, unless nobody reads there: the devices do not wait."""
-    room = select.poll()
-    room.register(2, select.POLLOUT)
+    """Write a line to standard error, unless that would block: the devices do not wait."""
+    writable = select.poll()
+    writable.register(2, select.POLLOUT)
     with suppress(OSError):
-        if any(events & select.POLLOUT for _, events in room.poll(0)):
+        if any(events & select.POLLOUT for _, events in writable.poll(0)):
             os.write(2, f'simulator: {text}\n'.encode(errors='backslashreplace'))
 
 
@@ -98,7 +98,7 @@ def main(arguments: Sequence[str]) -> int:
     """Run until SIGTERM or the end of the parent; the argument is the folder of the devices."""
     text = sys.stdin.read()
     if not text:
-        return 0  # nothing is to be simulated after all
+        return 0  # no device is simulated
     folder = Path(arguments[0])
     folder.mkdir(mode=0o700, exist_ok=True)
     try:
@@ -110,7 +110,7 @@ def main(arguments: Sequence[str]) -> int:
         tell(str(error))
         return 1
     finally:
-        with suppress(OSError):  # it holds something that is not ours
+        with suppress(OSError):  # it contains other files
             folder.rmdir()
     return 0
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Run the simulated devices of a robot in a process of their own, as real devices are."""
+"""Run the simulated devices of a robot in a separate process, as real devices are."""
 
 from __future__ import annotations
 
@@ -38,25 +38,25 @@ from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import SIM_PORT
 
 _STOP_TIMEOUT_S = 3.0
-_NEWS_BYTES = 4096
+_REPORT_BYTES = 4096
 
 
 class Simulators:
     """
     The child process with the simulated devices; it ends with this process.
 
-    Another child keeps it running, see :mod:`rt_robot_os.core.simulator_supervisor`.
+    Another child supervises it, see :mod:`rt_robot_os.core.simulator_supervisor`.
 
-    :ivar restarts: how often it was started again.
+    :ivar restarts: the number of restarts.
     """
 
     def __init__(self) -> None:
         self.restarts = 0
         self._loaded: subprocess.Popen[bytes] | None = None
-        self._keeper: SupervisedChild | None = None
+        self._supervisor: SupervisedChild | None = None
         self._folder = Path()
         self._ports: tuple[Path, ...] = ()
-        self._news = b''
+        self._unread = b''
 
     @staticmethod
     def wanted(settings: RobotSettings) -> bool:
@@ -65,21 +65,21 @@ class Simulators:
 
     def load(self, folder: Path) -> None:
         """
-        Start the interpreters of the processes, which open nothing before :meth:`start`.
+        Start the interpreters of both processes, which open nothing before :meth:`start`.
 
         :param folder: as for :meth:`start`.
         :raises OSError: they cannot be started.
         """
-        self._loaded = _loaded_keeper(folder)
+        self._loaded = _loaded_supervisor(folder)
 
     def start(self, settings: RobotSettings, folder: Path) -> dict[str, str]:
         """
-        Start what the settings ask for; :meth:`wait` until the ports are there.
+        Start the simulated devices of the settings; :meth:`wait` until their ports exist.
 
-        :param folder: where the ports get their stable paths; the caller holds the robot's name,
-            so what lies there was left behind.
+        :param folder: for the stable paths of the ports; the caller holds the robot's lock, so
+            any content was left behind.
         :return: the path of the port of each simulated device, by device.
-        :raises OSError: it cannot be started.
+        :raises OSError: the process cannot be started.
         """
         devices = {d.name: {'type': d.type, 'device': dict(d.settings), 'sim': dict(d.sim or {})}
                    for d in settings.devices if d.port == SIM_PORT}
@@ -92,19 +92,19 @@ class Simulators:
             return {}
         self._folder = folder
         given_json = json.dumps(given, default=_plain).encode()
-        self._keeper = SupervisedChild('what keeps the simulated devices running', lambda: (
-            self._started_keeper(folder, given_json)))
-        self._keeper.start()
+        self._supervisor = SupervisedChild('the supervisor of the simulated devices', lambda: (
+            self._started_supervisor(folder, given_json)))
+        self._supervisor.start()
         self._ports = tuple(folder / name for name in devices)
         return {path.name: str(path) for path in self._ports}
 
     def wait(self) -> None:
         """
-        Wait until the ports of all simulated devices are there.
+        Wait until the ports of all simulated devices exist.
 
         :raises DeviceError: the simulator ended or hangs.
         """
-        process = self._keeper.process if self._keeper is not None else None
+        process = self._supervisor.process if self._supervisor is not None else None
         deadline = time.monotonic() + START_PATIENCE_S
         while process is not None and not all(path.exists() for path in self._ports):
             if process.poll() is not None or time.monotonic() > deadline:
@@ -113,44 +113,44 @@ class Simulators:
             time.sleep(0.01)
 
     def attach(self, host: Host) -> None:
-        """Have a core look after them, and count them."""
-        def look() -> None:
-            for text in self.news():
+        """Let a core log the reports about the devices, and count restarts."""
+        def poll() -> None:
+            for text in self.reports():
                 host.note(Severity.WARN, 'simulator', text)
 
-        host.watch.add(look)
+        host.watch.add(poll)
         host.statistics.add_facts(lambda: {'simulators_restarted': self.restarts})
 
-    def news(self) -> list[str]:
+    def reports(self) -> list[str]:
         """
-        Return what is new of the simulated devices; never waits.
+        Return new reports about the simulated devices; never waits.
 
         Two system calls: for the lowest task, a few times a second.
         """
-        keeper = self._keeper
-        if keeper is None or keeper.process is None:
+        supervisor = self._supervisor
+        if supervisor is None or supervisor.process is None:
             return []
-        output = keeper.process.stdout
+        output = supervisor.process.stdout
         if output is not None and not output.closed:
-            with suppress(OSError):  # nothing new
-                self._news += os.read(output.fileno(), _NEWS_BYTES)
-        *lines, self._news = self._news[-_NEWS_BYTES:].split(b'\n')
-        told = [line.decode(errors='replace') for line in lines]
-        self.restarts += sum(RESTARTED in line for line in told)
-        restarts = keeper.restarts
-        told += filter(None, (keeper.check(),))
-        self.restarts += keeper.restarts - restarts
-        if keeper.restarts > restarts and output is not None:
+            with suppress(OSError):  # nothing to read
+                self._unread += os.read(output.fileno(), _REPORT_BYTES)
+        *lines, self._unread = self._unread[-_REPORT_BYTES:].split(b'\n')
+        reports = [line.decode(errors='replace') for line in lines]
+        self.restarts += sum(RESTARTED in line for line in reports)
+        restarts = supervisor.restarts
+        reports += filter(None, (supervisor.check(),))
+        self.restarts += supervisor.restarts - restarts
+        if supervisor.restarts > restarts and output is not None:
             output.close()
-        return told
+        return reports
 
-    def _started_keeper(self, folder: Path, given: bytes) -> subprocess.Popen[bytes]:
-        process, self._loaded = self._loaded or _loaded_keeper(folder), None
+    def _started_supervisor(self, folder: Path, given: bytes) -> subprocess.Popen[bytes]:
+        process, self._loaded = self._loaded or _loaded_supervisor(folder), None
         write_stdin(process, given)
         return process
 
     def _end_loaded(self) -> None:
-        """End what was loaded and is not needed: it ends by itself when it is given nothing."""
+        """End the loaded process if it is not needed: without settings it ends by itself."""
         if self._loaded is not None:
             write_stdin(self._loaded, b'')
             self._loaded = None
@@ -158,16 +158,16 @@ class Simulators:
     def stop(self) -> None:
         """End the simulator; may be called twice."""
         self._end_loaded()
-        keeper, self._keeper = self._keeper, None
-        if keeper is None:
+        supervisor, self._supervisor = self._supervisor, None
+        if supervisor is None:
             return
-        if keeper.process is not None and keeper.process.stdout is not None:
-            keeper.process.stdout.close()
-        keeper.stop(_STOP_TIMEOUT_S)
-        clear(self._folder)  # it may have been killed
+        if supervisor.process is not None and supervisor.process.stdout is not None:
+            supervisor.process.stdout.close()
+        supervisor.stop(_STOP_TIMEOUT_S)
+        clear(self._folder)  # the process may have been killed
 
 
-def _loaded_keeper(folder: Path) -> subprocess.Popen[bytes]:
+def _loaded_supervisor(folder: Path) -> subprocess.Popen[bytes]:
     process = start_child('rt_robot_os.core.simulator_supervisor', os.getpid(), folder,
                           stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     if process.stdout is not None:
@@ -179,23 +179,23 @@ def device_folder(path: Path) -> Path:
     """
     Return the folder of a robot's simulated devices.
 
-    :param path: of the core's socket; it lies beside that.
+    :param path: of the core's socket; the folder is next to it.
     """
     return path.with_suffix('') if path.suffix else path.with_suffix('.devices')
 
 
 def clear(folder: Path) -> None:
-    """Remove the links and sockets of simulated devices that are no more, and their folder."""
+    """Remove the links and sockets of former simulated devices, and their folder."""
     if folder.is_symlink() or not folder.is_dir():
         return
     for path in folder.iterdir():
         if path.is_symlink() or path.is_socket():
             path.unlink(missing_ok=True)
-    with suppress(OSError):  # it holds something of somebody else
+    with suppress(OSError):  # it contains other files
         folder.rmdir()
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return dict(value)
-    raise TypeError(f'{value!r} cannot be handed to the simulator')
+    raise TypeError(f'{value!r} cannot be sent to the simulator')

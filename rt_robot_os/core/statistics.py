@@ -35,7 +35,7 @@ from rt_robot_os.link.session import ClientSession
 from rt_robot_os.link.task_records import encode_task
 from rt_robot_os.modules import Module
 
-# Of what a module tells of itself; more would hold up whoever else reads the statistics.
+# Limits on the statistics of a module; more would delay other readers of the statistics.
 _VALUES_MAXIMUM = 256
 _VALUE_TEXT_MAXIMUM = 500
 
@@ -48,9 +48,9 @@ class Statistics:
 
     def __init__(self, kernel: Kernel, requests: Requests, warn: Callable[[str], object]) -> None:
         """
-        Answer who asks for all of them.
+        Register the request.
 
-        :param warn: reports, once for each source, that it gives none.
+        :param warn: reports, once for each source, that the source fails.
         """
         self._kernel = kernel
         self._warn = warn
@@ -61,17 +61,17 @@ class Statistics:
 
     def add_rows(self, part: str, rows: Rows) -> None:
         """
-        Tell of many things of a kind, each in a packet of its own.
+        Add a source of rows, each sent in a packet of its own.
 
-        :param part: which kind, see :func:`rt_robot_os.link.client.collect`.
+        :param part: the kind of rows, see :func:`rt_robot_os.link.core_statistics.collect`.
         """
         self._rows.append((part, rows))
 
     def add_facts(self, facts: Facts) -> None:
         """
-        Tell something of the core itself.
+        Add a source of facts about the core itself.
 
-        :param facts: gives plain values by name; asked by the lowest tasks.
+        :param facts: returns plain values by name; called by the lowest tasks.
         """
         self._facts.append(lambda: (dict(facts()),))
 
@@ -79,16 +79,16 @@ class Statistics:
         for task in self._kernel.tasks:
             yield PacketKind.TASK, encode_task(task)
         for part, rows in self._rows:
-            for row in self._asked(rows):
+            for row in self._rows_of(rows):
                 yield {'part': part, **row}
-        told: Arguments = {'part': 'core'}
+        core: Arguments = {'part': 'core'}
         for facts in self._facts:
-            for found in self._asked(facts):
-                told |= found
-        yield told
+            for found in self._rows_of(facts):
+                core |= found
+        yield core
 
-    def _asked(self, rows: Rows) -> Iterator[Arguments]:
-        """Ask one source; the code behind it may be anybody's, and must not hide the others."""
+    def _rows_of(self, rows: Rows) -> Iterator[Arguments]:
+        """Query one source; if it fails, the others are still sent."""
         try:
             yield from rows()
         except Exception as error:
@@ -99,9 +99,9 @@ class Statistics:
 
 def module_rows(modules: Sequence[Module], requests: Requests) -> Iterator[Arguments]:
     """
-    Ask each module for its statistics.
+    Query each module for its statistics.
 
-    :param requests: who waits for them is told whose code that is.
+    :param requests: records the module whose code runs.
     """
     for module in modules:
         requests.occupied_by = f'statistics() of {module.name}'
@@ -113,15 +113,15 @@ def module_rows(modules: Sequence[Module], requests: Requests) -> Iterator[Argum
 
 
 def statistics_of(module: Module) -> dict[str, str | int | float]:
-    """Ask a module, which may be anybody's, for its statistics; bounded, and fit to be sent."""
+    """Query a module, possibly of a user, for its statistics; bounded, and fit to be sent."""
     try:
-        told = module.statistics()
-        kept = {safe_line(str(name)): _plain_value(value)
-                for name, value in itertools.islice(told.items(), _VALUES_MAXIMUM)}
-        if len(told) > _VALUES_MAXIMUM:
-            kept['warning'] = kept.get('warning') or (
-                f'statistics() gives {len(told)} values; {_VALUES_MAXIMUM} are shown')
-        return kept
+        values = module.statistics()
+        shown = {safe_line(str(name)): _plain_value(value)
+                 for name, value in itertools.islice(values.items(), _VALUES_MAXIMUM)}
+        if len(values) > _VALUES_MAXIMUM:
+            shown['warning'] = shown.get('warning') or (
+                f'statistics() returns {len(values)} values; {_VALUES_MAXIMUM} are shown')
+        return shown
     except Exception as error:
         return {'warning': safe_line(f'statistics() failed: {type(error).__name__}: {error}')}
 

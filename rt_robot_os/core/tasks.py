@@ -40,9 +40,9 @@ def declaration(task: TaskSettings, kernel: Kernel) -> dict[str, Any]:
 def add_module_task(kernel: Kernel, module: Module, entry: ModuleSettings,
                     restart: Callable[[], object]) -> Task:
     """
-    Declare the task of a module, which calls ``step()``, or lets ``async def run()`` go on.
+    Declare the task of a module, which calls ``step()`` or resumes ``async def run()``.
 
-    A coroutine that failed is lost, so that of the failure policies ``continue`` is ``restart``.
+    A coroutine that failed cannot be resumed, so the policy ``continue`` means ``restart``.
     """
     declared = {**declaration(entry.task, kernel), 'on_restart': restart,
                 'on_safe_state': _safe_state_of(module), 'priority': entry.priority}
@@ -67,9 +67,9 @@ def _safe_state_of(module: Module) -> Callable[[], object] | None:
 
 def at_once(task: Task | None, function: Callable[[], object]) -> None:
     """
-    Call something whose publications come out now, also with logical execution time.
+    Call a function whose publications take effect immediately, also with logical execution time.
 
-    What the failed job before wanted to publish at its deadline is discarded.
+    Pending publications of a failed job are discarded.
     """
     outputs = task.logical.outputs if task is not None and task.logical is not None else ()
     for output in outputs:
@@ -80,11 +80,11 @@ def at_once(task: Task | None, function: Callable[[], object]) -> None:
 
 
 def held(kernel: Kernel) -> list[Task]:
-    """Return the tasks that are held: they make no jobs until somebody re-arms them."""
+    """Return the tasks that are held: they have no jobs until they are re-armed."""
     return [t for t in kernel.tasks if t.state in (TaskState.SAFE, TaskState.STOPPED)]
 
 
 def resource_names(settings: RobotSettings) -> tuple[str, ...]:
-    """Return the names of what tasks share, in the order of the file."""
+    """Return the names of the shared resources, in the order of the file."""
     tasks = [*(each.task for each in settings.devices), *(each.task for each in settings.modules)]
     return tuple(dict.fromkeys(name for task in tasks for name in task.resources))

@@ -14,13 +14,12 @@
 
 
 """
-The watchdog: what happens when a critical task stands still, or everything does.
+The watchdog: the reaction when a critical task stops, or the whole process does.
 
-A task above all others looks at the critical ones. While they are healthy it feeds whoever waits
-for that: the machine's own watchdog, the service manager. When one stays unhealthy for the
-timeout, the action that is set follows. The task itself is watched by a timer of Linux that it
-pushes ahead: where no Python runs any more, in a native call that never returns, the process ends
-by itself.
+A task above all others checks the critical tasks. While they are healthy it feeds the watchdog of
+the machine and the service manager. When a task stays unhealthy for the timeout, the configured
+action follows. The watchdog task itself is supervised by a timer of Linux that it pushes ahead: if
+no Python code runs, as in a native call that never returns, Linux ends the process.
 """
 
 from __future__ import annotations
@@ -45,12 +44,12 @@ class Pulse:
     """
     The health of one critical task, from check to check.
 
-    A job that keeps its deadline ends at most a deadline after its release, and the one before
-    ended no earlier than at its own release, a period before. So between the ends of two jobs lie
-    at most a period and a deadline; nothing else is allowed for. Of a task that events release, a
-    job may be outstanding for a deadline. Jobs that failed or were aborted do not count.
+    A job that meets its deadline ends at most a deadline after its release, and the job before
+    ended no earlier than at its own release, a period before. So the time between the ends of two
+    jobs is at most a period plus a deadline. A job that an event released may be outstanding for a
+    deadline. Jobs that failed or were aborted do not count.
 
-    :param start_ns: before that nothing is expected of the task.
+    :param start_ns: before this time the task is not checked.
     """
 
     def __init__(self, task: Task, start_ns: int = 0) -> None:
@@ -59,12 +58,12 @@ class Pulse:
         self._bad = 0
         self._alive_ns = start_ns + task.spec.phase_ns
 
-    def look(self, now_ns: int) -> str:
-        """Return why the task is not healthy; empty when it is. Safe in the real-time loop."""
+    def check(self, now_ns: int) -> str:
+        """Return why the task is not healthy; empty if it is. Safe in the real-time loop."""
         task = self.task
         task.account()
         if task.state is not TaskState.ACTIVE:
-            self._alive_ns = now_ns  # it begins anew when it is active again
+            self._alive_ns = now_ns  # restarts when the task is active again
             return f'task {task.name!r} is held ({task.state.value})'
         bad = task.failures + task.aborted
         good = task.runs - bad
@@ -72,7 +71,7 @@ class Pulse:
         if good != self._good or (idle and bad == self._bad):
             self._alive_ns = max(self._alive_ns, now_ns)
         self._good, self._bad = good, bad
-        # A changed rate is in force from the next release on.
+        # A changed rate is active from the next release on.
         allowed_ns = max(task.period_ns, task.interval_ns) + task.deadline_ns
         silent_ns = now_ns - self._alive_ns
         if silent_ns <= allowed_ns:
@@ -98,14 +97,14 @@ class Handle(Protocol):
 
 class Watchdog:
     """
-    Watch the critical tasks of a kernel; made after all other tasks.
+    Watch the critical tasks of a kernel; created after all other tasks.
 
-    :param manager_ns: how long a service manager waits for food; 0 when there is none.
+    :param manager_ns: the watchdog time-out of a service manager; 0 for none.
     :ivar handle: ends a process that hangs; None in tests, and under a virtual clock.
-    :ivar feeders: called with each check that finds all well.
-    :ivar on_fault: told the reason of each action, such as to save the black box.
-    :ivar reason: why the last check found a task not healthy; empty when it found none.
-    :ivar tripped: why the core shall end with the exit code; empty otherwise.
+    :ivar feeders: called after each check that finds all tasks healthy.
+    :ivar on_fault: called with the reason of each action, for example to save the black box.
+    :ivar reason: why the last check found an unhealthy task; empty if it found none.
+    :ivar tripped: why the core must end with the exit code; empty otherwise.
     """
 
     def __init__(self, kernel: Kernel, settings: WatchdogSettings, reports: Reports,
@@ -131,17 +130,17 @@ class Watchdog:
 
     @property
     def healthy(self) -> bool:
-        """Whether the last check found nothing."""
+        """Whether the last check found no unhealthy task."""
         return not self.reason
 
     def check(self) -> None:
-        """Look at all critical tasks and do what follows; the function of the task."""
+        """Check all critical tasks and react; the function of the task."""
         now_ns = self._kernel.now_ns()
         if not self._pulses:
             self._pulses = [Pulse(task, self._kernel.start_ns) for task in self._critical]
         reason = ''
         for pulse in self._pulses:
-            reason = pulse.look(now_ns) or reason
+            reason = pulse.check(now_ns) or reason
         self.reason = reason
         if reason:
             self._unhealthy(reason, now_ns)
@@ -155,11 +154,11 @@ class Watchdog:
             self.handle.push(now_ns + TIMEOUTS_UNTIL_DEATH * self._timeout_ns)
 
     def leave(self) -> None:
-        """Stop the dead-man timer of a process that ends in order; after a trip it goes on."""
+        """Stop the dead-man timer of a process that ends in order; after a trip it continues."""
         if self.handle is not None and not self.tripped:
             self.handle.release()
 
-    # ---- what follows ------------------------------------------------------------------------
+    # ---- reactions ---------------------------------------------------------------------------
 
     def _recover(self) -> None:
         if self._acted_ns:
@@ -195,7 +194,7 @@ class Watchdog:
             self._kernel.hold(task, FailurePolicy.SAFE_STATE, reason)
 
     def _trip(self, reason: str, now_ns: int) -> None:
-        """End the core: in order if that works within the timeout, otherwise by the handle."""
+        """End the core: in order if that succeeds within the timeout, otherwise by the handle."""
         self.tripped = reason
         self._note(Severity.FATAL, f'{reason}: the core ends with exit code '
                    f'{self._settings.exit_code}')
@@ -209,7 +208,7 @@ class Watchdog:
         return [task for task in self._kernel.tasks if task.on_safe_state is not None]
 
     def _is_safe(self) -> bool:
-        """Whether the action was taken and every task with a safe state rests in it."""
+        """Whether the action was taken and every task with a safe state is in it."""
         return (self._acted_ns > 0 and self._settings.action == 'safe_state'
                 and all(_rests(task) for task in self._with_safe_state()))
 
@@ -218,5 +217,5 @@ class Watchdog:
 
 
 def _rests(task: Task) -> bool:
-    # Until its safe state was run the function of the task is that.
+    # Until the safe state was run, it replaces the function of the task.
     return task.state is TaskState.SAFE and task.function is task.body and not task.busy

@@ -14,9 +14,9 @@
 
 
 """
-What can be configured: drivers, modules, simulators and message types, looked up by name.
+The drivers, modules, simulators and message types that a configuration may name.
 
-Settings know none of them; :func:`installed` asks the registries, late, and tests bring their own.
+:func:`installed` queries the registries, late; tests use their own catalogue.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rt_robot_os.motion.mounting import Mounting
 
 
 def no_topics(name: str, values: Mapping[str, Any]) -> PartTopics:
-    """Use no topic."""
+    """Return no topics."""
     return PartTopics()
 
 
@@ -44,23 +44,23 @@ def no_check(name: str, values: Mapping[str, Any], device: Mapping[str, Any]) ->
 
 
 def no_mountings(values: Mapping[str, Any]) -> Mapping[str, Mounting]:
-    """Have no frame."""
+    """Return no mountings."""
     return {}
 
 
 @dataclass(frozen=True, slots=True)
 class PartKind:
     """
-    A driver, a module or a simulator, as far as settings care.
+    A driver, a module or a simulator, as the settings need it.
 
     :ivar fields: its own settings.
-    :ivar topics: its topics, from the name of its section and the checked settings.
-    :ivar check: of a simulator, raises ConfigError when its settings do not fit together or do not
-        fit those of the device.
-    :ivar mountings: of a device, where its frames are, from the checked settings.
-    :ivar shares_port: several devices may be on one port (a bus).
-    :ivar rate_hz: of a module, at which it runs when its section does not say; None: as all.
-    :ivar answers: it waits for answers, so it is read on interrupt.
+    :ivar topics: returns its topics, from the name of its section and the checked settings.
+    :ivar check: of a simulator; raises ConfigError when its settings do not fit together, or do
+        not fit those of the device.
+    :ivar mountings: of a device; returns the mountings of its frames, from the checked settings.
+    :ivar shares_port: several devices may share one port (a bus).
+    :ivar rate_hz: of a module; its default rate; None: that of all modules.
+    :ivar answers: the device answers requests, so it is read on interrupt.
     """
 
     fields: tuple[Field, ...] = ()
@@ -78,13 +78,13 @@ class Lookup(Protocol):
     """Kinds by name."""
 
     def names(self) -> Sequence[str]:
-        """List the names that are known without importing anything foreign."""
+        """List the known names, without importing code of other packages."""
 
     def find(self, name: str) -> PartKind:
         """
-        Find one.
+        Look a name up.
 
-        :raises ConfigError: there is none, or it cannot be imported; the text completes
+        :raises ConfigError: it is unknown, or cannot be imported; the text completes
             ``imu.type = 'x': ...``.
         """
 
@@ -92,11 +92,11 @@ class Lookup(Protocol):
 @dataclass(frozen=True, slots=True)
 class Catalogue:
     """
-    All that a configuration may name.
+    Everything that a configuration may name.
 
     :ivar simulators: by the driver's name.
-    :ivar layout: lays a message type out with its fixed fields and tail; equal results mean the
-        same shape, LayoutError that it cannot be.
+    :ivar layout: computes the layout of a message type with its fixed fields and tail; equal
+        results mean the same shape; raises LayoutError.
     """
 
     drivers: Lookup

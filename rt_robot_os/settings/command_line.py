@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the programs that take a robot's configuration have in common on their command lines."""
+"""The common part of the command lines of programs that read a robot's configuration."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 ROS_ARGS_HELP: Final = """
 FILE is a parameter file, as --params-file names it; later files win.
-ROS 2 arguments stand behind --ros-args, as for any node:
+ROS 2 arguments follow --ros-args, as for any node:
   --params-file FILE        the robot; may be repeated, later files win
   -p NAME:=VALUE            one parameter, such as imu.rate_hz:=100.0 or gps.enabled:=false
   -r __node:=NAME           another name; -r __ns:=/NAMESPACE, -r FROM:=TO
@@ -47,19 +47,18 @@ _YAML: Final = ('.yaml', '.yml')
 def add_simulate(parser: argparse.ArgumentParser) -> None:
     """Add the option ``--simulate``."""
     parser.add_argument(
-        '--simulate', action='store_true', help='simulate the devices, whatever their ports: the '
-        'shipped robot, or the one of --params-file on your desk')
+        '--simulate', action='store_true', help='simulate all devices, whatever their ports: '
+        'those of the shipped robot, or of --params-file')
 
 
 def parse_own(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
     """
-    Read the arguments outside of ``--ros-args ... --``.
+    Parse the arguments outside of ``--ros-args ... --``.
 
-    What is not understood ends the program with code 2, and the command line that was probably
-    meant.
+    An unknown argument ends the program with code 2, and a suggestion of the correct command line.
 
     :param argv: without the program's name.
-    :return: with ``files``, the parameter files that were named without a flag.
+    :return: with ``files``, the parameter files without a flag.
     """
     ros, own = split(argv)
     arguments, rest = parser.parse_known_args(own)
@@ -96,7 +95,7 @@ def _refusal(parser: argparse.ArgumentParser, rest: list[str], own: list[str],
         elif not _is_file(word):
             return _unknown(parser, word)
     line = shlex.join([parser.prog, *kept, '--ros-args', *moved, *ros])
-    return f'ROS 2 arguments stand behind --ros-args. Write: {line}'
+    return f'ROS 2 arguments must follow --ros-args. Write: {line}'
 
 
 def _unknown(parser: argparse.ArgumentParser, word: str) -> str:
@@ -106,11 +105,11 @@ def _unknown(parser: argparse.ArgumentParser, word: str) -> str:
         return (f'{word!r} is not understood: is it a parameter file? '
                 f'{shlex.join([parser.prog, "--ros-args", "--params-file", word])}')
     hint = f'did you mean {guess}? ' if guess else ''
-    return f'{word!r} is not understood: {hint}{parser.prog} --help shows what there is'
+    return f'{word!r} is not understood: {hint}see {parser.prog} --help'
 
 
 def tell(program: str, error: Exception) -> None:
-    """Say on standard error why nothing was started, a line for each problem."""
+    """Print to standard error why nothing was started, one line per problem."""
     problems = error.problems if isinstance(error, ConfigError) else ()
     if not problems:
         programs.warn(program, error)
@@ -121,11 +120,11 @@ def tell(program: str, error: Exception) -> None:
 
 
 def told_simulated(settings: RobotSettings) -> str:
-    """Return which devices are simulated, and how to have real ones when nobody asked for that."""
+    """Return which devices are simulated, and how to use real ones if this was not requested."""
     from rt_robot_os.link.core_statistics import SHIPPED_IN_USE
     text = f'simulated: {", ".join(settings.simulated)}'
     if settings.simulation_asked:
         return text
-    return (f'WARNING: {text}; no sensor is real: {SHIPPED_IN_USE}. Your robot: my_robot.yaml in '
-            'its place (with ros2 launch: params_file:=my_robot.yaml). This one on purpose: '
+    return (f'WARNING: {text}; no sensor is real: {SHIPPED_IN_USE}. For your robot give its file, '
+            'my_robot.yaml (with ros2 launch: params_file:=my_robot.yaml). For this one give '
             '--simulate')

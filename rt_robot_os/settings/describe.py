@@ -14,7 +14,7 @@
 
 
 """
-The page of all keys, written from the same declarations that check them.
+Write the page of all keys from the declarations that check them.
 
 ``python3 -m rt_robot_os.settings.describe > docs/configuration.md``
 """
@@ -69,37 +69,36 @@ robot:
 ros2 run rt_robot_os robot --ros-args --params-file my_robot.yaml -p imu.rate_hz:=100.0
 ```
 
-Without a parameter file the shipped `robot.yaml` counts: its devices are simulated, which the
-first line, `/diagnostics` (a warning) and `top` say. `robot --simulate` says that it is meant, and
-with `--params-file` it simulates the devices of that file, whatever their ports.
+Without a parameter file the shipped `robot.yaml` is used: its devices are simulated, which the
+first line, `/diagnostics` (a warning) and `top` report. `robot --simulate` confirms it; with
+`--params-file` it simulates the devices of that file, whatever their ports.
 
-A device or a module is switched off with `-p gps.enabled:=false`, or by a list on the command line
-that it is not in: `-p "devices:=[imu]"`. Its section is checked all the same. Its topics stay,
-silent, so that its mirrors and who reads them need no change. A mirror that is not in such a list
-is left out.
+A device or a module is disabled with `-p gps.enabled:=false`, or by a list on the command line
+without it: `-p "devices:=[imu]"`. Its section is still checked. Its topics remain without samples,
+so that its mirrors and readers need no change. A mirror that is not in such a list is removed.
 
 ## How it is read
 
-- Every problem is told at once, with file, line, key, value and what would be right, before
-  anything is opened: `robot.yaml:14: imu.baud = 'fast': must be an integer from ...`.
-- Several files are laid over each other, key by key; later ones win, and the command line wins
-  over all files. (In rcl a `-p` loses to the node's own section when the file also has `/**`.)
+- All problems are reported together, with file, line, key, value and remedy, before anything is
+  opened: `robot.yaml:14: imu.baud = 'fast': must be an integer from ...`.
+- Several files are merged key by key; later ones win, and the command line wins over all files.
+  (In rcl a `-p` loses to the node's own section when the file also has `/**`.)
 - `robot:`, `/robot:`, `/lab: {robot: ...}` and `/lab/robot:` name the node as in every ROS 2 file.
   The wildcards `*` (one name) and `**` (any number) work, in the order of the file.
-- Values are what ROS 2 reads in them: `yes` and `on` are true, `010` is eight, `1e3` is a number,
-  `"5"` is a text. A whole number will do where a number is wanted. A list is of one type.
-- A key given twice, a key nobody knows, a key without value, an alias, a section in no list: each
-  is an error and none is ignored. Only `use_sim_time`, `start_type_description_service` and
-  `qos_overrides` belong to ROS 2 and are left alone.
-- Names of sections are letters, digits and `_`; each belongs to one list.
+- Values follow the rules of ROS 2: `yes` and `on` are true, `010` is eight, `1e3` is a number,
+  `"5"` is a string. An integer is accepted as a float. A list has one type.
+- A key that is given twice, an unknown key, a key without value, an alias, a section in no list:
+  each is an error. Only `use_sim_time`, `start_type_description_service` and `qos_overrides`
+  belong to ROS 2 and are ignored.
+- Names of sections consist of letters, digits and `_`; each belongs to one list.
 - *Live* keys can be changed while the robot runs: `ros2 param set /robot imu.rate_hz 50.0`.
 """
 
 _DEVICE_TEXT: Final = """\
 Each name in `devices` has a section with these keys and those of its driver. With `port: sim` the
-device is simulated: a pseudo-terminal or an emulated I2C bus speaks its bytes, as its section
-`sim` says (below, with each driver). With any other port the section `sim` is checked and then
-left alone.
+device is simulated: a pseudo-terminal or an emulated I2C bus sends its bytes, according to its
+section `sim` (below, with each driver). With any other port the section `sim` is checked but not
+used.
 """
 
 _MODULE_TEXT: Final = """\
@@ -107,18 +106,18 @@ Each name in `modules` has a section with these keys and those of its class.
 """
 
 _TASK_TEXT: Final = """\
-The section of a device or a module may also say this of its task. What contradicts itself is
+The section of a device or a module may also have these keys for its task. Contradictions are
 refused: a budget above the period with `on_budget: abort`, a deadline that no overrun policy can
-keep, `failure: safe_state` for a class without a method `safe_state()`, modules that release each
-other in a circle. So is a new rate that would contradict.
+meet, `failure: safe_state` for a class without a method `safe_state()`, modules that release each
+other in a cycle. So is a new rate that would cause one.
 
 With `failure: restart` a module is deactivated and activated again, not configured; a device is
-closed and opened anew. A task that was stopped or is in its safe state is held until it is
+closed and opened again. A task that was stopped or is in its safe state is held until it is
 re-armed: `ros2 service call /robot/rearm std_srvs/srv/Trigger`.
 """
 
 _LOG_TEXT: Final = """\
-The node writes what the core, its devices and modules say; see `docs/logging.md`.
+The node writes the reports of the core, its devices and modules; see `docs/logging.md`.
 """
 
 _WATCHDOG_TEXT: Final = """\
@@ -126,28 +125,28 @@ It watches the tasks with `critical: true`; see `docs/watchdog.md`.
 """
 
 _WORLD_TEXT: Final = """\
-What the simulated devices look at; see `docs/world.md`. A relative path counts from the folder of
-the file that has it, then from the `config` folder of this package.
+The world that the simulated devices sense; see `docs/world.md`. A relative path is resolved from
+the folder of the file that has it, then from the `config` folder of this package.
 """
 
 _TOPIC_TEXT: Final = """\
-Topics that no device and no module declares, such as inputs from ROS. A section `fixed` gives the
-texts and the lengths of sequences that the message is laid out with, by dotted field name:
+Topics that no device and no module declares, such as inputs from ROS. A section `fixed` has the
+fixed strings and lengths of sequences of the message, by dotted field name:
 `fixed: {header.frame_id: base_link}`.
 """
 
 _SERVICE_TEXT: Final = """\
-Each is a service of the node that publishes a text in the core and gives back what the core
-answers. Of the standard services only `nav_msgs/srv/LoadMap` carries a text of its own: its
-`map_url` goes where the text says `{map_url}`; what else needs one is a mirror of a topic.
-A call that awaits its answer holds up nothing else of the node; at most 16 of a service wait at
-the same time, more are refused.
+Each is a service of the node that publishes a string in the core and returns the answer of the
+core. Of the standard services only `nav_msgs/srv/LoadMap` has a string in its request: its
+`map_url` replaces `{map_url}` in the text. For other strings use a mirror of a topic.
+A call that awaits its answer delays nothing else in the node; at most 16 calls of a service wait
+at the same time, further ones are refused.
 
-Another process may answer, as mapping does, or a node of ROS that mirrors reach. A call asks the
-core first whether anything that reads `topic` and publishes `answer_topic` is connected. If not,
-nothing is published, and the response names what starts it (`started_by`). When the process ends
-before it has answered, or no answer comes within `timeout_s`, the response says that it is not
-known whether it was done.
+Another process may answer, as mapping does, or a ROS node that is connected by mirrors. A call
+first asks the core whether a client that reads `topic` and publishes `answer_topic` is connected.
+If not, nothing is published, and the response names the command that starts it (`started_by`).
+When the process ends before it has answered, or no answer comes within `timeout_s`, the response
+says that the result is unknown.
 
 ```yaml
     topics: [orders, answers]
@@ -159,17 +158,15 @@ known whether it was done.
 
 `ros2 service call /robot/crane/park std_srvs/srv/Trigger`
 
-The response of a LoadMap has a code and no room for a reason, which goes to the log, and carries
-no map. A `nav_msgs/srv/GetMap` asks nobody: it gives the last sample of its topic, or an empty
-map.
+The response of a LoadMap has a code and no field for a reason, which is logged, and it contains no
+map. A `nav_msgs/srv/GetMap` returns the last sample of its topic, or an empty map.
 """
 
 _SECTIONS: Final = (
     ('The robot', '', RobotSettings),
     ('`core`: the real-time process', '', CoreSettings),
-    ('`watchdog`: what happens when a critical task stands still', _WATCHDOG_TEXT,
-     WatchdogSettings),
-    ('`log`: the file of the log', _LOG_TEXT, LogSettings),
+    ('`watchdog`: supervision of critical tasks', _WATCHDOG_TEXT, WatchdogSettings),
+    ('`log`: the log file', _LOG_TEXT, LogSettings),
     ('`world`: the simulated world', _WORLD_TEXT, WorldSettings),
     ('Devices', _DEVICE_TEXT, DeviceSettings),
     ('Modules', _MODULE_TEXT, ModuleSettings),

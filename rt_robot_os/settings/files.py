@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameter files: where the shipped ones lie, how they are read and laid over each other."""
+"""The parameter files: locate the shipped ones, read files and merge them."""
 
 from __future__ import annotations
 
@@ -52,10 +52,10 @@ def default_path(name: str = 'robot.yaml') -> Path:
     """
     Find a configuration file of this package, without asking ament.
 
-    The source tree's own comes first when the code runs from there, then the one installed beside
-    this code, then those of ``AMENT_PREFIX_PATH``.
+    First that of the source tree, if the code runs from there, then the one installed with this
+    code, then those of ``AMENT_PREFIX_PATH``.
 
-    :raises ConfigError: there is none; names the places.
+    :raises ConfigError: there is none; the message lists the paths.
     """
     tried = []
     for folder in _folders():
@@ -69,11 +69,11 @@ def default_path(name: str = 'robot.yaml') -> Path:
 
 def path_near(name: str, file: str) -> Path:
     """
-    Find a file that another one names: beside that one, then among those of this package.
+    Find a file that another file names: relative to that file, then among those of this package.
 
-    :param name: a path; absolute ones are taken as they are.
-    :param file: that has the name; the working folder counts for the command line.
-    :return: an absolute path; nothing may be there.
+    :param name: a path; an absolute path is returned unmodified.
+    :param file: the file with the name; for the command line the working folder is used.
+    :return: an absolute path, which may not exist.
     """
     folder = Path() if file == COMMAND_LINE else Path(file).parent
     path = (folder / name).absolute()
@@ -81,7 +81,7 @@ def path_near(name: str, file: str) -> Path:
         try:
             return default_path(name).absolute()
         except ConfigError:
-            pass  # whoever opens it says that it is missing
+            pass  # reported when it is opened
     return path
 
 
@@ -107,9 +107,8 @@ def read_files(
     """
     Merge the node's parameters of several files; later ones win.
 
-    :param is_needed: False for files that are another node's, and may say nothing to this one.
-    :raises ConfigError: a file cannot be read or is not YAML; what it would have said is missing,
-        so nothing else can be judged.
+    :param is_needed: False for files of another node, which may have no section for this one.
+    :raises ConfigError: a file cannot be read or is not YAML; nothing else can be checked then.
     """
     read: list[tuple[Path, NodeParameters]] = []
     broken = False
@@ -140,12 +139,12 @@ def _check_matched(
     read: Sequence[tuple[Path, NodeParameters]], namespace: str, node: str, problems: Problems,
     is_needed: bool,
 ) -> None:
-    """Find files that say nothing to this node, though they were meant to."""
+    """Find files without parameters for this node, although they should have some."""
     name = full_name(namespace, node)
-    nobody = is_needed and not any(parameters.matched for _, parameters in read)
+    none_matched = is_needed and not any(parameters.matched for _, parameters in read)
     for path, parameters in read:
         guess = _misspelt(node, parameters.others)
-        if parameters.matched or not (nobody or guess):
+        if parameters.matched or not (none_matched or guess):
             continue
         there = ', '.join(parameters.others[:5]) or 'nothing'
         hint = f'did you mean {node!r} by {guess!r}?' if guess else f"put them under '{name}:'"
@@ -153,28 +152,29 @@ def _check_matched(
 
 
 def _misspelt(node: str, sections: Sequence[str]) -> str | None:
-    """Find a name that looks like the node's; robot1 and robot2 are two robots, no mistake."""
-    def letters(name: str) -> str:
+    """Find a name similar to the node's; robot1 and robot2 are two robots, not a misspelling."""
+    def without_digits(name: str) -> str:
         return ''.join(c for c in name if not c.isdigit())
 
     lasts = {section.rpartition('/')[2] for section in sections}
-    return nearest(node, {last for last in lasts if letters(last) != letters(node)})
+    stem = without_digits(node)
+    return nearest(node, {last for last in lasts if without_digits(last) != stem})
 
 
 def read_text(path: Path) -> str:
     """
-    Read a file as text, never more than is sensible, never from what could block.
+    Read a file as text; bounded, and never from a file that could block.
 
     :raises YamlProblem: with the reason.
     """
     if '\0' in str(path):
-        raise YamlProblem('cannot be read: no path has a null character')
+        raise YamlProblem('cannot be read: its path has a null character')
     try:
         data = read_file(path)
     except OSError as error:
         raise YamlProblem(f'cannot be read: {error.strerror}') from None
     except UnicodeEncodeError:
-        raise YamlProblem('cannot be read: its path is no text') from None
+        raise YamlProblem('cannot be read: its path cannot be encoded') from None
     try:
         return data.decode('utf-8-sig')
     except UnicodeDecodeError as error:
@@ -185,7 +185,7 @@ def read_text(path: Path) -> str:
 
 
 def read_overrides(overrides: Mapping[str, Any], problems: Problems) -> Branch:
-    """Take the values of the command line, by dotted name, as one more file."""
+    """Convert the values of the command line, by dotted name, to a tree like that of a file."""
     return expand(_raw(overrides, 0), problems)
 
 
@@ -204,7 +204,7 @@ def _raw(mapping: Mapping[Any, Any], depth: int) -> RawMap:
 def _leaf(value: Any, origin: Origin) -> Leaf:
     if isinstance(value, list | tuple):
         if any(isinstance(item, list | tuple | Mapping) for item in value):
-            return Leaf(origin, (), 'a list may hold no section and no list')
+            return Leaf(origin, (), 'a list must not contain a section or a list')
         leaves = [_leaf(item, origin) for item in value]
         fault = next((leaf.fault for leaf in leaves if leaf.fault), '')
         return Leaf(origin, tuple(leaf.value for leaf in leaves), fault)
@@ -214,4 +214,5 @@ def _leaf(value: Any, origin: Origin) -> Leaf:
         return Leaf(origin, value)
     if value is None:
         return Leaf(origin, None, NO_VALUE)
-    return Leaf(origin, type(value).__name__, 'must be true or false, a number, a text or a list')
+    return Leaf(origin, type(value).__name__,
+                'must be true or false, a number, a string or a list')

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The catalogue of what is installed: the registries of drivers, modules and simulators."""
+"""The catalogue of the installation: the registries of drivers, modules and simulators."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class _Registry:
     """
-    A registry behind the interface of :class:`rt_robot_os.settings.catalogue.Lookup`.
+    A registry with the interface of :class:`rt_robot_os.settings.catalogue.Lookup`.
 
-    :ivar noun: what it holds.
+    :ivar noun: what it contains.
     :ivar registry: imports the registry.
-    :ivar described: makes a kind of a name.
+    :ivar described: makes a kind from a name.
     :ivar open_ended: names with a colon are imported without being registered.
-    :ivar found: what was found before: looking through all installed packages takes long.
+    :ivar found: a cache, because a search in all installed packages takes long.
     """
 
     noun: str
@@ -118,7 +118,7 @@ def _simulator(name: str) -> PartKind:
     cls = SIMULATORS.load(name)
 
     def check(section: str, values: Mapping[str, Any], device: Mapping[str, Any]) -> None:
-        # A port opens nothing before it is plugged.
+        # The port opens nothing before it is plugged in.
         cls.made_for(section, values, RobotSite(Path()), device).check_speed()
 
     return PartKind(tuple(cls.SETTINGS), check=check)
@@ -132,7 +132,7 @@ def _layout(message: str, fixed: Mapping[str, Any], tail: int | None) -> Hashabl
 
 @functools.cache
 def installed() -> Catalogue:
-    """Return the catalogue of this installation; imports a driver or module when it is named."""
+    """Return the catalogue of this installation; a driver or module is imported on demand."""
     return Catalogue(
         drivers=_Registry('driver', _drivers, _driver),
         modules=_Registry('module', _modules, _module, open_ended=True),

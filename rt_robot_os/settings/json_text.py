@@ -14,9 +14,9 @@
 
 
 """
-Settings as one line of JSON: how the node hands them to the core's process.
+Settings as one line of JSON, for the core's process and for recordings.
 
-Nothing is lost on the way. What is read back is checked for its form only: the values were checked
+The conversion is lossless. Only the form is checked when it is parsed: the values were checked
 when they were loaded.
 """
 
@@ -37,7 +37,7 @@ from rt_robot_os.base.schema import hints_of
 from rt_robot_os.settings.model import frozen
 from rt_robot_os.settings.model import RobotSettings
 
-# Counted up when the form changes: the node and the core may be of different installations.
+# Incremented when the form changes: the node and the core may be of different installations.
 FORMAT: Final = 4
 
 
@@ -48,9 +48,9 @@ def to_json(settings: RobotSettings) -> str:
 
 def from_json(text: str) -> RobotSettings:
     """
-    Read settings that :func:`to_json` wrote.
+    Parse settings that :func:`to_json` wrote.
 
-    :raises ConfigError: the text is anything else.
+    :raises ConfigError: the text is not valid.
     """
     try:
         data = json.loads(text, parse_constant=_refuse)
@@ -78,7 +78,7 @@ def _make(kind: type, data: Any, name: str) -> Any:
         raise ConfigError([f'settings: {name} must be an object'])
     hints = hints_of(kind)
     known = {each.name: hints[each.name] for each in fields(kind)}
-    # What is newer than a recording has its default there.
+    # A setting that is newer than a recording has its default there.
     needed = {each.name for each in fields(kind)
               if each.default is MISSING and each.default_factory is MISSING}
     wrong = sorted((needed - set(data)) | (set(data) - set(known)))
@@ -88,7 +88,7 @@ def _make(kind: type, data: Any, name: str) -> Any:
 
 
 def _value(hint: Any, value: Any, name: str) -> Any:
-    """Read one value of the type that is annotated."""
+    """Parse one value of the annotated type."""
     if type(value) is hint:
         return value
     if isinstance(hint, type) and is_dataclass(hint):
@@ -110,7 +110,7 @@ def _value(hint: Any, value: Any, name: str) -> Any:
 def _tuple(item: Any, value: Any, name: str) -> tuple[Any, ...]:
     if item is str:
         if type(value) is not list or any(type(each) is not str for each in value):
-            raise ConfigError([f'settings: {name} must be a list of texts'])
+            raise ConfigError([f'settings: {name} must be a list of strings'])
         return tuple(value)
     name = name.rpartition('.')[2]
     if type(value) is not list:
@@ -132,4 +132,4 @@ def _float(value: int, name: str) -> float:
 
 
 def _refuse(constant: str) -> Any:
-    raise ValueError(f'{constant} is no number')
+    raise ValueError(f'{constant} is not a number')

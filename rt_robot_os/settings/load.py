@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The way in: files and command line to checked settings, or every problem at once."""
+"""The entry point: from files and command line to checked settings, or all problems."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ def load(
     simulate: bool = False,
 ) -> RobotSettings:
     """
-    Read ROS 2 parameter files and check them against everything that they name; opens no device.
+    Read ROS 2 parameter files and check them against everything they refer to; opens no device.
 
     :param paths: later files win, key by key.
     :param overrides: by dotted name (``imu.rate_hz``); they win over the files.
     :param node: the node's name; only its sections and wildcards count.
     :param namespace: the node's namespace.
-    :param catalogue: what may be named; what is installed when None.
-    :param simulate: every device is a simulated one, whatever its port.
+    :param catalogue: of drivers, modules and so on; that of the installation when None.
+    :param simulate: every device is simulated, whatever its port.
     :raises ConfigError: with one line for each problem.
     """
     problems = Problems([*(str(path) for path in paths), COMMAND_LINE])
@@ -77,18 +77,18 @@ def load_from_arguments(argv: Sequence[str], simulate: bool = False,
     """
     Read the parameter files and overrides of a command line.
 
-    Without a parameter file, as with the package's own ``robot.yaml``, devices are simulated.
+    Without a parameter file the package's own ``robot.yaml`` is used, with simulated devices.
 
     :param argv: without the program's name.
-    :param simulate: all devices are to be simulated.
-    :param files: parameter files that were named without a flag.
+    :param simulate: all devices are simulated.
+    :param files: parameter files without a flag.
     :raises ConfigError: with one line for each problem.
     """
     ros = parse_ros_args(argv)
     files = (*files, *ros.params_files) or (default_path(),)
-    # A launch file names the shipped one when its user names none.
+    # A launch file names the shipped file when its user names none.
     shipped = [os.path.realpath(path) for path in files] == [os.path.realpath(default_path())]
-    # That one is written for the node's usual name, wherever it runs.
+    # The shipped file is written for the default name of the node, whatever its actual name.
     node, namespace = ('robot', '/') if shipped else (ros.node_name, ros.namespace)
     settings = load(files, ros.overrides, node, namespace, simulate=simulate)
     return replace(settings, simulation_asked=simulate or not shipped), ros
@@ -96,10 +96,10 @@ def load_from_arguments(argv: Sequence[str], simulate: bool = False,
 
 def lay_over(files: Branch, line: Branch) -> Branch:
     """
-    Lay the command line over the files.
+    Merge the command line over the files.
 
-    ``devices:=[imu]`` switches the others off, as ``gps.enabled:=false`` does, and so do modules;
-    a mirror or a topic that is not in such a list is left out.
+    ``devices:=[imu]`` disables the other devices, as ``gps.enabled:=false`` does; likewise for
+    modules. A mirror or a topic that is not in such a list is removed.
     """
     tree = merge(files, line)
     off: dict[str, Leaf | Branch] = {}
@@ -126,7 +126,7 @@ def _names(tree: Branch, list_name: str) -> tuple[str, ...] | None:
 
 
 def simulate_all(tree: Branch, catalogue: Catalogue) -> Branch:
-    """Give every device that has a port the simulated one."""
+    """Set the port of every device that has one to the simulated port."""
     overlay: dict[str, Leaf | Branch] = {}
     for name in _names(tree, 'devices') or ():
         section = tree.children.get(name)
@@ -136,7 +136,7 @@ def simulate_all(tree: Branch, catalogue: Catalogue) -> Branch:
         try:
             fields = catalogue.drivers.find(kind.value).fields
         except ConfigError:
-            continue  # told where the section is read
+            continue  # reported where the section is read
         if any(field.name == 'port' for field in fields):
             overlay[name] = Branch(_ORIGIN, {'port': Leaf(_ORIGIN, SIM_PORT)})
     return merge(tree, Branch(_ORIGIN, overlay))

@@ -14,9 +14,10 @@
 
 
 """
-Mirrors of many topics: ``topic: wsn/*`` stands for every topic of the core that matches.
+Mirrors of many topics: ``topic: wsn/*`` matches topics of the core.
 
-Each topic becomes a mirror of its own when the settings are read; they share name and parameters.
+Each matching topic gets its own mirror when the settings are read; these share name and
+parameters.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ _EXAMPLE: Final = 'wsn/*'
 
 
 def is_pattern(topic: object) -> bool:
-    """Return whether a name stands for all that match it."""
+    """Return whether a name is a pattern."""
     return isinstance(topic, str) and STAR in topic
 
 
@@ -49,10 +50,10 @@ def expanded(
     mirrors: Sequence[Section], table: TopicTable, problems: Problems,
 ) -> tuple[Section, ...]:
     """
-    Put a mirror for each topic that matches in the place of a mirror with a pattern.
+    Replace each mirror with a pattern by mirrors of the matching topics.
 
-    A ``*`` matches one character or more, ``/`` as well. A topic goes to the mirror that names it,
-    else to the first pattern of the list that matches it.
+    A ``*`` matches one or more characters, including ``/``. A topic belongs to the mirror that
+    names it, otherwise to the first pattern of the list that matches it.
     """
     taken = {mirror.values.get('topic') for mirror in mirrors}
     found: list[Section] = []
@@ -70,15 +71,15 @@ def _matches(
     mirror: Section, table: TopicTable, taken: Collection[object], problems: Problems,
 ) -> list[Section]:
     pattern: str = mirror.values['topic']
-    if (wrong := _wrong(mirror, pattern, problems)) is not None:
-        mirror.reject('topic', wrong, problems)
+    if (problem := _pattern_problem(mirror, pattern, problems)) is not None:
+        mirror.reject('topic', problem, problems)
         return []
     ros_pattern: str | None = mirror.values.get('ros_topic')
     expression = re.compile('(.+)'.join(map(re.escape, pattern.split(STAR))))
     matches = [match for match in map(expression.fullmatch, table.declared) if match]
     free = [match for match in matches if match[0] not in taken]
     if not free and (matches or table.complete):
-        mirror.reject('topic', 'each topic that matches has a mirror of its own: delete this one'
+        mirror.reject('topic', 'each matching topic already has a mirror: delete this one'
                       if matches else _nothing(pattern, table), problems)
     return [replace(mirror, values={
         **mirror.values, 'topic': match[0],
@@ -86,14 +87,14 @@ def _matches(
     }) for match in free]
 
 
-def _wrong(mirror: Section, pattern: str, problems: Problems) -> str | None:
-    """Say what is wrong with a pattern; what is wrong with its name in ROS is reported."""
+def _pattern_problem(mirror: Section, pattern: str, problems: Problems) -> str | None:
+    """Return the problem of a pattern, None for none; a problem of its ROS name is reported."""
     if mirror.values.get('direction') == 'in':
-        return f'{STAR} is for what goes out: name each topic that comes in'
+        return f'{STAR} is only for direction: out: name each topic that comes from ROS'
     ros_pattern = mirror.values.get('ros_topic')
     if ros_pattern and ros_pattern.count(STAR) != pattern.count(STAR):
-        mirror.reject('ros_topic', f'must have as many {STAR} as topic, {pattern!r}: each stands '
-                      'for what that of topic matches', problems)
+        mirror.reject('ros_topic', f'must have as many {STAR} as topic, {pattern!r}: each is '
+                      'replaced by the match of that in topic', problems)
     return topic_problem(pattern.replace(STAR, 'x'), _EXAMPLE)
 
 
@@ -102,6 +103,6 @@ def _nothing(pattern: str, table: TopicTable) -> str:
 
 
 def _filled(pattern: str, texts: Iterable[str]) -> str:
-    """Put texts in the place of the stars."""
+    """Replace the stars by strings."""
     return ''.join(itertools.chain.from_iterable(
         itertools.zip_longest(pattern.split(STAR), texts, fillvalue='')))

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The types that mirrored topics have in ROS, and what converts their messages on the way.
+The ROS types of mirrored topics, and the converters of their messages.
 
-The node and the recorder both use it: a bag has the types of the live graph.
+Used by the node and by the recorder: a bag has the types of the live graph.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from rt_robot_os.settings.model import MirrorSettings
 
 
 def ros_type(mirror: MirrorSettings) -> str:
-    """Name the type that a mirror's topic has in ROS."""
+    """Return the type of a mirror's topic in ROS."""
     if mirror.as_:
         return mirror.as_
     return stamped_type(mirror.message) if mirror.stamped else mirror.message
@@ -40,9 +40,9 @@ def ros_type(mirror: MirrorSettings) -> str:
 
 def outward(mirror: MirrorSettings) -> Outward | None:
     """
-    Return what makes a message as ROS has it from one of the core; None where they are the same.
+    Return the converter from messages of the core to those of ROS; None if they are the same.
 
-    Of a mirror from ROS, too: what the core received is shown in a recording as it was sent.
+    Also for a mirror from ROS: a recording shows what the core received as it was sent.
 
     :raises ValueError: there is no such conversion.
     """
@@ -59,9 +59,9 @@ def outward(mirror: MirrorSettings) -> Outward | None:
 
 def inward(mirror: MirrorSettings) -> Callable[[int], Inward] | None:
     """
-    Find what makes a message for the core from one of ROS; None where they are the same.
+    Return the factory of the converter from messages of ROS; None if they are the same.
 
-    :return: makes it, from the longest message of the core in bytes.
+    :return: makes the converter, from the longest message of the core in bytes.
     """
     conversion = find(mirror.message, mirror.as_)
     if conversion is not None and conversion.inward is not None:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The checked settings: frozen facts that the node, the core and the tools share.
+The checked settings: immutable values that the node, the core and the tools share.
 
-Each setting is declared here and nowhere else; see :func:`rt_robot_os.base.schema.setting`.
-Drivers, simulators and modules bring their own.
+Each setting is declared only here; see :func:`rt_robot_os.base.schema.setting`. Drivers,
+simulators and modules declare their own.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ SIM_PORT: Final = 'sim'
 SLOWEST_HZ: Final = 0.1
 FASTEST_HZ: Final = 10_000.0
 
-_TRANSFORMS_DEPTH: Final = 100  # as tf2_ros has it
+_TRANSFORMS_DEPTH: Final = 100  # the depth of tf2_ros
 _LONGEST_US: Final = 1e9  # a period, a deadline, a budget
 
 
@@ -83,71 +83,71 @@ def _values(kind: type[Enum]) -> tuple[Any, ...]:
 
 
 def _enabled() -> Any:
-    return setting(True, 'false: it is left out, and its topics are silent')
+    return setting(True, 'false: it does not run, and its topics get no samples')
 
 
 def _max_subscribers() -> Any:
-    return setting(int(MAX_SUBSCRIBERS), 'most modules that may read one of its topics (of '
-                   'several sections that publish it the largest number counts); mirrors and '
-                   'recordings do not count', minimum=1, maximum=SUBSCRIBERS_MAXIMUM)
+    return setting(int(MAX_SUBSCRIBERS), 'maximum number of modules that may read one of its '
+                   'topics (if several sections publish a topic, the largest number counts); '
+                   'mirrors and recordings do not count', minimum=1, maximum=SUBSCRIBERS_MAXIMUM)
 
 
 def _log_level() -> Any:
-    return setting('info', 'the least severity that it logs', choices=LEVELS, live=True)
+    return setting('info', 'minimum severity that it logs', choices=LEVELS, live=True)
 
 
 @dataclass(frozen=True, slots=True)
 class TaskSettings:
-    """What a device or a module declares of its task, besides rate and priority."""
+    """The settings of the task of a device or a module, other than rate and priority."""
 
     phase_us: float = setting(0.0, 'first release after the start', 'us', 0.0, _LONGEST_US)
     deadline_us: float = setting(
         0.0, 'time from a release to the latest end of its job; 0: the period, without a rate '
         'none', 'us', 0.0, _LONGEST_US)
     budget_us: float = setting(
-        0.0, 'computing time a job may use, what preempts it not counted; 0: any', 'us', 0.0,
+        0.0, 'computing time a job may use, without preemptions; 0: unlimited', 'us', 0.0,
         _LONGEST_US)
     on_budget: str = setting(
-        TaskSpec.on_budget.value, 'what happens to a job that uses more: count it, or abort it',
+        TaskSpec.on_budget.value, 'reaction to a job that uses more: count it, or abort it',
         choices=_values(BudgetPolicy))
     overrun: str = setting(
-        TaskSpec.overrun.value, 'what happens to a release that finds the job before unfinished',
+        TaskSpec.overrun.value, 'reaction to a release while the previous job is unfinished',
         choices=_values(OverrunPolicy))
     catch_up: int = setting(
-        TaskSpec.catch_up, 'most releases made up for, with overrun: catch_up', minimum=1,
-        maximum=BACKLOG_MAXIMUM)
+        TaskSpec.catch_up, 'maximum number of releases to make up for, with overrun: catch_up',
+        minimum=1, maximum=BACKLOG_MAXIMUM)
     overrun_limit: int = setting(
         TaskSpec.overrun_limit, 'overruns after which the failure policy is applied; 0: never',
         minimum=0, maximum=OVERRUN_LIMIT_MAXIMUM)
     overrun_leak: int = setting(
-        TaskSpec.overrun_leak, 'jobs without overrun that take one overrun away', minimum=1,
-        maximum=1_000_000)
+        TaskSpec.overrun_leak, 'number of jobs without overrun that cancel one overrun',
+        minimum=1, maximum=1_000_000)
     failure: str = setting(
-        TaskSpec.failure.value, 'what follows an exception, an abort or too many overruns',
+        TaskSpec.failure.value, 'reaction to an exception, an abort or too many overruns',
         choices=_values(FailurePolicy))
     restart_s: float = setting(
-        TaskSpec.restart_ns / NS_PER_S, 'wait before the first restart; doubled with each', 's',
+        TaskSpec.restart_ns / NS_PER_S, 'wait before the first restart; doubles each time', 's',
         0.001, 3600.0)
     restart_max_s: float = setting(
         TaskSpec.restart_maximum_ns / NS_PER_S, 'longest wait before a restart', 's', 0.001,
         3600.0)
     critical: bool = setting(TaskSpec.critical, 'the watchdog watches it')
     resources: tuple[str, ...] = setting(
-        (), 'names of what it may lock; tasks that name the same share it')
+        (), 'names of resources that it may lock; tasks with the same name share the resource')
     logical_execution: bool = setting(
-        TaskSpec.logical, 'inputs are those of the release, outputs are published at the deadline')
+        TaskSpec.logical, 'inputs are read at the release, outputs are published at the deadline')
     execution_us: float = setting(
-        0.0, 'longest computing time of a job as you know it, for plan; 0: unknown', 'us', 0.0,
+        0.0, 'longest known computing time of a job, for plan; 0: unknown', 'us', 0.0,
         _LONGEST_US)
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceSettings:
     """
-    One device in the SensorManager's list.
+    One device of the SensorManager.
 
     :ivar name: its section; unique in the robot.
-    :ivar port: where it is; ``SIM_PORT`` for a simulated one, empty when the driver has no port.
+    :ivar port: ``SIM_PORT`` for a simulated device, empty when the driver has no port.
     :ivar settings: every key of the driver's own ``SETTINGS``, defaults filled in.
     :ivar sim: the simulator's settings; None unless the port is ``SIM_PORT``.
     """
@@ -160,13 +160,13 @@ class DeviceSettings:
         100.0, 'how often the device is polled', 'Hz', SLOWEST_HZ, FASTEST_HZ, live=True)
     priority: int = priority_setting(60, 'priority of its task; higher runs first')
     read: str = setting(
-        'poll', 'when it is read: poll at rate_hz; interrupt as bytes arrive too (a device on I2C '
-        'always, but with logical_execution)', choices=('poll', 'interrupt'))
+        'poll', 'when it is read: poll: at rate_hz; interrupt: also when bytes arrive (devices on '
+        'I2C always, except with logical_execution)', choices=('poll', 'interrupt'))
     timeout_s: float = setting(
-        1.0, 'silence after which the device counts as faulty', 's', 0.01, 3600.0)
+        1.0, 'time without data after which the device is faulty', 's', 0.01, 3600.0)
     retry_s: float = setting(
         0.5, 'wait before it is opened again; doubles with each failure', 's', 0.01, 3600.0)
-    retry_max_s: float = setting(10.0, 'longest wait between two tries', 's', 0.01, 3600.0)
+    retry_max_s: float = setting(10.0, 'longest wait between two attempts', 's', 0.01, 3600.0)
     max_subscribers: int = _max_subscribers()
     log_level: str = _log_level()
     task: TaskSettings = inline(TaskSettings())
@@ -188,8 +188,8 @@ class ModuleSettings:
         REQUIRED, "the module's name, or package.module:Class")
     enabled: ClassVar[bool] = _enabled()
     rate_hz: float = setting(
-        50.0, 'how often the module steps; 0: only when an input wakes it', 'Hz', 0.0, FASTEST_HZ,
-        live=True)
+        50.0, 'how often the module runs; 0: only when an input releases it', 'Hz', 0.0,
+        FASTEST_HZ, live=True)
     priority: int = priority_setting(40, 'priority of its task; higher runs first')
     max_subscribers: int = _max_subscribers()
     log_level: str = _log_level()
@@ -202,7 +202,7 @@ class TopicSettings(TopicSpec):
     """
     A topic of the core that no device and no module declares.
 
-    :ivar name: its section, and its name in the core unless ``topic`` says another.
+    :ivar name: its section, and its name in the core unless ``topic`` is set.
     :ivar tail: None for 0.
     """
 
@@ -211,9 +211,9 @@ class TopicSettings(TopicSpec):
     message: str = setting(REQUIRED, 'its type, such as geometry_msgs/msg/Twist')
     depth: int = setting(
         8, 'slots in the ring; a power of two', minimum=1, maximum=DEPTH_MAXIMUM)
-    rate_hz: float = setting(0.0, 'rate expected; 0: unknown', 'Hz', 0.0, FASTEST_HZ)
+    rate_hz: float = setting(0.0, 'expected rate; 0: unknown', 'Hz', 0.0, FASTEST_HZ)
     tail: int | None = setting(
-        0, 'most bytes of the one sequence of variable length; 0: there is none', 'bytes', 0,
+        0, 'maximum bytes of the one sequence of variable length; 0: none', 'bytes', 0,
         64 * 1024 * 1024)
     max_subscribers: int = _max_subscribers()
 
@@ -227,54 +227,55 @@ class MirrorSettings:
     """
     A topic of the core mirrored to or from a ROS topic.
 
-    :ivar name: its section; all topics that one pattern stands for have the same.
+    :ivar name: its section; all topics of one pattern have the same.
     :ivar message: the type of the topic in the core.
-    :ivar core_frame_id: the frame that all messages of the topic in the core are in.
-    :ivar pattern: what was written as ``topic``, such as ``wsn/*``; empty where it names one.
-    :ivar ros_pattern: what was written as ``ros_topic`` beside it.
-    :ivar ros_topic: as the user wrote it; relative names follow the node's namespace.
-    :ivar reliability: never ``auto``: that is decided when it is made.
+    :ivar core_frame_id: the frame of all messages of the topic in the core.
+    :ivar pattern: the ``topic`` as written, such as ``wsn/*``; empty if it is not a pattern.
+    :ivar ros_pattern: the ``ros_topic`` of the pattern as written.
+    :ivar ros_topic: as written; relative names follow the node's namespace.
+    :ivar reliability: never ``auto``: that is resolved by the constructor.
     """
 
     name: str
     topic: str = setting(
-        REQUIRED, 'the topic in the core; each * stands for any text: wsn/* goes to ROS with all '
-        'topics that begin so and that no other mirror names or has matched before')
+        REQUIRED, 'the topic in the core; each * matches any string: wsn/* mirrors all topics '
+        'that begin with wsn/ and that no other mirror names or has matched before')
     message: str
     core_frame_id: str = ''
     pattern: str = ''
     ros_pattern: str = ''
     direction: str = setting(
-        'out', 'where it goes: out to ROS or in from it', choices=('out', 'in'))
+        'out', 'direction: out to ROS or in from it', choices=('out', 'in'))
     ros_topic: str = setting(
-        '', 'the topic in ROS; the same name when absent; beside a topic with * it has as many, '
-        'for the same texts')
+        '', 'the topic in ROS; the same name when absent; for a topic with * it has as many *, '
+        'for the same strings')
     policy: str = setting(
-        Policy.DRAIN.value, 'what is handed on: drain every sample, latest the newest',
+        Policy.DRAIN.value, 'samples that are sent: drain: all; latest: the newest',
         choices=_values(Policy), live=True)
     max_rate_hz: float = setting(
-        0.0, 'most samples a second; 0: no limit', 'Hz', 0.0, FASTEST_HZ, live=True)
+        0.0, 'maximum samples per second; 0: no limit', 'Hz', 0.0, FASTEST_HZ, live=True)
     delay_ms: float = setting(
-        0.0, 'longest time a sample may wait on its way out to go with others: core and node '
-        'spend less on each; 0: no longer than core.link_gather_ms', 'ms', 0.0, DELAY_MAXIMUM_MS,
+        0.0, 'longest time a sample to ROS may wait for others, which costs the core and the node '
+        'less per sample; 0: no longer than core.link_gather_ms', 'ms', 0.0, DELAY_MAXIMUM_MS,
         live=True)
     reliability: str = setting(
-        'auto', 'quality of service; auto: reliable outward, inward best_effort, which hears '
-        'every publisher, and reliable with transient_local',
+        'auto', 'quality of service; auto: reliable to ROS; from ROS best_effort, which matches '
+        'every publisher, or reliable with transient_local',
         choices=('auto', 'reliable', 'best_effort'))
     durability: str = setting(
         'volatile', 'quality of service', choices=('volatile', 'transient_local'))
     depth: int = setting(10, 'length of the ROS queue', 'samples', 1, 10_000)
     stamped: bool = setting(
         False, 'the ROS topic has the type with a header, such as TwistStamped where the core has '
-        'Twist; inward its age counts as that of the sample')
+        'Twist; from ROS the age of the header is that of the sample')
     as_: str = setting(
-        '', 'the type that the ROS topic has in place of that in the core: '
+        '', 'the type of the ROS topic, if it differs from that in the core: '
         f'{TRANSFORMS} (several on one topic, /tf when ros_topic is absent), {PATH}, {MARKERS} '
-        f'(of a sensor network), {DIAGNOSTICS} (of diagnoses in JSON, such as alarms/list)')
+        f'(of a sensor network or a pose graph), {DIAGNOSTICS} (of diagnostics in JSON, such as '
+        'alarms/list)')
     frame_id: str = setting(
-        '', 'in the header of what goes out, with stamped: true or as; of a path, map when '
-        'absent: with another one it is refused')
+        '', 'in the header of messages to ROS, with stamped: true or as; for a path, map when '
+        'absent: a path from ROS in another frame is refused')
 
     def __post_init__(self) -> None:
         object.__setattr__(self, 'ros_topic', self.ros_topic or (
@@ -283,11 +284,11 @@ class MirrorSettings:
             # Several share the queue.
             object.__setattr__(self, 'depth', max(self.depth, _TRANSFORMS_DEPTH))
         if self.reliability == 'auto':
-            hears_all = self.direction == 'in' and self.durability == 'volatile'
-            object.__setattr__(self, 'reliability', 'best_effort' if hears_all else 'reliable')
+            match_all = self.direction == 'in' and self.durability == 'volatile'
+            object.__setattr__(self, 'reliability', 'best_effort' if match_all else 'reliable')
 
     def as_written(self) -> MirrorSettings:
-        """Return it with the pattern that it comes from in place of the topic."""
+        """Return the mirror with its pattern in place of the topic."""
         return replace(self, topic=self.pattern, ros_topic=self.ros_pattern
                        ) if self.pattern else self
 
@@ -295,9 +296,9 @@ class MirrorSettings:
 @dataclass(frozen=True, slots=True)
 class MountedFrame:
     """
-    Where a frame of a device is.
+    The mounting of a frame of a device.
 
-    :ivar stated: the configuration says where; False for a device with the default mounting.
+    :ivar stated: the configuration has the mounting; False for the default mounting.
     """
 
     frame_id: str
@@ -308,25 +309,25 @@ class MountedFrame:
 @dataclass(frozen=True, slots=True)
 class RobotSettings:
     """
-    The whole robot, checked.
+    The settings of a whole robot, checked.
 
-    :ivar frames: those of all devices, each once.
-    :ivar files: real paths of the parameter files that it was read from.
-    :ivar simulation_asked: somebody wanted the devices simulated; False when it is only for want
-        of another configuration.
+    :ivar frames: of all devices, each once.
+    :ivar files: real paths of the parameter files.
+    :ivar simulation_asked: the user asked for simulated devices; False when they are simulated
+        only because no other configuration was given.
     """
 
     autostart: bool = setting(True, 'the node configures and activates itself')
     diagnostics_rate_hz: float = setting(
         1.0, 'how often /diagnostics is published', 'Hz', SLOWEST_HZ, 100.0)
     static_transforms: str = setting(
-        'mounted', 'which frames of devices the node publishes on /tf_static: those that say '
-        'where they are mounted; all; or none, where a robot description does it',
+        'mounted', 'frames of devices that the node publishes on /tf_static: mounted: those with '
+        'a mounting; all; none: if a robot description publishes them',
         choices=('mounted', 'all', 'none'))
     core: CoreSettings = CoreSettings()
     parameters_file: str = setting(
-        '', 'where ~/save_parameters writes what was changed; when absent the name of the robot '
-        'and .saved.yaml, in $ROS_HOME or ~/.ros')
+        '', 'file for the changed parameters, written by ~/save_parameters; when absent the name '
+        'of the robot and .saved.yaml, in $ROS_HOME or ~/.ros')
     devices: tuple[DeviceSettings, ...] = setting(
         (), 'names of the devices, each with a section of that name')
     modules: tuple[ModuleSettings, ...] = setting(
@@ -346,12 +347,12 @@ class RobotSettings:
 
     @property
     def mountings(self) -> Mapping[str, Mounting]:
-        """Return where the frames of all devices are, by name."""
+        """Return the mountings of the frames of all devices, by frame name."""
         return MappingProxyType({each.frame_id: each.mounting for each in self.frames})
 
     @property
     def simulated(self) -> tuple[str, ...]:
-        """Return the names of the devices that are simulated."""
+        """Return the names of the simulated devices."""
         return tuple(device.name for device in self.devices if device.port == SIM_PORT)
 
 
@@ -368,12 +369,12 @@ def _nested() -> tuple[Mapping[str, type], Mapping[str, type]]:
     return MappingProxyType(sections), MappingProxyType(lists)
 
 
-# The sections with a name of their own, and the lists of names of sections: what each holds.
+# The types of the sections with a fixed name, and of those that are named in a list.
 SECTIONS, LISTS = _nested()
 
 
 def frozen(value: Any) -> Any:
-    """Turn lists into tuples and dictionaries into read-only mappings, all the way down."""
+    """Turn lists into tuples and dictionaries into read-only mappings, recursively."""
     if isinstance(value, Mapping):
         return MappingProxyType({key: frozen(item) for key, item in value.items()})
     if isinstance(value, list | tuple):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Checks where the frames of the devices are: one place for each, and no circle."""
+"""Check the mountings of the devices' frames: one for each frame, and no cycle."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from rt_robot_os.settings.tree import Origin
 from rt_robot_os.settings.tree import show
 
 KEYS: Final = ('mounting_m', 'mounting_rad', 'parent_frame_id')
-# REP 105: the robot moves in them, so nothing on it is mounted there.
+# REP 105: the robot moves in these frames, so no device is mounted in them.
 WORLD_FRAMES: Final = frozenset({'earth', 'map', 'odom'})
 
 
@@ -45,11 +45,11 @@ class _Claim:
 def check_mountings(devices: Iterable[PartSection], problems: Problems
                     ) -> tuple[MountedFrame, ...]:
     """
-    Find a frame in two places, one that carries itself, and names that tf2 refuses.
+    Find frames with two mountings, cycles, and names that tf2 refuses.
 
-    A device with the default mounting leaves the frame to another that says where it is.
+    A default mounting is replaced by the mounting of another device with the same frame.
 
-    :return: each frame once; those that are no part of the robot left out.
+    :return: each frame once, without those that are not on the robot.
     """
     claims: dict[str, _Claim] = {}
     for part in devices:
@@ -60,11 +60,11 @@ def check_mountings(devices: Iterable[PartSection], problems: Problems
             if other.stated and other.mounting != claim.mounting:
                 problems.add(claim.origin, f'{part.name} mounts {frame_id!r} at '
                              f'{_text(claim.mounting)}, but {other.device} ({other.origin}) at '
-                             f'{_text(other.mounting)}: say it at one of them, or give each its '
+                             f'{_text(other.mounting)}: set it for one of them, or give each its '
                              'own frame_id')
             claims[frame_id] = claim
     for frame_id in claims:
-        _check_circle(frame_id, claims, problems)
+        _check_cycle(frame_id, claims, problems)
     return tuple(MountedFrame(frame_id, claim.mounting, claim.stated)
                  for frame_id, claim in claims.items())
 
@@ -72,10 +72,10 @@ def check_mountings(devices: Iterable[PartSection], problems: Problems
 def _claims(part: PartSection, problems: Problems) -> Iterable[tuple[str, _Claim]]:
     section, kind = part.section, part.kind
     if kind is None or any(each.name not in section.values for each in kind.fields):
-        return  # something else is wrong, and told
-    said = [each.name for each in kind.fields if each.name in KEYS
-            and frozen(section.values[each.name]) != each.default]
-    origin = section.where(said[0] if said else 'frame_id')
+        return  # another problem, which is reported elsewhere
+    stated = [each.name for each in kind.fields if each.name in KEYS
+              and frozen(section.values[each.name]) != each.default]
+    origin = section.where(stated[0] if stated else 'frame_id')
     try:
         mountings = kind.mountings(part.own())
     except ConfigError as error:
@@ -83,32 +83,32 @@ def _claims(part: PartSection, problems: Problems) -> Iterable[tuple[str, _Claim
             problems.add(origin, f'{part.name}.{text}')
         return
     for frame_id, mounting in mountings.items():
-        if said:
+        if stated:
             _check_names(part, frame_id, mounting, problems)
         at_rest = mounting == Mounting(parent=frame_id)
         if frame_id not in WORLD_FRAMES and not at_rest:
-            yield frame_id, _Claim(mounting, part.name, origin, bool(said))
+            yield frame_id, _Claim(mounting, part.name, origin, bool(stated))
 
 
 def _check_names(part: PartSection, frame_id: str, mounting: Mounting, problems: Problems) -> None:
     for key, name in (('frame_id', frame_id), ('parent_frame_id', mounting.parent)):
         if not name or name.startswith('/'):
             problems.value(part.section.where(key), f'{part.name}.{key}', name,
-                           'tf2 takes no empty name and none that begins with a slash')
+                           'tf2 refuses empty names and names that begin with a slash')
 
 
-def _check_circle(frame_id: str, claims: dict[str, _Claim], problems: Problems) -> None:
-    """Follow the parents; a circle is told once, by the first of its frames."""
-    way = [frame_id]
-    while way[-1] in claims:
-        way.append(claims[way[-1]].mounting.parent)
-        if way[-1] != frame_id and way[-1] in way[:-1]:
-            return  # it leads into a circle of others
-        if way[-1] == frame_id:
-            if frame_id == min(way):
+def _check_cycle(frame_id: str, claims: dict[str, _Claim], problems: Problems) -> None:
+    """Follow the parents; a cycle is reported once, for the first of its frames."""
+    path = [frame_id]
+    while path[-1] in claims:
+        path.append(claims[path[-1]].mounting.parent)
+        if path[-1] != frame_id and path[-1] in path[:-1]:
+            return  # it leads into a cycle of other frames
+        if path[-1] == frame_id:
+            if frame_id == min(path):
                 claim = claims[frame_id]
-                problems.add(claim.origin, f'{claim.device}: {" on ".join(map(repr, way))}: a '
-                             'frame cannot carry itself, set another parent_frame_id')
+                problems.add(claim.origin, f'{claim.device}: {" on ".join(map(repr, path))}: a '
+                             'frame cannot be its own parent, set another parent_frame_id')
             return
 
 

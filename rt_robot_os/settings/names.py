@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The names ROS 2 allows, and why a name is not one of them."""
+"""The names that ROS 2 allows, and the problem of a name that it does not."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from typing import Final
 
 TOKEN_RULE: Final = "letters, digits and '_', not beginning with a digit"
 
-# What rmw allows a whole topic name: 255 less the prefix that DDS gets.
+# The limit of rmw for a full topic name: 255 less the prefix for DDS.
 LONGEST_TOPIC: Final = 247
 
-# What rmw allows.
+# The limit of rmw.
 LONGEST_NODE: Final = 255
 
 _TOKEN = re.compile(r'[A-Za-z_][A-Za-z0-9_]*', re.ASCII)
@@ -33,17 +33,17 @@ _MESSAGE = re.compile(r'[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*', re.ASCII)
 
 
 def is_token(name: str) -> bool:
-    """Return whether a name is one ROS token: a device, a node, one part of a topic."""
+    """Return whether a name is a ROS token: the name of a device or a node, a part of a topic."""
     return _TOKEN.fullmatch(name) is not None
 
 
 def topic_problem(name: str, example: str = 'imu/data') -> str | None:
     """
-    Return what is wrong with the name of a topic inside the robot.
+    Return the problem of the name of a topic in the core.
 
-    :return: None for tokens separated by single slashes, else the remedy.
+    :return: None for tokens separated by single slashes, otherwise the remedy.
     """
-    # Late: for the command line alone the names of nodes do, and topics need NumPy.
+    # Late: it imports NumPy, and the command line needs only the names of nodes.
     from rt_robot_os.topics.bus import TOPIC_NAME
     if len(name) > LONGEST_TOPIC:
         return f'must be at most {LONGEST_TOPIC} characters'
@@ -53,7 +53,7 @@ def topic_problem(name: str, example: str = 'imu/data') -> str | None:
 
 
 def ros_topic_problem(name: str) -> str | None:
-    """Return what is wrong with a ROS topic name, which may also begin with '/' or '~/'."""
+    """Return the problem of a ROS topic name, which may also begin with '/' or '~/'."""
     for prefix in ('~/', '/'):
         if name.startswith(prefix):
             return topic_problem(name[len(prefix):], f'{prefix}imu/data')
@@ -61,14 +61,14 @@ def ros_topic_problem(name: str) -> str | None:
 
 
 def message_problem(name: str) -> str | None:
-    """Return what is wrong with the spelling of a message type."""
+    """Return the problem of the name of a message type."""
     if _MESSAGE.fullmatch(name):
         return None
     return 'must be package/msg/Type, such as geometry_msgs/msg/Twist'
 
 
 def namespace_problem(name: str) -> str | None:
-    """Return what is wrong with a namespace: '/' or tokens, each behind a slash."""
+    """Return the problem of a namespace: it must be '/' or tokens, each behind a slash."""
     if name == '/' or (name.startswith('/') and topic_problem(name[1:]) is None):
         return None
     return f"must be '/' or begin with '/', in names of {TOKEN_RULE}, such as /lab"
@@ -80,7 +80,7 @@ def full_name(namespace: str, node: str) -> str:
 
 
 def full_topic(name: str, namespace: str, node: str) -> str:
-    """Return the whole name of a ROS topic, as ``ros2 topic list`` shows it."""
+    """Return the full name of a ROS topic, as ``ros2 topic list`` shows it."""
     if name.startswith('/'):
         return name
     if name.startswith('~/'):

@@ -14,10 +14,10 @@
 
 
 """
-Which parameters of a file are this node's.
+Select the parameters of a node from a file.
 
-The rules are rcl's: ``robot:``, ``/robot:``, ``/lab: {robot: ...}``, ``/lab/robot:`` and the
-wildcards ``*`` (one name) and ``**`` (any number), applied in the order of the file.
+The rules are those of rcl: ``robot:``, ``/robot:``, ``/lab: {robot: ...}``, ``/lab/robot:`` and
+the wildcards ``*`` (one name) and ``**`` (any number), applied in the order of the file.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ PARAMETERS = 'ros__parameters'
 @dataclass(frozen=True, slots=True)
 class NodeParameters:
     """
-    What a file holds for this node.
+    The parameters of a file for this node.
 
-    :ivar tree: the parameters, those of several matching sections merged.
-    :ivar matched: whether any section is this node's.
-    :ivar others: the full names of the sections that are not.
+    :ivar tree: the parameters, merged from all matching sections.
+    :ivar matched: whether any section matches the node.
+    :ivar others: the full names of the sections that do not match.
     """
 
     tree: Branch
@@ -53,7 +53,7 @@ class NodeParameters:
 
 
 def select(root: RawMap, namespace: str, node: str, problems: Problems) -> NodeParameters:
-    """Gather the parameters of one node from one file."""
+    """Select the parameters of one node from one file."""
     found: list[tuple[str, RawMap]] = []
     _walk(root, '', found, problems)
     wanted = [token for token in full_name(namespace, node).split('/') if token]
@@ -70,7 +70,7 @@ def select(root: RawMap, namespace: str, node: str, problems: Problems) -> NodeP
 
 
 def matches(pattern: list[str], name: list[str]) -> bool:
-    """Return whether the tokens of a section's name, with wildcards, cover a node's full name."""
+    """Return whether the tokens of a section's name, with wildcards, match a node's full name."""
     reached = {0}
     for token in pattern:
         if token == '**':
@@ -87,7 +87,7 @@ def _walk(
     for key, origin, value in node.items:
         where = f"{path.rstrip('/')}/{key.strip('/')}"
         if key in seen:
-            problems.add(origin, f'{where} was begun at line {seen[key].line}: join the two')
+            problems.add(origin, f'{where} already exists at line {seen[key].line}: join the two')
             continue
         seen[key] = origin
         if key == PARAMETERS and path:
@@ -96,20 +96,20 @@ def _walk(
             else:
                 problems.add(origin, f'{where} must be a section: write {{}} when it is empty')
         elif key == PARAMETERS:
-            problems.add(origin, f"{PARAMETERS} must stand under the node's name: robot:")
+            problems.add(origin, f"{PARAMETERS} must be below the node's name: robot:")
         elif isinstance(value, RawMap) and nearest(key, [PARAMETERS]) is None:
             _walk(value, where, found, problems)
         else:
             guess = f"did you mean '{PARAMETERS}:'?" if isinstance(value, RawMap) else (
-                f"parameters stand under 'robot:' and then '{PARAMETERS}:'")
-            problems.add(origin, f"{where} stands outside '{PARAMETERS}': {guess}")
+                f"parameters must be below 'robot:' and then '{PARAMETERS}:'")
+            problems.add(origin, f"{where} is outside '{PARAMETERS}': {guess}")
             if isinstance(value, Leaf):
-                # A file without that level would otherwise give this line for each of its keys.
+                # For a file without that level one error is enough, not one for each key.
                 break
 
 
 def expand(raw: RawMap, problems: Problems) -> Branch:
-    """Take dotted keys apart (``imu.rate_hz: 5``) and find the keys given twice."""
+    """Expand dotted keys (``imu.rate_hz: 5``) and find keys that are given twice."""
     branch = Branch(raw.origin)
     _fill(branch, raw, '', problems)
     return branch
@@ -122,7 +122,7 @@ def _fill(branch: Branch, raw: RawMap, prefix: str, problems: Problems) -> None:
         name = f'{prefix}{key}'
         first = written.setdefault(key, origin)
         if not all([*parents, last]):
-            problems.add(origin, f'{name!r} is no parameter name: a part of it is empty')
+            problems.add(origin, f'{name!r} is not a parameter name: a part of it is empty')
         elif first is not origin:
             _report_twice(name, origin, first, problems)
         else:

@@ -14,7 +14,7 @@
 
 
 """
-The settings as ROS 2 parameters: what to declare, what may change, and what comes of a change.
+The settings as ROS 2 parameters: declarations, permitted changes, and their effect.
 
 Names are those of the YAML file: ``imu.rate_hz``, ``core.heartbeat_s``, ``devices``.
 """
@@ -63,9 +63,9 @@ class ParameterDescription:
     :ivar value: of the declared type; lists are lists.
     :ivar field: its type, range and description.
     :ivar live: may be changed while the robot runs.
-    :ivar in_core: its change is made in the core, whose device or module it belongs to; that of a
-        mirror in the process that mirrors.
-    :ivar task: what else is declared of the task whose rate it is; None for any other.
+    :ivar in_core: it is changed in the core, for a device or module; a parameter of a mirror is
+        changed in the node.
+    :ivar task: for a rate, the other settings of the task; None for any other parameter.
     """
 
     name: str
@@ -77,16 +77,16 @@ class ParameterDescription:
 
     @property
     def read_only(self) -> bool:
-        """Whether a change takes a new start."""
+        """Whether a change needs a restart."""
         return not self.live
 
     def refusal(self, value: Any) -> str | None:
-        """Return what is against a new value; None when it may be used."""
+        """Return why a new value is refused; None if it is valid."""
         remedy = problem_of(self.field, value)
         if not remedy and self.task is not None:
             section = self.name.partition('.')[0]
             for key, wrong in contradictions(self.field.coerce(value), self.task):
-                remedy = (f'{section}.{key} = {show(getattr(self.task, key))} would not fit: it '
+                remedy = (f'{section}.{key} = {show(getattr(self.task, key))} does not fit: it '
                           f'{wrong}')
                 break
         return f'{self.name} = {show(value)}: {remedy}' if remedy else None
@@ -94,10 +94,10 @@ class ParameterDescription:
 
 class RobotParameters:
     """
-    Every parameter of a robot, and its settings with what was changed since they were loaded.
+    Every parameter of a robot, and its settings with the changes since they were loaded.
 
-    :param catalogue: the one the settings were loaded with; what is installed when None.
-    :ivar settings: as they are now.
+    :param catalogue: with which the settings were loaded; that of the installation when None.
+    :ivar settings: the current settings.
     """
 
     def __init__(self, settings: RobotSettings, catalogue: Catalogue | None = None) -> None:
@@ -107,16 +107,16 @@ class RobotParameters:
 
     def refusal(self, name: str, value: Any) -> str | None:
         """
-        Judge a change while the robot runs.
+        Check a change while the robot runs.
 
-        :return: None when it may be made, else the reason against it, for ``ros2 param set``.
+        :return: None if it is permitted, otherwise the reason, for ``ros2 param set``.
         """
         found = self.known.get(name)
         if found is None:
             return f'{name}: unknown parameter, {did_you_mean(name, self.known)}'
         if not found.live:
-            changeable = f"; while it runs: {', '.join(sorted(self._live))}" if self._live else ''
-            return f'{name} is read at the start only: change the file and start again{changeable}'
+            live = f"; live: {', '.join(sorted(self._live))}" if self._live else ''
+            return f'{name} is read at the start only: change the file and restart{live}'
         return found.refusal(value)
 
     def live_values(self) -> dict[str, Any]:
@@ -124,7 +124,7 @@ class RobotParameters:
         return dict(self._live)
 
     def set(self, name: str, value: Any) -> None:  # noqa: A003
-        """Note a change that :meth:`refusal` had nothing against."""
+        """Store a change that :meth:`refusal` permits."""
         section, _, key = name.partition('.')
         self._live[name] = value = self.known[name].field.coerce(value)
         updates: dict[str, Any] = {
@@ -139,7 +139,7 @@ def parameters(
     """
     List every parameter of a robot, in the order of the file.
 
-    :param catalogue: the one the settings were loaded with; what is installed when None.
+    :param catalogue: with which the settings were loaded; that of the installation when None.
     """
     return tuple(_all(settings, catalogue or installed()))
 
@@ -147,9 +147,9 @@ def parameters(
 def live_parameters(settings: RobotSettings, kinds: Mapping[str, PartKind]
                     ) -> tuple[ParameterDescription, ...]:
     """
-    List what may change of devices and modules while they run, as :func:`parameters` does.
+    List the live parameters of devices and modules, as :func:`parameters` does.
 
-    :param kinds: of those that run, by the name of their section; nothing is imported.
+    :param kinds: of the devices and modules, by section name; nothing is imported.
     """
     found = (*(each for device in settings.devices
                for each in _of_device(device, kinds[device.name])),
@@ -162,9 +162,9 @@ def check_change(
     settings: RobotSettings, name: str, value: Any, catalogue: Catalogue | None = None,
 ) -> str | None:
     """
-    Judge a change of a robot, see :meth:`RobotParameters.refusal`.
+    Check a change of a robot, see :meth:`RobotParameters.refusal`.
 
-    :return: None when it may be made, else the reason against it.
+    :return: None if it is permitted, otherwise the reason.
     """
     return RobotParameters(settings, catalogue).refusal(name, value)
 
@@ -173,9 +173,9 @@ def changed(
     settings: RobotSettings, name: str, value: Any, catalogue: Catalogue | None = None,
 ) -> RobotSettings:
     """
-    Return the settings with one change; :class:`RobotParameters` takes many.
+    Return the settings with one change; for several use :class:`RobotParameters`.
 
-    :raises ConfigError: :func:`check_change` has something against it.
+    :raises ConfigError: :func:`check_change` refuses it.
     """
     found = RobotParameters(settings, catalogue)
     reason = found.refusal(name, value)
@@ -237,7 +237,7 @@ def _of_device(device: DeviceSettings, kind: PartKind) -> Iterator[ParameterDesc
 def _of_module(module: ModuleSettings, kind: PartKind) -> Iterator[ParameterDescription]:
     for each in _of_part(module, common(ModuleSettings, kind)):
         if each.task is not None:
-            # It has a rate, or its inputs release it: that does not change.
+            # Whether it has a rate or is released by inputs cannot change.
             live = each.live and bool(module.rate_hz)
             lowest = (each.field.minimum or SLOWEST_HZ) if live else each.field.minimum
             each = replace(each, live=live, field=replace(each.field, live=live, minimum=lowest))
@@ -260,7 +260,7 @@ def _of_topic(topic: TopicSettings) -> Iterator[ParameterDescription]:
 
 
 def _fixed_field(key: str, value: Any) -> Field:
-    description = 'text or length fixed at declaration'
+    description = 'string or length that is fixed at declaration'
     if isinstance(value, tuple):
         return Field(key, list, (), description, item=type(value[0]) if value else str)
     return Field(key, type(value), value, description)

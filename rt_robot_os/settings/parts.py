@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Reads the sections of devices and modules: our keys and those of the driver or module class."""
+"""Read the sections of devices and modules: common keys, and those of the driver or module."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ _PLACEHOLDERS: Mapping[type, Any] = {bool: False, int: 0, float: 0.0, str: 'x', 
 @dataclass(frozen=True, slots=True)
 class PartSection:
     """
-    A device or module on its way to being settings.
+    The section of a device or module, before its settings are made.
 
-    :ivar branch: as it was written.
-    :ivar kind: None when its type is not known.
-    :ivar sim: what the simulator gets; None when the device is real.
+    :ivar branch: as written.
+    :ivar kind: None when its type is unknown.
+    :ivar sim: the settings of the simulator; None for a real device.
     """
 
     section: Section
@@ -73,7 +73,7 @@ class PartSection:
 
     @property
     def enabled(self) -> bool:
-        """Return whether it is to run."""
+        """Return whether it is enabled."""
         return self.section.values.get('enabled', True) is not False
 
     def own(self) -> Mapping[str, Any]:
@@ -82,7 +82,7 @@ class PartSection:
 
 
 def common(cls: type, kind: PartKind) -> tuple[Field, ...]:
-    """Join our keys and the class's; the class may give one of ours another default or range."""
+    """Join common keys and those of the class, which may redefine default or range of a key."""
     theirs = {each.name for each in kind.fields}
     return (*(each for each in declared(cls) if each.name not in theirs), *kind.fields)
 
@@ -103,7 +103,7 @@ def read_module(branch: Branch, name: str, catalogue: Catalogue, problems: Probl
     kind, section = _read(branch, name, catalogue.modules, ModuleSettings, 'module', (), problems)
     if kind is not None and 'rate_hz' not in section.origins:
         if kind.is_coroutine:
-            section.values['rate_hz'] = 0.0  # it awaits what releases it
+            section.values['rate_hz'] = 0.0  # it awaits its own releases
         elif kind.rate_hz is not None:
             section.values['rate_hz'] = kind.rate_hz
     return PartSection(section, branch, kind)
@@ -126,7 +126,7 @@ def _read(
         problems.add(branch.origin, text + did_you_mean('', lookup.names()))
         branch = Branch(branch.origin, {**branch.children, 'type': Leaf(branch.origin, '')})
     if kind is None:
-        # Without its class nobody can say which other keys are right.
+        # Without the class the other keys cannot be checked.
         return None, read_section(branch, name, declared(ours), problems, tuple(branch.children))
     return kind, read_section(branch, name, common(ours, kind), problems, elsewhere)
 
@@ -180,11 +180,11 @@ def _check_simulator(
 
 def topics_of(part: PartSection, noun: str, problems: Problems) -> PartTopics | None:
     """
-    Ask the class which topics it uses with these settings.
+    Query the class for its topics with these settings.
 
-    A wrong value is replaced by its default, so that one mistake does not bring on others.
+    A wrong value is replaced by its default, so that one mistake does not cause further errors.
 
-    :return: None when that cannot be known.
+    :return: None when they cannot be determined.
     """
     if part.kind is None:
         return None
@@ -199,7 +199,7 @@ def topics_of(part: PartSection, noun: str, problems: Problems) -> PartTopics | 
     except RtRobotError as error:
         if complete:
             for line in str(error).splitlines():
-                # Some authors name their section, some leave that to us.
+                # Some classes name the section in their errors, others do not.
                 named = line.startswith((f'{part.name}:', f'{part.name}.'))
                 problems.add(_place(part.section, line),
                              line if named else f'{part.name}: {line}')
@@ -211,7 +211,7 @@ def topics_of(part: PartSection, noun: str, problems: Problems) -> PartTopics | 
 
 
 def _place(section: Section, line: str) -> Origin:
-    """Return where the key stands that a problem begins with; else the section."""
+    """Return the place of the key that a problem begins with, otherwise of the section."""
     found = re.match(r'\w+', line.removeprefix(f'{section.name}.'))
     return section.where(found[0] if found and line.startswith(f'{section.name}.') else '')
 
@@ -227,7 +227,7 @@ def _stand_in(field: Field) -> Any:
 
 
 def build_part(cls: type[_Settings], part: PartSection) -> _Settings:
-    """Make the settings of a device or a module that has no problem."""
+    """Make the settings of a device or a module without problems."""
     others: dict[str, Any] = {'name': part.name, 'settings': frozen(part.own())}
     if cls is DeviceSettings:
         others |= {'port': part.section.values.get('port', ''), 'read': _when_read(part),
@@ -237,12 +237,12 @@ def build_part(cls: type[_Settings], part: PartSection) -> _Settings:
 
 
 def _when_read(part: PartSection) -> str:
-    """Return when it is read: a device that waits for answers as they come, if it may."""
+    """Return when it is read: a device that answers requests on interrupt, if possible."""
     answers = part.kind is not None and part.kind.answers and not task_of(part).logical_execution
     return 'interrupt' if answers else str(part.section.values['read'])
 
 
 def task_of(part: PartSection) -> TaskSettings:
-    """Return what a part declares of its task; a wrong value is replaced by its default."""
+    """Return the task settings of a part; a wrong value is replaced by its default."""
     task: TaskSettings = made(TaskSettings, frozen(part.section.values))
     return task

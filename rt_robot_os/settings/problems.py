@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Everything that is wrong, collected, and the words for it."""
+"""Collect the problems of a configuration, with their texts and suggestions."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from rt_robot_os.base.schema import Field
 from rt_robot_os.settings.tree import Origin
 from rt_robot_os.settings.tree import show
 
-# A file of nonsense gets this many lines, then their number.
+# The most lines that are reported; further problems are only counted.
 MOST_LINES = 500
 
 _LONGEST_GUESS = 64
 _ALIKE = 0.6
-# Of so many names each is compared with each.
+# Up to this number of names each is compared.
 _FEW = 100
 _MOST_SHOWN = 100
 
 
 class Problems:
     """
-    The problems found so far, told in the order of the files.
+    The problems found so far, reported in the order of the files.
 
     :param files: the files as the user gave them, in order.
     """
@@ -55,7 +55,7 @@ class Problems:
         return bool(self._found)
 
     def add(self, origin: Origin, text: str) -> None:
-        """Note one problem at a place."""
+        """Add a problem at a place."""
         if len(self._found) >= MOST_LINES:
             self._dropped += 1
             return
@@ -63,11 +63,11 @@ class Problems:
         self._found.append((rank, origin.line, _one_line(f'{origin}: {text}')))
 
     def value(self, origin: Origin, name: str, value: Any, remedy: str) -> None:
-        """Note that a value cannot be used, and what would be right."""
+        """Add a value that is not valid, and the remedy."""
         self.add(origin, f'{name} = {show(value)}: {remedy}')
 
     def lines(self) -> tuple[str, ...]:
-        """Return one line a problem, each once, by file and line."""
+        """Return one line per problem, each once, sorted by file and line."""
         ordered = sorted(self._found, key=lambda found: found[:2])
         lines = tuple(dict.fromkeys(text for _, _, text in ordered))
         if self._dropped:
@@ -76,16 +76,16 @@ class Problems:
 
     def raise_any(self) -> None:
         """
-        Do nothing when nothing was found.
+        Raise if there are problems.
 
-        :raises ConfigError: with all that was found.
+        :raises ConfigError: with all problems.
         """
         if self._found:
             raise ConfigError(self.lines())
 
 
 def _one_line(text: str) -> str:
-    """Keep an error one line that any terminal can show, whatever a key contains."""
+    """Escape characters, so that an error is one line that any terminal can show."""
     return ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in text)
 
 
@@ -93,7 +93,7 @@ def problem_of(field: Field, value: Any) -> str | None:
     """
     Check one value against its declaration, each item of a list included.
 
-    :return: None when the value may be used, else ``must be ...``.
+    :return: None if the value is valid, otherwise ``must be ...``.
     """
     wrong = field.problem(value)
     texts = value if isinstance(value, list | tuple) else [value]
@@ -110,17 +110,17 @@ def _is_text(value: str) -> bool:
 
 
 def description_of(field: Field) -> str:
-    """Return the description as a sentence without full stop, however its author wrote it."""
+    """Return the description, capitalised and without a full stop."""
     text = field.description.removesuffix('.')
     return text[:1].upper() + text[1:]
 
 
 class Names:
     """
-    Names that there are, to guess which of them was meant.
+    Known names, for suggestions.
 
-    A guess costs the same however many there are: of more than a few only those are found that
-    are a letter away. Each is filed under what is left of it without one of its letters.
+    The cost of a suggestion does not depend on their number: of many names only those are found
+    that differ by one character. Each name is indexed by itself without one of its characters.
     """
 
     def __init__(self, known: Iterable[str] = ()) -> None:
@@ -136,7 +136,7 @@ class Names:
         return len(self._known)
 
     def add(self, name: str) -> None:
-        """Know one more."""
+        """Add a name."""
         if name in self._known:
             return
         self._known[name] = None
@@ -148,9 +148,9 @@ class Names:
 
     def nearest(self, name: str, but: str | None = None) -> str | None:
         """
-        Guess which one was meant.
+        Return the most similar name.
 
-        :param but: one that was not.
+        :param but: a name to exclude.
         """
         if len(name) > _LONGEST_GUESS:
             return None
@@ -172,12 +172,12 @@ def _closest(name: str, known: Sequence[str]) -> str | None:
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Guess which of the known names was meant; for many guesses make :class:`Names` of them."""
+    """Return the most similar of the known names; for many queries use :class:`Names`."""
     return None if len(name) > _LONGEST_GUESS else _closest(name, list(known))
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return which known name is nearest, or which names there are."""
+    """Return a suggestion of the most similar name, or a list of all names."""
     names = known if isinstance(known, Names) else sorted(set(known))
     guess = names.nearest(name) if isinstance(names, Names) else nearest(name, names)
     if guess:

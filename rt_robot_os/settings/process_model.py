@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The settings of the process that runs the kernel: those of its sections of their own."""
+"""The settings of the process that runs the kernel: its sections with fixed names."""
 
 from __future__ import annotations
 
@@ -38,61 +38,62 @@ def priority_setting(default: int, description: str) -> Any:
 class CoreSettings:
     """The process that runs the kernel."""
 
-    spawn: bool = setting(True, 'start the core as a child; false: attach to one that runs')
+    spawn: bool = setting(True, 'start the core as a child; false: attach to a running core')
     cpu: int = setting(
-        -1, 'CPU it is pinned to; -1: of those allowed the one with the fewest robots, of these '
-        'the last; -2: not pinned', minimum=-2, maximum=1023)
+        -1, 'CPU it is pinned to; -1: the allowed CPU with the fewest robots, of several the '
+        'last; -2: not pinned', minimum=-2, maximum=1023)
     scheduler_priority: int = setting(
-        80, 'SCHED_FIFO priority; 0: stay an ordinary process', minimum=0, maximum=99)
+        80, 'SCHED_FIFO priority; 0: an ordinary process', minimum=0, maximum=99)
     lock_memory: bool = setting(True, 'keep all memory resident')
     heartbeat_s: float = setting(
-        1.0, 'time without a sign of life after which the core is reported; after three times '
-        'that one that the node has started is started anew', 's', 0.1, 60.0)
+        1.0, 'time without a change of the liveness counter after which the core is reported; '
+        'after three times this the node restarts a core that it has started', 's', 0.1, 60.0)
     link_priority: int = priority_setting(
-        SERVICE_PRIORITY, 'kernel priority of what serves clients: below what matters')
+        SERVICE_PRIORITY, 'kernel priority of the task that serves clients: below all important '
+        'tasks')
     link_gather_ms: float = setting(
-        5.0, 'samples that are mirrored within this time of those before go out together: the '
-        'core spends less on each; 0: each at once', 'ms', 0.0, 1000.0)
+        5.0, 'samples that are mirrored within this time after others are sent together, which '
+        'costs the core less per sample; 0: each immediately', 'ms', 0.0, 1000.0)
     command_priority: int = priority_setting(
         COMMAND_PRIORITY, 'kernel priority at which samples from ROS are published')
     spin_us: float = setting(
         0.0, 'wake this much early and spin up to the release: less jitter for computing time; '
         '0: sleep', 'us', 0.0, SPIN_MAXIMUM_NS / NS_PER_US)
     cpu_latency_us: int = setting(
-        -1, 'longest time a sleeping CPU may take to wake, as asked of /dev/cpu_dma_latency; '
-        '-1: leave it', 'us', -1, 1_000_000)
+        -1, 'longest time a sleeping CPU may take to wake, requested at /dev/cpu_dma_latency; '
+        '-1: no request', 'us', -1, 1_000_000)
     dispatcher: str = setting(
-        'preemptive', 'preemptive: the higher priority interrupts the lower; cooperative: it '
+        'preemptive', 'preemptive: a higher priority interrupts a lower one; cooperative: it '
         'waits for the end of the job', choices=('preemptive', 'cooperative'))
     black_box_records: int = setting(
-        RECORDS_DEFAULT, 'records the black box keeps', 'records', 64, 1 << 20)
+        RECORDS_DEFAULT, 'number of records in the black box', 'records', 64, 1 << 20)
     black_box_folder: str = setting(
-        '', 'where the black box is written after a fault; when absent $ROS_LOG_DIR or ~/.ros/log')
+        '', 'folder of the dumps of the black box; when absent $ROS_LOG_DIR or ~/.ros/log')
     record_bytes: bool = setting(
-        False, 'tap bytes of devices and times of jobs from the start, so that record gets all of '
-        'them and replay is exact')
+        False, 'tap bytes of devices and times of jobs from the start, so that a recording is '
+        'complete and its replay exact')
 
 
 @dataclass(frozen=True, slots=True)
 class WatchdogSettings:
-    """What happens when a critical task is unhealthy."""
+    """The reaction to an unhealthy critical task."""
 
     timeout_s: float = setting(
         0.0, 'how long a critical task may be unhealthy; 0: no watchdog', 's', 0.0, 3600.0)
     action: str = setting(
-        'log', 'what comes then: log it, bring every task with a safe state there and hold it, or '
-        'exit', choices=('log', 'safe_state', 'exit'))
+        'log', 'reaction: log it; safe_state: bring every task with a safe state there and hold '
+        'it; exit: end the core', choices=('log', 'safe_state', 'exit'))
     exit_code: int = setting(70, 'exit code of the core after exit', minimum=3, maximum=125)
     device: str = setting(
-        '', 'a watchdog of the machine that is fed as well, such as /dev/watchdog')
+        '', 'a hardware watchdog that is also fed, such as /dev/watchdog')
 
 
 @dataclass(frozen=True, slots=True)
 class LogSettings:
-    """The file of the log, which the node writes."""
+    """The log file, which the node writes."""
 
     file: bool = setting(True, "the node writes the core's log to a file")
-    folder: str = setting('', 'where it lies; when absent $ROS_LOG_DIR or ~/.ros/log')
-    file_mb: float = setting(10.0, 'size at which a new file is begun', 'MB', 0.001, 10_000.0)
+    folder: str = setting('', 'folder of the log file; when absent $ROS_LOG_DIR or ~/.ros/log')
+    file_mb: float = setting(10.0, 'size at which a new file is started', 'MB', 0.001, 10_000.0)
     files: int = setting(
-        5, 'files that are kept, the newest included', minimum=1, maximum=1000)
+        5, 'number of files that are kept, including the newest', minimum=1, maximum=1000)

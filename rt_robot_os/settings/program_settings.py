@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The settings of a program beside the robot, which has a section of its own in its files."""
+"""The settings of a program that runs in a separate process, with its own node section."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from rt_robot_os.settings.tree import merge
 def read_parameters(paths: Sequence[Path], overrides: Mapping[str, Any], node: str,
                     namespace: str, *, is_needed: bool = True) -> tuple[Branch, Problems]:
     """
-    Read what parameter files say to a node; opens nothing else.
+    Read the parameters of a node from files; opens nothing else.
 
     :param overrides: by dotted name; they win over the files.
-    :param is_needed: False for files of the robot, which may say nothing to the node.
-    :return: that, and the problems so far.
+    :param is_needed: False for files of the robot, which may have no section for the node.
+    :return: the parameters, and the problems so far.
     """
     problems = Problems([*(str(path) for path in paths), COMMAND_LINE])
     return merge(read_files(list(paths), namespace, node, problems, is_needed=is_needed),
@@ -56,9 +56,9 @@ def read_values(model: type, paths: Sequence[Path], overrides: Mapping[str, Any]
 
     :param model: the dataclass that declares them.
     :param overrides: by dotted name; they win over the files.
-    :param check: what the declarations do not say; it reports.
-    :param is_needed: False for files of the robot, which may say nothing to the node.
-    :return: all of them by name, for :func:`rt_robot_os.base.schema.made`; lists as tuples.
+    :param check: further checks, which report problems.
+    :param is_needed: False for files of the robot, which may have no section for the node.
+    :return: all settings by name, for :func:`rt_robot_os.base.schema.made`; lists as tuples.
     :raises ConfigError: with one line for each problem.
     """
     tree, problems = read_parameters(paths, overrides, node, namespace,

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""From the parameters of the node to the settings of the robot: every section, then the whole."""
+"""From the parameters of the node to the settings of the robot: each section, then the whole."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def read_robot(
     """
     Check everything and build the settings.
 
-    :raises ConfigError: with every problem, also those noted before.
+    :raises ConfigError: with every problem, including those found before.
     """
     tree = with_world_file(tree, problems)
     named = find_sections(tree, catalogue, problems)
@@ -117,7 +117,7 @@ def read_robot(
 
 def _mirror(section: Section, table: TopicTable, patterns: Mapping[str, Section]
             ) -> MirrorSettings:
-    """Make the settings of one; that of a pattern keeps what was written."""
+    """Make the settings of a mirror; that of a pattern keeps the pattern as written."""
     topic: str = section.values['topic']
     written = patterns.get(section.name)
     kept = {} if written is None else {
@@ -129,7 +129,7 @@ def _mirror(section: Section, table: TopicTable, patterns: Mapping[str, Section]
 
 
 def _read_named_section(tree: Branch, name: str, kind: type, problems: Problems) -> Section:
-    """Read a section that is in no list, such as ``core``."""
+    """Read a section with a fixed name, such as ``core``."""
     node = tree.children.get(name, Branch(tree.origin))
     if isinstance(node, Leaf):
         problems.value(node.origin, name, node.value, 'must be a section')
@@ -141,7 +141,7 @@ def _fill_table(
     table: TopicTable, devices: list[PartSection], modules: list[PartSection],
     topics: list[Section], catalogue: Catalogue, problems: Problems,
 ) -> Mapping[str, PartTopics | None]:
-    """Enter every topic; give those of each part."""
+    """Add every topic to the table; return the topics of each part."""
     found: dict[str, PartTopics | None] = {}
     for noun, parts in (('device', devices), ('module', modules)):
         for part in parts:
@@ -167,7 +167,7 @@ def _read_topic(branch: Branch, name: str, problems: Problems) -> Section:
 def _read_fixed(branch: Branch, name: str, problems: Problems) -> Mapping[str, Any]:
     node = branch.children.get('fixed')
     if isinstance(node, Leaf):
-        text = f'{name}.fixed must be a section: fields of the message, with their text or length'
+        text = f'{name}.fixed must be a section: fields of the message, with a string or length'
         problems.add(node.origin, text)
     if not isinstance(node, Branch):
         return {}
@@ -178,7 +178,7 @@ def _silent_topics(
     parts: Sequence[PartSection], topics: Sequence[Section],
     uses: Mapping[str, PartTopics | None],
 ) -> Iterator[TopicSettings]:
-    """Yield the topics of parts that are not enabled: readers and mirrors of them just wait."""
+    """Yield the topics of disabled parts, so that their readers and mirrors remain valid."""
     published = {section.values['topic'] or section.name for section in topics}
     for part in parts:
         if part.enabled:
@@ -194,6 +194,6 @@ def _silent_topics(
 
 
 def _plain(fixed: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is fixed as parameters can say it: of a list of messages their number."""
+    """Return fixed fields as parameters: for a list of messages their number."""
     return {key: len(value) if isinstance(value, (list, tuple)) and any(
         isinstance(each, Mapping) for each in value) else value for key, value in fixed.items()}

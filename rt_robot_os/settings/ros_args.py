@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What the settings need of a ROS 2 command line; rclpy judges the rest of it."""
+"""Parse the part of a ROS 2 command line that the settings need; rclpy parses the rest."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from rt_robot_os.settings.yaml_text import parse
 from rt_robot_os.settings.yaml_text import YamlProblem
 
 _ORIGIN = Origin(COMMAND_LINE)
-# The arguments of ROS 2 behind --ros-args, and whether a value follows.
+# The arguments of ROS 2 after --ros-args, and whether a value follows.
 ROS_FLAGS: Final = MappingProxyType({
     **dict.fromkeys(('-p', '--param', '--params-file', '-r', '--remap', '-e', '--enclave',
                      '--log-level', '--log-config-file', '--log-file-name'), True),
@@ -51,11 +51,11 @@ _LEVELS: Final = ('debug', 'info', 'warn', 'error', 'fatal')
 @dataclass(frozen=True, slots=True)
 class RosArguments:
     """
-    The ROS part of a command line, and what is left.
+    The ROS part of a command line, and the rest.
 
     :ivar params_files: in the order given.
-    :ivar overrides: ``-p``, by dotted name, of those meant for this node.
-    :ivar rest: everything outside of ``--ros-args ... --``.
+    :ivar overrides: the ``-p`` arguments for this node, by dotted name.
+    :ivar rest: the arguments outside of ``--ros-args ... --``.
     """
 
     params_files: tuple[Path, ...]
@@ -67,13 +67,13 @@ class RosArguments:
 
 def parse_ros_args(argv: Sequence[str], node: str = 'robot') -> RosArguments:
     """
-    Read ``--ros-args --params-file F -p name:=value -r __node:=x -r __ns:=/y --``.
+    Parse ``--ros-args --params-file F -p name:=value -r __node:=x -r __ns:=/y --``.
 
     Remappings of topics and log options are left to rclpy, which gets the same command line.
 
     :param argv: without the program's name.
     :param node: the node's name unless remapped.
-    :raises ConfigError: with one line for each argument that cannot be understood.
+    :raises ConfigError: with one line for each argument that is not valid.
     """
     problems = Problems()
     ours, rest = split(argv)
@@ -137,8 +137,8 @@ def _unknown(word: str, problems: Problems) -> None:
     else:
         guess = nearest(word, ROS_FLAGS)
         hint = (f'did you mean {guess}?' if guess
-                else "the program's own arguments stand before --ros-args")
-    problems.add(_ORIGIN, f'{word}: is no argument of ROS 2: {hint}')
+                else "the program's own arguments must come before --ros-args")
+    problems.add(_ORIGIN, f'{word}: is not an argument of ROS 2: {hint}')
 
 
 def _check_remap(rule: str, problems: Problems) -> None:
@@ -155,7 +155,7 @@ def _check_level(text: str, problems: Problems) -> None:
 
 
 def _node_of(remaps: Sequence[str], node: str, problems: Problems) -> tuple[str, str]:
-    """Apply the remappings of the node's own name; of several the first counts, as in rcl."""
+    """Apply the remappings of the node's own name; the first one wins, as in rcl."""
     name, namespace = '', ''
     for rule in remaps:
         what, separator, value = rule.partition(':=')
@@ -193,7 +193,7 @@ def _override(
         problems.add(_ORIGIN, f'{name}: {problem}')
         return
     if leaf is None or (isinstance(leaf, Leaf) and leaf.value is None):
-        problems.add(_ORIGIN, f"{name} has no value: write {name}:='\"\"' for an empty text")
+        problems.add(_ORIGIN, f"{name} has no value: write {name}:='\"\"' for an empty string")
     elif not isinstance(leaf, Leaf):
         problems.add(_ORIGIN, f'{name} must be one value or a list: give the keys of a section '
                      f'one by one, {name}.key:=value')

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""How far the boards of a robot move it on when its computer falls silent, from its settings."""
+"""How far the motor boards of a robot move it after its computer has failed, from its settings."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from rt_robot_os.motion.run_on import RunOn
 from rt_robot_os.motion.run_on import slowest
 from rt_robot_os.settings.model import RobotSettings
 
-#: Farther than this is too far where nothing is known of what is in the way, in m.
+#: The largest acceptable distance if nothing is known about obstacles, in m.
 WAY_MAX_M: Final[float] = RUN_ON_MAX.default
 
 
@@ -36,10 +36,10 @@ class MovingBoard:
     """
     A motor board of a robot.
 
-    :ivar run_on: as it declares it.
-    :ivar speed_m_s: the largest that a wheel may get, after what modules slow.
-    :ivar slowed_by: the module that lowers that speed because of it; empty for none.
-    :ivar remedy: what shortens the way.
+    :ivar run_on: as the board declares it.
+    :ivar speed_m_s: the largest speed of a wheel, after the limits of modules.
+    :ivar slowed_by: the module that limits this speed; empty for none.
+    :ivar remedy: how to shorten the distance.
     """
 
     name: str
@@ -50,11 +50,11 @@ class MovingBoard:
 
     @property
     def way_m(self) -> float:
-        """Return how far the robot goes on at that speed."""
+        """Return how far the robot continues at that speed."""
         return self.run_on.way_m(self.speed_m_s)
 
     def __str__(self) -> str:
-        """Return it in words."""
+        """Return a sentence."""
         slowed = f', to which {self.slowed_by} slows it' if self.slowed_by else ''
         return (f'{self.name}: without this computer its motors stop after '
                 f'{self.run_on.silence_s:.1f} s: {self.way_m:.2f} m at {self.speed_m_s:.2f} m/s'
@@ -66,7 +66,7 @@ def moving_boards(settings: RobotSettings) -> tuple[MovingBoard, ...]:
     drivers = [(device, DRIVERS.load(device.type)) for device in settings.devices]
     boards = [(device, driver, driver.run_on(device.settings)) for device, driver in drivers
               if issubclass(driver, MotorBoard)]
-    # What the modules reckon with.
+    # The modules assume the worst board.
     worst = slowest(run_on for _, _, run_on in boards)
     limits = [(worst.speed_m_s(way_m), module.name) for module in settings.modules
               if (way_m := module.settings.get(RUN_ON_MAX.name))]

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What was changed while the robot ran, as a parameter file that is laid over the others.
+The parameters that were changed while the robot ran, saved as a parameter file.
 
-It holds the values that differ from the configuration that was loaded. When the file is there
-already, what it says is kept up to date too: it may be part of that configuration.
+The file holds the values that differ from the loaded configuration. Values in an existing file are
+updated too, because it may be part of that configuration.
 """
 
 from __future__ import annotations
@@ -41,19 +41,18 @@ import yaml
 
 MARK: Final = '# Parameters that were changed while the robot ran, saved by rt_robot_os.'
 _CONFIGURATION: Final = '# Its parameter files: '
-# What a launch file says in place is in a file of each start.
+# Inline parameters of a launch file are in a new file at each start.
 _TEMPORARY: Final = 'launch_params_'
-_REMEDY: Final = 'give a file in a folder that can be written'
+_REMEDY: Final = 'give a file in a writable folder'
 
 
 def saved_path(file: str, robot: str) -> Path:
     """
-    Return the file that is written.
+    Return the path of the file.
 
     :param file: the setting ``parameters_file``.
-    :param robot: name of the robot's files, as from :func:`rt_robot_os.linux.paths.robot_name`.
-    :raises StartError: a user without a home has no folder, see
-        :func:`rt_robot_os.linux.folders.ros_home`.
+    :param robot: name of the robot's files, as from ``linux.paths.robot_name``.
+    :raises StartError: the user has no home, see :func:`rt_robot_os.linux.folders.ros_home`.
     """
     if file:
         with suppress(RuntimeError):  # no home
@@ -65,16 +64,17 @@ def saved_path(file: str, robot: str) -> Path:
 def save(path: Path, robot: str, loaded: Mapping[str, Any], now: Mapping[str, Any], *,
          complete: bool = True, files: Sequence[str] = ()) -> dict[str, Any]:
     """
-    Write the parameters that were changed; the file is there whole, or as it was.
+    Write the changed parameters; the file is replaced atomically.
 
     :param robot: name of the robot's files; the node's full name follows from it.
-    :param loaded: live parameters as the configuration had them, by dotted name.
-    :param now: as they are.
-    :param complete: these are all; what else the file says is taken out.
+    :param loaded: the live parameters of the loaded configuration, by dotted name.
+    :param now: the current values.
+    :param complete: ``now`` has all live parameters; others are removed from the file.
     :param files: the parameter files of the robot: a file that another robot of the same name has
         saved is not overwritten.
-    :return: what the file holds; empty when nothing was changed, and no file was written.
-    :raises ConfigError: the file cannot be written, was not written by us, or is another robot's.
+    :return: the content of the file; empty when nothing was changed and no file was written.
+    :raises ConfigError: the file cannot be written, was not written by this function, or belongs
+        to another robot.
     """
     mine = _configuration(files, path)
     values = {name: now.get(name, value) for name, value in _kept(path, robot, mine).items()
@@ -98,20 +98,20 @@ def save(path: Path, robot: str, loaded: Mapping[str, Any], now: Mapping[str, An
 
 
 def _configuration(files: Sequence[str], path: Path) -> list[str]:
-    """Return the files that tell one robot from another of its name."""
+    """Return the files that distinguish a robot from another with the same name."""
     return [file for file in files if file != os.path.realpath(path)
             and not os.path.basename(file).startswith(_TEMPORARY)]
 
 
 def describe_saved(path: Path, values: Mapping[str, Any]) -> str:
-    """Return what :func:`save` has done."""
+    """Return a sentence about the result of :func:`save`."""
     if not values:
-        return f'nothing differs from the configuration that was loaded; {path} is not needed'
+        return f'nothing differs from the loaded configuration; {path} is not needed'
     return f'{path}: {", ".join(f"{name} = {value!r}" for name, value in sorted(values.items()))}'
 
 
 def _kept(path: Path, robot: str, mine: Sequence[str]) -> dict[str, Any]:
-    """Read a file that we have written before."""
+    """Read a file that was saved before."""
     try:
         first, *more = read_file(path).decode(errors='replace').split('\n', 2)
     except FileNotFoundError:
@@ -119,13 +119,13 @@ def _kept(path: Path, robot: str, mine: Sequence[str]) -> dict[str, Any]:
     except OSError as error:
         raise ConfigError([f'{path} cannot be written: {error.strerror}: {_REMEDY}']) from error
     if first != MARK:
-        raise ConfigError([f'{path} is no file of saved parameters, and is not overwritten: give '
-                           'another file, or move it away'])
+        raise ConfigError([f'{path} is not a file of saved parameters, and is not overwritten: '
+                           'give another file, or move this one'])
     theirs = _configuration_of(more[0]) if more else []
     if mine and not set(mine) & set(theirs) and any(map(os.path.exists, theirs)):
         raise ConfigError([f'{path} was saved by another robot of this name, which was configured '
-                           f'by {", ".join(theirs)}, and is not overwritten: give this one '
-                           'another name or a parameters_file, or move that file away'])
+                           f'by {", ".join(theirs)}, and is not overwritten: give this robot '
+                           'another name or a parameters_file, or move the file'])
     namespace, _, name = node_of(robot).rpartition('/')
     tree = read_files([path], namespace or '/', name, Problems())
     return {name: leaf.value for name, leaf in flatten(tree).items()}
@@ -146,7 +146,7 @@ def _replace(path: Path, text: str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary.unlink(missing_ok=True)
-        with temporary.open('x', encoding='utf-8') as file:  # what lies there is not followed
+        with temporary.open('x', encoding='utf-8') as file:  # an existing link is not followed
             file.write(text)
             file.flush()
             os.fsync(file.fileno())

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Finds the sections of a file, and reads each against the settings that are declared for it."""
+"""Find the sections of a file, and read each according to its declared settings."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ class Sections:
     The sections that are in a list.
 
     :ivar listed: by list, then by name in the order of the list.
-    :ivar loose: names and texts of sections that belong to no known list.
+    :ivar loose: names and strings of sections that are in no known list.
     """
 
     listed: dict[str, dict[str, Branch]] = field(
@@ -166,7 +166,7 @@ def find_sections(tree: Branch, catalogue: Catalogue, problems: Problems) -> Sec
     """
     Find the section of each listed name.
 
-    Names without section, sections without name and names in two lists are problems.
+    Names without a section, sections in no list and names in two lists are problems.
     """
     sections = Sections()
     known = Names(key for key, node in tree.children.items()
@@ -194,7 +194,7 @@ def find_sections(tree: Branch, catalogue: Catalogue, problems: Problems) -> Sec
 
 
 def texts(section: Branch) -> Iterable[str]:
-    """Return the texts of a section, at any depth."""
+    """Return the strings of a section, at any depth."""
     return (leaf.value for leaf in flatten(section).values() if isinstance(leaf.value, str))
 
 
@@ -206,7 +206,7 @@ def _read_list(
     Find the sections of one list.
 
     :param known: all sections that may be in a list.
-    :return: False when it is no list of names; that is reported where its type is checked.
+    :return: False if it is not a list of names; that is reported where its type is checked.
     """
     node = tree.children.get(list_name, Leaf(tree.origin, ()))
     if not isinstance(node, Leaf) or node.fault or not isinstance(node.value, tuple):
@@ -237,11 +237,11 @@ def _name_problem(name: str, list_name: str, owners: Mapping[str, str]) -> str |
     if not is_token(name):
         return f'a name must be {TOKEN_RULE}'
     if name in _top() or name in ROS_OWN:
-        return 'is a key of its own: choose another name'
+        return 'is the name of a key: choose another name'
     owner = owners.get(name)
     if owner == list_name:
         return 'is twice in this list: delete one'
-    return owner and f"is in '{owner}' already: each section is in one list"
+    return owner and f"is already in '{owner}': each section is in one list"
 
 
 def _section_hint(name: str, known: Names) -> str:
@@ -250,7 +250,7 @@ def _section_hint(name: str, known: Names) -> str:
 
 
 def _probable_lists(section: Branch, catalogue: Catalogue) -> tuple[str, ...]:
-    """Guess from its keys which list a section was written for."""
+    """Guess from its keys which list a section belongs to."""
     kind = section.children.get('type')
     if isinstance(kind, Leaf) and kind.value in catalogue.drivers.names():
         return ('devices',)

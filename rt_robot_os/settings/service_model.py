@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The settings of services of the node: most publish a text in the core and await an answer."""
+"""The settings of services of the node: most publish a string in the core and await an answer."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TRIGGER: Final = 'std_srvs/srv/Trigger'
 SET_BOOL: Final = 'std_srvs/srv/SetBool'
 LOAD_MAP: Final = 'nav_msgs/srv/LoadMap'
 GET_MAP: Final = 'nav_msgs/srv/GetMap'
-#: What the text of a LoadMap names where the request's map_url goes.
+#: In the text of a LoadMap, the placeholder for the map_url of the request.
 MAP_URL: Final = '{map_url}'
 
 
@@ -36,29 +36,29 @@ class ServiceSettings:
     A service of the node.
 
     :ivar name: its section.
-    :ivar service: as the user wrote it; relative names follow the node's namespace.
+    :ivar service: as written; relative names follow the node's namespace.
     """
 
     name: str
     topic: str = setting(
-        REQUIRED, 'the topic in the core that the text goes to, a std_msgs/msg/String; of a '
-        'GetMap the one that it gives the last sample of, a nav_msgs/msg/OccupancyGrid')
+        REQUIRED, 'the topic in the core on which the text is published, a std_msgs/msg/String; '
+        'for a GetMap the topic whose last sample it returns, a nav_msgs/msg/OccupancyGrid')
     text: str = setting(
-        '', 'what is published, of a SetBool for true; of a LoadMap with {map_url} where that of '
-        'the request belongs; a GetMap has none')
+        '', 'the string that is published; for a SetBool that of true; for a LoadMap with '
+        '{map_url} in place of the map_url of the request; a GetMap has none')
     service: str = setting(
-        '', "its name in ROS; when absent ~/ and the section's, which is /robot/NAME")
+        '', 'its name in ROS; when absent ~/ and the name of the section: /robot/NAME')
     type: str = setting(  # noqa: A003
         TRIGGER, 'its type', choices=(TRIGGER, SET_BOOL, LOAD_MAP, GET_MAP))
-    text_false: str = setting('', 'what a SetBool publishes for false')
+    text_false: str = setting('', 'the string that a SetBool publishes for false')
     answer_topic: str = setting(
-        '', 'where the core answers: a std_msgs/msg/String in JSON, {"command": the text, "ok": '
-        'true, "text": "why"}; when absent the service says that the text is published')
+        '', 'the topic of the answer: a std_msgs/msg/String in JSON, {"command": the text, "ok": '
+        'true, "text": "why"}; when absent the response is that the text is published')
     started_by: str = setting(
-        '', 'the command that starts the process that answers, for the message when it is not '
+        '', 'the command that starts the process that answers, for the error when it is not '
         'connected; one word: a program of this package, such as mapping')
     timeout_s: float = setting(
-        2.0, 'how long an answer is awaited', 's', 0.05, 600.0)
+        2.0, 'time-out of the answer', 's', 0.05, 600.0)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, 'service', self.service or f'~/{self.name}')

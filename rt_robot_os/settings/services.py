@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Checks that the services of the node fit the topics of the core, and each other."""
+"""Check that the services of the node fit the topics of the core, and each other."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def check_services(
     services: Iterable[Section], table: TopicTable, namespace: str, node: str,
     problems: Problems,
 ) -> None:
-    """Find services of one name, topics that hold no text or not so much, texts that lack."""
+    """Find services with the same name, unsuitable topics, and missing or unsuitable texts."""
     own = {full_topic(f'~/{name}', namespace, node): 'the node itself' for name in _TAKEN}
     for each in services:
         _check_name(each, own, (namespace, node), problems)
@@ -55,8 +55,8 @@ def check_services(
             _check_text(each, key, table, problems)
         values = each.values
         if values.get('topic') and values.get('topic') == values.get('answer_topic'):
-            each.reject('answer_topic', 'is the topic of what is asked: name the one that answers '
-                        'come on', problems)
+            each.reject('answer_topic', 'is the topic of the command: name the topic of the '
+                        'answers', problems)
 
 
 def _check_name(
@@ -70,7 +70,7 @@ def _check_name(
         full = full_topic(name or f'~/{section.name}', *node)
         by = taken.setdefault(full, f'{section.name} ({section.origin})')
         if by != f'{section.name} ({section.origin})':
-            wrong = f'{full} is a service of {by} already: give each its own'
+            wrong = f'{full} is already a service of {by}: give each its own name'
     if wrong is not None:
         section.reject('service', wrong, problems)
 
@@ -83,12 +83,12 @@ def _check_topic(section: Section, key: str, table: TopicTable, problems: Proble
     gives_map = section.values.get('type') == GET_MAP
     wanted = _MAP if gives_map and key == 'topic' else TEXT
     if key == 'answer_topic' and gives_map:
-        wrong = f'is not used with type: {GET_MAP}, which gives the last sample of topic'
+        wrong = f'is not used with type: {GET_MAP}, which returns the last sample of topic'
     elif wrong is None and topic in table.declared and table.message(topic) != wanted:
         wrong = f'is a {table.message(topic)}: it must be a {wanted}'
     elif (wrong is None and wanted == TEXT and topic in table.declared
             and table.declared[topic].spec.fixed):
-        wrong = 'is declared with a fixed text: take fixed out'
+        wrong = 'is declared with a fixed string: delete fixed'
     if wrong is not None:
         section.reject(key, wrong, problems)
 
@@ -98,25 +98,38 @@ def _check_text(section: Section, key: str, table: TopicTable, problems: Problem
     if text is None:
         return
     kind = section.values.get('type')
-    with_bool = kind == SET_BOOL
-    wrong = None
-    if key == 'text_false' and kind is not None and bool(text) != with_bool:
-        wrong = ('must be given: a SetBool has a text for false' if with_bool else
-                 f'is used with type: {SET_BOOL} only')
-    elif key == 'text' and kind == GET_MAP:
-        wrong = f'is not used with type: {GET_MAP}: take it out' if text else None
-    elif key == 'text' and not text.strip():
-        wrong = 'must be a text: nobody would understand nothing'
-    elif key == 'text' and kind is not None and (MAP_URL in text) != (kind == LOAD_MAP):
-        wrong = (f'must hold {MAP_URL}, where that of the request belongs, such as '
-                 f"'load {MAP_URL}'" if kind == LOAD_MAP else
-                 f'holds {MAP_URL}: only requests of type: {LOAD_MAP} have one')
-    elif '\0' in text:
-        wrong = 'must not hold a NUL'
-    declared = table.declared.get(section.values.get('topic', ''))
+    check = _text_false_problem if key == 'text_false' else _text_problem
+    problem = check(text, kind) if kind is not None else None
+    if problem is None and key == 'text' and kind != GET_MAP and not text.strip():
+        problem = 'must not be empty'
+    if problem is None and '\0' in text:
+        problem = 'must not contain a NUL'
+    problem = problem or _length_problem(text, section.values.get('topic', ''), table)
+    if problem is not None:
+        section.reject(key, problem, problems)
+
+
+def _text_false_problem(text: str, kind: str) -> str | None:
+    if kind == SET_BOOL and not text:
+        return 'must be given: a SetBool needs a text for false'
+    if kind != SET_BOOL and text:
+        return f'is used with type: {SET_BOOL} only'
+    return None
+
+
+def _text_problem(text: str, kind: str) -> str | None:
+    if kind == GET_MAP:
+        return f'is not used with type: {GET_MAP}: delete it' if text else None
+    if kind == LOAD_MAP and text.strip() and MAP_URL not in text:
+        return f"must contain {MAP_URL} for the map_url of the request, such as 'load {MAP_URL}'"
+    if kind != LOAD_MAP and MAP_URL in text:
+        return f'contains {MAP_URL}: only requests of type: {LOAD_MAP} have one'
+    return None
+
+
+def _length_problem(text: str, topic: str, table: TopicTable) -> str | None:
+    declared = table.declared.get(topic)
     tail = declared.spec.tail if declared is not None else None
-    if wrong is None and isinstance(tail, int) and len(text.encode()) > tail:
-        wrong = (f'has {len(text.encode())} bytes: the topic {section.values["topic"]!r} has room '
-                 f'for {tail}')
-    if wrong is not None:
-        section.reject(key, wrong, problems)
+    if isinstance(tail, int) and len(text.encode()) > tail:
+        return f'has {len(text.encode())} bytes: the topic {topic!r} can hold {tail}'
+    return None

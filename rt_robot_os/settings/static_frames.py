@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Where the robot's devices are, as ``/tf_static`` has it: the mountings of the configuration.
+The mountings of the configuration as messages of ``/tf_static``.
 
-The node and the recorder both use it.
+Used by the node and by the recorder.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ DEPTH: Final = 1
 
 
 def published_frames(settings: RobotSettings) -> tuple[MountedFrame, ...]:
-    """Return the frames that a robot's node publishes, as ``static_transforms`` says."""
+    """Return the frames that a robot's node publishes, according to ``static_transforms``."""
     which = settings.static_transforms
     return tuple(each for each in settings.frames
                  if which == 'all' or which == 'mounted' and each.stated)
 
 
 def loose_parents(frames: Sequence[MountedFrame]) -> tuple[str, ...]:
-    """Name the frames that carry others and that nothing here is mounted on the robot with."""
+    """Return the parent frames that have no mounting themselves, except the robot's base."""
     known = {each.frame_id for each in frames} | {BASE_FRAME}
     return tuple(dict.fromkeys(
         each.mounting.parent for each in frames if each.mounting.parent not in known))

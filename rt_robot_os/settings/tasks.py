@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Finds contradictions in the declarations of tasks, in one alone and in several together."""
+"""Find contradictions in the declarations of tasks, within a task and between tasks."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ from rt_robot_os.settings.sections import Section
 
 SHORTEST_TIMEOUT_S = 0.1
 
-# The kernel's rules in the words of the file: the key that is told, and the remedy.
-TOLD: Final[Mapping[DeclarationRule, tuple[str, str]]] = {
+# The kernel's rules in terms of the file: the key that is reported, and the remedy.
+RULE_TEXTS: Final[Mapping[DeclarationRule, tuple[str, str]]] = {
     DeclarationRule.BUDGET_ABOVE_PERIOD: (
-        'budget_us', 'is above {period}: a job is not aborted before its next release is lost: '
+        'budget_us', 'is above {period}: a job loses its next release before it is aborted: '
         'make it smaller'),
     DeclarationRule.BUDGET_ABOVE_DEADLINE: (
         'deadline_us', 'is below budget_us, {task.budget_us:g} (us): a job may miss it within its '
@@ -59,23 +59,24 @@ TOLD: Final[Mapping[DeclarationRule, tuple[str, str]]] = {
         'deadline_us', 'is above {period}: with overrun: {task.overrun} such a job loses its next '
         'release: make it smaller, or choose overrun: catch_up'),
     DeclarationRule.OVERRUN_WITHOUT_RATE: (
-        'overrun', 'needs a rate_hz: what its inputs release never overruns'),
+        'overrun', 'needs a rate_hz: a task that its inputs release never overruns'),
     DeclarationRule.LIMIT_WITHOUT_RATE: (
-        'overrun_limit', 'needs a rate_hz: what its inputs release never overruns'),
+        'overrun_limit', 'needs a rate_hz: a task that its inputs release never overruns'),
     DeclarationRule.LIMIT_WITH_STOP: (
         'overrun_limit', 'is never reached: overrun: stop ends the task with its first overrun: '
         'choose another policy or delete the limit'),
     DeclarationRule.LIMIT_WITHOUT_POLICY: (
-        'overrun_limit', 'nothing follows from it with failure: continue: choose restart, stop or '
+        'overrun_limit', 'has no effect with failure: continue: choose restart, stop or '
         'safe_state'),
     DeclarationRule.ABORT_WITHOUT_BUDGET: (
-        'on_budget', 'there is no budget: give budget_us or delete it'),
+        'on_budget', 'has no budget: set budget_us or delete it'),
     DeclarationRule.RESTART_SHRINKS: (
         'restart_max_s', 'must be at least restart_s, {task.restart_s:g} (s)'),
     DeclarationRule.LOGICAL_WITHOUT_END: (
-        'logical_execution', 'needs a rate_hz: inputs and outputs have no instants without one'),
+        'logical_execution', 'needs a rate_hz: without one there are no instants for inputs and '
+        'outputs'),
     DeclarationRule.NO_SAFE_STATE: (
-        'failure', '{kind!r} has no method safe_state(): choose restart or stop, or write one'),
+        'failure', '{kind!r} has no method safe_state(): choose restart or stop, or add one'),
     DeclarationRule.ABORT_WITHOUT_PREEMPTION: (
         'on_budget', 'core.dispatcher ({where}) is cooperative: no job can be aborted: choose '
         'warn, or dispatcher: preemptive'),
@@ -85,7 +86,7 @@ Uses = Mapping[str, 'PartTopics | None']
 
 
 def kernel_keywords(task: TaskSettings) -> dict[str, Any]:
-    """Return what a task declares in the keywords of ``Kernel.add_task``; without resources."""
+    """Return the settings of a task as keywords of ``Kernel.add_task``; without resources."""
     return {
         'phase_ns': round(task.phase_us * NS_PER_US),
         'deadline_ns': round(task.deadline_us * NS_PER_US),
@@ -100,7 +101,7 @@ def kernel_keywords(task: TaskSettings) -> dict[str, Any]:
 
 
 def without_watchdog(robot: RobotSettings) -> str:
-    """Say which tasks are critical to no effect, and the remedy; empty when there are none."""
+    """Return a warning about critical tasks without a watchdog; empty if there are none."""
     names = [each.name for each in robot.devices if each.task.critical]
     names += [each.name for each in robot.modules if each.task.critical]
     if not names or robot.watchdog.timeout_s:
@@ -113,26 +114,26 @@ def contradictions(
     rate_hz: float | None, task: TaskSettings, *, cooperative: str = '', never_safe: str = '',
 ) -> Iterator[tuple[str, str]]:
     """
-    Yield what is wrong with one declaration, as (key, remedy).
+    Yield the problems of one declaration, as (key, remedy).
 
-    :param rate_hz: 0 when only events release the task; None when it is not known.
-    :param cooperative: where the cooperative dispatcher was chosen; empty without it.
+    :param rate_hz: 0 when only events release the task; None if unknown.
+    :param cooperative: the place where the cooperative dispatcher was chosen; empty without it.
     :param never_safe: type of the part, when its class has no ``safe_state()``.
     """
-    period_ns = NEVER_NS  # which contradicts nothing
+    period_ns = NEVER_NS  # contradicts nothing
     if rate_hz is not None:
         period_ns = period_from_rate(rate_hz) if rate_hz else 0
     keywords = kernel_keywords(task)
     rules = dict.fromkeys(kernel_rules(period_ns=period_ns, preemptive=not cooperative,
                                        can_be_safe=not never_safe, **keywords))
     if not period_ns and task.logical_execution:
-        rules[DeclarationRule.LOGICAL_WITHOUT_END] = None  # here a deadline is not enough
+        rules[DeclarationRule.LOGICAL_WITHOUT_END] = None  # a deadline is not enough in the settings
     if DeclarationRule.LIMIT_WITH_STOP in rules:
         rules.pop(DeclarationRule.LIMIT_WITHOUT_POLICY, None)  # one remedy for one key
     period = '' if rate_hz is None else (
         f'the period, {period_ns / NS_PER_US:g} us at {rate_hz:g} Hz')
     for rule in rules:
-        key, remedy = TOLD[rule]
+        key, remedy = RULE_TEXTS[rule]
         yield key, remedy.format(task=task, period=period, where=cooperative, kind=never_safe)
     yield from _beyond_the_kernel(period_ns, task, keywords)
 
@@ -140,19 +141,19 @@ def contradictions(
 def _beyond_the_kernel(
     period_ns: int, task: TaskSettings, keywords: Mapping[str, Any],
 ) -> Iterator[tuple[str, str]]:
-    """Find what the kernel would take, and what means nothing all the same."""
+    """Find settings that the kernel accepts although they have no effect."""
     if keywords['budget_ns'] and task.on_budget == 'abort' and (
             round(task.execution_us * NS_PER_US) > keywords['budget_ns']):
         yield 'execution_us', (f'is above budget_us, {task.budget_us:g} (us): such a job is '
                                'aborted: make the budget larger')
     if not period_ns and task.phase_us:
-        yield 'phase_us', 'needs a rate_hz: without one only its inputs release it'
+        yield 'phase_us', 'needs a rate_hz: without one only its inputs release the task'
     if not period_ns and task.critical and not keywords['deadline_ns']:
-        yield 'critical', ('without a rate_hz it needs a deadline_us: nobody could say when it '
-                           'is late')
+        yield 'critical', ('needs a deadline_us without a rate_hz: otherwise the task is never '
+                           'late')
     if period_ns and task.logical_execution and task.overrun != 'skip':
-        yield 'overrun', ('must be skip with logical_execution: what is not ready at its deadline '
-                          'is not published')
+        yield 'overrun', ('must be skip with logical_execution: an output that is not ready at '
+                          'its deadline is not published')
     if period_ns and task.logical_execution and task.overrun_limit:
         yield 'overrun_limit', 'is never reached with logical_execution: delete it'
     if task.catch_up != TaskSettings().catch_up and task.overrun != 'catch_up':
@@ -166,7 +167,7 @@ def check_tasks(
     """
     Find every contradiction among the tasks of a robot.
 
-    :param uses: the topics of each part, by its name; None where they are not known.
+    :param uses: the topics of each part, by its name; None where they are unknown.
     """
     parts = [*devices, *modules]
     cooperative = ''
@@ -184,15 +185,15 @@ def check_tasks(
         if _is_woken(uses.get(part.name)) and rate_hz and (
                 task_of(part).logical_execution):
             _reject(part.section, 'logical_execution', 'one of its inputs wakes it, between the '
-                    'instants at which inputs are taken: let it read without wake', problems)
+                    'instants at which inputs are read: let it read without wake', problems)
     _check_resources(parts, problems)
-    # What a device publishes comes from its bytes, whatever releases it: it closes no circle.
-    _check_circles(modules, uses, problems)
+    # A device publishes what it reads from its port, whatever releases it: it closes no cycle.
+    _check_cycles(modules, uses, problems)
     _check_watchdog(watchdog, parts, problems)
 
 
 def _reject(section: Section, key: str, remedy: str, problems: Problems) -> None:
-    if key in section.values:  # otherwise its own value is wrong, and was told
+    if key in section.values:  # otherwise the value itself is wrong, and was reported
         problems.value(section.where(key), f'{section.name}.{key}', section.values[key], remedy)
 
 
@@ -202,12 +203,12 @@ def _check_rate(part: PartSection, uses: PartTopics | None, problems: Problems) 
         return
     wrong = ''
     if part.kind.is_coroutine:
-        wrong = ('its run() is a coroutine, which awaits what releases it: delete it, or await '
-                 'kernel.every(hz).next()' if rate_hz else '')
+        wrong = ('has no effect on a coroutine run(), which awaits its releases: delete it, or '
+                 'await kernel.every(hz).next()' if rate_hz else '')
     elif 0.0 < rate_hz < SLOWEST_HZ:
         wrong = f'must be at least {SLOWEST_HZ:g} (Hz), or 0 when only its inputs release it'
     elif not rate_hz and uses is not None and not _is_woken(uses):
-        wrong = 'none of its inputs releases it (wake): give it a rate'
+        wrong = 'none of its inputs releases the task (wake): give it a rate'
     if wrong:
         part.section.reject('rate_hz', wrong, problems)
 
@@ -218,12 +219,12 @@ def _is_woken(uses: PartTopics | None) -> bool:
 
 def _check_interrupt(part: PartSection, problems: Problems) -> None:
     if part.section.values.get('read') == 'interrupt' and task_of(part).logical_execution:
-        _reject(part.section, 'logical_execution', 'with read: interrupt its samples come out as '
-                'they arrive, not at its deadline: choose read: poll', problems)
+        _reject(part.section, 'logical_execution', 'with read: interrupt its samples are '
+                'published as they arrive, not at the deadline: choose read: poll', problems)
 
 
 def _check_resources(parts: Sequence[PartSection], problems: Problems) -> None:
-    """Find names that are none, and misspelt ones; a resource of one task alone is allowed."""
+    """Find invalid and misspelt names; a resource of a single task is allowed."""
     users: dict[str, list[PartSection]] = {}
     for part in parts:
         names = part.section.values.get('resources', ())
@@ -240,19 +241,19 @@ def _check_resources(parts: Sequence[PartSection], problems: Problems) -> None:
         if others or not is_token(name):
             continue
         guess = known.nearest(name, but=name)
-        # Of two near names that are used once each, the later one is told.
+        # Of two similar names that are used once each, the later one is reported.
         if guess is not None and (len(users[guess]) > 1 or places[guess] < places[name]):
             other = users[guess][0]
-            _reject(first.section, 'resources', f'only {first.name} names {name!r}, so it would '
-                    f'exclude nobody: did you mean {guess!r}, as in {other.name}?', problems)
+            _reject(first.section, 'resources', f'only {first.name} names {name!r}, so it has no '
+                    f'effect: did you mean {guess!r}, as in {other.name}?', problems)
 
 
-def _check_circles(parts: Sequence[PartSection], uses: Uses, problems: Problems) -> None:
-    """Find modules that release each other in a circle: they would never come to rest."""
+def _check_cycles(parts: Sequence[PartSection], uses: Uses, problems: Problems) -> None:
+    """Find modules that release each other in a cycle: they would never stop running."""
     readers: dict[str, list[str]] = {}
     for part in parts:
         for read in (uses.get(part.name) or PartTopics()).read:
-            # Not one that waits for several publications, or for other topics as well.
+            # Not a reader that waits for several publications, or also for other topics.
             if read.wake is True or read.wake == 1:
                 readers.setdefault(read.topic, []).append(part.name)
     followers: dict[str, dict[str, str]] = {part.name: {} for part in parts}
@@ -260,21 +261,22 @@ def _check_circles(parts: Sequence[PartSection], uses: Uses, problems: Problems)
         for spec in (uses.get(part.name) or PartTopics()).published:
             for reader in readers.get(spec.topic, ()):
                 followers[part.name].setdefault(reader, spec.topic)
-    _keep_circles(followers)
-    told: set[str] = set()
+    _remove_acyclic(followers)
+    reported: set[str] = set()
     for part in parts:
         name = part.name
-        circle = () if name in told or name not in followers else _circle(name, followers)
-        if circle:
-            told.update(circle)
+        cycle = () if name in reported or name not in followers else _cycle(name, followers)
+        if cycle:
+            reported.update(cycle)
             text = ''.join(f'{at} -> topic {followers[at][then]} -> '
-                           for at, then in zip(circle, (*circle[1:], name)))
-            problems.add(part.section.origin, f'{name}: these modules release each other without '
-                         f'end: {text}{name}. Let one of them read without wake, at its rate')
+                           for at, then in zip(cycle, (*cycle[1:], name)))
+            problems.add(part.section.origin, f'{name}: these modules release each other '
+                         f'endlessly: {text}{name}. Let one of them read without wake, at its '
+                         'rate')
 
 
-def _keep_circles(followers: dict[str, dict[str, str]]) -> None:
-    """Take away who releases nobody that is left, again and again: no circle goes through it."""
+def _remove_acyclic(followers: dict[str, dict[str, str]]) -> None:
+    """Remove modules that release no remaining module, repeatedly: they are in no cycle."""
     releasing: dict[str, list[str]] = {}
     for name, then in followers.items():
         for other in then:
@@ -289,8 +291,8 @@ def _keep_circles(followers: dict[str, dict[str, str]]) -> None:
                 waiting.append(other)
 
 
-def _circle(start: str, followers: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]:
-    """Return the shortest way from a module back to itself; empty when there is none."""
+def _cycle(start: str, followers: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]:
+    """Return the shortest path from a module back to itself; empty if there is none."""
     came_from: dict[str, str] = {}
     waiting = deque([start])
     while waiting:
@@ -316,7 +318,7 @@ def _check_watchdog(watchdog: Section, parts: Sequence[PartSection], problems: P
                         'watchdog', problems)
         return
     if not timeout_s and watchdog.values.get('device'):
-        _reject(watchdog, 'device', 'nobody feeds it while watchdog.timeout_s is 0: give one',
+        _reject(watchdog, 'device', 'is not fed while watchdog.timeout_s is 0: set a time-out',
                 problems)
     if timeout_s and watchdog.values.get('action') == 'safe_state' and not any(
             part.kind is None or part.kind.has_safe_state for part in parts):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What a YAML file says, with the line that says it: the form between text and settings."""
+"""The content of a YAML file with line numbers: the form between text and settings."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ _SHOWN_CHARACTERS = 100
 @dataclass(frozen=True, slots=True)
 class Origin:
     """
-    Where something was written.
+    The place of a key or a value.
 
     :ivar file: the path as the user gave it, or ``COMMAND_LINE``.
-    :ivar line: counted from 1; 0 where lines mean nothing.
+    :ivar line: counted from 1; 0 if there are no lines.
     """
 
     file: str
@@ -49,9 +49,9 @@ class Origin:
 @dataclass(frozen=True, slots=True)
 class Leaf:
     """
-    A value: bool, int, float, text, or a tuple of these.
+    A value: bool, int, float, string, or a tuple of these.
 
-    :ivar fault: why ROS 2 cannot take the value; empty when it can. With ``NO_VALUE`` it is None.
+    :ivar fault: why ROS 2 refuses the value; empty if it does not. With ``NO_VALUE`` it is None.
     :ivar lines: the line of each item, when the value is a tuple.
     """
 
@@ -61,7 +61,7 @@ class Leaf:
     lines: tuple[int, ...] = ()
 
     def item_origin(self, index: int) -> Origin:
-        """Return where one item of a list stands."""
+        """Return the place of an item of a list."""
         if index < len(self.lines):
             return Origin(self.origin.file, self.lines[index])
         return self.origin
@@ -69,7 +69,7 @@ class Leaf:
 
 @dataclass(frozen=True, slots=True)
 class RawMap:
-    """A mapping as written: in order, with keys that may repeat."""
+    """A mapping as written: in order, possibly with repeated keys."""
 
     origin: Origin
     items: list[tuple[str, Origin, Leaf | RawMap]] = field(default_factory=list)
@@ -77,14 +77,14 @@ class RawMap:
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """A section: each key once, dotted keys taken apart."""
+    """A section: each key once, dotted keys expanded."""
 
     origin: Origin
     children: dict[str, Leaf | Branch] = field(default_factory=dict)
 
 
 def merge(base: Branch, later: Branch) -> Branch:
-    """Lay one section over another: of two values for one key the later one wins."""
+    """Merge two sections: of two values for one key the later one wins."""
     children = dict(base.children)
     for key, node in later.children.items():
         old = children.get(key)
@@ -108,7 +108,7 @@ def flatten(branch: Branch, prefix: str = '') -> dict[str, Leaf]:
 
 
 def show(value: Any) -> str:
-    """Write a value as YAML would, short enough for one line of an error."""
+    """Format a value as YAML, short enough for one line of an error."""
     text = _written(value)
     if len(text) > _SHOWN_CHARACTERS:
         return text[:_SHOWN_CHARACTERS - 3] + '...'

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Checks how the parts fit together: ports, topics and their types, mirrors."""
+"""Check that the parts fit together: ports, topics and their types, mirrors."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ from rt_robot_os.settings.tree import Origin
 from rt_robot_os.topics.topic import SUBSCRIBERS_MAXIMUM
 
 
-# What a mirror loses when it is wrong.
+# The keys that are removed from a mirror when they are wrong.
 _CHECKED: Final = frozenset({'topic', 'ros_topic', 'as', 'stamped', 'frame_id'})
 
 
@@ -68,11 +68,11 @@ class _Declared:
 @dataclass(slots=True)
 class TopicTable:
     """
-    The topics of the core and who declares them.
+    The topics of the core and the parts that declare them.
 
-    :ivar complete: False when some part could not tell; then a missing topic proves little.
-    :ivar limits: how many may read a topic, and where that was given.
-    :ivar loose: texts of the sections that nobody could read; they may be names of topics.
+    :ivar complete: False if the topics of a part are unknown; then a topic may only seem missing.
+    :ivar limits: the maximum number of readers of a topic, with its place.
+    :ivar loose: strings of the sections that could not be read; they may be names of topics.
     """
 
     declared: dict[str, _Declared] = field(default_factory=dict)
@@ -83,12 +83,12 @@ class TopicTable:
     names: Names = field(default_factory=Names)
 
     def missing(self, topic: str) -> str | None:
-        """Say that nobody declares a topic; None when one does, or may do when all is right."""
+        """Return the error that a topic is not declared; None if it is, or may be."""
         if topic in self.declared or topic in self.loose:
             return None
         if not self.complete and self.names.nearest(topic) is None:
             return None
-        return f'nobody declares this topic, {did_you_mean(topic, self.names)}'
+        return f'no part declares this topic, {did_you_mean(topic, self.names)}'
 
     def matching(self, pattern: str) -> tuple[str, ...]:
         """Return the declared topics that match a name, which may have a star."""
@@ -97,7 +97,7 @@ class TopicTable:
         return tuple(name for name in self.declared if star_match(pattern, name) is not None)
 
     def expanded(self, uses: PartTopics | None) -> PartTopics | None:
-        """Put each topic that matches in the place of a name with a star that is read."""
+        """Replace each read pattern by the matching topics."""
         if uses is None or not any(STAR in each.topic for each in uses.read):
             return uses
         return replace(uses, read=tuple(
@@ -109,14 +109,14 @@ class TopicTable:
         return self.declared[topic].spec.message
 
     def frame_id(self, topic: str) -> str:
-        """Return the frame that all messages of a declared topic are in; empty without one."""
+        """Return the fixed frame of the messages of a declared topic; empty without one."""
         return str(self.declared[topic].spec.fixed.get('header.frame_id', ''))
 
     def add_uses(
         self, section: Section, noun: str, uses: PartTopics | None,
         catalogue: Catalogue, problems: Problems,
     ) -> None:
-        """Enter the topics of one part."""
+        """Add the topics of one part."""
         if uses is None:
             self.complete = False
             return
@@ -138,7 +138,7 @@ class TopicTable:
                 self.read.append((each, by, section.where(key)))
 
     def add_topic(self, section: Section, catalogue: Catalogue, problems: Problems) -> None:
-        """Enter a topic of the list ``topics``."""
+        """Add a topic of the list ``topics``."""
         values = section.values
         if 'topic' not in values or 'message' not in values:
             self.complete = False
@@ -146,7 +146,7 @@ class TopicTable:
         topic, by = values['topic'] or section.name, f'topics: {section.name}'
         old = self.declared.get(topic)
         if old is not None:
-            text = f'{topic!r} is declared by {old.by} already: delete it here'
+            text = f'{topic!r} is already declared by {old.by}: delete it here'
             problems.add(section.where('topic'), f'{section.name}: {text}')
             return
         spec = TopicSpec(topic, values['message'], values['fixed'],
@@ -185,23 +185,23 @@ class TopicTable:
         if shape is not None and old.shape is not None and shape != old.shape:
             difference = f'{old.spec.message} ({old.by}, {old.origin})'
             if old.spec.message == spec.message:
-                difference += ' with other fixed fields'
+                difference += ' with different fixed fields'
             problems.value(origin, label, spec.topic,
                            f'is {spec.message} here but {difference}: choose another name')
         elif spec.depth != old.spec.depth:
             problems.value(origin, label, spec.topic,
-                           f'keeps {spec.depth} samples here but {old.spec.depth} ({old.by}, '
+                           f'has depth {spec.depth} here but {old.spec.depth} ({old.by}, '
                            f'{old.origin}): give both the same depth')
 
     def _limit(self, topic: str, section: Section) -> None:
-        """Note how many may read a topic; of several that publish it the largest counts."""
+        """Store the maximum number of readers; of several publishers the largest counts."""
         limit = int(section.values.get('max_subscribers', SUBSCRIBERS_MAXIMUM))
         if topic not in self.limits or limit > self.limits[topic][0]:
             label = f'{section.name}.max_subscribers'
             self.limits[topic] = limit, label, section.where('max_subscribers')
 
     def check_reads(self, problems: Problems) -> None:
-        """Find what is read and never declared, or declared with another type."""
+        """Find topics that are read but not declared, or declared with another type."""
         for use, by, origin in self.read:
             if use.check is not None:
                 for topic in self.matching(use.topic):
@@ -234,9 +234,9 @@ class TopicTable:
 
 def check_ports(devices: Iterable[PartSection], problems: Problems) -> None:
     """
-    Find two devices on one port, also when a link under /dev/serial hides it.
+    Find two devices on one port, also through links under /dev/serial.
 
-    A bus is shared by devices that are made for it: of these, find two with one address.
+    A bus is shared by devices that allow it: of these, find two with the same address.
     """
     taken: dict[str, PartSection] = {}
     addresses: dict[tuple[str, int], PartSection] = {}
@@ -269,15 +269,15 @@ def _check_address(
 def check_mirrors(
     mirrors: Iterable[Section], table: TopicTable, namespace: str, node: str, problems: Problems,
 ) -> None:
-    """Find mirrors of nothing, two mirrors onto one ROS topic, mirrors that hear themselves."""
+    """Find mirrors of unknown topics, duplicate ROS topics, and mirrors that form a loop."""
     taken: dict[tuple[str, str], Section] = {}
-    told: set[str] = set()  # of the many that one section stands for the first problem will do
+    reported: set[str] = set()  # one problem per section, which may have many mirrors
     for mirror in mirrors:
-        if mirror.name in told:
+        if mirror.name in reported:
             continue
         _check_mirror(mirror, table, taken, (namespace, node), problems)
         if not _CHECKED <= mirror.values.keys():
-            told.add(mirror.name)
+            reported.add(mirror.name)
 
 
 def _check_mirror(
@@ -303,13 +303,13 @@ def _check_mirror(
     same = taken.setdefault((full, direction), mirror)
     if same is not mirror and not (joined and same.values.get('as') == TRANSFORMS):
         problems.value(origin, label, ros_topic or topic,
-                       f'mirror {same.name} ({same.origin}) has {full} {direction} already: '
+                       f'mirror {same.name} ({same.origin}) already has {full} {direction}: '
                        'give each its own')
     opposite = taken.get((full, 'in' if direction == 'out' else 'out'))
     if opposite is not None:
         problems.value(origin, label, ros_topic or topic,
-                       f'mirror {opposite.name} ({opposite.origin}) has {full} the other way: '
-                       'it would hear itself, give each its own')
+                       f'mirror {opposite.name} ({opposite.origin}) has {full} in the other '
+                       'direction: that is a loop, give each its own')
 
 
 def _check_stamped(mirror: Section, topic: str, table: TopicTable, problems: Problems) -> None:
@@ -324,14 +324,14 @@ def _check_stamped(mirror: Section, topic: str, table: TopicTable, problems: Pro
             mirror.reject('frame_id', 'is used with stamped: true, or as: '
                           f'{" or ".join(FRAMED)}, only', problems)
     elif message not in STAMPED_BYTES:
-        mirror.reject('stamped', f'{topic!r} is a {message}: only these can be had with a header: '
+        mirror.reject('stamped', f'{topic!r} is a {message}: only these types can get a header: '
                       f'{", ".join(STAMPED_BYTES)}', problems)
 
 
 def _check_conversion(
     mirror: Section, topic: str, table: TopicTable, problems: Problems,
 ) -> str:
-    """Find pairs of types that cannot be converted; return the type in ROS that is asked for."""
+    """Find pairs of types that cannot be converted; return the requested type in ROS."""
     wanted = str(mirror.values.get('as', ''))
     direction = mirror.values.get('direction')
     if not wanted or direction is None or topic not in table.declared:
@@ -339,11 +339,11 @@ def _check_conversion(
     message = table.message(topic)
     conversion = find_conversion(message, wanted)
     if conversion is None or conversion.factory(direction) is None:
-        mirror.reject('as', f'{topic!r} is a {message}: what can be had {direction} is '
-                      f'{possible(direction)}', problems)
+        mirror.reject('as', f'{topic!r} is a {message}: the conversions for direction: '
+                      f'{direction} are {possible(direction)}', problems)
     elif direction == 'in' and table.declared[topic].spec.fixed:
-        mirror.reject('as', f'{topic!r} is declared with fixed fields: what is converted from ROS '
-                      'has none, take them out', problems)
+        mirror.reject('as', f'{topic!r} is declared with fixed fields: messages converted from '
+                      'ROS have none, delete them', problems)
     return wanted
 
 

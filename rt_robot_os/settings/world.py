@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reads the world of the simulated devices: its section, its own file, its map and its texts."""
+"""Read the world of the simulated devices: its section, its own file, its map and its entries."""
 
 from __future__ import annotations
 
@@ -55,10 +55,8 @@ def load_world(path: Path) -> WorldSettings:
     """
     problems = Problems([str(path)])
     leaf = Leaf(Origin(COMMAND_LINE), str(path))
-    tree = Branch(Origin(str(path)), {SECTION: Branch(leaf.origin, {'file': leaf})})
-    branch = with_world_file(tree, problems).children[SECTION]
+    branch = _with_file(Branch(leaf.origin, {'file': leaf}), leaf, problems)
     problems.raise_any()
-    assert isinstance(branch, Branch)
     section = read_section(branch, SECTION, declared(WorldSettings), problems)
     check_world(Branch(branch.origin, {SECTION: branch}), section, problems)
     problems.raise_any()
@@ -70,30 +68,35 @@ def load_world(path: Path) -> WorldSettings:
 
 
 def with_world_file(tree: Branch, problems: Problems) -> Branch:
-    """Lay the section of the world over the file that it names, if it names one."""
+    """Merge the section of the world over the file that it names, if it names one."""
     section = tree.children.get(SECTION)
     name = section.children.get('file') if isinstance(section, Branch) else None
     if not isinstance(section, Branch) or not isinstance(name, Leaf) or not (
             isinstance(name.value, str) and name.value and not name.fault):
         return tree
+    merged = _with_file(section, name, problems)
+    return Branch(tree.origin, {**tree.children, SECTION: merged})
+
+
+def _with_file(section: Branch, name: Leaf, problems: Problems) -> Branch:
+    """Merge a section over a file; return the section if the file is not valid."""
     path = path_near(name.value, name.origin.file)
     try:
         raw = parse(read_text(path), str(path))
     except YamlProblem as problem:
         problems.add(Origin(str(path), problem.line), str(problem))
-        return tree
+        return section
     if raw is None or isinstance(raw, Leaf):
         problems.add(Origin(str(path)), 'must have the keys of a world, such as map: flat.yaml')
-        return tree
+        return section
     file = expand(raw, problems)
     if (deeper := file.children.pop('file', None)) is not None:
-        problems.add(deeper.origin, 'file: a file with a world names no other one')
-    merged = Branch(section.origin, merge(file, section).children)
-    return Branch(tree.origin, {**tree.children, SECTION: merged})
+        problems.add(deeper.origin, 'file: a file with a world must not name another file')
+    return Branch(section.origin, merge(file, section).children)
 
 
 def check_world(tree: Branch, section: Section, problems: Problems) -> None:
-    """Check the map and every text; the map's path becomes absolute."""
+    """Check the map and every entry; the map's path becomes absolute."""
     branch = tree.children.get(SECTION)
     for key, count in _COUNTS.items():
         if len(section.values.get(key, range(count))) != count:
@@ -143,7 +146,7 @@ def _things(
 
 
 def _check_whole(section: Section, problems: Problems) -> None:
-    """Find what only shows when the world is made, such as a robot that begins in a wall."""
+    """Find problems of the whole world, such as a robot that starts in a wall."""
     if not section.values['map']:
         return
     from rt_robot_os.sim.world.world import World

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-YAML text to a tree with line numbers, and nothing that ROS 2 would refuse or misread.
+Parse YAML to a tree with line numbers, with the value rules of ROS 2.
 
-It reads the parser's events: PyYAML's own loaders drop repeated keys in silence, forget lines, and
-recurse as deep as the text asks them to. Nor does it take their values: ROS 2 has its own rules
+It reads the parser's events: PyYAML's own loaders silently drop repeated keys, lose line numbers,
+and recurse without a limit. Their value rules are not used either: ROS 2 has its own
 (rcl_yaml_param_parser), by which ``1e9`` is a number, ``010`` is eight, and ``1_000`` and
-``2026-01-01`` are texts. The robot and ``ros2 param`` must agree.
+``2026-01-01`` are strings. The robot and ``ros2 param`` must agree.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _HEXADECIMAL = re.compile(
 _INFINITY = re.compile(r'[+-]?(?:\.(?:inf|Inf|INF)|(?i:infinity|inf))', re.ASCII)
 _NAN = re.compile(r'\.(?:nan|NaN|NAN)|[+-]?(?i:nan)', re.ASCII)
 
-# Longer than any number: keeps int() away from texts of thousands of digits.
+# Longer than any number: int() must not be called with thousands of digits.
 _LONGEST_NUMBER = 400
 INT64_END: Final = 2 ** 63
 
@@ -60,7 +60,7 @@ _KNOWN_TAGS = frozenset({f'{_TAG}{name}' for name in ('str', 'map', 'seq')} | {'
 
 
 class YamlProblem(Exception):
-    """The text cannot be read any further; carries the place and the reason."""
+    """The text cannot be parsed; has the place and the reason."""
 
     def __init__(self, reason: str, line: int = 0, column: int = 0) -> None:
         self.line = line
@@ -70,7 +70,7 @@ class YamlProblem(Exception):
 
 @dataclass
 class _Open:
-    """A mapping or a list whose end has not come yet."""
+    """A mapping or a list whose end was not parsed yet."""
 
     node: RawMap | None
     origin: Origin
@@ -82,10 +82,10 @@ class _Open:
 
 def parse(text: str, file: str) -> Leaf | RawMap | None:
     """
-    Read one YAML document.
+    Parse one YAML document.
 
-    :param file: what to call the text in errors.
-    :return: None when the text holds nothing.
+    :param file: name of the text in errors.
+    :return: None when the text is empty.
     :raises YamlProblem: at the first place that is not YAML.
     """
     return _Builder(file).build(_events(text))
@@ -115,12 +115,12 @@ def _events(text: str) -> Iterable[Any]:
         raise YamlProblem(
             f'not YAML: character {error.character!r} is not allowed', line, column) from None
     except (yaml.YAMLError, ValueError, OverflowError) as error:
-        # PyYAML lets int() and chr() speak for themselves on absurd escapes.
+        # PyYAML does not catch errors of int() and chr() for invalid escapes.
         raise YamlProblem(f'not YAML: {error}') from None
 
 
 class _Builder:
-    """Turns events into a tree, on a stack of its own."""
+    """Build a tree from events, with an explicit stack."""
 
     def __init__(self, file: str) -> None:
         self._file = file
@@ -142,7 +142,7 @@ class _Builder:
             elif kind in ('MappingEnd', 'SequenceEnd'):
                 self._end()
             elif kind == 'Alias':
-                reason = f"'*{event.anchor}': ROS 2 knows no aliases, write the value out"
+                reason = f"'*{event.anchor}': ROS 2 has no aliases, repeat the value"
                 raise YamlProblem(reason, line, column)
             elif kind == 'Scalar':
                 self._scalar(event, origin)
@@ -151,14 +151,14 @@ class _Builder:
     def _start(self, event: Any, origin: Origin, column: int) -> None:
         if len(self._stack) >= DEEPEST:
             raise YamlProblem(
-                f'nested more than {DEEPEST} deep: no setting is', origin.line, column)
+                f'nested more than {DEEPEST} deep', origin.line, column)
         is_map = _kind(event) == 'MappingStart'
         top = self._stack[-1] if self._stack else None
         if top is not None and top.node is not None and top.key is None:
-            raise YamlProblem('a key must be a text', origin.line, column)
+            raise YamlProblem('a key must be a string', origin.line, column)
         opened = _Open(RawMap(origin) if is_map else None, origin, fault=_tag_fault(event.tag))
         if top is not None and top.node is None:
-            top.fault = 'a list may hold no section and no list: ROS 2 parameters are flat'
+            top.fault = 'a list must not contain a section or a list: ROS 2 parameters are flat'
         self._stack.append(opened)
 
     def _end(self) -> None:
@@ -199,7 +199,7 @@ class _Builder:
 
 
 def _moved(node: Leaf | RawMap, origin: Origin) -> Leaf | RawMap:
-    """Give a node the line of its key, which is where a reader looks for it."""
+    """Return the node with the line of its key, where a user looks for it."""
     if isinstance(node, RawMap):
         return RawMap(origin, node.items)
     return Leaf(origin, node.value, node.fault, node.lines)
@@ -208,7 +208,7 @@ def _moved(node: Leaf | RawMap, origin: Origin) -> Leaf | RawMap:
 def _tag_fault(tag: str | None) -> str:
     if tag is None or tag in _KNOWN_TAGS:
         return ''
-    return f'the tag {tag!r} means nothing to ROS 2: leave it out'
+    return f'the tag {tag!r} is unknown to ROS 2: delete it'
 
 
 def _item_fault(values: list[Any]) -> str:
@@ -216,16 +216,16 @@ def _item_fault(values: list[Any]) -> str:
     if len(kinds) < 2:
         return ''
     if kinds == {int, float}:
-        return 'ROS 2 wants a list of one type: write whole numbers with a point, too (1.0)'
-    return 'ROS 2 wants a list of one type: quote what is meant to be text'
+        return 'ROS 2 requires a list of one type: write integers with a decimal point (1.0)'
+    return 'ROS 2 requires a list of one type: quote strings'
 
 
 def scalar(text: str, quoted: bool) -> Scalar:
     """
-    Read one YAML scalar as ROS 2 does.
+    Parse one YAML scalar as ROS 2 does.
 
     :param text: the scalar without its quotes.
-    :param quoted: whether it had any; then it is a text, whatever it looks like.
+    :param quoted: whether it had quotes; then it is always a string.
     """
     if quoted or len(text) > _LONGEST_NUMBER:
         return text
@@ -267,5 +267,5 @@ def _number(text: str) -> float | None:
             return None
     else:
         return None
-    # ROS 2 leaves what does not fit a double a text.
+    # For ROS 2 a number that does not fit a double is a string.
     return value if math.isfinite(value) else None

@@ -76,7 +76,7 @@ def test_its_settings_are_those_of_a_device_its_ports_and_its_age_limit(
 
 
 @pytest.mark.parametrize('topic, text', [
-    ('cmd_val_safe', "device base reads 'cmd_val_safe': nobody declares this topic, did you mean "
+    ('cmd_val_safe', "device base reads 'cmd_val_safe': no part declares this topic, did you mean "
      "'cmd_vel_safe'"),
     ('wheels/speed', "device base reads 'wheels/speed' as geometry_msgs/msg/Twist, but it is "
      'geometry_msgs/msg/Vector3Stamped'),

@@ -170,10 +170,10 @@ def test_a_part_from_elsewhere_has_a_task_a_request_and_a_counter(core: Core) ->
 
 
 def test_a_part_that_fails_is_named_and_the_core_does_not_run_without_it(make: Make) -> None:
-    with pytest.raises(ConfigError, match='part of the core Unmade could not be made: '
+    with pytest.raises(ConfigError, match='part of the core Unmade could not be created: '
                                           'ZeroDivisionError: no wheels'):
         make(Odometer, Unmade)
-    with pytest.raises(ConfigError, match='part of the core Rival could not be made: request '
+    with pytest.raises(ConfigError, match='part of the core Rival could not be created: request '
                                           "'rearm' exists already"):
         make(Rival)
     core = make(Odometer, Unopened)

@@ -62,10 +62,10 @@ def test_a_task_that_fails_in_each_job_is_told_ever_more_seldom() -> None:
     assert told[0] == "task 'it': ValueError: step 1"
     assert '\n  ' in world.told[0]  # where it came from
     assert told[1:] == [
-        'the same 10 times more in 1 s, the last: ValueError: step 11',
-        'the same 20 times more in 2 s, the last: ValueError: step 31',
-        'the same 40 times more in 4 s, the last: ValueError: step 71',
-        'the same 80 times more in 8 s, the last: ValueError: step 151']
+        'the same 10 more times in 1 s, the last: ValueError: step 11',
+        'the same 20 more times in 2 s, the last: ValueError: step 31',
+        'the same 40 more times in 4 s, the last: ValueError: step 71',
+        'the same 80 more times in 8 s, the last: ValueError: step 151']
     assert len(world.all) == 160
 
 
@@ -113,7 +113,7 @@ def test_failures_that_come_too_fast_to_be_kept_are_counted() -> None:
     world.fail(1000.0)
     told = world.run(0.25)
     assert told[0] == "task 'it': ValueError: step 1"
-    assert told[1] == '68 failures came too fast to be told; /diagnostics counts them by task'
+    assert told[1] == '68 failures came too fast to be logged; /diagnostics counts them by task'
 
 
 def test_what_is_remembered_is_bounded() -> None:

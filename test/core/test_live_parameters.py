@@ -153,13 +153,13 @@ def test_nonsense_is_refused_with_the_reason(folder: Path, run: Run) -> None:
                 ('set', 'guard.rate_hz', 'fast'): "guard.rate_hz = 'fast': must be a number from "
                                                   '0.1 to 10000 (Hz)',
                 ('set', 'guard.rate_hz', '60'): '',
-                ('set', 'guard.rate_hz', '1000'): 'guard.budget_us = 5000.0 would not fit: it '
+                ('set', 'guard.rate_hz', '1000'): 'guard.budget_us = 5000.0 does not fit: it '
                                                   'is above the period',
                 ('set', 'guard.timeout', '1.0'): "did you mean 'guard.timeout_s'?",
                 ('set', 'guard.timeout_s', '[1'): 'guard.timeout_s: ',
                 ('set', 'guard.timeout_s', '{a: 1}'): 'must be one value',
-                ('get', 'woken.rate_hz'): 'no parameter that can be changed',
-                ('save', str(folder / 'robot.yaml')): 'is no file of saved parameters'}.items():
+                ('get', 'woken.rate_hz'): 'not a parameter that can be changed',
+                ('save', str(folder / 'robot.yaml')): 'is not a file of saved parameters'}.items():
             code, said = run(*arguments)
             assert reason in said
             assert code == (1 if reason else 0)

@@ -53,7 +53,7 @@ def test_simulated_devices_come_back_each_time_their_keeper_is_killed(tmp_path: 
         samples = bind(driver)[0].samples
 
         def measures() -> bool:
-            said.extend(simulators.news())
+            said.extend(simulators.reports())
             try:
                 if driver.fileno() is None:
                     driver.open()
@@ -65,11 +65,12 @@ def test_simulated_devices_come_back_each_time_their_keeper_is_killed(tmp_path: 
         try:
             for kills in (1, 2):
                 wait_until(measures, 'a sample')
-                keeper = simulators._keeper
+                keeper = simulators._supervisor
                 assert keeper is not None and keeper.process is not None
                 os.kill(keeper.process.pid, signal.SIGKILL)
-                wait_until(lambda: said.extend(simulators.news()) or simulators.restarts >= kills,
-                           'a restart')
+                wait_until(
+                    lambda: said.extend(simulators.reports()) or simulators.restarts >= kills,
+                    'a restart')
                 driver.close()
                 samples.clear()
             wait_until(measures, 'a sample again')

@@ -93,7 +93,7 @@ def test_a_server_that_goes_is_a_fault_and_one_that_comes_back_is_used(on_tcp: R
 
 
 @pytest.mark.parametrize('option, said', [
-    ('baro=5000', 'it is no serial device'), ('gps=70000', 'the port must be from 1 to 65535'),
+    ('baro=5000', 'it is not a serial device'), ('gps=70000', 'the port must be from 1 to 65535'),
     ('none=5000', "there is no device 'none'")])
 def test_what_cannot_be_served_is_refused(
         option: str, said: str, tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:

@@ -68,7 +68,8 @@ def test_a_second_robot_of_the_name_is_refused_and_the_first_lives_on(
         second = run(program, folder=world.folder)
         assert second.returncode == 2
         assert second.stderr.startswith(f'{program}: the ')
-        assert 'already runs on this machine (pid ' in second.stderr and second.stderr.count('\n') == 1
+        assert 'already runs on this machine (pid ' in second.stderr
+        assert second.stderr.count('\n') == 1
     with LinkClient(world.folder / 'robot.sock', timeout_s=TIMEOUT_S) as client:
         assert client.request('reset_statistics') == {}
     assert first.end() == 0
@@ -107,7 +108,7 @@ def _written(folder: Path, text: str) -> Path:
      "Write: robot --simulate --ros-args --params-file 'x y.yaml'"),
     (['imu.rate_hz:=5', '--ros-args', '-r', '__node:=a'],
      'Write: robot --ros-args -p imu.rate_hz:=5 -r __node:=a'),
-    (['--simulat'], 'did you mean --simulate?'), (['what'], 'robot --help shows what there is'),
+    (['--simulat'], 'did you mean --simulate?'), (['what'], 'robot --help'),
     (['--ros-args', '--params-file', 'nix.yaml'], 'nix.yaml: cannot be read: No such file'),
     (['--ros-args', '--log-level', 'loud'], 'must be one of debug, info'),
     (['--ros-args', '-r', 'a!b:=c'], 'ROS 2 does not start: failed to initialize rcl: '),

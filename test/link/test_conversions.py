@@ -136,7 +136,8 @@ def test_a_topic_of_the_core_takes_a_path(count: int) -> None:
 
 
 @pytest.mark.parametrize(('cdr', 'problem'), [
-    (path([(0, 0, 0)], 'odom'), "frame_id 'odom': it must be 'map'; transform it to that frame first"),
+    (path([(0, 0, 0)], 'odom'),
+     "frame_id 'odom': it must be 'map'; transform it to that frame first"),
     (path([(0, 0, 0)], ''), "frame_id '': it must be 'map'"),
     (path([(0, 0, 0), (1, 0, 0)], own='odom'), "pose 0 frame_id 'odom': it must be 'map'"),
     (path([(0, math.nan, 0)]), 'pose 0 has a number that is not finite'),

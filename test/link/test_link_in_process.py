@@ -470,7 +470,7 @@ def test_a_second_core_is_refused_also_when_the_first_accepts_nobody(world: Worl
 def test_a_file_that_is_no_socket_is_not_deleted(world: World) -> None:
     world.core.close()
     world.path.write_text('precious')
-    with pytest.raises(LinkError, match='no socket; choose another path'):
+    with pytest.raises(LinkError, match='not a socket; choose another path'):
         second_core(world).link.open()
     assert world.path.read_text() == 'precious'
 

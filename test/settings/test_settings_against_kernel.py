@@ -30,7 +30,7 @@ from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.kernel.spec import DeclarationRule
 from rt_robot_os.settings import TaskSettings
 from rt_robot_os.settings.tasks import contradictions
-from rt_robot_os.settings.tasks import TOLD
+from rt_robot_os.settings.tasks import RULE_TEXTS
 
 TASK = declared(TaskSettings)
 TIMES = st.one_of(st.just(0.0), st.floats(0.0, 1e9), st.sampled_from([1.0, 500.0, 10000.0, 2e4]))
@@ -92,6 +92,6 @@ def test_what_the_kernel_refuses_is_told_with_a_key_of_the_file(
 
 @pytest.mark.parametrize('rule', DeclarationRule)
 def test_each_rule_of_the_kernel_has_words_for_the_file(rule: DeclarationRule) -> None:
-    key, remedy = TOLD[rule]
+    key, remedy = RULE_TEXTS[rule]
     assert key in {each.name for each in TASK}
     assert remedy

@@ -152,7 +152,7 @@ def test_what_a_task_declares_survives(
     ('', 'devices', [5], 'devices must be an object'),
     ('', 'core', 5, 'robot.core must be an object'),
     ('', 'autostart', 1, 'robot.autostart must be bool'),
-    ('', 'files', [5], 'robot.files must be a list of texts'),
+    ('', 'files', [5], 'robot.files must be a list of strings'),
     ('core', 'cpu', 1.5, 'robot.core.cpu must be int'),
     ('core', 'cpus', 1, 'robot.core: keys missing or unknown: cpus'),
     ('devices', 'rate_hz', 10 ** 400, 'devices.rate_hz is too large'),

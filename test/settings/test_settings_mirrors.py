@@ -93,13 +93,13 @@ def test_a_goal_has_to_be_in_the_frame_of_the_topic(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(('mirror', 'problem'), [
     ({'topic': 'odom_to_base', 'as': 'tf2_msgs/msg/TFMessage', 'direction': 'in'},
-     "a.as = .*'odom_to_base' is a geometry_msgs/msg/TransformStamped: what can be had in is "
-     'std_msgs/msg/Float64MultiArray as nav_msgs/msg/Path$'),
+     "a.as = .*'odom_to_base' is a geometry_msgs/msg/TransformStamped: the conversions for "
+     'direction: in are std_msgs/msg/Float64MultiArray as nav_msgs/msg/Path$'),
     ({'topic': 'plan', 'as': 'tf2_msgs/msg/TFMessage'},
-     'a.as = .*what can be had out is geometry_msgs/msg/TransformStamped as '
+     'a.as = .*the conversions for direction: out are geometry_msgs/msg/TransformStamped as '
      'tf2_msgs/msg/TFMessage, std_msgs/msg/Float64MultiArray as nav_msgs/msg/Path'),
     ({'topic': 'plan', 'as': 'nav_msgs/msg/Path', 'stamped': True},
-     "a.stamped = true: 'plan' is a std_msgs/msg/Float64MultiArray: only these can be had with"),
+     "a.stamped = true: 'plan' is a std_msgs/msg/Float64MultiArray: only these types can get"),
     ({'topic': 'plan', 'frame_id': 'map'}, 'a.frame_id = .*stamped: true, or as: nav_msgs'),
     ({'topic': 'plan', 'as': 'nav_msgs/msg/Path', 'frame_id': 'x' * 300}, 'at most 255 bytes')])
 def test_what_cannot_be_converted_is_told(
@@ -117,7 +117,7 @@ def test_what_has_one_header_can_be_given_its_frame(tmp_path: Path, topic: str, 
 
 
 def test_one_topic_of_ros_still_has_one_mirror_otherwise(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match='mirror a .* has /tf out already'):
+    with pytest.raises(ConfigError, match='mirror a .* already has /tf out'):
         ways(tmp_path, a={'topic': 'odom_to_base', 'as': 'tf2_msgs/msg/TFMessage'},
              b={'topic': 'map_to_odom', 'ros_topic': '/tf'})
 
@@ -170,7 +170,7 @@ def test_two_stars_keep_their_order(tmp_path: Path) -> None:
 @pytest.mark.parametrize(('values', 'problem'), [
     ({'topic': 'wsn/hal/*'}, r"a.topic = 'wsn/hal/\*': no topic matches, did you mean 'wsn/hall"),
     ({'topic': 'wsn//*'}, r"a.topic = 'wsn//\*': must be names of"),
-    ({'topic': 'wsn/*', 'direction': 'in'}, r'a.topic = .*\* is for what goes out'),
+    ({'topic': 'wsn/*', 'direction': 'in'}, r'a.topic = .*\* is only for direction: out'),
     ({'topic': 'wsn/*', 'ros_topic': 'house'}, r'a.ros_topic = .*as many \* as topic'),
     ({'topic': 'wsn/*', 'ros_topic': 'house *'}, r'a.ros_topic = .*must be names of'),
     ({'topic': 'speed', 'ros_topic': 'x/*'}, r"a.ros_topic = 'x/\*': must be names of"),
@@ -184,7 +184,7 @@ def test_a_pattern_that_cannot_be_is_told_once(
 
 
 def test_a_pattern_without_anything_left_is_told(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match='each topic that matches has a mirror of its own'):
+    with pytest.raises(ConfigError, match='each matching topic already has a mirror'):
         house(tmp_path, a={'topic': 'wsn/*'}, b={'topic': 'wsn/h*'})
 
 

@@ -83,10 +83,11 @@ def test_two_places_of_one_frame_name_both_devices(tmp_path: Path) -> None:
 @pytest.mark.parametrize(('values', 'problem'), [
     ({'mounting_m': [1.0, 2.0]}, r'laser.mounting_m = .*a list of 3 numbers \(m\)'),
     ({'mounting_rad': [0.0, 0.0, math.inf]}, 'laser.mounting_rad = .*a list of 3 numbers'),
-    ({'mounting_m': [0.0, 0.0, 1.0], 'parent_frame_id': ''}, 'laser.parent_frame_id = .*no empty'),
+    ({'mounting_m': [0.0, 0.0, 1.0], 'parent_frame_id': ''},
+     'laser.parent_frame_id = .*refuses empty'),
     ({'mounting_m': [0.0, 0.0, 1.0], 'frame_id': '/laser'}, 'laser.frame_id = .*with a slash'),
     ({'frame_id': 'base_link', 'mounting_m': [0.0, 0.0, 1.0]},
-     "laser: 'base_link' on 'base_link': a frame cannot carry itself")])
+     "laser: 'base_link' on 'base_link': a frame cannot be its own parent")])
 def test_what_cannot_be_is_told(tmp_path: Path, values: dict[str, Any], problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
         robot(tmp_path, laser=laser(**values))
@@ -97,7 +98,7 @@ def test_a_circle_of_frames_is_told_once(tmp_path: Path) -> None:
         robot(tmp_path, laser=laser(frame_id='a', parent_frame_id='b'),
               sonar=sonar(frame_id='b', parent_frame_id='a'))
     assert caught.value.problems[0].endswith(
-        "laser: 'a' on 'b' on 'a': a frame cannot carry itself, set another parent_frame_id")
+        "laser: 'a' on 'b' on 'a': a frame cannot be its own parent, set another parent_frame_id")
     assert len(caught.value.problems) == 1
 
 

@@ -92,7 +92,7 @@ def test_a_problem_names_the_file_whose_value_counts(good: str, problems_of: Jud
 def test_the_command_line_has_no_line(good: str, problems_of: Judge) -> None:
     assert problems_of(good, overrides={'imu.rate_hz': 0, 'imu.x': None, 'a b': 1, '': 2}) == (
         'command line: imu.x has no value: write one or leave the key out',
-        "command line: '' is no parameter name: a part of it is empty",
+        "command line: '' is not a parameter name: a part of it is empty",
         'command line: a b = 1: unknown key, known: autostart, cmd_vel, cmd_vel_in, core, '
         'devices, diagnostics_rate_hz, gps, guard, imu, imu_data, log, mirrors, modules, '
         'parameters_file, services, static_transforms, topics, watchdog, world',
@@ -131,17 +131,17 @@ def test_no_file_and_no_list_is_a_robot_without_anything(load_text: Loader) -> N
     (rate(1.0, 'robto'), 'robot.yaml: has no parameters for /robot, only for /robto: did you mean '
      "'robot' by 'robto'?"),
     ('robot:\n  autostart: true\n  core: {}\n',
-     "robot.yaml:2: /robot/autostart stands outside 'ros__parameters': parameters stand under "
+     "robot.yaml:2: /robot/autostart is outside 'ros__parameters': parameters must be below "
      "'robot:' and then 'ros__parameters:'"),
     ('robot:\n  ros_parameters:\n    autostart: true\n',
-     "robot.yaml:2: /robot/ros_parameters stands outside 'ros__parameters': did you mean "
+     "robot.yaml:2: /robot/ros_parameters is outside 'ros__parameters': did you mean "
      "'ros__parameters:'?"),
     ('ros__parameters:\n  autostart: true\n',
-     "robot.yaml:1: ros__parameters must stand under the node's name: robot:"),
+     "robot.yaml:1: ros__parameters must be below the node's name: robot:"),
     ('robot:\n  ros__parameters: 5\n',
      'robot.yaml:2: /robot/ros__parameters must be a section: write {} when it is empty'),
     (rate(1.0, 'robot') + rate(2.0, 'robot'),
-     'robot.yaml:4: /robot was begun at line 1: join the two'),
+     'robot.yaml:4: /robot already exists at line 1: join the two'),
 ])
 def test_files_without_parameters_for_the_node(
     text: str, problem: str, problems_of: Judge,

@@ -96,7 +96,7 @@ def test_what_is_read_at_the_start_cannot_change(
 ) -> None:
     reason = check_change(robot, 'imu.baud', 9600, catalogue)
     assert reason is not None
-    assert reason.startswith('imu.baud is read at the start only: change the file and start again')
+    assert reason.startswith('imu.baud is read at the start only: change the file and restart')
     assert 'imu.rate_hz' in reason
 
 

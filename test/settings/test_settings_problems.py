@@ -85,7 +85,7 @@ NAME_RULE = "letters, digits and '_', not beginning with a digit"
     ('priority: 80', 'rate_hz.x: 80',
      'robot.yaml:12: imu.rate_hz.x is below a value: see line 11'),
     ('autostart: true', 'a..b: 1',
-     "robot.yaml:3: 'a..b' is no parameter name: a part of it is empty"),
+     "robot.yaml:3: 'a..b' is not a parameter name: a part of it is empty"),
     ('autostart: true', '"a\\nb": 1',
      'robot.yaml:3: a\\nb = 1: unknown key, known: autostart, cmd_vel, cmd_vel_in, core, devices, '
      'diagnostics_rate_hz, gps, guard, imu, imu_data, log, mirrors, modules, parameters_file, '
@@ -94,9 +94,9 @@ NAME_RULE = "letters, digits and '_', not beginning with a digit"
     ('devices: [imu, gps]', 'devices: [imu, gps, imu]',
      "robot.yaml:5: devices = 'imu': is twice in this list: delete one"),
     ('modules: [guard]', 'modules: [guard, imu]',
-     "robot.yaml:15: modules = 'imu': is in 'devices' already: each section is in one list"),
+     "robot.yaml:15: modules = 'imu': is already in 'devices': each section is in one list"),
     ('modules: [guard]', 'modules: [guard, core]',
-     "robot.yaml:15: modules = 'core': is a key of its own: choose another name"),
+     "robot.yaml:15: modules = 'core': is the name of a key: choose another name"),
     ('modules: [guard]', 'modules: [guard, 2nd]',
      f"robot.yaml:15: modules = '2nd': a name must be {NAME_RULE}"),
     ('devices: [imu, gps]', 'devices: [imu, gps, lidar]',
@@ -156,20 +156,20 @@ NAME_RULE = "letters, digits and '_', not beginning with a digit"
      "robot.yaml:14: gps.topic = 'imu/data': is sensor_msgs/msg/NavSatFix here but "
      'sensor_msgs/msg/Imu (device imu, robot.yaml:6): choose another name'),
     ('type: twist_guard', 'type: twist_guard, command_topic: cmd_vle',
-     "robot.yaml:16: module guard reads 'cmd_vle': nobody declares this topic, did you mean "
+     "robot.yaml:16: module guard reads 'cmd_vle': no part declares this topic, did you mean "
      "'cmd_vel'? Or add it to 'topics'"),
     ('type: twist_guard', 'type: twist_guard, command_topic: imu/data',
      "robot.yaml:16: module guard reads 'imu/data' as geometry_msgs/msg/Twist, but it is "
      'sensor_msgs/msg/Imu (device imu, robot.yaml:6)'),
     ('depth: 8', 'depth: 8, fixed: 5',
-     'robot.yaml:18: cmd_vel.fixed must be a section: fields of the message, with their text or '
+     'robot.yaml:18: cmd_vel.fixed must be a section: fields of the message, with a string or '
      'length'),
     # mirrors
     ('{topic: imu/data,', '{topic: imu/dat,',
-     "robot.yaml:20: imu_data.topic = 'imu/dat': nobody declares this topic, did you mean "
+     "robot.yaml:20: imu_data.topic = 'imu/dat': no part declares this topic, did you mean "
      "'imu/data'?"),
     ('{topic: cmd_vel, direction', '{topic: nothing, direction',
-     "robot.yaml:21: cmd_vel_in.topic = 'nothing': nobody declares this topic, known: cmd_vel, "
+     "robot.yaml:21: cmd_vel_in.topic = 'nothing': no part declares this topic, known: cmd_vel, "
      'cmd_vel_safe, gps/fix, gps/time, imu/data, imu/mag'),
     ('{topic: imu/data,', '{topic: imu/data, ros_topic: imu/,',
      f"robot.yaml:20: imu_data.ros_topic = 'imu/': must be names of {NAME_RULE}, separated by "
@@ -178,11 +178,11 @@ NAME_RULE = "letters, digits and '_', not beginning with a digit"
      f"robot.yaml:20: imu_data.topic = 'imu data': must be names of {NAME_RULE}, separated by "
      "'/', such as imu/data"),
     ('topic: cmd_vel, direction: in', 'topic: imu/mag, ros_topic: /imu/data',
-     "robot.yaml:21: cmd_vel_in.ros_topic = '/imu/data': mirror imu_data (robot.yaml:20) has "
-     '/imu/data out already: give each its own'),
+     "robot.yaml:21: cmd_vel_in.ros_topic = '/imu/data': mirror imu_data (robot.yaml:20) already "
+     'has /imu/data out: give each its own'),
     ('direction: in}', 'direction: in, ros_topic: imu/data}',
      "robot.yaml:21: cmd_vel_in.ros_topic = 'imu/data': mirror imu_data (robot.yaml:20) has "
-     '/imu/data the other way: it would hear itself, give each its own'),
+     '/imu/data in the other direction: that is a loop, give each its own'),
 ])
 def test_a_mistake_is_one_line(
     old: str, new: str, problem: str, good: str, problems_of: Judge,
@@ -204,7 +204,7 @@ def test_impossible_rates_are_refused(
     shown = {'1e9': '1000000000.0'}.get(rate, rate)
     reason = 'must be a number from 0.1 to 10000 (Hz)'
     if name == 'guard':  # a module may leave it to its inputs
-        reason = {'0': 'none of its inputs releases it (wake): give it a rate',
+        reason = {'0': 'none of its inputs releases the task (wake): give it a rate',
                   '0.09': 'must be at least 0.1 (Hz), or 0 when only its inputs release it'}.get(
                       rate, 'must be a number from 0 to 10000 (Hz)')
         shown = {'0': '0.0'}.get(shown, shown)
@@ -218,8 +218,8 @@ def test_two_devices_on_one_topic_must_agree_on_what_is_fixed(
                         'gps: {type: witmotion, port: sim, mag_topic: mag,')
     assert problems_of(text) == (
         "robot.yaml:14: gps.topic = 'imu/data': is sensor_msgs/msg/Imu here but "
-        'sensor_msgs/msg/Imu (device imu, robot.yaml:6) with other fixed fields: choose another '
-        'name',)
+        'sensor_msgs/msg/Imu (device imu, robot.yaml:6) with different fixed fields: choose '
+        'another name',)
 
 
 def test_two_devices_on_one_port(good: str, problems_of: Judge) -> None:

@@ -70,14 +70,14 @@ def test_a_value_of_a_flag_is_no_flag() -> None:
     (['-p', 'autostart'], 'command line: -p autostart: must be name:=value, such as '
      'imu.rate_hz:=100.0'),
     (['-p', ':=1'], 'command line: -p :=1: must be name:=value, such as imu.rate_hz:=100.0'),
-    (['-p', 'a:='], "command line: a has no value: write a:='\"\"' for an empty text"),
-    (['-p', 'a:=~'], "command line: a has no value: write a:='\"\"' for an empty text"),
+    (['-p', 'a:='], "command line: a has no value: write a:='\"\"' for an empty string"),
+    (['-p', 'a:=~'], "command line: a has no value: write a:='\"\"' for an empty string"),
     (['-p', 'a:={b: 1}'], 'command line: a must be one value or a list: give the keys of a '
      'section one by one, a.key:=value'),
-    (['-p', 'a:=[1, x]'], "command line: a = [1, 'x']: ROS 2 wants a list of one type: quote "
-     'what is meant to be text'),
-    (['-p', 'a:=*b'], "command line: a: column 1: '*b': ROS 2 knows no aliases, write the value "
-     'out'),
+    (['-p', 'a:=[1, x]'], "command line: a = [1, 'x']: ROS 2 requires a list of one type: quote "
+     'strings'),
+    (['-p', 'a:=*b'], "command line: a: column 1: '*b': ROS 2 has no aliases, repeat the "
+     'value'),
     (['-r', '__node:=a b'], "command line: -r __node = 'a b': must be letters, digits and '_', "
      'not beginning with a digit'),
     (['-r', '__ns:=lab'], "command line: -r __ns = 'lab': must be '/' or begin with '/', in names "
@@ -88,13 +88,14 @@ def test_a_value_of_a_flag_is_no_flag() -> None:
      'imu/data:=/head/imu or __node:=arm'),
     (['--log-level', 'loud'], "command line: --log-level = 'loud': must be one of debug, info, "
      'warn, error, fatal'),
-    (['--parms-file'], 'command line: --parms-file: is no argument of ROS 2: did you mean '
+    (['--parms-file'], 'command line: --parms-file: is not an argument of ROS 2: did you mean '
      '--params-file?'),
-    (['my.yaml'], 'command line: my.yaml: is no argument of ROS 2: write --params-file my.yaml'),
-    (['imu.rate_hz:=1'], 'command line: imu.rate_hz:=1: is no argument of ROS 2: write -p '
+    (['my.yaml'], 'command line: my.yaml: is not an argument of ROS 2: write --params-file '
+     'my.yaml'),
+    (['imu.rate_hz:=1'], 'command line: imu.rate_hz:=1: is not an argument of ROS 2: write -p '
      'imu.rate_hz:=1 for a parameter, -r imu.rate_hz:=1 for another name'),
-    (['--simulate'], "command line: --simulate: is no argument of ROS 2: the program's own "
-     'arguments stand before --ros-args'),
+    (['--simulate'], "command line: --simulate: is not an argument of ROS 2: the program's own "
+     'arguments must come before --ros-args'),
 ])
 def test_arguments_that_cannot_be_understood(arguments: list[str], problem: str) -> None:
     with pytest.raises(ConfigError) as caught:

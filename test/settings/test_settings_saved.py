@@ -113,7 +113,7 @@ def test_who_does_not_know_the_mirrors_leaves_them(base: Path, tmp_path: Path) -
 
 
 def test_a_file_of_somebody_else_is_not_overwritten(base: Path) -> None:
-    with pytest.raises(ConfigError, match=r'robot\.yaml is no file of saved parameters, and is '
+    with pytest.raises(ConfigError, match=r'robot\.yaml is not a file of saved parameters, and is '
                                           'not overwritten: give another file'):
         save_with(base, load([base]), guard__rate_hz=30.0)
     assert base.read_text() == BASE
@@ -124,7 +124,7 @@ def test_what_cannot_be_written_is_told_and_leaves_nothing(base: Path, tmp_path:
     for path in (base / 'saved.yaml', folder):
         folder.mkdir(exist_ok=True)
         with pytest.raises(ConfigError, match=f'{path} cannot be written: .*: give a file in a '
-                                              'folder that can be written'):
+                                              'writable folder'):
             save_with(path, load([base]), guard__rate_hz=30.0)
     assert sorted(p.name for p in tmp_path.iterdir()) == ['folder', 'robot.yaml']
 
@@ -174,7 +174,7 @@ def test_what_a_namesake_has_saved_is_not_overwritten(base: Path, tmp_path: Path
     assert save(saved, 'robot', {}, now, files=[str(base)]) == now
     text = saved.read_text()
     with pytest.raises(ConfigError, match=f'another robot of this name.* by {base}, and is not '
-                       'overwritten: give this one another name or a parameters_file'):
+                       'overwritten: give this robot another name or a parameters_file'):
         save(saved, 'robot', {}, {'guard.rate_hz': 1.0}, files=[str(other)])
     assert saved.read_text() == text
     # The same robot, with what it has saved and one file more.

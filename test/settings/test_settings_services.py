@@ -71,24 +71,25 @@ def test_maps_are_loaded_by_a_text_and_given_from_a_topic(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(('service', 'problem'), [
-    ({}, 'a.topic is missing'), ({'topic': 'alarms/command'}, 'a.text = .*must be a text'),
+    ({}, 'a.topic is missing'), ({'topic': 'alarms/command'}, 'a.text = .*must not be empty'),
     ({**GOOD, 'topic': 'alarms/comand'}, "a.topic = .*did you mean 'alarms/command'"),
     ({**GOOD, 'topic': 'speed'}, 'a.topic = .*is a std_msgs/msg/Float64: it must be a std_msgs'),
-    ({**GOOD, 'topic': 'name'}, 'a.topic = .*fixed text'),
+    ({**GOOD, 'topic': 'name'}, 'a.topic = .*fixed string'),
     ({**GOOD, 'answer_topic': 'speed'}, 'a.answer_topic = .*is a std_msgs/msg/Float64'),
-    ({**GOOD, 'answer_topic': 'alarms/command'}, 'a.answer_topic = .*is the topic of what is'),
-    ({**GOOD, 'text': ' '}, 'a.text = .*must be a text'),
-    ({**GOOD, 'text': 'x' * 41}, 'a.text = .*has 41 bytes: .*room for 40'),
+    ({**GOOD, 'answer_topic': 'alarms/command'}, 'a.answer_topic = .*is the topic of the command'),
+    ({**GOOD, 'text': ' '}, 'a.text = .*must not be empty'),
+    ({**GOOD, 'text': 'x' * 41}, 'a.text = .*has 41 bytes: .*can hold 40'),
     ({**GOOD, 'text_false': 'no'}, 'a.text_false = .*is used with type: std_srvs/srv/SetBool'),
-    ({**GOOD, 'type': 'std_srvs/srv/SetBool'}, 'a.text_false = .*has a text for false'),
+    ({**GOOD, 'type': 'std_srvs/srv/SetBool'}, 'a.text_false = .*needs a text for false'),
     ({**GOOD, 'type': 'std_srvs/srv/Empty'}, 'a.type = .*must be one of std_srvs/srv/Trigger, '),
-    ({**LOAD, 'text': 'load'}, 'a.text = .*must hold {map_url}'),
+    ({**LOAD, 'text': 'load'}, 'a.text = .*must contain {map_url}'),
     ({**GOOD, 'text': 'load {map_url}'}, 'a.text = .*only requests of type: nav_msgs/srv/LoadMap'),
     ({**GET, 'topic': 'speed'}, 'a.topic = .*it must be a nav_msgs/msg/OccupancyGrid'),
     ({**GET, 'text': 'give'}, 'a.text = .*not used with type: nav_msgs/srv/GetMap'),
     ({**GET, 'answer_topic': 'alarms/answer'}, 'a.answer_topic = .*is not used with type'),
     ({**GOOD, 'topic': 'map'}, 'a.topic = .*is a nav_msgs/msg/OccupancyGrid: it must be a std_'),
-    ({**GOOD, 'service': '~/rearm'}, 'a.service = .*/robot/rearm is a service of the node itself'),
+    ({**GOOD, 'service': '~/rearm'},
+     'a.service = .*/robot/rearm is already a service of the node itself'),
     ({**GOOD, 'service': 'no way'}, 'a.service = .*must be names of letters'),
     ({**GOOD, 'timeout_s': 0}, 'a.timeout_s = 0'), ({**GOOD, 'timeout': 1}, 'a.timeout: unknown'),
 ])
@@ -99,5 +100,5 @@ def test_what_cannot_be_is_told(tmp_path: Path, service: dict[str, Any], problem
 
 
 def test_two_services_have_two_names(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match='b.service = .*/robot/a is a service of a .* already'):
+    with pytest.raises(ConfigError, match='b.service = .*/robot/a is already a service of a'):
         robot(tmp_path, a=GOOD, b={**GOOD, 'service': '/robot/a'})

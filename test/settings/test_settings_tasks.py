@@ -71,8 +71,8 @@ def catalogue(catalogue: Catalogue) -> Catalogue:
 
 @pytest.mark.parametrize(('lines', 'problems'), [
     (['budget_us: 20000', 'on_budget: abort'],
-     ['9: guard.budget_us = 20000.0: is above the period, 10000 us at 100 Hz: a job is not '
-      'aborted before its next release is lost: make it smaller']),
+     ['9: guard.budget_us = 20000.0: is above the period, 10000 us at 100 Hz: a job loses its '
+      'next release before it is aborted: make it smaller']),
     (['budget_us: 5000', 'on_budget: abort', 'deadline_us: 4000'],
      ['11: guard.deadline_us = 4000.0: is below budget_us, 5000 (us): a job may miss it within '
       'its budget: make the budget smaller']),
@@ -90,31 +90,31 @@ def catalogue(catalogue: Catalogue) -> Catalogue:
      ['10: guard.overrun_limit = 3: is never reached: overrun: stop ends the task with its first '
       'overrun: choose another policy or delete the limit']),
     (['overrun_limit: 3'],
-     ['9: guard.overrun_limit = 3: nothing follows from it with failure: continue: choose '
+     ['9: guard.overrun_limit = 3: has no effect with failure: continue: choose '
       'restart, stop or safe_state']),
     (['on_budget: abort'],
-     ["9: guard.on_budget = 'abort': there is no budget: give budget_us or delete it"]),
+     ["9: guard.on_budget = 'abort': has no budget: set budget_us or delete it"]),
     (['failure: restart', 'restart_s: 5', 'restart_max_s: 1'],
      ['11: guard.restart_max_s = 1.0: must be at least restart_s, 5 (s)']),
     (['restart_s: 20'],
      ['6: guard.restart_max_s = 10.0: must be at least restart_s, 20 (s)']),
     (['failure: safe_state'],
      ["9: guard.failure = 'safe_state': 'twist_guard' has no method safe_state(): choose restart "
-      'or stop, or write one']),
+      'or stop, or add one']),
     (['resources: [arm, "2"]'],
      ["9: guard.resources = ['arm', '2']: '2': a name must be letters, digits and '_', not "
       'beginning with a digit']),
     (['resources: [arm, arm]'],
      ["9: guard.resources = ['arm', 'arm']: a name is twice in this list: delete one"]),
     (['logical_execution: true', 'overrun: catch_up', 'deadline_us: 20000'],
-     ["10: guard.overrun = 'catch_up': must be skip with logical_execution: what is not ready at "
-      'its deadline is not published']),
+     ["10: guard.overrun = 'catch_up': must be skip with logical_execution: an output that is "
+      'not ready at its deadline is not published']),
     (['logical_execution: true', 'overrun_limit: 5', 'failure: stop'],
      ['10: guard.overrun_limit = 5: is never reached with logical_execution: delete it']),
     # several at once, and those of a wrong value not on top
     (['budget_us: 20000', 'on_budget: abort', 'catch_up: 3', 'restart_max_s: x', 'restart_s: 50'],
-     ['9: guard.budget_us = 20000.0: is above the period, 10000 us at 100 Hz: a job is not '
-      'aborted before its next release is lost: make it smaller',
+     ['9: guard.budget_us = 20000.0: is above the period, 10000 us at 100 Hz: a job loses its '
+      'next release before it is aborted: make it smaller',
       '11: guard.catch_up = 3: is used with overrun: catch_up only, not skip: delete it',
       "12: guard.restart_max_s = 'x': must be a number from 0.001 to 3600 (s)"]),
 ])
@@ -130,8 +130,7 @@ def test_a_wrong_rate_hides_nothing_that_has_no_rate_in_it(problems_of: Judge) -
     assert text != GUARD
     assert problems_of(text + '      on_budget: abort\n      deadline_us: 1e6\n') == (
         "robot.yaml:8: guard.rate_hz = 'fast': must be a number from 0 to 10000 (Hz)",
-        "robot.yaml:9: guard.on_budget = 'abort': there is no budget: give budget_us or delete "
-        'it')
+        "robot.yaml:9: guard.on_budget = 'abort': has no budget: set budget_us or delete it")
 
 
 @pytest.mark.parametrize('lines', [
@@ -151,15 +150,16 @@ def test_what_looks_odd_but_works_is_allowed(lines: list[str], load_text: Loader
 
 
 @pytest.mark.parametrize(('lines', 'key', 'reason'), [
-    (['phase_us: 5'], 'phase_us', '5.0: needs a rate_hz: without one only its inputs release it'),
+    (['phase_us: 5'], 'phase_us',
+     '5.0: needs a rate_hz: without one only its inputs release the task'),
     (['overrun: rephase'], 'overrun',
-     "'rephase': needs a rate_hz: what its inputs release never overruns"),
+     "'rephase': needs a rate_hz: a task that its inputs release never overruns"),
     (['overrun_limit: 5', 'failure: stop'], 'overrun_limit',
-     '5: needs a rate_hz: what its inputs release never overruns'),
+     '5: needs a rate_hz: a task that its inputs release never overruns'),
     (['logical_execution: true'], 'logical_execution',
-     'true: needs a rate_hz: inputs and outputs have no instants without one'),
+     'true: needs a rate_hz: without one there are no instants for inputs and outputs'),
     (['critical: true'], 'critical',
-     'true: without a rate_hz it needs a deadline_us: nobody could say when it is late'),
+     'true: needs a deadline_us without a rate_hz: otherwise the task is never late'),
 ])
 def test_what_needs_a_rate(
     lines: list[str], key: str, reason: str, problems_of: Judge,
@@ -181,13 +181,13 @@ def test_a_coroutine_has_no_rate(load_text: Loader, problems_of: Judge) -> None:
     text = GUARD.replace('twist_guard', 'waits').replace(
         'geometry_msgs/msg/Twist}', 'geometry_msgs/msg/Twist, topic: a}')
     assert problems_of(text) == (
-        'robot.yaml:8: guard.rate_hz = 100.0: its run() is a coroutine, which awaits what '
-        'releases it: delete it, or await kernel.every(hz).next()',)
+        'robot.yaml:8: guard.rate_hz = 100.0: has no effect on a coroutine run(), '
+        'which awaits its releases: delete it, or await kernel.every(hz).next()',)
     text = text.replace('      rate_hz: 100.0\n', '')
     assert load_text(text).modules[0].rate_hz == 0.0
     assert problems_of(text + '      logical_execution: true\n') == (
-        'robot.yaml:8: guard.logical_execution = true: needs a rate_hz: inputs and outputs have '
-        'no instants without one',)
+        'robot.yaml:8: guard.logical_execution = true: needs a rate_hz: without one there are no '
+        'instants for inputs and outputs',)
 
 
 RELAYS = """\
@@ -204,7 +204,7 @@ robot:
 
 def test_a_circle_of_releases_is_told_whole(problems_of: Judge) -> None:
     assert problems_of(RELAYS) == (
-        'robot.yaml:6: first: these modules release each other without end: first -> topic p -> '
+        'robot.yaml:6: first: these modules release each other endlessly: first -> topic p -> '
         'second -> topic q -> third -> topic r -> first. Let one of them read without wake, at '
         'its rate',)
 
@@ -213,7 +213,7 @@ def test_logical_execution_and_an_input_that_wakes_contradict(problems_of: Judge
     found = problems_of(RELAYS.replace('into: r', 'logical_execution: true, into: go'))
     assert found == (
         'robot.yaml:6: first.logical_execution = true: one of its inputs wakes it, between the '
-        'instants at which inputs are taken: let it read without wake',)
+        'instants at which inputs are read: let it read without wake',)
 
 
 def test_logical_execution_and_reading_on_interrupt_contradict(
@@ -221,14 +221,14 @@ def test_logical_execution_and_reading_on_interrupt_contradict(
     found = problems_of(good.replace('rate_hz: 20, p', 'read: interrupt, logical_execution: true, '
                                      'rate_hz: 20, p'))
     assert found == (
-        'robot.yaml:14: gps.logical_execution = true: with read: interrupt its samples come out '
-        'as they arrive, not at its deadline: choose read: poll',)
+        'robot.yaml:14: gps.logical_execution = true: with read: interrupt its samples are '
+        'published as they arrive, not at the deadline: choose read: poll',)
 
 
 def test_a_module_that_releases_itself_is_a_circle(problems_of: Judge) -> None:
     found = problems_of(RELAYS.replace('into: r, out: p', 'into: p, out: p'))
     assert found == (
-        'robot.yaml:6: first: these modules release each other without end: first -> topic p -> '
+        'robot.yaml:6: first: these modules release each other endlessly: first -> topic p -> '
         'first. Let one of them read without wake, at its rate',)
 
 
@@ -243,15 +243,15 @@ def test_a_misspelt_resource_is_found(problems_of: Judge, load_text: Loader) -> 
     found = problems_of(good.replace('[gripper], type: relay, into: q', '[griper], type: relay, '
                                      'into: q'))
     assert found == (
-        "robot.yaml:8: third.resources = ['griper']: only third names 'griper', so it would "
-        "exclude nobody: did you mean 'gripper', as in first?",)
+        "robot.yaml:8: third.resources = ['griper']: only third names 'griper', so it has no "
+        "effect: did you mean 'gripper', as in first?",)
 
 
 @pytest.mark.parametrize(('watchdog', 'problem'), [
     ('{timeout_s: 0.05}', 'watchdog.timeout_s = 0.05: must be at least 0.1 (s), or 0 for no '
      'watchdog'),
-    ('{device: /dev/watchdog}', "watchdog.device = '/dev/watchdog': nobody feeds it while "
-     'watchdog.timeout_s is 0: give one'),
+    ('{device: /dev/watchdog}', "watchdog.device = '/dev/watchdog': is not fed while "
+     'watchdog.timeout_s is 0: set a time-out'),
     ('{timeout_s: 1, action: safe_state}', "watchdog.action = 'safe_state': no device and no "
      'module of this robot has a safe_state(): choose log or exit'),
     ('{timeout_s: 1, exit_code: 2}', 'watchdog.exit_code = 2: must be an integer from 3 to '
@@ -276,8 +276,8 @@ def test_a_rate_that_would_contradict_is_refused_while_it_runs(
     robot = load_text(GUARD + '      budget_us: 5000\n      on_budget: abort\n')
     assert check_change(robot, 'guard.rate_hz', 200.0, catalogue) is None
     assert check_change(robot, 'guard.rate_hz', 400, catalogue) == (
-        'guard.rate_hz = 400: guard.budget_us = 5000.0 would not fit: it is above the period, '
-        '2500 us at 400 Hz: a job is not aborted before its next release is lost: make it '
+        'guard.rate_hz = 400: guard.budget_us = 5000.0 does not fit: it is above the period, '
+        '2500 us at 400 Hz: a job loses its next release before it is aborted: make it '
         'smaller')
     assert check_change(robot, 'guard.rate_hz', 0, catalogue) == (
         'guard.rate_hz = 0: must be a number from 0.1 to 10000 (Hz)')

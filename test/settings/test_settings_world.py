@@ -145,7 +145,7 @@ def test_what_the_page_shows_works(
 
 def test_a_file_of_the_world_names_no_other_and_needs_a_map(maps: Path) -> None:
     (maps / 'other.yaml').write_text('file: world.yaml\n')
-    with pytest.raises(ConfigError, match='other.yaml:1: file: a file with a world names no'):
+    with pytest.raises(ConfigError, match='other.yaml:1: file: a file with a world must not name'):
         load_world(maps / 'other.yaml')
     (maps / 'other.yaml').write_text('seed: 3\n')
     with pytest.raises(ConfigError, match='other.yaml: map is missing'):

@@ -84,10 +84,10 @@ def test_a_number_of_a_million_digits_is_a_text() -> None:
     ('a: 1\nb: \x07\n', 'robot.yaml:2: column 4: not YAML: character 7 is not allowed'),
     ('a: "\\UFFFFFFFF"\n', None),
     ('a: &x 1\nb: *x\n',
-     "robot.yaml:2: column 4: '*x': ROS 2 knows no aliases, write the value out"),
+     "robot.yaml:2: column 4: '*x': ROS 2 has no aliases, repeat the value"),
     ('a: 1\n---\nb: 1\n', "robot.yaml:2: column 1: a second document ('---'): write one"),
-    ('[a]: 1\n', 'robot.yaml:1: column 1: a key must be a text'),
-    ('[' * 5000, 'robot.yaml:1: column 21: nested more than 20 deep: no setting is'),
+    ('[a]: 1\n', 'robot.yaml:1: column 1: a key must be a string'),
+    ('[' * 5000, 'robot.yaml:1: column 21: nested more than 20 deep'),
     ('- 1\n', "robot.yaml:1: must be parameters: 'robot:', then 'ros__parameters:'"),
     ('hello\n', "robot.yaml:1: must be parameters: 'robot:', then 'ros__parameters:'"),
 ])
@@ -103,16 +103,16 @@ def test_text_that_is_no_parameter_file_is_one_line(
 @pytest.mark.parametrize(('value', 'problem'), [
     ('', 'robot.yaml:3: autostart has no value: write one or leave the key out'),
     ('~', 'robot.yaml:3: autostart has no value: write one or leave the key out'),
-    ('!foo true', "robot.yaml:3: autostart = true: the tag '!foo' means nothing to ROS 2: "
-     'leave it out'),
-    ('[[a]]', "robot.yaml:3: autostart = [['a']]: a list may hold no section and no list: "
+    ('!foo true', "robot.yaml:3: autostart = true: the tag '!foo' is unknown to ROS 2: "
+     'delete it'),
+    ('[[a]]', "robot.yaml:3: autostart = [['a']]: a list must not contain a section or a list: "
      'ROS 2 parameters are flat'),
-    ('[{a: 1}]', 'robot.yaml:3: autostart = []: a list may hold no section and no list: '
+    ('[{a: 1}]', 'robot.yaml:3: autostart = []: a list must not contain a section or a list: '
      'ROS 2 parameters are flat'),
-    ('[1, 2.0]', 'robot.yaml:3: autostart = [1, 2.0]: ROS 2 wants a list of one type: '
-     'write whole numbers with a point, too (1.0)'),
-    ('[1, x]', "robot.yaml:3: autostart = [1, 'x']: ROS 2 wants a list of one type: "
-     'quote what is meant to be text'),
+    ('[1, 2.0]', 'robot.yaml:3: autostart = [1, 2.0]: ROS 2 requires a list of one type: '
+     'write integers with a decimal point (1.0)'),
+    ('[1, x]', "robot.yaml:3: autostart = [1, 'x']: ROS 2 requires a list of one type: "
+     'quote strings'),
 ])
 def test_values_that_ros_refuses_or_misreads(
     value: str, problem: str, problems_of: Judge,
@@ -134,7 +134,7 @@ def test_files_that_cannot_be_read(
         '.: cannot be read: it is not a regular file',
         'latin.yaml:2: column 9: not UTF-8: byte 0xe9',
         'long.yaml: cannot be read: it is longer than 1048576 bytes',
-        'a\\x00b: cannot be read: no path has a null character',
+        'a\\x00b: cannot be read: its path has a null character',
     )
 
 

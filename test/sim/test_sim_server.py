@@ -257,7 +257,7 @@ def test_player(tmp_path: Path) -> None:
 @pytest.mark.parametrize('arguments, messages', [
     (['imu'], ["device 'imu' is not understood"]),
     (['imu:lidar'], ["no simulated device for the driver 'lidar': use one of "]),
-    (['a:nmea', 'a:nmea', '../b:nmea'], ["two devices of the name 'a'", "'../b:nmea'"]),
+    (['a:nmea', 'a:nmea', '../b:nmea'], ["two devices with the name 'a'", "'../b:nmea'"]),
     (['a:nmea', '--baud', 'fast', '--rate', 'b=1', '--fault', 'x', '--fault', 'a: y at 1 for 1'],
      ["--baud 'fast'", "no device 'b'", "--fault 'x'", "no fault 'y'"]),
     (['a:nmea', '--rate', '40'], ['lower rate_hz or raise baud']),

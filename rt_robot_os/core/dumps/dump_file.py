@@ -16,8 +16,8 @@
 """
 The file of a dump: the parts of :mod:`.dump_parts` as JSON lines, compressed.
 
-``zcat`` shows it. A file is there as a whole or not at all: it is written under another name and
-renamed.
+``zcat`` shows it. A file is written under another name and then renamed, so that it is always
+complete.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ FILE_BYTES_MAXIMUM = 1 << 28
 @dataclass(frozen=True)
 class DumpFile:
     """
-    What a file held.
+    The content of a file.
 
-    :ivar facts: who wrote it: robot, host, time of day.
+    :ivar facts: of its origin: robot, host, time of day.
     :ivar kinds: the names of the kinds of records that the writer knew, by number.
     """
 
@@ -86,17 +86,17 @@ def write_parts(source: Iterable[Part], path: Path) -> int:
 
 def _remedy(error: OSError) -> str:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return 'make room on the disk, or choose a folder on another one (core.black_box_folder)'
+        return 'free space on the disk, or choose a folder on another one (core.black_box_folder)'
     if error.errno == errno.ENOENT:
-        return 'make the folder, or choose another one'
-    return 'choose a folder that can be written (core.black_box_folder)'
+        return 'create the folder, or choose another one'
+    return 'choose a writable folder (core.black_box_folder)'
 
 
 def read_dump(path: Path) -> DumpFile:
     """
     Read a dump.
 
-    :raises BlackBoxError: there is none, it is damaged, or of another version.
+    :raises BlackBoxError: it does not exist, is damaged, or has another version.
     """
     joiner = Joiner()
     number = 0
@@ -109,13 +109,14 @@ def read_dump(path: Path) -> DumpFile:
         raise BlackBoxError(f'{where}: {error}') from error
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise BlackBoxError(
-            f'{path} is no whole dump of a black box ({error}): it was cut or changed after it '
-            'was written; copy it again, or ask for a new one with `black_box dump`') from error
+            f'{path} is not a complete dump of a black box ({error}): it was truncated or changed '
+            'after it was written; copy it again, or request a new one with `black_box dump`'
+        ) from error
     except OSError as error:
         raise BlackBoxError(f'{path} cannot be read: {error.strerror or error}; '
-                            'the dumps that there are: `black_box list`') from error
+                            'to list the dumps: `black_box list`') from error
     except (ValueError, RecursionError) as error:
-        raise BlackBoxError(f'{path}, line {number + 1}: no JSON ({error}); is it a dump of a '
+        raise BlackBoxError(f'{path}, line {number + 1}: not JSON ({error}); is it a dump of a '
                             'black box?') from error
 
 
@@ -127,6 +128,6 @@ def _lines(path: Path) -> Iterator[bytes]:
             total += len(line)
             if total > FILE_BYTES_MAXIMUM or not line.endswith(b'\n'):
                 raise DamagedError(
-                    f'is no dump of a black box: more than {FILE_BYTES_MAXIMUM} bytes, or a line '
-                    f'of more than {LINE_BYTES_MAXIMUM}')
+                    f'is not a dump of a black box: more than {FILE_BYTES_MAXIMUM} bytes, or a '
+                    f'line of more than {LINE_BYTES_MAXIMUM}')
             yield line

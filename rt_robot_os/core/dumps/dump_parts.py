@@ -14,13 +14,12 @@
 
 
 """
-A dump in small pieces, and back: what its file, the link and the writer process carry.
+Divide a dump into small parts and join them, for the file, the link and the writer process.
 
 A dump is a sequence of parts, each a small dictionary of plain values: first ``head``, then
 ``tasks``, ``running`` and ``records`` in lists of bounded length, last ``end`` with the number of
-records. Whoever carries them encodes one at a time, so that no native call is long enough to hold
-up a real-time task. A sequence without its ``end``, or with another number of records, is
-incomplete.
+records. The parts are encoded one at a time, so that no native call delays a real-time task for
+long. A sequence without its ``end``, or with another number of records, is incomplete.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ from rt_robot_os.kernel.black_box import TaskFacts
 
 # In the order of their numbers, which is fixed: rt_robot_os.kernel.black_box.
 KINDS = ('job', 'publish', 'interrupt', 'overrun', 'abort', 'ceiling', 'blocked', 'miss', 'mark')
-# After the number: t task, o task or -1, n -1, i whole number, s text.
+# After the number: t task, o task or -1, n -1, i integer, s string.
 _SHAPES = ('tiiii', 'oisi', 'tis', 'tii', 'tii', 'tiis', 'tii', 'tii', 'nis')
 _INT_LIMIT = 1 << 63
 
@@ -51,9 +50,9 @@ def is_record(value: Sequence[Any], tasks: int) -> bool:
     """
     Return whether a sequence is a record.
 
-    Kinds that are not known pass: a later release may have more.
+    Unknown kinds are accepted: a later release may have more.
 
-    :param tasks: how many there are.
+    :param tasks: the number of tasks.
     """
     if not value or not _is_int(value[0]) or value[0] < 0:
         return False
@@ -82,13 +81,13 @@ def _fits(item: object, letter: str, tasks: int) -> bool:
 
 
 def kind_name(number: int, known: Sequence[str] = KINDS) -> str:
-    """Name a kind; ``known`` are the names that came with the record."""
+    """Return the name of a kind; ``known`` are the names that came with the record."""
     return known[number] if 0 <= number < len(known) else f'kind {number}'
 
 
 FORMAT = 'rt_robot_os black box'
 VERSION = 1
-# A JSON line of so many records is about 1 KiB, and takes about 30 us to encode.
+# A JSON line of this many records is about 1 KiB, and takes about 30 us to encode.
 RECORDS_PER_PART = 16
 _INT_LIMIT = 1 << 63
 _TASKS_MAXIMUM = 10_000
@@ -100,7 +99,7 @@ def parts(whole: BlackBoxDump, facts: Mapping[str, str | int] | None = None) -> 
     """
     Divide a dump into parts.
 
-    :param facts: what else a reader may want to know, such as the robot's name.
+    :param facts: further facts for the reader, such as the robot's name.
     """
     yield from _parts(whole, whole.records, len(whole.records), facts)
 
@@ -108,11 +107,11 @@ def parts(whole: BlackBoxDump, facts: Mapping[str, str | int] | None = None) -> 
 def live_parts(kernel: Kernel, reason: str, facts: Mapping[str, str | int] | None = None
                ) -> Iterator[Part]:
     """
-    Divide the black box of a running kernel into parts; not above its lowest priorities.
+    Divide the black box of a running kernel into parts; only at its lowest priorities.
 
-    The black box is copied by one native call, about 5 us a thousand records; the rest can be
-    preempted. A whole :class:`BlackBoxDump` is not made: 8192 tuples are one native call of
-    500 us, so they are made, and dropped, one by one.
+    The black box is copied by one native call, about 5 us per thousand records; the rest can be
+    preempted. No complete :class:`BlackBoxDump` is made: 8192 tuples are one native call of
+    500 us, so they are created, and freed, one by one.
     """
     records = kernel.black_box.copy()
     head = dump(BlackBox(1), kernel.tasks, reason, kernel.now_ns(), kernel.start_ns)
@@ -142,14 +141,14 @@ def _parts(head: BlackBoxDump, records: Iterable[tuple[Any, ...]], count: int,
 
 
 class DamagedError(BlackBoxError):
-    """Parts that are no dump; the message says what is wrong with which of them."""
+    """A part is not valid; the message gives the problem."""
 
 
 class Joiner:
     """
-    Put a dump together again; trusts nothing.
+    Join the parts of a dump, which are not trusted.
 
-    :ivar facts: what came with it.
+    :ivar facts: the further facts that came with it.
     :ivar kinds: the names of the kinds of records that the sender knew, by number.
     :ivar complete: the last part has been added.
     """
@@ -167,10 +166,10 @@ class Joiner:
         """
         Add the next part.
 
-        :raises DamagedError: it is none, or not the next.
+        :raises DamagedError: it is not a part, or not the next.
         """
         if not isinstance(part, dict):
-            raise DamagedError('is no object')
+            raise DamagedError('is not an object')
         if not self._head:
             self._add_head(part)
         elif self.complete:
@@ -185,7 +184,7 @@ class Joiner:
             self._records += [self._record(each) for each in _listed(part['records'])]
         elif 'end' in part:
             if part['end'] != len(self._records):
-                raise DamagedError(f'promises {part["end"]!r} records, and there are '
+                raise DamagedError(f'should hold {part["end"]!r} records, but holds '
                                    f'{len(self._records)}')
             self.complete = True
 
@@ -194,14 +193,14 @@ class Joiner:
             raise DamagedError(f'is not the beginning of a black box (format '
                                f'{part.get("format")!r})')
         if part.get('version') != VERSION:
-            raise DamagedError(f'is of version {part.get("version")!r} of the format, and this '
+            raise DamagedError(f'has version {part.get("version")!r} of the format, but this '
                                f'release of rt_robot_os reads version {VERSION}; use the release '
                                'that wrote it')
         if not isinstance(part.get('reason'), str):
             raise DamagedError('has no reason')
         for key in ('at_ns', 'start_ns'):
             if not _is_int(part.get(key)):
-                raise DamagedError(f'has {key} {part.get(key)!r}, which is no whole number')
+                raise DamagedError(f'has {key} {part.get(key)!r}, which is not an integer')
         if not isinstance(part.get('full'), bool):
             raise DamagedError('does not say whether the black box was full')
         facts = part.get('facts')
@@ -244,9 +243,9 @@ class Joiner:
 
 def join(received: Iterable[object]) -> BlackBoxDump:
     """
-    Put a dump together from all its parts.
+    Join all parts of a dump.
 
-    :raises DamagedError: they are none.
+    :raises DamagedError: a part is not valid.
     """
     joiner = Joiner()
     for part in received:

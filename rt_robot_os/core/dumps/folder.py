@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The folder of the dumps: where it is, how they are named, and how many are kept."""
+"""The folder of the dumps: its path, the file names, and the number of dumps kept."""
 
 from __future__ import annotations
 
@@ -40,8 +40,7 @@ def default_folder() -> Path:
     """
     Return ROS 2's folder for logs: ``$ROS_LOG_DIR``, ``$ROS_HOME/log`` or ``~/.ros/log``.
 
-    :raises StartError: a user without a home has none, see
-        :func:`rt_robot_os.linux.folders.ros_home`.
+    :raises StartError: the user has no home, see :func:`rt_robot_os.linux.folders.ros_home`.
     """
     explicit = os.environ.get('ROS_LOG_DIR')
     if explicit:
@@ -50,15 +49,15 @@ def default_folder() -> Path:
 
 
 def expanded(folder: str) -> Path:
-    """Replace ``~`` by the user's home, where there is one."""
+    """Replace ``~`` by the user's home, if there is one."""
     return Path(os.path.expanduser(folder))
 
 
 def file_name(robot: str, reason: str, moment: datetime) -> str:
     """
-    Name a dump: names in alphabetical order are in order of time, for each robot.
+    Return the file name of a dump: for each robot, alphabetical order is order of time.
 
-    :param moment: when, in local time.
+    :param moment: in local time.
     """
     short = _WORD.sub('_', reason)[:_REASON_MAXIMUM].strip('_').lower() or 'dump'
     return (f'{PREFIX}{_WORD.sub("_", robot)}_{moment:%Y%m%d_%H%M%S_%f}'[:-3]
@@ -67,9 +66,9 @@ def file_name(robot: str, reason: str, moment: datetime) -> str:
 
 def dumps(folder: Path, robot: str | None = None) -> list[Path]:
     """
-    List the dumps in a folder, the oldest first; of a folder that is not there, none.
+    List the dumps in a folder, the oldest first; empty if the folder does not exist.
 
-    :param robot: whose; None for those of all robots.
+    :param robot: whose dumps; None for those of all robots.
     """
     prefix = PREFIX if robot is None else f'{PREFIX}{_WORD.sub("_", robot)}_'
     found = []
@@ -77,7 +76,7 @@ def dumps(folder: Path, robot: str | None = None) -> list[Path]:
         with os.scandir(folder) as entries:
             for entry in entries:
                 rest = entry.name.removeprefix(prefix)
-                # What follows the name of the robot is the date, else it is another robot's name.
+                # The date must follow the name of the robot; otherwise it is a longer name.
                 if (entry.name.startswith(prefix) and entry.name.endswith(SUFFIX)
                         and (robot is None or re.match(r'\d{8}_\d{6}_\d{3}_', rest))):
                     found.append((entry.stat().st_mtime_ns, entry.name))
@@ -90,7 +89,7 @@ def newest(folder: Path) -> Path:
     """
     Return the newest dump of a folder.
 
-    :raises BlackBoxError: it has none.
+    :raises BlackBoxError: there is none.
     """
     found = dumps(folder)
     if not found:
@@ -102,18 +101,18 @@ def newest(folder: Path) -> Path:
 def keep(source: Iterable[Part], folder: Path, robot: str, reason: str,
          kept: int = KEPT) -> tuple[Path, int, list[Path]]:
     """
-    Write a dump into a folder and delete the oldest ones of this robot above a number.
+    Write a dump into a folder, and keep only the newest dumps of this robot.
 
-    Room is made before it is written, so that a full disk has some.
+    Old dumps are deleted before the new one is written, to free space on a full disk.
 
-    :return: its path, its length in bytes, what was deleted.
+    :return: its path, its length in bytes, the deleted dumps.
     :raises BlackBoxError: it cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise BlackBoxError(f'{folder} cannot be made: {error.strerror}; choose another folder '
-                            '(core.black_box_folder)') from error
+        raise BlackBoxError(f'{folder} cannot be created: {error.strerror}; choose another '
+                            'folder (core.black_box_folder)') from error
     deleted = []
     older = dumps(folder, robot)
     for path in older[:max(0, len(older) - kept + 1)]:
@@ -121,7 +120,7 @@ def keep(source: Iterable[Part], folder: Path, robot: str, reason: str,
             path.unlink()
             deleted.append(path)
         except OSError:
-            pass  # it is gone already, or another user's
+            pass  # deleted already, or owned by another user
     moment = datetime.now()
     path = folder / file_name(robot, reason, moment)
     while path.exists():  # two within a millisecond

@@ -16,9 +16,9 @@
 """
 The child process that writes the dumps of a core.
 
-Compressing and writing may block for as long as a disk pleases, and a native call cannot be
-preempted: the core only hands over small parts, one datagram each, and goes on. What has come as
-a whole is written even if the core has died meanwhile.
+Compressing and writing may block for any time, and a native call cannot be preempted: the core
+only sends small parts, one datagram each, and continues. A dump that was received completely is
+written even if the core has died meanwhile.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ def _parts(received: list[bytes]) -> Iterator[dict[str, Any]]:
 
 def write(received: list[bytes], folder: Path, robot: str) -> dict[str, Any]:
     """
-    Write a dump whose parts have all come.
+    Write a dump whose parts were all received.
 
-    :return: what to tell the core: a ``text``, and whether it is an ``error``.
+    :return: the answer to the core: a ``text``, and whether it is an ``error``.
     """
-    # Late: most robots write none, and each start would wait for it.
+    # Late: most robots write no dump, and each start would wait for the import.
     from rt_robot_os.core.dumps.folder import keep
     from rt_robot_os.core.dumps.folder import KEPT
     reason = marshal.loads(received[0])[1]['reason']
@@ -61,24 +61,24 @@ def write(received: list[bytes], folder: Path, robot: str) -> dict[str, Any]:
         path, size, deleted = keep(_parts(received), folder, robot, reason)
     except BlackBoxError as error:
         return {'error': True, 'text': f'not saved: {error}'}
-    gone = (f'; of more than {KEPT} dumps the oldest gave way: '
+    gone = (f'; of more than {KEPT} dumps the oldest were deleted: '
             f'{", ".join(old.name for old in deleted)}') if deleted else ''
     return {'error': False, 'text': f'saved as {path} ({size} bytes){gone}'}
 
 
 def serve(connection: socket.socket, folder: Path, robot: str) -> None:
-    """Write what comes until the core closes its end; parts of several dumps may be mixed."""
+    """Write dumps until the core closes its end; parts of several dumps may be interleaved."""
     received: dict[int, list[bytes]] = {}
     while True:
         try:
             packet = connection.recv(DATAGRAM_BYTES_MAXIMUM)
         except ConnectionResetError:
-            continue  # reported once, ahead of its last parts: the core has not read all answers
+            continue  # reported once, before the last parts: the core has not read all answers
         if not packet:
             return
         number, part = marshal.loads(packet)
         received.setdefault(number, []).append(packet)
-        if len(received) > DUMPS_AT_ONCE:  # the rest of the oldest never came
+        if len(received) > DUMPS_AT_ONCE:  # the oldest is incomplete: its sender failed
             del received[min(received)]
         if 'end' in part:
             answer = write(received.pop(number), folder, robot)
@@ -90,7 +90,7 @@ def serve(connection: socket.socket, folder: Path, robot: str) -> None:
 
 def main() -> int:
     """Serve the socket whose number is the first argument; then folder and robot."""
-    # Ctrl-C and the end of a session are for the core, whose last dump this process writes.
+    # Ctrl-C and the end of a session stop the core, whose last dump this process still writes.
     for signo in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(signo, signal.SIG_IGN)
     with socket.socket(fileno=int(sys.argv[1])) as connection:

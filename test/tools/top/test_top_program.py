@@ -68,7 +68,8 @@ def test_bad_use_and_no_core_have_exit_codes_and_say_why(world: Any) -> None:
     there.release()
     assert nobody.returncode == 1
     assert 'no core answers' in nobody.stderr
-    assert 'Running robots: --robot /arm/robot' in nobody.stderr and 'leftover' not in nobody.stderr
+    assert 'Running robots: --robot /arm/robot' in nobody.stderr
+    assert 'leftover' not in nobody.stderr
     for arguments, what in ((['--sort', 'colour'], 'no such column'),
                             (['--interval', '0'], 'from 0.2 to 60'),
                             ([], 'not a terminal')):

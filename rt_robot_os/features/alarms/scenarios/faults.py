@@ -27,9 +27,9 @@ from random import Random
 from typing import Final
 from typing import Protocol
 
+from rt_robot_os.features.alarms.journal_store import MemoryStore
 from rt_robot_os.features.alarms.scenarios.emergencies import RECIPIENTS
 from rt_robot_os.features.alarms.scenarios.notifier_process import Recipient
-from rt_robot_os.features.alarms.store import MemoryStore
 from rt_robot_os.sim.scenarios.faults import FaultInjector
 from rt_robot_os.sim.scenarios.timeline import Timeline
 

@@ -30,10 +30,9 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.alarm import Event
-from rt_robot_os.features.alarms.desk import Desk
+from rt_robot_os.features.alarms.alarm_service import AlarmService
 from rt_robot_os.features.alarms.escalation import ROBOT
-from rt_robot_os.features.alarms.notifier.ledger import Report
+from rt_robot_os.features.alarms.journal_store import MemoryStore
 from rt_robot_os.features.alarms.rules import Rules
 from rt_robot_os.features.alarms.scenarios.emergencies import Emergency
 from rt_robot_os.features.alarms.scenarios.emergencies import random_emergency
@@ -42,8 +41,13 @@ from rt_robot_os.features.alarms.scenarios.faults import AlarmFaults
 from rt_robot_os.features.alarms.scenarios.journal_process import JournalProcess
 from rt_robot_os.features.alarms.scenarios.notifier_process import NotifierProcess
 from rt_robot_os.features.alarms.scenarios.notifier_process import Recipient
-from rt_robot_os.features.alarms.store import MemoryStore
+from rt_robot_os.messages.alarm_event import AlarmEvent
+from rt_robot_os.messages.alarm_state import AlarmEventKind
+from rt_robot_os.messages.alarm_state import CLOSED_STATES
 from rt_robot_os.messages.cause import Cause
+from rt_robot_os.messages.journal import JournalReply
+from rt_robot_os.messages.notification import DeliveryReport
+from rt_robot_os.messages.notification import Notification
 from rt_robot_os.sim.scenarios.timeline import Action
 from rt_robot_os.sim.scenarios.timeline import seconds
 from rt_robot_os.sim.scenarios.timeline import Timeline
@@ -80,7 +84,7 @@ class AlarmFixture:
         self.renumbered = self.forgotten = 0
         self._notified: set[str] = set()  # open alarms
         self.disk, self.memory = MemoryStore(), MemoryStore()
-        self._service: Desk | None = None
+        self._service: AlarmService | None = None
         self._life = 0
         self._due_ns = 0
         self._offset_ns = 0
@@ -137,14 +141,14 @@ class AlarmFixture:
     def _publish(self, each: Emergency) -> None:
         service = self._service
         if service is not None:
-            service.take_cause(Cause(each.kind, each.subject, each.level, each.active,
-                                     f'{each.kind} of {each.subject}', 'rehearsal'),
-                               self._core_ns())
+            cause = Cause(each.kind, each.subject, each.level, each.active,
+                          f'{each.kind} of {each.subject}', 'rehearsal')
+            service.handle_cause(cause, self._core_ns())
             self._hand_on()
 
-    def _see(self, recipient: Recipient, found: dict[str, Any]) -> None:
+    def _see(self, recipient: Recipient, found: Notification) -> None:
         """Let a recipient see a notification, and perhaps respond."""
-        each = self.emergencies.get(found['subject'])
+        each = self.emergencies.get(found.subject)
         if each is None:
             return
         each.seen = True
@@ -165,7 +169,7 @@ class AlarmFixture:
 
     def _command(self, text: str) -> None:
         if self._service is not None:
-            self._service.take_command(text, self._core_ns())
+            self._service.handle_command(text, self._core_ns())
             self._hand_on()
 
     # ---- the core ----------------------------------------------------------------------------
@@ -177,7 +181,7 @@ class AlarmFixture:
         if self._service is not None:
             return
         self._life += 1
-        self._service = service = Desk(_RULES)
+        self._service = service = AlarmService(_RULES)
         self._ring.clear()
         service.start(self._core_ns())
         self._open_journal()
@@ -195,11 +199,11 @@ class AlarmFixture:
             service = self._service
             if service is None or life != self._life:
                 return
-            service.take_stored(content, self._core_ns())
+            service.handle_journal(JournalReply.from_dict(content), self._core_ns())
             self._hand_on()
             if 'restored' in content:
-                self.forgotten += len(self._notified - set(service.book.alarms))
-                self._notified &= set(service.book.alarms)
+                self.forgotten += len(self._notified - set(service.table.alarms))
+                self._notified &= set(service.table.alarms)
 
         self._journal = JournalProcess(self.timeline, self.random, self.disk, answer,
                                        lambda: self.faults.kill_in_write(True))
@@ -208,8 +212,8 @@ class AlarmFixture:
         """Hand on what the service sends, and return when more is due."""
         service = self._service
         while service is not None:
-            records, events = service.take_records(), service.take_events()
-            sent, _ = service.take_notifications(), service.take_answers()
+            records, events = service.pop_records(), service.pop_events()
+            sent, _ = service.pop_notifications(), service.pop_answers()
             if not (records or events or sent):
                 break
             for text in records:
@@ -219,32 +223,32 @@ class AlarmFixture:
                 self._record(event)
             for each in sent:
                 if each.channel == ROBOT:
-                    service.take_report(each.key, True, '', self._core_ns())
+                    service.handle_report(each.key, True, '', self._core_ns())
                 else:
                     self._notified.add(each.alarm)
-                    self._notify(each.to_text())
+                    self._notify(each.to_json())
         if service is not None and service.next_ns and service.next_ns != self._due_ns:
             self._due_ns = due_ns = service.next_ns
             self.timeline.after(due_ns - self._core_ns(), lambda: self._advance(service, due_ns))
 
-    def _advance(self, service: Desk, due_ns: int) -> None:
+    def _advance(self, service: AlarmService, due_ns: int) -> None:
         if service is self._service and due_ns == self._due_ns:
             self._due_ns = 0
             service.advance(self._core_ns())
             self._hand_on()
 
-    def _record(self, event: Event) -> None:
+    def _record(self, event: AlarmEvent) -> None:
         self.digest.update(f'{self.timeline.now_ns} {event}'.encode())
         each = self.emergencies.get(event.subject)
-        if event.event in ('resolved', 'cancelled'):
+        if event.event in CLOSED_STATES:
             self._notified.discard(event.alarm)
         if each is None:
             return
         if event.alarm not in each.ids and not each.settled:
             self.renumbered += bool(each.ids)
             each.ids.add(event.alarm)
-        each.acknowledged = each.acknowledged or event.event == 'acknowledged'
-        each.exhausted = each.exhausted or event.event == 'top'
+        each.acknowledged = each.acknowledged or event.event == AlarmEventKind.ACKNOWLEDGED.value
+        each.exhausted = each.exhausted or event.event == AlarmEventKind.TOP.value
 
     # ---- delivery ----------------------------------------------------------------------------
 
@@ -261,15 +265,15 @@ class AlarmFixture:
 
         self.after(0.0002, 0.003, arrive)
 
-    def _report(self, report: Report) -> None:
+    def _report(self, report: DeliveryReport) -> None:
         """Bring a report to the core: late, never, or twice."""
         life = self._life
         for _ in range(0 if self.faults.loses_report() else 1 + (self.random.random() < 0.05)):
             self.after(0.0005, 0.05, lambda: self._take_report(report, life))
 
-    def _take_report(self, report: Report, life: int) -> None:
+    def _take_report(self, report: DeliveryReport, life: int) -> None:
         if self._service is not None and life == self._life:
-            self._service.take_report(report.key, report.ok, report.text, self._core_ns())
+            self._service.handle_report(report.key, report.ok, report.text, self._core_ns())
             self._hand_on()
 
     def _start_notifier(self) -> None:
@@ -326,7 +330,8 @@ class AlarmFixture:
     def _journal_ended(self, life: int) -> None:
         if self._service is None or life != self._life:
             return
-        self._service.take_stored({'fault': 'its process has ended'}, self._core_ns())
+        self._service.handle_journal(
+            JournalReply(fault='its process has ended'), self._core_ns())
         self._hand_on()
 
         def reopen() -> None:

@@ -29,8 +29,8 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.journal_file import JournalFile
-from rt_robot_os.features.alarms.store import Killed
-from rt_robot_os.features.alarms.store import MemoryStore
+from rt_robot_os.features.alarms.journal_store import Killed
+from rt_robot_os.features.alarms.journal_store import MemoryStore
 from rt_robot_os.sim.scenarios.timeline import Action
 from rt_robot_os.sim.scenarios.timeline import Timeline
 

@@ -21,19 +21,19 @@ from collections import defaultdict
 from collections import deque
 from collections.abc import Callable
 from collections.abc import Mapping
-import json
+from dataclasses import replace
 from random import Random
-from typing import Any
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.notifier.ledger import is_doubtful
-from rt_robot_os.features.alarms.notifier.ledger import Ledger
-from rt_robot_os.features.alarms.notifier.ledger import Report
-from rt_robot_os.features.alarms.notifier.ledger import Verdict
-from rt_robot_os.features.alarms.store import Killed
-from rt_robot_os.features.alarms.store import MemoryStore
+from rt_robot_os.features.alarms.journal_store import Killed
+from rt_robot_os.features.alarms.journal_store import MemoryStore
+from rt_robot_os.features.alarms.notifier.delivery_log import DeliveryLog
+from rt_robot_os.features.alarms.notifier.delivery_log import DeliveryStatus
+from rt_robot_os.features.alarms.notifier.delivery_log import is_doubtful
+from rt_robot_os.messages.notification import DeliveryReport
+from rt_robot_os.messages.notification import Notification
 from rt_robot_os.sim.scenarios.timeline import Action
 from rt_robot_os.sim.scenarios.timeline import Timeline
 
@@ -87,8 +87,8 @@ class NotifierProcess:
     """
 
     def __init__(self, timeline: Timeline, random: Random, store: MemoryStore,
-                 recipients: Mapping[str, Recipient], report: Callable[[Report], None],
-                 see: Callable[[Recipient, dict[str, Any]], None], killed: Action = _never
+                 recipients: Mapping[str, Recipient], report: Callable[[DeliveryReport], None],
+                 see: Callable[[Recipient, Notification], None], killed: Action = _never
                  ) -> None:
         self.ended = False
         self._start_ns = timeline.now_ns
@@ -99,18 +99,18 @@ class NotifierProcess:
         self._recipients = recipients
         self._report = report
         self._see = see
-        self._ledger = Ledger()
+        self._log = DeliveryLog()
         data = store.read(MEMORY)
-        self._ledger.restore(data.decode(errors='replace').splitlines())
+        self._log.restore(data.decode(errors='replace').splitlines())
         if data and not data.endswith(b'\n'):
             self._keep('\n')
-        self._queues: defaultdict[str, deque[tuple[dict[str, Any], bool, int]]] = (
+        self._queues: defaultdict[str, deque[tuple[Notification, bool, int]]] = (
             defaultdict(deque))
         self._busy: set[str] = set()
 
     def connect(self, ring: list[tuple[int, str]]) -> None:
         """Connect to a core: report recent results, receive what its ring still holds."""
-        for report in self._ledger.recent(_REPORTS_AGAIN):
+        for report in self._log.recent(_REPORTS_AGAIN):
             self._report(report)
         for stamp_ns, text in ring:
             self.receive(text, stamp_ns)
@@ -119,20 +119,20 @@ class NotifierProcess:
         """Receive a notification."""
         if self.ended:
             return
-        found = json.loads(text)
-        key, channel = found['key'], found['channel']
-        verdict = self._ledger.take(key, is_doubtful(found, stamp_ns, self._start_ns))
-        known = self._ledger.report(key)
+        found = Notification.from_json(text)
+        key, channel = found.key, found.channel
+        verdict = self._log.start(key, is_doubtful(found, stamp_ns, self._start_ns))
+        known = self._log.report(key)
         if known is not None:
             self._report(known)
-        elif verdict is not Verdict.RUNNING:
+        elif verdict is not DeliveryStatus.RUNNING:
             queue = self._queues[channel]
             if len(queue) >= _QUEUE:
-                report = Report(key, channel, False, 'too many wait')
-                self._ledger.end(report)
+                report = DeliveryReport(key, channel, False, 'too many wait')
+                self._log.finish(report)
                 self._report(report)
                 return
-            queue.append((found, verdict is Verdict.AGAIN, stamp_ns))
+            queue.append((found, verdict is DeliveryStatus.AGAIN, stamp_ns))
             self._next(channel)
 
     def _next(self, channel: str) -> None:
@@ -142,28 +142,28 @@ class NotifierProcess:
         found, again, stamp_ns = queue.popleft()
         self._busy.add(channel)
         if self._timeline.now_ns - stamp_ns > _EXPIRES_NS:
-            self._end(Report(found['key'], channel, False, 'too old'))
+            self._end(DeliveryReport(found.key, channel, False, 'too old'))
             return
-        if self._keep(self._ledger.begun(found['key'], channel)):
+        if self._keep(self._log.start_line(found.key, channel)):
             self._timeline.after(self._ms(1, 400), lambda: self._show(found, again))
 
-    def _show(self, found: dict[str, Any], again: bool) -> None:
+    def _show(self, found: Notification, again: bool) -> None:
         if self.ended:
             return
-        recipient = self._recipients[found['channel']]
-        report = Report(found['key'], recipient.name, not recipient.down,
-                        'down' if recipient.down else '')
-        if not recipient.down and recipient.show(found['key'], again):
+        recipient = self._recipients[found.channel]
+        report = DeliveryReport(found.key, recipient.name, not recipient.down,
+                                'down' if recipient.down else '')
+        if not recipient.down and recipient.show(found.key, again):
             self._see(recipient, found)
         if recipient.hangs and not recipient.down:
-            report = report._replace(ok=False, text='no answer')
+            report = replace(report, ok=False, text='no answer')
         self._timeline.after(self._ms(1, 300) + (8 * NS_PER_S if recipient.hangs else 0),
                              lambda: self._end(report))
 
-    def _end(self, report: Report) -> None:
+    def _end(self, report: DeliveryReport) -> None:
         if self.ended:
             return
-        if self._keep(self._ledger.end(report)):
+        if self._keep(self._log.finish(report)):
             self._report(report)
             self._busy.discard(report.channel)
             self._next(report.channel)

@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.scenarios.fixture import AlarmFixture
-from rt_robot_os.features.alarms.scenarios.result import Result
+from rt_robot_os.features.alarms.scenarios.result import RehearsalResult
 from rt_robot_os.sim.scenarios.runner import run_scenarios
 
 #: Emergencies of one robot; then another scenario begins, with a seed of its own.
@@ -42,13 +42,13 @@ class _Scenario(NamedTuple):
     settled: bool
 
 
-def rehearse(alarms: int, seed: int, first: int = 0) -> Result:
+def rehearse(alarms: int, seed: int, first: int = 0) -> RehearsalResult:
     """
     Run scenarios with this number of emergencies in all.
 
     :param first: the number of the scenario to begin with, to repeat that one.
     """
-    result = Result()
+    result = RehearsalResult()
     digest = hashlib.sha256()
     numbers = range(first, first - (-alarms // EMERGENCIES))
     for scenario in run_scenarios(partial(_run, alarms, seed, first), numbers):
@@ -65,7 +65,7 @@ def _run(alarms: int, seed: int, first: int, number: int) -> _Scenario:
     return _Scenario(number, fixture, fixture.run())
 
 
-def _count(scenario: _Scenario, result: Result) -> None:
+def _count(scenario: _Scenario, result: RehearsalResult) -> None:
     """Add what became of a scenario."""
     fixture = scenario.fixture
     if not scenario.settled:
