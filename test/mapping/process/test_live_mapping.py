@@ -132,7 +132,7 @@ def test_it_maps_saves_and_goes_on_after_it_was_killed(beheld: Beheld, tmp_path:
     beheld.until(lambda: beheld.live.store.counts['states_kept'] > kept, 'the state on the disk')
     beheld.kill()
     beheld.begin()
-    assert any('going on with' in each for each in beheld.told)
+    assert any('continuing with' in each for each in beheld.told)
     beheld.drive(66, 75)
     assert beheld.off().max() < 0.08 and beheld.live.engine.found == 0
     again = beheld.live.engine.graph
