@@ -166,7 +166,7 @@ def test_commands_that_cannot_be_done_say_why_and_keep_the_map(beheld: Beheld, t
     (tmp_path / 'torn.yaml').write_text('image: torn.pgm\nresolution: 0.05\n')
     (tmp_path / 'file').write_text('')
     for command, why in (
-            ('fly', 'no such command'), ('', 'no such command'), ('reset now', 'takes nothing'),
+            ('fly', 'no such command'), ('', 'no such command'), ('reset now', 'has no argument'),
             ('load', 'needs the path'), ('load nowhere', 'does not exist'),
             ('load nowhere.yaml', 'does not exist'), (f'load {tmp_path}/torn.yaml', 'origin'),
             (f'save {tmp_path}/none/x', 'folder does not exist'),

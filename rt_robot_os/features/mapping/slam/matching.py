@@ -208,9 +208,9 @@ class Certainty:
     """
     The covariance of the pose on the map, from scan to scan.
 
-    The last scan determines the certainty of each direction; in directions that it leaves open, it is
-    that of before plus odometry. Matches with one map share its errors, so several are no more
-    certain than one.
+    The last scan determines the certainty of each direction; in directions that it leaves open,
+    it is that of before plus odometry. Matches with one map share its errors, so several are no
+    more certain than one.
     """
 
     def __init__(self, tuning: MapperTuning) -> None:

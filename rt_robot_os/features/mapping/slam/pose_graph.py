@@ -129,7 +129,7 @@ class PoseEdges:
         return len(self._edges)
 
     def update(self, edges: Sequence[PoseEdge]) -> None:
-        """Replace the edges; if the new list starts with the present ones, only the rest is read."""
+        """Replace the edges; if they start with the present ones, only the rest is read."""
         if len(edges) < len(self) or not all(map(is_, self._edges, edges)):
             self._clear()
         new = edges[len(self):]
