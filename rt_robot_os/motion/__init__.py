@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-How things move and where they are: pure computations, without kernel, topics or devices.
+Motion, poses and maps: pure computations, without kernel, topics or devices.
 
 Frames are those of REP 103 and REP 105: x ahead, y to the left, z up; angles counter-clockwise.
 """

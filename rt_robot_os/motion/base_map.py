@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-A map that grows, upon one that was there before: what nobody has seen yet is as it was.
+A growing map on top of a base map: unknown cells have the value of the base map.
 
-Both are in the same frame. The one that grows may have other cells, and lie askew.
+Both are in the same frame. The growing one may have another resolution and rotation.
 """
 
 from __future__ import annotations
@@ -34,29 +34,29 @@ from rt_robot_os.motion.map_message import MOST_CELLS
 
 # Cells that are looked up in one native call: some 0.2 ms.
 _PIECE: Final = 1 << 12
-# Both maps begin within such a part of a cell of each other's grid: no cell more for that.
+# The grids may be offset by this part of a cell without an additional cell.
 _SLACK: Final = 1e-6
 
 
 class BaseMap:
     """
-    The map of before.
+    The base map.
 
     :param grid: the map.
     """
 
     def __init__(self, grid: GridMap) -> None:
         self._grid = grid
-        # As it is in the cells of the last map above it, that map's lattice, and where it begins.
+        # The base map in the cells of the last map above it, with the lattice and origin of that.
         self._cells: Cells | None = None
         self._lattice: tuple[object, ...] = ()
 
     def filled(self, above: GridMap) -> Generator[None, None, GridMap]:
         """
-        Return a map with what another one knows, and for the rest what this one does.
+        Return a map with the known cells of another one, and for the rest those of this one.
 
-        It yields after each bounded piece of work. Where both together are larger than a map may
-        be, it is the other one alone.
+        It yields after each bounded piece of work. If both together are too large for a map, the
+        result is the other one alone.
         """
         left, low, columns, rows = self._extent(above)
         if rows * columns > MOST_CELLS:
@@ -79,7 +79,7 @@ class BaseMap:
         return GridMap.owning(cells, above.resolution_m, origin)
 
     def _extent(self, above: GridMap) -> tuple[int, int, int, int]:
-        """Return first column and row, and how many there are, of both in cells of the other."""
+        """Return first column and row, and the size, of both maps in cells of the other one."""
         x0, y0, x1, y1 = self._grid.bounds
         ends = [above.along(x, y) for x in (x0, x1) for y in (y0, y1)]
         across = [along / above.resolution_m for along, _ in ends]

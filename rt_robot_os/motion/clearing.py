@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where on a map a round robot has room, looked up place by place: nothing is made beforehand."""
+"""Where a round robot has room on a map: single look-ups without precomputation."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ _AT_ONCE: Final = 1 << 13
 
 class Clearing:
     """
-    Look-ups for who asks for few places of a map that changes often.
+    Look-ups of a few places on a map that changes often.
 
-    It says the same as a :class:`rt_robot_os.motion.terrain.Terrain`, which pays where the
-    cheapest way over all of a map is searched.
+    The results are those of a :class:`rt_robot_os.motion.terrain.Terrain`, which is better for a
+    search over the whole map.
 
     :param grid: the map.
     :param radius_m: that must stay free round the robot.
@@ -61,13 +61,13 @@ class Clearing:
 
     def beside_wall(self, x: Array, y: Array, within_m: float) -> npt.NDArray[np.bool_]:
         """
-        Return which places are so near to what the map has, or where nobody knows, or off it.
+        Return which places are near occupied cells, on unknown ground, or off the map.
 
         Safe in the real-time loop: some 0.2 ms for the 700 rays of a scan and 0.2 m.
         """
         rows, columns, inside = self.grid.indices(x, y)
         found = ~inside | (self.grid.cells[rows, columns] == UNKNOWN)
-        # A little more, for a disc is of what is nearer than its radius.
+        # A little more, as a disc has the cells nearer than its radius.
         up, across = disc(max(within_m / self.grid.resolution_m * _MORE, _OWN))
         reach, (high, wide) = int(up.max()), self.grid.cells.shape
         flat, offsets = self.grid.cells.ravel(), up * wide + across

@@ -24,7 +24,7 @@ import numpy.typing as npt
 Mask = npt.NDArray[np.bool_]
 Distances = npt.NDArray[np.float32]
 
-# What is added up stays below the highest number of 16 bits up to this reach.
+# Up to this distance the sums fit into 16 bits.
 _SHORT = 180
 # Cells in one native call, some 10 us.
 _AT_ONCE = 1 << 15
@@ -43,10 +43,10 @@ def distances_within(occupied: Mask, most: float) -> Generator[None, None, Dista
 
     It yields after each bounded piece of work.
 
-    :param occupied: of shape (rows, columns): the cells that are asked for, and round them as
-        many as :func:`halo_of` says.
-    :param most: longer distances are given as this.
-    :return: of the cells that are asked for.
+    :param occupied: of shape (rows, columns): the requested cells, with a margin of
+        :func:`halo_of` cells.
+    :param most: longer distances are clipped to this.
+    :return: of the requested cells.
     """
     reach = halo_of(most)
     rows, columns = occupied.shape[0] - 2 * reach, occupied.shape[1] - 2 * reach
@@ -65,7 +65,7 @@ def distances_within(occupied: Mask, most: float) -> Generator[None, None, Dista
 
 def _nearest(squares: npt.NDArray[np.unsignedinteger], reach: int, rows: int
              ) -> Generator[None, None, npt.NDArray[np.unsignedinteger]]:
-    """Return the least sum of a square and that of the way to its row, for the middle rows."""
+    """Return the least sum of a square and that of the row distance, for the middle rows."""
     found = np.empty((rows, squares.shape[1]), squares.dtype)
     high = max(1, _AT_ONCE // squares.shape[1])
     for begin in range(0, rows, high):

@@ -15,7 +15,7 @@
 """
 An extended Kalman filter of a robot in the plane, in closed form and plain floats.
 
-The state is x, y, heading and what is wrong with the turn that is measured (``drift``): the bias
+The state is x, y, heading and the error of the measured turn (``drift``): the bias
 of a gyroscope in rad/s, or the mismatch of two wheels in rad/m. How much of it a step contains,
 its ``lever``, is the time or the distance; at 0 the filter is one of poses only.
 
@@ -42,11 +42,11 @@ State = tuple[float, ...]
 GATE_1: Final = 6.635
 GATE_2: Final = 9.210
 GATE_3: Final = 11.345
-# No measurement may move the estimate further than that many standard deviations of its own.
+# A measurement moves the estimate by at most this many standard deviations of the estimate.
 MOVE_SIGMAS: Final = 3.0
-# A heading of which nothing is known; an innovation of zero with it says nothing either.
+# Variance of an unknown heading; with an innovation of zero it has no effect.
 UNKNOWN_VARIANCE: Final = 1e6
-# What stands for ever grows its variance for ever; and rounding must not make one negative.
+# The variance of a standing robot grows without limit, and rounding could make one negative.
 _VARIANCE_MOST: Final = 1e9
 _VARIANCE_LEAST: Final = 1e-14
 
@@ -73,7 +73,7 @@ def displaced_covariance(covariance: PoseCovariance, movement: Pose) -> PoseCova
 
 
 def displaced(state: State, movement: Pose) -> State:
-    """Return what :meth:`Ekf.state` gives after the frame of the pose was moved, and no more."""
+    """Return the state after :meth:`Ekf.displace`."""
     x, y, heading, drift, xx, xy, xh, xd, yy, yh, yd, hh, hd, dd = state
     xx, xy, xh, yy, yh, hh = displaced_covariance((xx, xy, xh, yy, yh, hh), movement)
     c, s = math.cos(movement[2]), math.sin(movement[2])
@@ -86,7 +86,7 @@ class Ekf:
     A pose with its covariance, moved by odometry and corrected by measurements.
 
     :ivar heading: in rad, from -pi to pi.
-    :ivar drift: in rad/s or rad/m, by what ``lever`` is.
+    :ivar drift: in rad/s or rad/m, depending on ``lever``.
     :ivar nis: normalised innovation squared of the last measurement, accepted or not.
     """
 
@@ -99,14 +99,14 @@ class Ekf:
         self.begin((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
     def begin(self, pose: Pose, covariance: PoseCovariance) -> None:
-        """Set the pose anew; the drift stays what it is."""
+        """Set the pose; the drift is unchanged."""
         self.x, self.y = pose[0], pose[1]
         self.heading = wrapped(pose[2])
         self.p00, self.p01, self.p02, self.p11, self.p12, self.p22 = covariance
         self.p03 = self.p13 = self.p23 = 0.0
 
     def begin_drift(self, value: float, variance: float) -> None:
-        """Set the drift anew, in rad/s or rad/m, without relation to the pose."""
+        """Set the drift, in rad/s or rad/m, uncorrelated with the pose."""
         self.drift, self.p33 = value, variance
         self.p03 = self.p13 = self.p23 = 0.0
 
@@ -126,7 +126,7 @@ class Ekf:
                 self.p11, self.p12, self.p13, self.p22, self.p23, self.p33)
 
     def restore(self, state: State) -> None:
-        """Go back to what :meth:`state` returned."""
+        """Restore a state that :meth:`state` returned."""
         (self.x, self.y, self.heading, self.drift, self.p00, self.p01, self.p02, self.p03,
          self.p11, self.p12, self.p13, self.p22, self.p23, self.p33) = state
 
@@ -150,7 +150,7 @@ class Ekf:
         dx, dy = x - self.x, y - self.y
         middle = self.heading + turn / 2
         cosine, sine = math.cos(middle), math.sin(middle)
-        # A turn moves the end of the arc as if it all happened half way.
+        # A turn moves the end of the arc as if it happened at half the distance.
         tx, ty = -dy / 2, dx / 2
         self.x, self.y, self.heading = x, y, wrapped(heading)
         p02, p03, p12, p13 = self.p02, self.p03, self.p12, self.p13
@@ -179,8 +179,8 @@ class Ekf:
         Correct the pose by one that was measured.
 
         :param covariance: of the measurement; the heading may have ``UNKNOWN_VARIANCE``.
-        :param gate: largest :attr:`nis`; infinite lets everything pass, the limit of the movement
-            (``MOVE_SIGMAS``) with it.
+        :param gate: largest :attr:`nis`; infinite disables the gate and the limit of the movement
+            (``MOVE_SIGMAS``).
         :return: whether it was used.
         """
         p00, p01, p02, p11, p12, p22 = (
@@ -210,7 +210,7 @@ class Ekf:
         return True
 
     def compared(self, pose: Pose, covariance: PoseCovariance) -> float:
-        """Return the normalised innovation squared of a measured pose, and correct nothing."""
+        """Return the normalised innovation squared of a measured pose, without a correction."""
         inverse = _inverse(self.p00 + covariance[0], self.p01 + covariance[1],
                            self.p02 + covariance[2], self.p11 + covariance[3],
                            self.p12 + covariance[4], self.p22 + covariance[5])
@@ -225,7 +225,7 @@ class Ekf:
 
     def _shrink(self, i00: float, i01: float, i02: float, i11: float, i12: float, i22: float
                 ) -> None:
-        """Take from the covariance what a measured pose says; i is the inverse innovation's."""
+        """Reduce the covariance by a measured pose; i is the inverse of the innovation's."""
         p00, p01, p02, p03 = self.p00, self.p01, self.p02, self.p03
         p11, p12, p13, p22, p23 = self.p11, self.p12, self.p13, self.p22, self.p23
         x0, x1, x2 = (p00 * i00 + p01 * i01 + p02 * i02, p00 * i01 + p01 * i11 + p02 * i12,
@@ -259,7 +259,7 @@ class Ekf:
 
     def inflate(self, position_variance: float, heading_variance: float, drift_variance: float
                 ) -> None:
-        """Be less sure, by variances in m^2 of x and of y, rad^2, and that of the drift."""
+        """Add to the variances: m^2 to x and y, rad^2 to the heading, and to the drift."""
         self.p00 = min(_VARIANCE_MOST, self.p00 + position_variance)
         self.p11 = min(_VARIANCE_MOST, self.p11 + position_variance)
         self.p22 = min(_VARIANCE_MOST, self.p22 + heading_variance)

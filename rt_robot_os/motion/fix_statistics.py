@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How the poses that one source measures fit the estimate, and those of another source."""
+"""Statistics of the measured poses of a source: how well they fit the estimate."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.pose_history import PoseFix
 
-# Of the mean difference to the estimate: about so many count.
+# Length of the moving mean of the difference to the estimate, about.
 _COUNT: Final = 50
-# Sources are compared when both were heard within that time, so often at least.
+# Sources are compared if both had at least this many poses, and one within this time.
 _RECENT_NS: Final = 5 * NS_PER_S
 _ENOUGH: Final = 20
 
 
 class FixStatistics:
     """
-    What became of the measured poses of one source; everything is safe in the real-time loop.
+    The measured poses of one source; everything is safe in the real-time loop.
 
     :ivar accepted: used.
     :ivar rejected: too far from the estimate.
@@ -51,7 +51,7 @@ class FixStatistics:
         self._count = 0
 
     def add(self, fix: PoseFix) -> None:
-        """Take note of one after its first comparison."""
+        """Add a pose after its first comparison."""
         self.fix_ns = max(self.fix_ns, fix.stamp_ns)
         if fix.accepted:
             self.accepted += 1
@@ -66,16 +66,16 @@ class FixStatistics:
                        wrapped(heading + part * wrapped(turn - heading)))
 
     def restart(self) -> None:
-        """Forget when it was; stamps begin anew."""
+        """Reset the times, as stamps restart."""
         self.accepted_ns = self.fix_ns = self._count = 0
 
     def compares(self, now_ns: int) -> bool:
-        """Return whether it was heard often enough, and of late."""
+        """Return whether it had enough poses, and a recent one."""
         return self._count >= _ENOUGH and now_ns - self.fix_ns < _RECENT_NS
 
 
 def disagreement(records: Sequence[FixStatistics], now_ns: int) -> tuple[float, float]:
-    """Return by how much the sources that were heard of late differ at most, in m and rad."""
+    """Return the largest difference between recently active sources, in m and rad."""
     heard = [each.offset for each in records if each.compares(now_ns)]
     apart = [(math.hypot(a[0] - b[0], a[1] - b[1]), abs(wrapped(a[2] - b[2])))
              for index, a in enumerate(heard) for b in heard[:index]]

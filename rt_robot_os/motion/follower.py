@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-From a goal or a path to velocities, step by step: turn, drive, turn, and say how it went.
+From a goal or a path to velocities, step by step: turn, drive, turn, and report the result.
 
-It knows no topics and no clock: a module, a test, a thread or a timer calls it once a period.
+It has no topics and no clock: a module, a test, a thread or a timer calls it once a period.
 """
 
 from __future__ import annotations
@@ -44,28 +44,28 @@ from rt_robot_os.motion.velocity_limits import VelocityLimits
 from rt_robot_os.motion.velocity_limits import within_reach
 from rt_robot_os.motion.velocity_limits import within_speeds
 
-# A robot that drove on while its path was planned is at most so far along it.
+# How far along its path a robot may be that drove on while the path was planned.
 _JOIN_WITHIN_M: Final = 2.0
 # A robot that points farther aside while it drives stops and turns.
 _ASTRAY_RAD: Final = 1.2
 _TURNED_RAD: Final = 0.035
-# After the time law is over the rest of the way is driven so long, and the robot rests so long
-# before it is seen whether it is there.
+# How long the rest of the path is driven after the end of the time law, and how long the robot
+# rests before its pose is checked.
 _CREEP_S: Final = 2.0
 _REST_S: Final = 0.3
-# A robot that moves less is held, not slow.
+# A robot that moves less is blocked, not slow.
 _MOVED_M: Final = 0.02
 _MOVED_RAD: Final = 0.05
-# A velocity in force that the robot does not reach is not built up further than this time allows.
+# A commanded velocity that the robot does not reach is not increased beyond this time.
 _BEHIND_S: Final = 0.5
 _AT_REST_M_S: Final = 0.02
-# Planners give the same goal again with each plan.
+# Planners repeat the same goal with each plan.
 _SAME_GOAL_M: Final = 0.1
 _STANDSTILL: Final = (0.0, 0.0)
 
 
 class Phase(Enum):
-    """What a follower does."""
+    """The phases of a follower."""
 
     REST = 'rest'
     BRAKE = 'brake'
@@ -83,8 +83,8 @@ class Follower:
     :ivar progress: from 0 to 1, never back.
     :ivar error: how far the reference is ahead of the robot and to the left in m, and its heading
         to the left in rad; a turn in place has only the last.
-    :ivar command: linear and angular velocity that were given last.
-    :ivar reference: what is followed; None without.
+    :ivar command: the last linear and angular velocity.
+    :ivar reference: the one that is followed; None without.
     """
 
     def __init__(self, controller: Controller, limits: VelocityLimits = VelocityLimits(),
@@ -108,18 +108,18 @@ class Follower:
         self._stuck_at: Pose = (math.inf, 0.0, 0.0)
         self._attempts = 0
 
-    # ---- what is wanted ----------------------------------------------------------------------
+    # ---- requests ----------------------------------------------------------------------------
 
     def go(self, poses: Sequence[Pose], pose: Pose, velocity: Velocity = _STANDSTILL) -> None:
         """
-        Follow a path, or drive straight to a goal, instead of what was done before.
+        Follow a path, or drive straight to a goal, instead of the present one.
 
-        A robot that drives goes over without a stop when the new way begins ahead of it. Not for
+        A driving robot changes over without a stop when the new path begins ahead of it. Not for
         the hot path: a thousand poses take some milliseconds.
 
         :param poses: in m and rad; a single one is a goal. The heading of the last one counts.
         :param pose: of the robot.
-        :param velocity: with which it takes over from somebody else.
+        :param velocity: of the robot, which another source may have steered.
         :raises PathError: it cannot be followed; the text says why. The robot brakes.
         """
         try:
@@ -134,7 +134,7 @@ class Follower:
             if self.phase is Phase.REST:
                 self._stuck_s, self.command = 0.0, velocity
             if abs(self.command[0]) < _AT_REST_M_S:
-                self._begin(pose)  # a turn in place goes on to another heading without a stop
+                self._begin(pose)  # a turn in place continues to another heading without a stop
             else:
                 self._lay(pose)
                 if abs(self._aside(pose)) <= self.tuning.turn_above_rad and self._legs:
@@ -146,7 +146,7 @@ class Follower:
             raise
 
     def stop(self, why: str) -> None:
-        """Brake and rest, and say why; a new goal ends it. One at rest gives no command."""
+        """Brake and rest with a reason, until the next goal. At rest it returns no command."""
         if self.phase is Phase.REST:
             self.state = f'stopped: {why}'
         else:
@@ -154,9 +154,9 @@ class Follower:
 
     def abandon(self, why: str = '') -> None:
         """
-        Rest at once, without a command: whoever calls it has stopped the robot already.
+        Rest immediately, without a command: the caller has stopped the robot already.
 
-        :param why: empty leaves the state as it is.
+        :param why: empty leaves the state unchanged.
         """
         if why:
             self.state = f'stopped: {why}'
@@ -166,7 +166,7 @@ class Follower:
 
     @property
     def driving(self) -> bool:
-        """Return whether the robot is on its way; not when it rests, or brakes to rest."""
+        """Return whether the robot is driving; not when it rests, or brakes to rest."""
         return self.phase is not Phase.REST and not (
             self.phase is Phase.BRAKE and self._then is None)
 
@@ -179,7 +179,7 @@ class Follower:
 
         :param pose: where the robot is when the command takes effect.
         :param velocity: as measured; None when that is not known.
-        :return: None when there is nothing to do: others may steer.
+        :return: None when there is nothing to do: another source may steer.
         """
         if self.phase is Phase.REST:
             return None
@@ -202,7 +202,7 @@ class Follower:
         return self.command
 
     def _limit(self, wanted: Velocity, velocity: Velocity | None, period_s: float) -> None:
-        """Let the command go towards what is wanted as far as the limits allow."""
+        """Move the command towards the wanted velocity as far as the limits allow."""
         linear, angular = self.command
         if velocity is not None:
             most = abs(velocity[0]) + self.limits.acceleration_m_s2 * max(_BEHIND_S, 2 * period_s)
@@ -215,7 +215,7 @@ class Follower:
     def _driving(self, pose: Pose, period_s: float, velocity: Velocity | None) -> Velocity:
         reference = self.reference
         assert reference is not None
-        finished = reference.finished  # before the step: what is left of it is driven first
+        finished = reference.finished  # before the step: the rest is driven first
         linear, angular = self.controller.step(pose, reference, period_s, velocity)
         self.error = self.controller.error
         left, turned = reference.locate(pose)
@@ -266,11 +266,11 @@ class Follower:
         return 0.0, turning_rate(angle, self.limits, period_s)
 
     def _settled(self, pose: Pose) -> None:
-        """See whether the robot is where it should be."""
+        """Check whether the robot is at the goal."""
         tuning, goal = self.tuning, self._goal
         distance = math.hypot(goal[0] - pose[0], goal[1] - pose[1])
         turn = abs(wrapped(goal[2] - pose[2]))
-        # It was within the tolerance when it stopped; noise must not send it back.
+        # It was within the tolerance when it stopped; noise must not restart it.
         near, aligned = (distance <= 1.5 * tuning.goal_tolerance_m,
                          turn <= 1.5 * tuning.goal_tolerance_rad)
         if near and aligned:
@@ -286,7 +286,7 @@ class Follower:
     # ---- transitions -------------------------------------------------------------------------
 
     def _begin(self, pose: Pose) -> None:
-        """Start from a standstill, with a turn when the way begins aside."""
+        """Start from a standstill, with a turn when the path begins aside."""
         self._lay(pose)
         aside = self._aside(pose)
         if not self._legs:
@@ -297,7 +297,7 @@ class Follower:
             self._drive(max(0.0, self.command[0]))
 
     def _lay(self, pose: Pose) -> None:
-        """Make the legs, and find out where on them the robot is."""
+        """Make the legs, and locate the robot on them."""
         self._driven_m = self.progress * self._whole_m
         self._start_m = 0.0
         if len(self._poses) == 1:
@@ -328,7 +328,7 @@ class Follower:
                          + sum(leg.length_m for leg in self._legs))
 
     def _aside(self, pose: Pose) -> float:
-        """Return how far the robot points to the left of the way that begins."""
+        """Return how far the robot points to the left of the start of the path."""
         heading = self._legs[0].at(self._start_m)[2] if self._legs else self._goal[2]
         return wrapped(pose[2] - heading)
 
@@ -344,7 +344,7 @@ class Follower:
         self._enter(Phase.DRIVE)
 
     def _arrived(self) -> None:
-        """Go on with the next leg, or with the heading of the goal."""
+        """Continue with the next leg, or with the heading of the goal."""
         leg = self._legs.pop(0)
         self._driven_m += leg.length_m - self._start_m
         self._start_m = 0.0
@@ -352,7 +352,7 @@ class Follower:
         self._turn_to(self._legs[0].heading[0] if self._legs else self._goal[2])
 
     def _again(self, pose: Pose) -> None:
-        """Take up the leg on which the robot went astray."""
+        """Resume the leg that the robot left."""
         if self.reference is not None:
             self._driven_m += self.reference.nearest_m - self._start_m
             self._start_m = self.reference.nearest_m
@@ -364,7 +364,7 @@ class Follower:
         self._enter(Phase.BRAKE)
 
     def _braked(self, pose: Pose, velocity: Velocity | None) -> None:
-        """Do what the robot braked for, once it stands."""
+        """Do the next action once the robot stands."""
         if self._then is None:
             self._rest()
         elif velocity is None or abs(velocity[0]) < _AT_REST_M_S or self._time_s > _CREEP_S:
@@ -372,7 +372,7 @@ class Follower:
             self._try(then, pose)
 
     def _try(self, then: Callable[[Pose], None], pose: Pose) -> None:
-        """Begin something; the robot may be elsewhere by now."""
+        """Start an action; the robot may have moved meanwhile."""
         try:
             then(pose)
         except PathError as error:
@@ -389,7 +389,7 @@ class Follower:
         self._time_s = 0.0
 
     def _stuck(self, pose: Pose, period_s: float) -> bool:
-        """Return whether the robot has hardly moved; new paths meanwhile do not matter."""
+        """Return whether the robot has hardly moved, regardless of new paths."""
         x, y, yaw = self._stuck_at
         if (math.hypot(pose[0] - x, pose[1] - y) > _MOVED_M
                 or abs(wrapped(pose[2] - yaw)) > _MOVED_RAD):

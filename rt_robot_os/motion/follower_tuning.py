@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a follower takes for arrived, astray or stuck, as settings."""
+"""When a follower counts as arrived, off the path or blocked, as settings."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from rt_robot_os.base.schema import setting
 
 @dataclass(frozen=True)
 class FollowerTuning:
-    """What a follower takes for arrived, astray or stuck."""
+    """When a follower counts as arrived, off the path or blocked."""
 
     path_shape: str = setting(
-        'spline', 'Way through the poses of a path: a smooth curve, or straight lines with a turn '
+        'spline', 'Curve through the poses of a path: a smooth one, or straight lines with a turn '
         'in place at each pose', choices=('spline', 'line'), live=True)
     turn_above_rad: float = setting(
         0.35, 'Turn in place before driving when the path begins farther aside', 'rad', 0.02, 3.2,
@@ -40,12 +40,12 @@ class FollowerTuning:
         0.02, 'The same of the heading; above 3.2 any heading will do', 'rad', 0.001, 7.0,
         live=True)
     attempts: int = setting(
-        2, 'How often a goal that was missed is tried again, before that is said', '', 0, 20,
+        2, 'How often a missed goal is tried again before the robot stops', '', 0, 20,
         live=True)
     goal_distance_max_m: float = setting(
-        100.0, 'A goal that is driven to straight and is farther away is a mistake', 'm', 0.1,
+        100.0, 'A goal on a straight line that is farther away is refused', 'm', 0.1,
         10000.0, live=True)
     off_path_max_m: float = setting(
         0.5, 'Stop when the robot is farther from its path', 'm', 0.01, 100.0, live=True)
     blocked_after_s: float = setting(
-        10.0, 'Stop when the robot has hardly moved for so long', 's', 0.5, 3600.0, live=True)
+        10.0, 'Stop when the robot has hardly moved for this time', 's', 0.5, 3600.0, live=True)

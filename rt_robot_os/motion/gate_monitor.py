@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A measured number that a filter keeps refusing: when it has to be believed after all.
+Monitor a gate: when measurements that it keeps rejecting must be accepted after all.
 
-A gate leaves out what does not fit. When the estimate is what is wrong, as after a bad start or a
-turn that was not measured, a gate alone refuses everything for ever. Refused numbers that differ
+A gate rejects inconsistent measurements. If the estimate is wrong, as after a bad start or an
+unmeasured turn, a gate alone rejects everything forever. Refused numbers that differ
 from the estimate by the same amount, for long enough, are as good as measured poses that agree
 after a robot was carried away. Safe in the real-time loop.
 """
@@ -30,20 +30,20 @@ from rt_robot_os.base.units import NS_PER_S
 
 # Two numbers agree when they differ by less than so many standard deviations of their difference.
 _SIGMAS: Final = 3.0
-# The mean follows at least so fast, so that a slow drift is no disagreement.
+# Samples of the mean at most, so that it follows a slow drift.
 _COUNT_MOST: Final = 20
 
 
 class GateMonitor:
     """
-    What became of one measured number.
+    The results of the gate of one measured number.
 
-    :param seconds: how long refused ones have to agree; 0: they are never believed.
-    :param least: how many of them there have to be.
+    :param seconds: how long refused ones must agree to be accepted; 0: they never are.
+    :param least: how many of them there must be.
     :ivar accepted: used.
     :ivar refused: left out by the gate.
     :ivar in_row: refused since the last that was used.
-    :ivar reopened: times that refused ones were believed.
+    :ivar reopened: times that refused ones were accepted.
     :ivar offset: mean of measured minus estimated, of those that agree.
     :ivar way_m: driven since the last that was used.
     """
@@ -63,19 +63,19 @@ class GateMonitor:
         return (self._last_ns - self._first_ns) / NS_PER_S if self.in_row else 0.0
 
     def restart(self) -> None:
-        """Forget those that were refused in a row: another clock begins."""
+        """Discard those that were refused in a row: the clock has changed."""
         self.in_row = self._agreeing = 0
         self.way_m = 0.0
 
     def add(self, stamp_ns: int, accepted: bool, innovation: float, variance: float,
             way_m: float = 0.0) -> bool:
         """
-        Note one.
+        Add one.
 
         :param innovation: measured minus estimated; an angle is wrapped.
         :param variance: of the measurement.
         :param way_m: driven since the one before.
-        :return: whether refused ones have agreed for long enough to be believed.
+        :return: whether refused ones have agreed for long enough to be accepted.
         """
         if accepted:
             self.accepted += 1
@@ -99,7 +99,7 @@ class GateMonitor:
                 and stamp_ns - self._since_ns >= self._wait_ns)
 
     def reopen(self) -> None:
-        """Count that refused ones are believed now; the next one is judged afresh."""
+        """Count that refused ones are accepted now, and start again."""
         self.reopened += 1
         self.in_row = self._agreeing = 0
         self.way_m = 0.0

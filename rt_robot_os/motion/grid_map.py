@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Grid maps of ROS: what is a wall, what is free and what nobody knows; look-ups, files.
+Grid maps of ROS, with occupied, free and unknown cells: look-ups and files.
 
 The values are those of ``nav_msgs/msg/OccupancyGrid``. The files are those that map_server reads
 and map_saver writes: a YAML file and a picture (PGM).
@@ -67,7 +67,7 @@ _NOTHING: Final[Cells] = np.zeros((1, 1), np.int8)
 @dataclass(frozen=True, eq=False)
 class GridMap:
     """
-    A map of square cells; nothing changes it.
+    An immutable map of square cells.
 
     Single look-ups (:meth:`cell`, :meth:`value`, :meth:`occupied`, :meth:`free`) are plain floats
     and safe in the real-time loop.
@@ -77,7 +77,7 @@ class GridMap:
     :ivar resolution_m: edge of a cell.
     :ivar origin: x and y in m of the outer corner of cell (0, 0) in the frame of the map, and the
         yaw in rad by which the rows are turned against its x axis.
-    :ivar path: the YAML file that it was read from.
+    :ivar path: the YAML file from which it was read.
     """
 
     cells: Cells
@@ -95,18 +95,18 @@ class GridMap:
         numbers = (self.resolution_m, *self.origin)
         if not all(map(math.isfinite, numbers)) or self.resolution_m <= 0.0:
             raise ConfigError([f'a map with cells of {self.resolution_m} m at {self.origin}: '
-                               'finite numbers, and cells above 0, make a map'])
-        cells = given.astype(np.int8)  # a copy: whoever gave it may change theirs
+                               'all must be finite, and cells above 0'])
+        cells = given.astype(np.int8)  # a copy: the caller may change its own
         cells.flags.writeable = False
         object.__setattr__(self, 'cells', cells)
 
     @classmethod
     def owning(cls, cells: Cells, resolution_m: float, origin: Origin) -> GridMap:
         """
-        Make a map of cells that nobody else has, without a look at them; it takes some us.
+        Make a map of cells that are not shared, without checks; it takes some us.
 
         :param cells: of shape (rows, columns), each from -1 to 100, and not empty.
-        :raises ConfigError: the resolution or the origin is none.
+        :raises ConfigError: the resolution or the origin is invalid.
         """
         made = cls(_NOTHING, resolution_m, origin)
         cells.flags.writeable = False
@@ -146,8 +146,8 @@ class GridMap:
         :param mode: ``trinary`` as map_saver writes it: values from 1 to 99 become unknown, unless
             a threshold says what they are; ``raw`` keeps every value.
         :param suffix: of the picture: ``.pgm``, or ``.png``, which needs Pillow.
-        :raises ConfigError: no such mode to write; ``scale`` has no grey for what is unknown; no
-            such picture, or Pillow is missing.
+        :raises ConfigError: the mode cannot be written, as ``scale`` has no grey for unknown; the
+            format of the picture is unknown, or Pillow is missing.
         :raises OSError: a file cannot be written.
         """
         file = Path(path)
@@ -166,7 +166,7 @@ class GridMap:
         :param image: name of the picture, as the YAML file gives it; it ends with ``.pgm`` or
             ``.png``.
         :param mode: as in :meth:`save`.
-        :raises ConfigError: no such mode to write, or no such picture.
+        :raises ConfigError: the mode or the format of the picture cannot be written.
         """
         if mode not in MODES or mode == 'scale':
             raise ConfigError([f'a map cannot be written with mode {mode!r}: use trinary or raw'])
@@ -178,7 +178,7 @@ class GridMap:
         return described.text().encode(), pixels
 
     def trinary(self) -> GridMap:
-        """Return the map as it is read again after it was saved: free, occupied or unknown."""
+        """Return the map as it is after saving and loading: free, occupied or unknown."""
         described = MapFile(Path(), self.resolution_m, self.origin)
         grey = _grey_of(self.cells, described).astype(np.uint16)
         return replace(self, cells=_values_of(MapPicture(grey, _WHITE), described))
@@ -214,7 +214,7 @@ class GridMap:
         return x, y, math.cos(yaw), math.sin(yaw)
 
     def point(self, along_m: float, across_m: float) -> tuple[float, float]:
-        """Return the point of the frame that is so far from the origin along rows and columns."""
+        """Return the point at distances from the origin along rows and columns."""
         x, y, cosine, sine = self._turn
         return x + cosine * along_m - sine * across_m, y + sine * along_m + cosine * across_m
 
@@ -234,7 +234,7 @@ class GridMap:
         """
         Return row and column of the cell at a point; safe in the real-time loop.
 
-        :return: None when the point is not on the map, or is no number.
+        :return: None when the point is not on the map, or not a number.
         """
         x0, y0, cosine, sine = self._turn
         dx, dy = x - x0, y - y0
@@ -251,7 +251,7 @@ class GridMap:
 
     def occupied(self, x: float, y: float, least: int = 50) -> bool:
         """
-        Return whether a point lies in something; not so beyond the map or where all is unknown.
+        Return whether a point is occupied; False beyond the map or on unknown cells.
 
         Safe in the real-time loop.
 
@@ -274,7 +274,7 @@ class GridMap:
         return np.asarray(self.cells >= least)
 
     def unknown_mask(self) -> Mask:
-        """Return which cells nobody knows, of shape (rows, columns)."""
+        """Return which cells are unknown, of shape (rows, columns)."""
         return np.asarray(self.cells == UNKNOWN)
 
     def indices(self, x: Coordinates, y: Coordinates) -> tuple[Indices, Indices, Mask]:
@@ -287,7 +287,7 @@ class GridMap:
         """
         x0, y0, cosine, sine = self._turn
         dx, dy = np.asarray(x) - x0, np.asarray(y) - y0
-        with np.errstate(invalid='ignore', over='ignore'):  # such a point is on no map
+        with np.errstate(invalid='ignore', over='ignore'):  # such a point is off the map
             across = (cosine * dx + sine * dy) / self.resolution_m
             up = (cosine * dy - sine * dx) / self.resolution_m
         inside = (across >= 0.0) & (across < self.columns) & (up >= 0.0) & (up < self.rows)
@@ -308,7 +308,7 @@ class GridMap:
 
 
 def _replace(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all."""
+    """Write a file atomically."""
     made = path.with_name(f'.{path.name}.new')
     try:
         made.write_bytes(data)
@@ -319,14 +319,14 @@ def _replace(path: Path, data: bytes) -> None:
 
 def _bytes_of(path: Path, longest: int) -> bytes:
     """
-    Read a file that may be anything.
+    Read a file of unknown kind.
 
-    :raises ConfigError: it is missing, no regular file, or absurdly long.
+    :raises ConfigError: it is missing, not a regular file, or absurdly long.
     """
     try:
         about = path.stat()
-        if not stat.S_ISREG(about.st_mode):  # a pipe would be waited for
-            raise ConfigError([f'{path}: is no file'])
+        if not stat.S_ISREG(about.st_mode):  # a read of a pipe would block
+            raise ConfigError([f'{path}: is not a file'])
         if about.st_size > longest:
             raise ConfigError([f'{path}: {about.st_size} bytes are more than {longest}'])
         return path.read_bytes()
@@ -359,10 +359,10 @@ def _grey_of(cells: Cells, described: MapFile) -> npt.NDArray[np.uint8]:
     if described.mode == 'raw':
         grey = np.where(values == UNKNOWN, _RAW_UNKNOWN, values)
     else:
-        # map_saver rounds the thresholds to whole values: 20 is free, though above 0.196.
+        # map_saver rounds the thresholds to integers: 20 is free, though above 0.196.
         occupied, free = (round(each * OCCUPIED) for each in (
             described.occupied_thresh, described.free_thresh))
         grey = np.where(values >= occupied, _GREY_OCCUPIED, np.where(
             (values >= FREE) & (values <= free), _GREY_FREE, _GREY_UNKNOWN))
-    # What is unknown, -1, is the last of the table as well as of the values.
+    # Unknown, -1, is the last item of the table.
     return np.roll(grey, UNKNOWN).astype(np.uint8)[cells]

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The cheapest way over a grid, found in small pieces so that nothing more important waits.
+The cheapest path over a grid (A*), searched in small pieces that tasks can preempt.
 
 A* over whole fronts: the cells whose estimate is near the lowest are expanded together, in NumPy,
 until the start is reached and nothing cheaper is left. That is exact, as cells that were expanded
@@ -37,14 +37,14 @@ from rt_robot_os.motion.terrain import Terrain
 # How much above the lowest estimate cells are expanded along with it: wider fronts are fewer, but
 # more of their cells are expanded twice.
 _FRONT: Final = 2.0
-# The estimate must never be above the truth, in the arithmetic of 32 bits either.
+# The estimate must be admissible, also in 32-bit arithmetic.
 _SURE: Final = 0.999
 _MOST_AT_ONCE: Final = 4096
 
 
 class GridSearch:
     """
-    Search ways over a terrain, one after the other.
+    Search paths over a terrain, one after the other.
 
     :ivar expanded: cells of the last search, those that were expanded twice counted twice.
     """
@@ -52,7 +52,7 @@ class GridSearch:
     def __init__(self, terrain: Terrain) -> None:
         self._terrain = terrain
         size, width = terrain.cost.size, terrain.width
-        # Each search begins with filling the one, and reads of the other what it wrote.
+        # Each search fills the first; of the second it reads only what it has written.
         self._spent: Costs = np.empty(size, np.float32)
         self._next: npt.NDArray[np.int32] = np.empty(size, np.int32)
         diagonal = math.sqrt(2.0)
@@ -66,8 +66,8 @@ class GridSearch:
         Search; each time it yields a bounded piece of work is done.
 
         :param start: a cell that may be driven over; so is the goal.
-        :return: yields empty lists, and at last the cells from start to goal; at last another
-            empty list when there is no way.
+        :return: yields empty lists, and finally the cells from start to goal, or another empty
+            list when there is no path.
         """
         for _ in self._forget():
             yield []
@@ -87,14 +87,14 @@ class GridSearch:
             rest = np.ones(cells.size, bool)
             rest[front] = False
             now, spent_now = cells[front], costs[front]
-            fresh = spent_now == spent[now]  # others were reached cheaper since
+            fresh = spent_now == spent[now]  # others have been reached at lower cost since
             reached, grown = self._expand(now[fresh])
             cells = np.concatenate((cells[rest], reached))
             costs = np.concatenate((costs[rest], grown))
             estimates = np.concatenate((
                 estimates[rest], self._estimates(reached, grown, row, column)))
             yield []
-        # All is expanded: what was reached was reached as cheaply as can be.
+        # All is expanded: all costs are minimal.
         yield self._followed(start, goal) if math.isfinite(spent[start]) else []
 
     def _expand(self, cells: Cells) -> tuple[Cells, Costs]:
@@ -111,7 +111,7 @@ class GridSearch:
         found: list[Cells] = []
         costs: list[Costs] = []
         for offset, length in self._steps:
-            # Of one step all neighbours are different, so that none is written twice.
+            # The neighbours of one step are distinct, so none is written twice.
             to = cells + offset
             then = from_here + length * np.float32(0.5) * (here + cost[to])
             better = np.flatnonzero(then < spent[to])

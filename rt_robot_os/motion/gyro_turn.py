@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-How far a gyroscope says that a robot has turned, between any two moments.
+The turn of a robot by a gyroscope, between any two times.
 
 A joint's or an encoder's stamps are not those of a gyroscope: its angle is interpolated between
 two samples, and carried on a little after the last one.
@@ -27,20 +27,20 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 
-# What no gyroscope of a robot on wheels can say, in rad/s.
+# Impossible rate of a robot on wheels, in rad/s.
 _RATE_MOST: Final = 350.0
 
 
 @dataclass
 class GyroCounters:
     """
-    What became of the samples.
+    Counters of samples.
 
     :ivar samples: used.
     :ivar not_finite: dropped: no number, or an impossible one.
     :ivar backwards: dropped: not newer than the one before.
-    :ivar stopped: dropped: of the stamp of the one before, yet another value.
-    :ivar gaps: pauses over which nothing is known.
+    :ivar stopped: dropped: with the stamp of the one before, but another value.
+    :ivar gaps: pauses that are too long to integrate over.
     """
 
     samples: int = 0
@@ -69,7 +69,7 @@ class GyroTurn:
 
     def add(self, stamp_ns: int, rate_rad_s: float) -> bool:
         """
-        Take a sample.
+        Add a sample.
 
         :return: whether it was used.
         """
@@ -96,7 +96,7 @@ class GyroTurn:
 
     def until(self, stamp_ns: int) -> float:
         """
-        Return how far it has turned since the moment of the last call, in rad.
+        Return the turn since the time of the last call, in rad.
 
         :return: NaN when samples are missing there, or were then.
         """
@@ -117,10 +117,10 @@ class GyroTurn:
         return math.nan
 
 
-# A mean over so long says what the bias is; both halves must agree to so much, in rad/s.
+# Duration of the mean that is the bias; both halves must agree within this, in rad/s.
 _BLOCK_S: Final = 1.0
 _STEADY_RAD_S: Final = 0.01
-# A bias goes with the temperature, slowly: what is further off must stay for so many blocks.
+# A bias changes slowly, with temperature: a larger change must last for this many blocks.
 _NEAR_RAD_S: Final = 0.02
 _FAR_BLOCKS: Final = 10
 _PART: Final = 0.3
@@ -128,9 +128,9 @@ _PART: Final = 0.3
 
 class RestBias:
     """
-    What a gyroscope reads while the wheels stand still; safe in the real-time loop.
+    The bias of a gyroscope while the wheels stand still; safe in the real-time loop.
 
-    :param most_rad_s: the largest that is believed. A robot that is turned by hand, steadily and
+    :param most_rad_s: the largest accepted one. A robot that is turned by hand, steadily and
         slower than that, while its wheels stand, looks as if at rest.
     :ivar known: there has been a second of rest.
     :ivar rad_s: the bias; 0 before.
@@ -148,7 +148,7 @@ class RestBias:
 
     def update(self, turn_rad: float, dt_s: float, standing: bool) -> None:
         """
-        Take what the gyroscope turned in a step, its bias still in it.
+        Add the turn of a step, with its bias.
 
         :param turn_rad: NaN when that is not known.
         :param standing: the wheels did not move.

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Landmarks with a number: where each hangs, read from a list of texts, from YAML or from CSV.
+Numbered landmarks with their poses, read from a list of strings, from YAML or from CSV.
 
 In YAML, at the top or below ``landmarks``, by number or as a list::
 
@@ -42,7 +42,7 @@ from rt_robot_os.base.errors import ConfigError
 
 MOST_LANDMARKS: Final = 10_000
 HIGHEST_NUMBER: Final = 999_999
-# No building is larger; a slip of the unit is noticed.
+# No building is larger; a wrong unit is detected.
 FARTHEST_M: Final = 100_000.0
 
 _SEPARATOR: Final = re.compile('[,;\t]')
@@ -87,7 +87,7 @@ def read_landmarks(text: str, name: str) -> dict[int, CeilingLandmark]:
 
     :param name: of the file, for the errors; CSV when it ends with ``.csv``, else YAML.
     :return: by number.
-    :raises ConfigError: with every problem found, and where it stands.
+    :raises ConfigError: with every problem found, and its place.
     """
     return _collected(_rows_of_csv(text, name) if name.lower().endswith('.csv')
                       else _rows_of_yaml(text, name))
@@ -118,7 +118,7 @@ def _rows_of_yaml(text: str, name: str) -> Iterator[tuple[str, Sequence[Any]]]:
     try:
         content = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ConfigError([f'{name} is no YAML: {error}']) from error
+        raise ConfigError([f'{name} is not YAML: {error}']) from error
     if isinstance(content, Mapping) and 'landmarks' in content:
         content = content['landmarks']
     if isinstance(content, Mapping):
@@ -144,7 +144,7 @@ def _words(text: str) -> list[str]:
 
 
 def _in_order(values: Mapping[Any, Any], where: str) -> Sequence[Any]:
-    """Bring named values into order and to m and rad; what cannot be read stays as it is."""
+    """Return named values in order, in m and rad; unreadable ones are unmodified."""
     found: dict[str, Any] = {}
     for key, value in values.items():
         quantity, _, unit = str(key).strip().lower().partition('_')
@@ -155,7 +155,7 @@ def _in_order(values: Mapping[Any, Any], where: str) -> Sequence[Any]:
             number = _number(value)
             found[quantity] = value if number is None else number * scale
         else:
-            raise ConfigError([f'{where}: {key!r} is unknown or said twice: use id, x, y and yaw, '
+            raise ConfigError([f'{where}: {key!r} is unknown or duplicate: use id, x, y and yaw, '
                                'as x_cm or yaw_deg where the unit is not m or rad'])
     return [found.get(key) for key in ('id', 'x', 'y')] + [found.get('yaw', 0.0)]
 
@@ -193,7 +193,7 @@ def _landmark(row: Sequence[Any]) -> CeilingLandmark | None:
 
 
 def _number(value: Any) -> float | None:
-    """Return a finite number; None when it is none."""
+    """Return a value as a finite number; None when it is not one."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Where a robot is on its map: a filter, and what is done when it does not fit what is measured.
+The pose of a robot on its map: a filter, and its recovery when measurements contradict it.
 
-Measurements that do not fit are left out (Mahalanobis distance, 99 per cent of chi^2). When
-nothing but such come, and they agree among each other, the robot has been carried away: a second
-filter is begun with the first of them, follows the odometry and is corrected by the rest; when it
-has been right for some time, it takes the place of the first. A robot whose pose is not known yet
-finds it the same way. Everything is safe in the real-time loop.
+Inconsistent measurements are rejected (Mahalanobis distance, 99 per cent of chi^2). When all are
+inconsistent but agree with each other, the robot has been carried away: a second filter starts
+with the first of them, follows the odometry and is corrected by the rest; when it has been right
+for some time, it replaces the first. An unknown initial pose is found the same way. Everything is
+safe in the real-time loop.
 """
 
 from __future__ import annotations
@@ -48,25 +48,25 @@ from rt_robot_os.motion.poses import transform
 _WAITING_MOST: Final = 16
 _LATE_NS: Final = NS_PER_S // 10
 _SOURCES_MOST: Final = 3
-# For so long a source that was heard comes before those behind it.
+# How long a source outranks those behind it after a measurement.
 _RANK_NS: Final = NS_PER_S
-# Movements of the map that measurements of before may have to follow.
+# Movements of the map that are stored, to be applied to late measurements.
 _MOVEMENTS_MOST: Final = 16
-# Of the mean of the innovations: about so many count.
+# Length of the moving mean of the innovations, about.
 _NIS_COUNT: Final = 100
 
 
 @dataclass(frozen=True)
 class LocalizerTuning:
     """
-    What can be set.
+    The parameters.
 
     :ivar history_s: how late a measurement may be.
-    :ivar kidnapped_s: how long measurements must contradict before they are believed; 0: never.
+    :ivar kidnapped_s: how long measurements must contradict until they replace the pose; 0: never.
     :ivar kidnapped_fixes: how many of them there must be.
-    :ivar start_fixes: how many that agree say where the robot is at first.
-    :ivar scale: standard deviation of the length of the wheels' way, as a part of it. It is the
-        same from metre to metre, and so adds up from one measurement to the next.
+    :ivar start_fixes: how many consistent ones set the first pose.
+    :ivar scale: relative standard deviation of the distance of the wheels. The error is the same
+        from metre to metre, and so adds up from one measurement to the next.
     """
 
     history_s: float = 2.0
@@ -79,12 +79,12 @@ class LocalizerTuning:
 @dataclass
 class FixCounters:
     """
-    What became of the measured poses.
+    Counters of measured poses.
 
     :ivar accepted: used.
     :ivar rejected: too far from the estimate.
     :ivar too_late: older than the history.
-    :ivar overflow: dropped: too many waited for odometry, or were of one step of it.
+    :ivar overflow: dropped: too many waited for odometry, or belonged to one step of it.
     :ivar recovered: times that the robot had been carried away, and was found.
     :ivar corrected: times that the map was moved, and the estimate with it.
     """
@@ -98,7 +98,7 @@ class FixCounters:
 
 
 class _PoseCandidate:
-    """Another place where the robot may be, that a source says."""
+    """Another pose of the robot, by measurements of a source."""
 
     __slots__ = ('state', 'votes', 'since_ns', 'last_ns', 'source')
 
@@ -113,19 +113,18 @@ class Localizer:
     """
     Estimate the pose on the map; call :meth:`move` and :meth:`add_fix` as data come.
 
-    :ivar state: the filter; of no meaning before :attr:`located`.
+    :ivar state: the filter; invalid before :attr:`located`.
     :ivar located: the pose is known.
     :ivar accepted_ns: moment of the newest measurement that was used; 0 without.
     :ivar fix_ns: moment of the newest measurement, used or not; 0 without.
     :ivar nis: mean normalised innovation squared of the last 100 measurements that were used, for
         each number that was measured: about 1 when the covariances are right; 0 before.
-    :ivar late: measurements that came more than 0.1 s after the odometry of their moment.
-    :ivar latest_ns: how late the latest was that could be put in its place.
-    :ivar records: how the measurements of each source fit, by its number.
-    :ivar headings: what became of the headings that an inertial sensor measured.
-    :ivar drifts: the same of the drifts that were measured at rest.
-    :ivar jump: by how much the last recovery, or correction of the map, moved the pose, in m and
-        rad.
+    :ivar late: measurements that arrived more than 0.1 s after the odometry of their time.
+    :ivar latest_ns: largest delay of a measurement that could still be used.
+    :ivar records: statistics of each source, by its number.
+    :ivar headings: gate of the headings of an inertial sensor.
+    :ivar drifts: gate of the drifts that were measured at rest.
+    :ivar jump: movement of the pose by the last recovery, or correction of the map, in m and rad.
     """
 
     def __init__(self, tuning: LocalizerTuning = LocalizerTuning()) -> None:
@@ -153,7 +152,7 @@ class Localizer:
 
     @property
     def replayed(self) -> int:
-        """Return how many steps were computed again for measurements that came late."""
+        """Return how many steps were recomputed for late measurements."""
         return self._history.replayed
 
     @property
@@ -167,7 +166,7 @@ class Localizer:
         return max((fix.stamp_ns for fix in self._waiting), default=0)
 
     def begin(self, pose: Pose, covariance: PoseCovariance) -> None:
-        """Take over a pose that somebody gives, of the moment of the last step."""
+        """Set the pose at the time of the last step."""
         self.state.begin(pose, covariance)
         self.located = True
         self._candidate = None
@@ -175,7 +174,7 @@ class Localizer:
             self._history.begin(self.stamp_ns)
 
     def restart(self, stamp_ns: int) -> None:
-        """Go on from here after a pause, or on another clock: what was before is forgotten."""
+        """Continue after a pause, or on another clock: the history is discarded."""
         self._waiting.clear()
         self._movements.clear()
         self._candidate = None
@@ -192,7 +191,7 @@ class Localizer:
         Move on.
 
         :param step: since the last one; of the first only the moment counts.
-        :return: False when it is not newer than the last: it is left out.
+        :return: False when it is not newer than the last, and is dropped.
         """
         history = self._history
         if not history.stamp_ns:
@@ -211,15 +210,15 @@ class Localizer:
 
     def displace(self, stamp_ns: int, movement: Pose) -> bool:
         """
-        Follow a map that was moved, exactly: nothing that fitted before does not fit afterwards.
+        Apply a movement of the map, exactly: consistent measurements stay consistent.
 
-        The estimate is moved, so are its history, what waits, and what comes late. Its covariance
-        turns with it, and grows by nothing.
+        The estimate is moved, with its history, and waiting and late measurements. Its covariance
+        is rotated, and does not grow.
 
-        :param stamp_ns: what was measured from then on is of the map as it is now.
+        :param stamp_ns: measurements from then on refer to the moved map.
         :param movement: what was at p is at ``composed(movement, p)``.
-        :return: False when it is older than the history, and nothing was moved: what has been
-            measured since was compared with the estimate for too long.
+        :return: False when it is older than the history, and nothing was moved: later measurements
+            have been compared with the estimate for too long.
         """
         history = self._history
         if stamp_ns < history.oldest_ns:
@@ -241,7 +240,7 @@ class Localizer:
 
     def add_fix(self, fix: PoseFix) -> None:
         """
-        Take a measured pose, in any order; :attr:`PoseFix.judged` tells whether it had its turn.
+        Add a measured pose, in any order; :attr:`PoseFix.judged` tells whether it was compared.
 
         One that is newer than the last step waits for the next.
         """
@@ -271,7 +270,7 @@ class Localizer:
         self._evaluate(fix)
 
     def _apply_due(self, stamp_ns: int) -> None:
-        """Take the measurements that waited for the odometry of their moment."""
+        """Apply the measurements that waited for the odometry of their time."""
         if self._waiting:
             due = [fix for fix in self._waiting if fix.stamp_ns <= stamp_ns]
             self._waiting = [fix for fix in self._waiting if fix.stamp_ns > stamp_ns]
@@ -284,15 +283,15 @@ class Localizer:
         return transform(self.state.pose, odometry)
 
     def _evaluate_step(self, step: OdometryStep) -> None:
-        """Note the heading and the drift of a step; believe those that are refused for long."""
+        """Record heading and drift of a step; accept those that are refused for long."""
         headings, drifts, again = self.headings, self.drifts, False
         if step.heading_rad == step.heading_rad:
             stays = headings.add(step.stamp_ns, *step.heading_judgement, step.heading_variance,
                                  step.distance_m)
-            # Measured poses that confirm the estimate come before a magnetometer.
+            # Measured poses that confirm the estimate outrank a magnetometer.
             if stays and step.stamp_ns - self._heading_fix_ns >= (
                     self._tuning.kidnapped_s * NS_PER_S):
-                # By so much it may have gone elsewhere with the wrong heading.
+                # Position error by driving with the wrong heading.
                 off_m = headings.way_m * 2.0 * math.sin(abs(step.heading_judgement[1]) / 2.0)
                 step.believed_heading = off_m * off_m
                 headings.reopen()
@@ -304,10 +303,10 @@ class Localizer:
         if again:
             self._history.judge_again()
 
-    # ---- what does not fit -------------------------------------------------------------------
+    # ---- recovery ----------------------------------------------------------------------------
 
     def _evaluate(self, fix: PoseFix) -> None:
-        """See what a measurement was good for, after it was compared."""
+        """Evaluate the result of the comparison of a measurement."""
         self.fix_ns = max(self.fix_ns, fix.stamp_ns)
         if self.located and fix.judged and fix.source < len(self.records):
             self.records[fix.source].add(fix)
@@ -334,7 +333,7 @@ class Localizer:
                 self._candidate = None
 
     def _test_candidate(self, fix: PoseFix) -> None:
-        """Compare a measurement with the other place where the robot may be."""
+        """Compare a measurement with the candidate pose."""
         there = self._history.carried(fix)
         candidate = self._candidate
         if candidate is not None:
@@ -348,22 +347,22 @@ class Localizer:
                 candidate.votes -= 1
             if fix.source < candidate.source:
                 candidate.votes = 0
-        # Of a position alone no pose can be begun.
+        # A position alone cannot start a candidate.
         if (candidate is None or candidate.votes <= 0) and fix.dimensions == 3:
             self._candidate = candidate = _PoseCandidate(there, fix)
             self._adopt_candidate(candidate, fix.stamp_ns)
 
     def _outranks(self, candidate: _PoseCandidate, fix: PoseFix) -> bool:
         """
-        Return whether a place is that of a source before the one that contradicts, and is fresh.
+        Return whether a candidate is recent and of a source that outranks the contradicting one.
 
-        Where two sources have different frames, one of them has to say where the robot is.
+        Where two sources have different frames, one of them must determine the pose.
         """
         return (candidate.source < fix.source
                 and fix.stamp_ns - candidate.last_ns < _RANK_NS)
 
     def _adopt_candidate(self, candidate: _PoseCandidate, stamp_ns: int) -> None:
-        """Take over the other place when it has been right for long enough."""
+        """Adopt the candidate when it has been right for long enough."""
         tuning = self._tuning
         if self.located:
             wait_ns = tuning.kidnapped_s * NS_PER_S
@@ -383,11 +382,11 @@ class Localizer:
 def fix_covariance(covariance: PoseCovariance, least_m: float, least_rad: float
                    ) -> PoseCovariance | None:
     """
-    Return the covariance of a measured pose, no surer than it can be.
+    Return the covariance of a measured pose with a lower bound.
 
-    :param least_m: smallest standard deviation of x and y; takes the place of zeros, too.
+    :param least_m: smallest standard deviation of x and y; replaces zeros, too.
     :param least_rad: the same of the heading.
-    :return: None when it is none: not finite, or negative; a heading with -1 is not known.
+    :return: None when it is invalid: not finite, or negative; a heading with -1 is unknown.
     """
     xx, xy, xh, yy, yh, hh = covariance
     if not (all(map(math.isfinite, covariance)) and xx >= 0.0 and yy >= 0.0
@@ -399,7 +398,7 @@ def fix_covariance(covariance: PoseCovariance, least_m: float, least_rad: float
         return None
     xx, yy = max(xx, least_m * least_m), max(yy, least_m * least_m)
     hh = max(hh, least_rad * least_rad)
-    # No correlation can be more than whole; rounding makes some so.
+    # A correlation is at most 1; rounding may exceed that.
     if (xy * xy > xx * yy or xh * xh > xx * hh or yh * yh > yy * hh
             or xx * (yy * hh - yh * yh) - xy * (xy * hh - yh * xh) + xh * (xy * yh - yy * xh) < 0):
         return xx, 0.0, 0.0, yy, 0.0, hh

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The description of a ROS map: the YAML file beside the picture.
+The description of a ROS map: the YAML file of the picture.
 
 Source: the keys and the rules of map_server and map_saver (nav2_map_server), which all maps of
 ROS 1 and ROS 2 follow.
@@ -41,9 +41,9 @@ _WORDS: Final = {'0': False, '1': True, 'false': False, 'true': True, 'no': Fals
 @dataclass(frozen=True)
 class MapFile:
     """
-    What a YAML file says of a map.
+    The content of the YAML file of a map.
 
-    :ivar image: the picture; a relative path counts from the folder of the YAML file.
+    :ivar image: the picture; a relative path is relative to the folder of the YAML file.
     :ivar resolution_m: edge of a cell.
     :ivar origin: x and y in m of the lower left corner of the picture in the frame of the map, and
         the yaw in rad by which the picture is turned about that corner.
@@ -63,7 +63,7 @@ class MapFile:
     mode: str = 'trinary'
 
     def text(self) -> str:
-        """Write it as YAML; every number is read back as it was."""
+        """Return it as YAML; numbers are preserved exactly."""
         x, y, yaw = self.origin
         return (f'image: {_quoted(str(self.image))}\nmode: {self.mode}\n'
                 f'resolution: {self.resolution_m!r}\norigin: [{x!r}, {y!r}, {yaw!r}]\n'
@@ -76,7 +76,7 @@ def read_map_file(text: str, path: Path) -> MapFile:
     Read the YAML file of a map.
 
     :param path: of the file; for the errors and for a relative image.
-    :raises ConfigError: with every problem, each with file and line.
+    :raises ConfigError: with all problems, each with file and line.
     """
     reader = _MapFileReader(text, path)
     image = reader.take('image', _text_of)
@@ -97,7 +97,7 @@ def read_map_file(text: str, path: Path) -> MapFile:
 
 
 class _MapFileReader:
-    """The keys of the file, and what is wrong with them."""
+    """The keys of the file, and their problems."""
 
     def __init__(self, text: str, path: Path) -> None:
         self._path = path
@@ -106,7 +106,7 @@ class _MapFileReader:
         self._lines: dict[str, int] = {}
         root = self._compose(text)
         if root is None or root.id != 'mapping':
-            raise ConfigError([f'{path}: is no map: it must have the keys image, resolution, '
+            raise ConfigError([f'{path}: is not a map: it must have the keys image, resolution, '
                                'origin, negate, occupied_thresh and free_thresh'])
         for key, value in root.value:
             name = str(key.value)
@@ -116,7 +116,7 @@ class _MapFileReader:
             self._lines[name] = key.start_mark.line + 1
 
     def _compose(self, text: str) -> Any:
-        # Late: whoever only looks cells up needs no YAML.
+        # Imported late: look-ups of cells need no YAML.
         import yaml
         try:
             return yaml.compose(text, Loader=yaml.SafeLoader)
@@ -156,7 +156,7 @@ def _text_of(node: Any) -> str:
     if node.id != 'scalar' or not node.value:
         raise ValueError('must be the name of a picture: PGM, PNG or BMP')
     if '\0' in node.value:
-        raise ValueError('no path has a null character')
+        raise ValueError('a path cannot contain a null character')
     return str(node.value)
 
 

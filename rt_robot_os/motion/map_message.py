@@ -15,7 +15,7 @@
 """
 Maps as messages, ``nav_msgs/msg/OccupancyGrid``: checked and copied in pieces.
 
-Whoever makes the map may be another program, or a broken one: nothing of it is believed unseen.
+The map may come from another, faulty program: everything is checked.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rt_robot_os.motion.grid_map import OCCUPIED
 from rt_robot_os.motion.grid_map import UNKNOWN
 
 MOST_CELLS: Final = 4_000_000
-# Cells looked at and copied in one native call: some 10 us.
+# Cells checked and copied in one native call: some 10 us.
 _PIECE: Final = 1 << 16
 _FURTHEST_M: Final = 1e6
 _SMALLEST_M, _LARGEST_M = 0.005, 10.0
@@ -45,10 +45,10 @@ _TILT: Final = 1e-3
 
 def grid_of(message: Any) -> Generator[None, None, GridMap]:
     """
-    Make a map of a message; it yields after each bounded piece of work.
+    Convert a message to a map; it yields after each bounded piece of work.
 
-    :param message: a ``nav_msgs/msg/OccupancyGrid``; it may change when this is over.
-    :raises ConfigError: it is no map, or nothing on it is known; the text says why.
+    :param message: a ``nav_msgs/msg/OccupancyGrid``; it may change afterwards.
+    :raises ConfigError: it is not a valid map, or all cells are unknown; the text says why.
     """
     info, data = message.info, message.data
     rows, columns = int(info.height), int(info.width)
@@ -58,7 +58,7 @@ def grid_of(message: Any) -> Generator[None, None, GridMap]:
     if rows * columns > MOST_CELLS:
         raise ConfigError([f'{columns} x {rows} cells are more than {MOST_CELLS}'])
     if given != rows * columns:
-        raise ConfigError([f'it has {given} cells, and says that it has {columns} x {rows}'])
+        raise ConfigError([f'it has {given} cells instead of {columns} x {rows}'])
     resolution_m, origin = _resolution(float(info.resolution)), _origin(info.origin)
     source = np.asarray(data, np.int8)
     cells: npt.NDArray[np.int8] = np.empty(given, np.int8)
@@ -74,17 +74,16 @@ def grid_of(message: Any) -> Generator[None, None, GridMap]:
         is_known |= most > UNKNOWN
         yield
     if not is_known:
-        raise ConfigError([f'nothing on it is known: all its {columns} x {rows} cells are '
-                           f'{UNKNOWN}'])
+        raise ConfigError([f'all its {columns} x {rows} cells are unknown ({UNKNOWN})'])
     return GridMap.owning(cells.reshape(rows, columns), resolution_m, origin)
 
 
 def _resolution(given: float) -> float:
-    # A message has 32 bits: the shortest number that is the same in those is what was meant.
+    # A message has 32 bits: the shortest number with the same 32 bits is meant.
     found = float(str(np.float32(given)))
     if not _SMALLEST_M <= found <= _LARGEST_M:
-        raise ConfigError([f'its cells are {found:g} m wide: from {_SMALLEST_M:g} to '
-                           f'{_LARGEST_M:g} m make a map'])
+        raise ConfigError([f'its cells are {found:g} m wide: must be {_SMALLEST_M:g} to '
+                           f'{_LARGEST_M:g} m'])
     return found
 
 
@@ -94,7 +93,7 @@ def _origin(given: Any) -> tuple[float, float, float]:
     if not (abs(x) <= _FURTHEST_M and abs(y) <= _FURTHEST_M):
         raise ConfigError([f'its origin is at {x:g}, {y:g}'])
     if not any((a, b, c, d)):
-        return x, y, 0.0  # never filled in: as it is where nothing is turned
+        return x, y, 0.0  # not filled in: no rotation
     if not abs(math.hypot(a, b, c, d) - 1.0) < 0.1 or math.hypot(a, b) > _TILT:
-        raise ConfigError([f'its origin is tilted, or no rotation: {a:g}, {b:g}, {c:g}, {d:g}'])
+        raise ConfigError([f'its origin is tilted, or not a rotation: {a:g}, {b:g}, {c:g}, {d:g}'])
     return x, y, yaw_of(a, b, c, d)

@@ -39,7 +39,7 @@ from rt_robot_os.motion.pgm import MOST_PIXELS
 from rt_robot_os.motion.pgm import read_pgm
 from rt_robot_os.motion.pgm import write_pgm
 
-#: What maps can be saved with; the first is the usual one.
+#: Formats in which maps can be saved; the first is the default.
 PICTURES: Final = ('.pgm', '.png')
 
 _WITH_PILLOW: Final = {b'\x89PNG\r\n\x1a\n': 'PNG', b'BM': 'BMP'}
@@ -52,9 +52,8 @@ class MapPicture(NamedTuple):
     A picture of a map.
 
     :ivar grey: of shape (height, width), the top row first: from 0, black, to ``highest``, white.
-    :ivar highest: see there.
-    :ivar unknown: pixels that are unknown whatever their grey, of the same shape; None: there are
-        none.
+    :ivar highest: the value of white.
+    :ivar unknown: pixels that are unknown regardless of their grey, of the same shape; None: none.
     """
 
     grey: Grey
@@ -64,11 +63,11 @@ class MapPicture(NamedTuple):
 
 def read_picture(data: bytes, mode: str) -> MapPicture:
     """
-    Read a picture; what it is, its content says.
+    Read a picture; its format is detected from its content.
 
     :param data: the whole file.
     :param mode: of the map: ``trinary``, ``scale`` or ``raw``.
-    :raises ValueError: with what is wrong and what would be right.
+    :raises ValueError: with the problem and its remedy.
     """
     kind = next((name for start, name in _WITH_PILLOW.items() if data.startswith(start)), '')
     if not kind:
@@ -87,7 +86,7 @@ def read_picture(data: bytes, mode: str) -> MapPicture:
     except pillow.DecompressionBombError as error:
         raise ValueError(f'is too large, the most is {MOST_PIXELS} pixels: {error}') from None
     except (OSError, SyntaxError, EOFError, zlib.error, OverflowError) as error:
-        # The text of what cannot be identified names an object, not the file.
+        # The text of an unidentified image names an object, not the file.
         why = 'its header is not understood' if 'identify' in str(error) else error
         raise ValueError(f'is a damaged {kind}: {why}') from None
 
@@ -103,7 +102,7 @@ def write_picture(pixels: npt.NDArray[np.uint8], suffix: str) -> bytes:
     if suffix == '.pgm':
         return write_pgm(pixels)
     if suffix not in PICTURES:
-        raise ValueError(f'{suffix!r} is no picture that is written: use {" or ".join(PICTURES)}')
+        raise ValueError(f'{suffix!r} cannot be written: use {" or ".join(PICTURES)}')
     file = io.BytesIO()
     _pillow('is to be a PNG').fromarray(np.ascontiguousarray(pixels)).save(file, 'PNG')
     return file.getvalue()
@@ -118,7 +117,7 @@ def _pillow(what: str) -> Any:
 
 
 def _greys(image: Any, mode: str) -> MapPicture:
-    """Return the greys of a picture that is loaded."""
+    """Return the greys of a loaded picture."""
     if image.mode.startswith('I') or image.mode == 'F':  # 16 bits of grey
         return MapPicture(np.clip(np.asarray(image), 0, _DEEP).astype(np.uint16), _DEEP)
     has_alpha = image.mode in ('LA', 'PA', 'RGBA', 'La', 'RGBa') or 'transparency' in image.info

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where a sensor sits on the robot."""
+"""The mounting of a sensor on the robot."""
 
 from __future__ import annotations
 
@@ -81,9 +81,9 @@ OPTICAL: Final = Mounting(rotation_rad=(-math.pi / 2, 0.0, -math.pi / 2))
 
 def mounting_of(settings: Mapping[str, Any], index: int = 0) -> Mounting:
     """
-    Read the mounting from the settings of a driver or of its simulated device.
+    Read the mounting from the settings of a device, for its driver and its simulation.
 
-    :param index: of a device with several frames, which one; three numbers alone are of all.
+    :param index: of the frame, for a device with several; three numbers alone are for all.
     """
     def numbers(key: str) -> Vector:
         given = settings.get(key, (0.0, 0.0, 0.0))
@@ -100,7 +100,7 @@ def mounted_on_base(settings: Mapping[str, Any], mountings: Mapping[str, Mountin
     """
     Return the settings of a device with its mounting as seen from the robot's base.
 
-    :param mountings: of all frames; where none of them carries the device nothing changes.
+    :param mountings: of all frames; if none of them carries the device nothing changes.
     """
     parent = settings.get('parent_frame_id', BASE_FRAME)
     if parent not in mountings:
@@ -115,11 +115,11 @@ def mounted_on_base(settings: Mapping[str, Any], mountings: Mapping[str, Mountin
 
 def in_base(mountings: Mapping[str, Mounting], frame_id: str) -> Mounting:
     """
-    Return where a frame is on the robot, through all the frames that carry it.
+    Return the mounting of a frame on the robot, through all the frames that carry it.
 
-    :param mountings: by frame, without a circle.
-    :return: its ``parent`` is the first frame that nothing is known of, as a rule ``base_link``;
-        that frame itself is at its own origin.
+    :param mountings: by frame, without a cycle.
+    :return: its ``parent`` is the first frame without a mounting, usually ``base_link``; such a
+        frame itself is at its own origin.
     """
     found = mountings.get(frame_id, Mounting(parent=frame_id))
     while found.parent in mountings:

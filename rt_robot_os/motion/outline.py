@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The outlines of what stands in a grid map, as straight segments.
+The outlines of obstacles in a grid map, as straight segments.
 
-Cells make stairs of a slanted wall; its outline here is straight again. Walls along the rows and
+Slanted walls are stairs of cells; their outlines here are straight again. Walls along the rows and
 columns keep their edges to the last digit.
 """
 
@@ -34,9 +34,9 @@ Segments = npt.NDArray[np.float64]
 Corner = tuple[int, int]
 Point = tuple[float, float]
 
-# A run of so many cells is an edge of its own, unless there are several steps like it.
+# A run of this many cells is an edge of its own, unless there are several steps like it.
 _LONG_RUN: Final = 10
-# How far a point may be off the straight line that replaces it, in cells.
+# Largest distance of a point from the straight line that replaces it, in cells.
 _TOLERANCE: Final = 0.75
 
 
@@ -45,8 +45,8 @@ def outline(grid: GridMap, least: int = 50) -> Segments:
     Find the outlines of everything that is occupied.
 
     :param least: the smallest value that counts as occupied.
-    :return: of shape (count, 4): x and y of both ends in m, in the frame of the map; what is
-        occupied lies on the right of each.
+    :return: of shape (count, 4): x and y of both ends in m, in the frame of the map;
+        occupied cells are on the right of each.
     """
     found: list[tuple[float, float, float, float]] = []
     resolution = grid.resolution_m
@@ -57,7 +57,7 @@ def outline(grid: GridMap, least: int = 50) -> Segments:
 
 
 def _loops(occupied: Mask) -> list[list[Corner]]:
-    """Follow the edges between occupied and other cells; give the corners of each closed loop."""
+    """Follow the edges between occupied and other cells; return the corners of each loop."""
     steps = _steps(occupied)
     loops = []
     for start, ways in steps.items():
@@ -67,7 +67,7 @@ def _loops(occupied: Mask) -> list[list[Corner]]:
 
 
 def _loop(start: Corner, steps: dict[Corner, list[Corner]]) -> list[Corner]:
-    """Follow edges from a corner until they lead there again; they are taken out of the steps."""
+    """Follow edges from a corner until the loop closes; they are removed from the steps."""
     at, heading = start, (0, 0)
     corners: list[Corner] = []
     while not corners or at != start:
@@ -81,7 +81,7 @@ def _loop(start: Corner, steps: dict[Corner, list[Corner]]) -> list[Corner]:
         heading = way
         at = (at[0] + way[0], at[1] + way[1])
     if len(corners) > 1 and _heading(corners[-1], start) == _heading(start, corners[1]):
-        del corners[0]  # it began in the middle of an edge
+        del corners[0]  # it started in the middle of an edge
     return corners
 
 
@@ -129,7 +129,7 @@ def _straightened(corners: list[Corner]) -> list[Point]:
         return any(jogs[j] and turns[j] == turns[i] for j in (i - 2, (i + 2) % count))
 
     steps = [step(i) for i in range(count)]
-    # The corners at both ends of a step are none; all others are.
+    # The ends of a step are not corners; all others are.
     true = [i for i in range(count) if not (steps[i] or steps[i - 1])]
     if len(true) == count:
         return [(float(x), float(y)) for x, y in corners]
@@ -156,7 +156,7 @@ def _middle(a: Corner, b: Corner) -> Point:
 
 
 def _simplified(points: list[Point]) -> list[Point]:
-    """Leave out points near the straight line between others (Douglas and Peucker's way)."""
+    """Remove points near the straight line between others (Douglas and Peucker)."""
     kept = {0, len(points) - 1}
     waiting = [(0, len(points) - 1)]
     while waiting:

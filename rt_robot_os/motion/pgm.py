@@ -49,13 +49,13 @@ def read_pgm(data: bytes) -> tuple[Grey, int]:
     :param data: the whole file.
     :return: the values, of shape (height, width) with the top row first, and the highest value
         that there may be (white).
-    :raises ValueError: with what is wrong and what would be right.
+    :raises ValueError: with the problem and its remedy.
     """
     match = _HEADER.match(data)
     if match is None:
         other = next((name for start, name in _OTHERS.items() if data.startswith(start)), '')
-        found = f'it is a {other}' if other else 'it has not its header'
-        raise ValueError(f'is no PGM of kind P5 or P2: {found}; convert it, such as with '
+        found = f'it is a {other}' if other else 'its header is missing'
+        raise ValueError(f'is not a PGM of kind P5 or P2: {found}; convert it, such as with '
                          '"convert map.png map.pgm" of ImageMagick')
     kind, width, height, highest = match[1], int(match[2]), int(match[3]), int(match[4])
     if not width * height:

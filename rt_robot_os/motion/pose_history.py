@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The last two seconds of a filter, so that a measurement that comes late is put in its place.
+The last two seconds of a filter, so that late measurements are applied at their time.
 
-The filter is taken back to the step during which it was made, corrected there, and brought
-forward again through all that is known to have happened since. Everything is bounded and safe in
+The filter is restored to the step during which the measurement was made, corrected there, and
+advanced again through all later steps and measurements. Everything is bounded and safe in
 the real-time loop: a measurement that is late by n steps costs n predictions.
 """
 
@@ -43,7 +43,7 @@ from rt_robot_os.motion.poses import composed
 
 # At 200 Hz these are 2.5 s.
 _STEPS_MOST: Final = 512
-# Each of them is computed again with the step.
+# Each of them is recomputed with the step.
 _FIXES_MOST: Final = 16
 
 
@@ -54,9 +54,9 @@ class PoseFix:
 
     :ivar stamp_ns: when it was measured.
     :ivar covariance: of it; a heading that is not known has ``UNKNOWN_VARIANCE``.
-    :ivar source: who measured it, the most believed first.
-    :ivar inflation: by how much more the covariance counts in the estimate, not in the comparison:
-        errors that last over many measurements are not averaged away.
+    :ivar source: number of its source, the highest rank first.
+    :ivar inflation: factor of the covariance in the estimate, not in the comparison: correlated
+        errors are not averaged away.
     :ivar judged: it has been compared with the estimate once.
     :ivar accepted: it was used, when it was last compared.
     :ivar nis: normalised innovation squared, of the first comparison.
@@ -84,14 +84,14 @@ class PoseFix:
         return 2 if self.covariance[5] >= UNKNOWN_VARIANCE else 3
 
 
-# Of a heading or a drift: whether it was used, and by how much it differed.
+# Result for a heading or a drift: whether it was used, and its innovation.
 Judgement = tuple[bool, float]
 
 
 @dataclass
 class OdometryStep:
     """
-    What happened from one sample of odometry to the next.
+    The motion from one sample of odometry to the next.
 
     :ivar stamp_ns: of its end.
     :ivar distance_m: along the arc.
@@ -105,11 +105,11 @@ class OdometryStep:
     :ivar heading_variance: of that.
     :ivar drift: measured in it, as of a gyroscope at rest; NaN without.
     :ivar drift_measured_variance: of that.
-    :ivar heading_judgement: what became of the heading, when it was last compared.
+    :ivar heading_judgement: result of the last comparison of the heading.
     :ivar drift_judgement: the same of the drift.
-    :ivar believed_heading: the heading counts although it does not fit, and the position is less
-        sure by so much, in m^2; None: it has to fit.
-    :ivar believes_drift: the same of the drift.
+    :ivar believed_heading: accept the heading without a gate, and add this to the variance of the
+        position, in m^2; None: the gate is used.
+    :ivar believes_drift: accept the drift without a gate.
     """
 
     stamp_ns: int
@@ -156,9 +156,9 @@ class PoseHistory:
     Steps and measurements in the order in which they happened.
 
     :param state: the filter that they act on.
-    :param seconds: how far back measurements are taken.
-    :param scale: standard deviation of the length of the way, as a part of it; the same from step
-        to step, so that it adds up from one measurement that was used to the next.
+    :param seconds: how late measurements may be.
+    :param scale: relative standard deviation of the distance; the error is the same from step to
+        step, so it adds up from one accepted measurement to the next.
     :ivar replayed: steps that were computed again.
     """
 
@@ -172,16 +172,16 @@ class PoseHistory:
 
     @property
     def stamp_ns(self) -> int:
-        """Return the moment up to which the filter has come; 0 before the first step."""
+        """Return the time of the filter; 0 before the first step."""
         return self._steps[-1].stamp_ns if self._steps else 0
 
     @property
     def oldest_ns(self) -> int:
-        """Return the moment of the oldest state; what was measured before cannot be used."""
+        """Return the time of the oldest state; older measurements cannot be used."""
         return self._steps[0].stamp_ns if self._steps else 0
 
     def begin(self, stamp_ns: int) -> None:
-        """Forget what was: the state of the filter is that of this moment."""
+        """Discard the history: the state of the filter is that of this time."""
         self._steps.clear()
         self._blind_m = 0.0
         step = OdometryStep(stamp_ns)
@@ -198,22 +198,22 @@ class PoseHistory:
             steps.popleft()
 
     def judge_again(self) -> None:
-        """Compute the last step again, after something of it is believed that was not before."""
+        """Recompute the last step, after its heading or drift was accepted."""
         if len(self._steps) > 1:
             self._replay(-1)
 
     def insert(self, fix: PoseFix) -> bool:
         """
-        Put a measurement from the past in its place.
+        Apply a measurement at its time in the past.
 
-        :return: False when it is too old for that, or the step has too many.
+        :return: False when it is too old, or its step has too many.
         """
         steps = self._steps
         if not steps or not steps[0].stamp_ns <= fix.stamp_ns <= steps[-1].stamp_ns:
             return False
         index = self._step_of(fix.stamp_ns)
         if index == -len(steps):
-            # Of the very moment of the oldest state: there is nothing before to go back to.
+            # At the time of the oldest state there is no earlier state to restore.
             step = steps[0]
             self._go_back_to(step)
             self._correct(fix)
@@ -230,7 +230,7 @@ class PoseHistory:
         return True
 
     def _replay(self, index: int) -> None:
-        """Bring the filter forward again through the steps from one on, counted from the end."""
+        """Advance the filter again through the steps from one on, counted from the end."""
         steps = self._steps
         if index:
             self._go_back_to(steps[index - 1])
@@ -240,10 +240,10 @@ class PoseHistory:
 
     def displace(self, movement: Pose, stamp_ns: int) -> None:
         """
-        Move the frame of the map: the estimate, what it was, and what was measured in the old one.
+        Move the frame of the map: the estimate, its history, and measurements in the old frame.
 
         :param movement: what was at p is at ``composed(movement, p)``.
-        :param stamp_ns: what was measured from then on is of the new frame already.
+        :param stamp_ns: measurements from then on are in the new frame already.
         """
         state, steps = self._state, self._steps
         state.displace(movement)
@@ -259,7 +259,7 @@ class PoseHistory:
             self._replay(again)
 
     def carried(self, fix: PoseFix) -> Ekf:
-        """Return where the robot is now, if it was then where a measurement says."""
+        """Return the present pose that follows from a past measurement alone."""
         there = Ekf()
         there.begin(fix.pose, fix.covariance)
         there.drift = self._state.drift
@@ -276,7 +276,7 @@ class PoseHistory:
         return there
 
     def _step_of(self, stamp_ns: int) -> int:
-        """Return the step in which a moment lies, counted from the end: -1 is the last."""
+        """Return the step that contains a time, counted from the end: -1 is the last."""
         steps, index = self._steps, -1
         first = -len(steps)
         while index > first and steps[index - 1].stamp_ns >= stamp_ns:
@@ -291,13 +291,13 @@ class PoseHistory:
         state = self._state
         before = state.p00 + state.p11
         correct(state, fix)
-        # As much of the way is measured now as the variance has become less.
+        # The measured share of the distance is the reduction of the variance.
         if before:
             self._blind_m *= (state.p00 + state.p11) / before
 
     def _predict(self, step: OdometryStep, part: float) -> None:
         length = abs(step.distance_m) * part
-        # (scale * way)^2 grows by that much.
+        # The growth of (scale * distance)^2.
         step.predict(self._state, part, self._scale * length * (2 * self._blind_m + length))
         self._blind_m += length
 

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Where a robot is when a command takes effect: its last pose on the map, carried on by odometry.
+The pose at which a command takes effect: the last pose on the map, predicted by odometry.
 
 A pose from a localiser is some 10 ms to 100 ms old when it comes, and a control period may be
-300 ms: at 0.5 m/s that is a hand's breadth. Corrections of the localiser are taken over at a
-limited rate, so that a step in the pose is no step in the command.
+300 ms: at 0.5 m/s that is a hand's breadth. Corrections of the localiser are applied at a
+limited rate, so that a step in the pose is not a step in the command.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ from rt_robot_os.motion.poses import composed
 from rt_robot_os.motion.poses import transform
 
 _KEPT: Final = 256
-# Odometry that moves faster than this between two samples has begun anew.
+# Odometry that moves faster than this between two samples has restarted.
 _JUMP_M: Final = 0.5
 _JUMP_M_S: Final = 10.0
-# Longer than this nothing is carried on by a velocity alone.
+# Longest prediction by a velocity alone.
 _CARRIED_MAXIMUM_NS: Final = NS_PER_S // 2
 _STANDSTILL = (0.0, 0.0)
 
 
 class PosePrediction:
     """
-    The pose of now, from poses of before and odometry; safe in the real-time loop.
+    The present pose, from earlier poses and odometry; safe in the real-time loop.
 
-    :param correction_m_s: how fast a correction of the position is taken over.
+    :param correction_m_s: how fast a correction of the position is applied.
     :param correction_rad_s: the same of the heading.
-    :param jump_m: a larger correction is a new place, and taken over at once.
+    :param jump_m: a larger correction is a new place, and applied immediately.
     :param jump_rad: the same of the heading.
     :ivar velocity: of the last odometry, linear and angular, in m/s and rad/s.
-    :ivar jumps: corrections that were taken over at once.
-    :ivar resets: how often odometry began anew.
+    :ivar jumps: corrections that were applied immediately.
+    :ivar resets: how often odometry restarted.
     """
 
     def __init__(self, correction_m_s: float = 0.1, correction_rad_s: float = 0.3,
@@ -66,7 +66,7 @@ class PosePrediction:
         self.resets = 0
         self._odometry: deque[tuple[int, Pose]] = deque(maxlen=_KEPT)
         self._map_to_odom: Pose | None = None
-        # What of the corrections is not taken over yet.
+        # The part of the corrections that is not applied yet.
         self._left = (0.0, 0.0, 0.0)
 
     @property
@@ -75,7 +75,7 @@ class PosePrediction:
         return self._map_to_odom is not None and bool(self._odometry)
 
     def add_odometry(self, stamp_ns: int, pose: Pose, velocity: tuple[float, float]) -> None:
-        """Take a sample of odometry, in order; one that is not newer than the last is left out."""
+        """Add a sample of odometry, in order; one that is not newer than the last is dropped."""
         kept = self._odometry
         if kept:
             before_ns, before = kept[-1]
@@ -90,7 +90,7 @@ class PosePrediction:
         self.velocity = velocity
 
     def add_pose(self, stamp_ns: int, pose: Pose) -> None:
-        """Take a pose on the map; needs a sample of odometry before."""
+        """Add a pose on the map; needs a sample of odometry before."""
         if not self._odometry:
             return
         found = transform(pose, self._then(stamp_ns))
@@ -109,7 +109,7 @@ class PosePrediction:
             self.jumps += 1
 
     def apply_corrections(self) -> None:
-        """Take over at once what is left of the corrections: a new way begins where they lead."""
+        """Apply the rest of the corrections immediately, for a new path that starts there."""
         self._left = (0.0, 0.0, 0.0)
 
     def at(self, now_ns: int, lead_s: float, period_s: float) -> Pose:
@@ -118,10 +118,10 @@ class PosePrediction:
 
         :param lead_s: how much later than now: motors take the time constant of their speed to
             follow a command, and until then the robot goes on as measured.
-        :param period_s: since the last call, in which corrections are taken over.
+        :param period_s: since the last call, for the rate of corrections.
         """
         stamp_ns, pose = self._odometry[-1]
-        # A stamp ahead of now is one of now.
+        # A stamp in the future counts as now.
         carried_s = max(0, min(now_ns - stamp_ns, _CARRIED_MAXIMUM_NS)) / NS_PER_S + lead_s
         linear, angular = self.velocity
         pose = moved(pose, linear * carried_s, angular * carried_s)
@@ -137,7 +137,7 @@ class PosePrediction:
         return pose[0] + x, pose[1] + y, pose[2] + turn
 
     def _then(self, stamp_ns: int) -> Pose:
-        """Return the pose of the odometry at a time, between two samples or carried on."""
+        """Return the pose of the odometry at a time, interpolated or predicted."""
         kept = self._odometry
         later_ns, later = kept[-1]
         if stamp_ns >= later_ns:

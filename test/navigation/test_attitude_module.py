@@ -367,7 +367,7 @@ def test_a_field_that_is_rejected_is_told() -> None:
 def test_a_sensor_in_another_frame_is_refused_with_the_remedy() -> None:
     robot = Robot(start=False, frame_id='chassis')
     with pytest.raises(ConfigError, match="attitude.frame_id = 'imu_link': imu/data is in the "
-                                          "frame 'chassis'.*set it to that"):
+                                          "frame 'chassis'.*set frame_id to it"):
         robot.module.configure()
 
 

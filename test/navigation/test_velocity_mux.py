@@ -348,11 +348,12 @@ def test_the_safe_state_is_a_standstill_that_an_old_command_does_not_end() -> No
 
 @pytest.mark.parametrize(('changes', 'text'), [
     ({'source_topics': ['a', 'b']}, 'mux.source_topics has 2 items, sources has 4'),
-    ({'source_topics': ['a', 'a', 'b', 'c']}, "mux.source_topics: 'a' stands there twice"),
+    ({'source_topics': ['a', 'a', 'b', 'c']}, "mux.source_topics: 'a' is listed twice"),
     ({'locks': ['pause']}, 'mux.lock_topics has 0 items, locks has 1'),
-    ({'dead_man_topic': 'held', 'dead_man_sources': ['telop']}, "'telop' is none of the sources"),
-    ({'command_topic': 'cmd_vel'}, "mux.source_topics: 'cmd_vel' is what it writes"),
-    ({'estop_release_topic': ''}, 'nothing could free the e-stop')])
+    ({'dead_man_topic': 'held', 'dead_man_sources': ['telop']},
+     "'telop' is not one of the sources"),
+    ({'command_topic': 'cmd_vel'}, "mux.source_topics: 'cmd_vel' is its own output"),
+    ({'estop_release_topic': ''}, 'nothing could release the e-stop')])
 def test_lists_that_do_not_fit_are_told(changes: dict[str, Any], text: str) -> None:
     with pytest.raises(ConfigError, match=text):
         VelocityMux('mux', settings_of(VelocityMux, **changes))

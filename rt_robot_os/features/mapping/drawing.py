@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The map as cells: drawn anew when the graph is another one, in pieces between scans."""
+"""The map as a grid: redrawn when the graph changes, in pieces between scans."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from rt_robot_os.motion.grid_map import UNKNOWN
 
 class Drawing:
     """
-    A grid that follows a graph.
+    A grid that is drawn from a graph.
 
-    :ivar grid: as it was drawn last.
-    :ivar version: a number that is another one when the grid is; 0 before the first.
-    :ivar drawn_ns: stamp of the newest scan that the grid shows; 0 of a map that was there.
-    :ivar is_done: nothing waits to be drawn.
+    :ivar grid: the last one that was complete.
+    :ivar version: increases with each new grid; 0 before the first.
+    :ivar drawn_ns: stamp of the newest scan on the grid; 0 for a loaded map.
+    :ivar is_done: nothing remains to be drawn.
     """
 
     def __init__(self, cell_m: float) -> None:
@@ -42,21 +42,21 @@ class Drawing:
         self.restart()
 
     def restart(self) -> None:
-        """Draw another map from now on; the last grid is shown until there is a new one."""
+        """Start with another map; the last grid stays until there is a new one."""
         self._growing = GrowingGrid(self._cell_m)
         self._of = -1
         self.is_done = True
 
     def set_version(self, graph_version: int) -> None:
-        """Note of which version the graph is."""
+        """Record the version of the graph."""
         self.is_done &= self._of == graph_version
 
     def draw(self, graph: MapGraph | None, graph_version: int, stamp_ns: int) -> None:
         """
         Draw a piece.
 
-        :param graph_version: of the graph as it is now.
-        :param stamp_ns: of the newest scan on it.
+        :param graph_version: the current one.
+        :param stamp_ns: of the newest scan in the graph.
         """
         self._of = graph_version
         self.is_done = graph is None or self._growing.update(graph.keyframes)
@@ -64,12 +64,12 @@ class Drawing:
             self.show(self._growing.grid(), stamp_ns)
 
     def show(self, grid: GridMap, stamp_ns: int) -> None:
-        """Take a grid as it is."""
+        """Show a given grid."""
         self.grid = grid
         self.version += 1
         self.drawn_ns = stamp_ns
 
     @property
     def counts(self) -> dict[str, int]:
-        """Return the counters of what draws."""
+        """Return the counters of the grid."""
         return self._growing.counts

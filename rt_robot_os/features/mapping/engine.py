@@ -49,11 +49,11 @@ from rt_robot_os.features.mapping.slam.transforms import composed
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.motion.grid_map import GridMap
 
-#: So many scans in a row that fit nowhere, and the robot is lost;
+#: Unmatched scans in a row after which the robot counts as lost.
 _LOST_AFTER_SCANS: Final = 10
-#: so many after it was taken to be somewhere, and it looks for itself.
+#: Failed checks in a row of an assumed pose after which the whole map is searched.
 _FAILED_CHECKS_MOST: Final = 5
-#: It is there when such a share of a scan lies on the map, so often in a row.
+#: An assumed pose is verified by as many scans in a row that match the map with this share.
 _VERIFIED_SHARE: Final = 0.7
 _CHECKS_NEEDED: Final = 3
 _EMPTY_GRAPH: Final = MapGraph()
@@ -61,15 +61,15 @@ _EMPTY_GRAPH: Final = MapGraph()
 
 class Engine:
     """
-    A map, and who goes on with it.
+    A map, and the mapper or the localiser that works on it.
 
-    :param start_at: where the robot is at the first scan of a new map.
+    :param start_at: returns the pose of the robot at the first scan of a new map.
     :ivar mode: ``mapping`` or ``localization``.
-    :ivar is_paused: scans are left out.
-    :ivar last_ns: stamp of the newest scan that was looked at.
-    :ivar drawing: the map as cells.
-    :ivar found: how often it found itself.
-    :ivar rejected_scans: scans that were left out, for :attr:`checks` say why.
+    :ivar is_paused: scans are dropped.
+    :ivar last_ns: stamp of the newest scan that was processed.
+    :ivar drawing: the map as a grid.
+    :ivar found: how often a search has found the robot.
+    :ivar rejected_scans: scans that were dropped for the reason of :attr:`checks`.
     """
 
     def __init__(self, settings: MappingSettings, start_at: Hint) -> None:
@@ -111,9 +111,9 @@ class Engine:
 
     def use_map(self, known: LoadedMap, hint: Hint | None) -> None:
         """
-        Go on with a map that is there.
+        Continue with a loaded map.
 
-        :param hint: where the robot is on it; None: it looks for itself.
+        :param hint: returns the pose of the robot on it; None: the whole map is searched.
         """
         if known.graph is None or not known.graph.keyframes:
             self.mode = LOCALIZATION
@@ -121,15 +121,15 @@ class Engine:
 
     def set_mode(self, mode: str) -> None:
         """
-        Let the map grow from now on, or stay as it is.
+        Change between ``mapping`` and ``localization``.
 
-        :raises ConfigError: there is no map that can.
+        :raises ConfigError: there is no map for that mode.
         """
         if mode == self.mode:
             return
         graph = self.graph
         if mode == MAPPING and (graph is None or not graph.keyframes):
-            if self._loaded_map is None:  # there is none at all
+            if self._loaded_map is None:  # there is no map
                 self.begin_new()
                 return
             raise ConfigError(['this map has no graph: nothing can be added to it; reset begins '
@@ -146,7 +146,7 @@ class Engine:
             self._continue_at(here.posed, here.pose, here.covariance)
 
     def relocate(self, posed: PosedScan, base: Floats) -> None:
-        """Take it that the robot is somewhere on the map, as somebody says."""
+        """Set the pose of the robot on the map, as given by an operator."""
         self._global_localizer, self._is_searching = None, False
         if self._loaded_map is None and self._mapper is None:
             self._hint = lambda posed: base
@@ -155,22 +155,22 @@ class Engine:
         self._continue_at(posed, posed.mount.lasers(base), None)
 
     def add_absolute_pose(self, stamp_ns: int, base: Floats, covariance: Floats) -> None:
-        """Take an absolute pose, which the map follows from then on."""
+        """Add an absolute pose, to which the map is fitted from then on."""
         if self._mapper is not None and self._last_scan is not None and self._is_verified:
             self._mapper.add_absolute_pose(
                 stamp_ns, self._last_scan.posed.mount.lasers(base), covariance)
 
     def trust_next_hint(self) -> None:
-        """Take the next place that is hinted at without a proof: odometry says it."""
+        """Use the next hint without verification, as it comes from odometry."""
         self._is_verified = True
 
     # ---- scans -------------------------------------------------------------------------------
 
     def add_scan(self, posed: PosedScan) -> RobotPose | None:
         """
-        Take the next scan.
+        Process the next scan.
 
-        :return: None when it does not say where the robot is.
+        :return: the pose of the robot; None when it is not known.
         """
         self.last_ns = posed.scan.stamp_ns
         if posed.is_cut:
@@ -185,7 +185,7 @@ class Engine:
         return self._record_match(posed, locator.add(posed.scan))
 
     def _is_rejected(self, posed: PosedScan) -> bool:
-        """Return whether a scan would spoil the map, or say that the robot is where it is not."""
+        """Return whether a scan would corrupt the map or the pose."""
         checks, was_wrong = self.checks, self.checks.odometry_is_wrong
         checks.check(posed.scan, posed.base, posed.left_out, posed.are_two)
         if was_wrong and not checks.rejection_reason:
@@ -194,8 +194,8 @@ class Engine:
         return bool(checks.rejection_reason)
 
     def _restart_from_odometry(self) -> None:
-        """Go on where odometry says, if that proves right: nobody saw where the robot went."""
-        self._global_localizer = None  # what it has seen so far may have been seen from elsewhere
+        """Continue at the pose of odometry, which must be verified: the robot moved unobserved."""
+        self._global_localizer = None  # its scans may be from another pose
         here, known = self.last_pose, self._loaded_map
         if self.mode == MAPPING and self.graph is not None:
             known = LoadedMap(self.graph, self.grid if self.drawing.is_done else None)
@@ -205,7 +205,7 @@ class Engine:
         self._begin(known, lambda posed: composed(base, between(before.base, posed.base)))
 
     def _locator_for_first(self, posed: PosedScan) -> Mapper | MapLocalizer | None:
-        """Take the first scan: where is the robot; None: that is not known yet."""
+        """Return what processes the first scan; None while the pose is not known."""
         if self._hint is None:
             self.start_search()
             return None
@@ -229,7 +229,7 @@ class Engine:
         self._unmatched = self._failed_checks = self._passed_checks = 0
         odometry = posed.scan.odometry
         if self.mode == LOCALIZATION or not self._is_verified:
-            self._loaded_map = self._map_with_grid()  # what is not sure adds nothing to the map
+            self._loaded_map = self._map_with_grid()  # an unverified pose must not extend the map
             grid, graph = self._loaded_map.grid, self._loaded_map.graph
             if grid is None:
                 return None
@@ -248,7 +248,7 @@ class Engine:
         return self._mapper
 
     def _map_with_grid(self) -> LoadedMap:
-        """Return the map with its grid, drawn now where there is none."""
+        """Return the map with its grid, which is drawn now if it is missing."""
         known = self._loaded_map or LoadedMap(self.graph)
         if known.grid is None and known.graph is not None and known.graph.keyframes:
             self.finish_drawing()
@@ -256,7 +256,7 @@ class Engine:
         return known
 
     def _record_match(self, posed: PosedScan, located: Located) -> RobotPose:
-        """Note how a scan fitted; a robot that is nowhere looks for itself."""
+        """Record how a scan matched; a lost robot starts a search."""
         if self._mapper is not None:
             self.drawing.set_version(self._mapper.version)
         self._share = located.share
@@ -271,7 +271,7 @@ class Engine:
         return place
 
     def _verify(self, posed: PosedScan, located: Located) -> None:
-        """Believe where it is taken to be, or no longer."""
+        """Verify an assumed pose by a scan, or give it up."""
         if located.is_lost or located.share < _VERIFIED_SHARE:
             self._passed_checks, self._failed_checks = 0, self._failed_checks + 1
             if self._failed_checks >= _FAILED_CHECKS_MOST:
@@ -283,10 +283,10 @@ class Engine:
             if self.mode == MAPPING:
                 self._continue_at(posed, located.pose, located.covariance)
 
-    # ---- where it is -------------------------------------------------------------------------
+    # ---- global search -----------------------------------------------------------------------
 
     def start_search(self) -> None:
-        """Look for the robot on the whole map, as soon as that is drawn."""
+        """Search the whole map for the robot, as soon as the map is drawn."""
         self._is_searching, self._global_localizer, self._is_verified = True, None, False
         self._unmatched = 0
 
@@ -305,10 +305,10 @@ class Engine:
         place = robot_pose_of(posed, Located(found.pose, found.covariance, found.share))
         return replace(place, is_found=True)
 
-    # ---- what can wait -----------------------------------------------------------------------
+    # ---- background work -----------------------------------------------------------------------
 
     def process_pending(self) -> bool:
-        """Do a piece of what can wait, of some 10 ms; True while there is more."""
+        """Do a piece of background work, of some 10 ms; return whether there is more."""
         if not self.drawing.is_done:
             self._draw()
             return True
@@ -323,7 +323,7 @@ class Engine:
                           0 if self._last_scan is None else self._last_scan.posed.scan.stamp_ns)
 
     def finish_drawing(self) -> None:
-        """Draw all that is to be drawn."""
+        """Complete the grid."""
         while not self.drawing.is_done:
             self._draw()
 
@@ -334,35 +334,35 @@ class Engine:
             self._is_searching = False
             self._problem = f'lost: {error.problems[0]}'
 
-    # ---- what there is -----------------------------------------------------------------------
+    # ---- results ---------------------------------------------------------------------------
 
     @property
     def graph(self) -> MapGraph | None:
-        """Return the map as a graph; None of a map without one."""
+        """Return the graph of the map; None for a map without one."""
         if self._mapper is not None:
             return self._mapper.graph
         return None if self._loaded_map is None else self._loaded_map.graph
 
     @property
     def path(self) -> Floats:
-        """Return where ``base_link`` was at the scans that the map is made of; shape (n, 3)."""
+        """Return the poses of ``base_link`` at the keyframes; shape (n, 3)."""
         return keyframe_poses(self.graph, self._last_scan)
 
     @property
     def grid(self) -> GridMap:
-        """Return the map as cells, as it was drawn last."""
+        """Return the last grid of the map."""
         return self.drawing.grid
 
     @property
     def last_pose(self) -> tuple[Floats, PosedScan] | None:
-        """Return where ``base_link`` was at the last scan, and that; None when nobody knows."""
+        """Return the pose of ``base_link`` at the last scan, and that scan; None when unknown."""
         here = self._last_scan
         if here is None or not self._is_verified:
             return None
         return here.posed.mount.base(here.pose), here.posed
 
     def base_at(self, posed: PosedScan) -> Floats | None:
-        """Return where the robot is by odometry since the last scan that said it."""
+        """Return the pose by odometry since the last scan with a known pose."""
         known = self.last_pose
         if known is None:
             return None
@@ -370,18 +370,18 @@ class Engine:
 
     @property
     def is_searching(self) -> bool:
-        """Return whether it looks for the robot on the whole map."""
+        """Return whether the whole map is searched for the robot."""
         return self._is_searching and not self.is_paused
 
     @property
     def is_ambiguous(self) -> bool:
-        """Return whether it does, and places look alike: then the robot has to move."""
+        """Return whether it is, and several places match: then the robot must move."""
         search = self._global_localizer
         return self.is_searching and search is not None and search.is_ambiguous
 
     @property
     def state(self) -> str:
-        """Say in one line what goes on."""
+        """Return the state in one line."""
         if self._problem:
             return self._problem
         if self.is_paused:

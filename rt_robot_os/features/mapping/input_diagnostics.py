@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is wrong with the scans and the odometry that come, in sentences for who looks after it."""
+"""Problems of the incoming scans and odometry, as warnings for the operator."""
 
 from __future__ import annotations
 
@@ -24,28 +24,29 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 
-#: Silence that is told, and for how long it is told what happened.
+#: Time without input that is reported, and for how long an event is reported.
 TIMEOUT_NS: Final = 2 * NS_PER_S
 _REPORTED_NS: Final = 10 * NS_PER_S
 _EVENTS: Final = {
-    'scans_backwards': 'stamps of scans went back or stood still: scans were left out',
-    'odometry_backwards': 'stamps of odometry went back or stood still: samples were left out',
-    'odometry_gaps': 'odometry was silent: scans have to show first where the robot is now',
-    'odometry_jumps': 'odometry jumped: the robot is taken to have stood',
-    'scans_without_odometry': 'scans without odometry at their time were left out',
+    'scans_backwards': 'stamps of scans went back or stood still: scans were dropped',
+    'odometry_backwards': 'stamps of odometry went back or stood still: samples were dropped',
+    'odometry_gaps': 'odometry paused: scans must confirm the pose of the robot first',
+    'odometry_jumps': 'odometry jumped: the robot is assumed to have stood still',
+    'scans_without_odometry': 'scans without odometry at their time were dropped',
 }
-#: Of this share of the scans and more that were skipped it is told.
+#: Share of skipped scans from which on they are reported.
 _SKIPPED_SHARE: Final = 0.2
-#: Stamps of scans and of odometry are further apart than any delay, so many scans in a row.
+#: Clocks differ when the stamps of as many scans in a row are further from those of odometry
+#: than any delay.
 _APART_NS: Final = NS_PER_S
 _APART_SCANS: Final = 10
 
 
 class InputDiagnostics:
     """
-    Watch counters, and when something came last.
+    Watch the counters of the intake, and when inputs last arrived.
 
-    :param counts: what became of scans and odometry.
+    :param counts: of :class:`.ScanIntake`.
     """
 
     def __init__(self, counts: Mapping[str, int]) -> None:
@@ -53,29 +54,29 @@ class InputDiagnostics:
         self._received_ns = dict.fromkeys(('scans', 'odometry'), time.monotonic_ns())
         self._reported = dict.fromkeys(_EVENTS, 0)
         self._event_ns = dict.fromkeys(_EVENTS, -_REPORTED_NS)
-        # When, and how many scans had come and been skipped.
+        # Time, and how many scans had arrived and been skipped.
         self._scans: deque[tuple[int, int, int]] = deque()
         self._behind_ns: deque[int] = deque(maxlen=_APART_SCANS)
 
     def record_stamps(self, scan_ns: int, odometry_ns: int) -> None:
-        """Note the stamp of a scan that comes, and that of the odometry which came last."""
+        """Record the stamp of a new scan, and that of the last odometry."""
         self._behind_ns.append(odometry_ns - scan_ns)
 
     def record_arrival(self, what: str) -> None:
-        """Note that something came: ``scans`` or ``odometry``."""
+        """Record an arrival of ``scans`` or ``odometry``."""
         self._received_ns[what] = time.monotonic_ns()
 
     def silent_inputs(self) -> dict[str, float]:
-        """Return what does not come, and for how many seconds."""
+        """Return the inputs that do not arrive, and for how many seconds."""
         now_ns = time.monotonic_ns()
         return {what: (now_ns - then_ns) / NS_PER_S for what, then_ns in self._received_ns.items()
                 if now_ns - then_ns > TIMEOUT_NS}
 
     def warnings(self, is_connected: bool) -> Iterator[str]:
         """
-        Say what is wrong, a line each; it is asked about once a second.
+        Yield a line for each problem; call it about once a second.
 
-        :param is_connected: whether there is somebody who could send something.
+        :param is_connected: whether there is a core that could send inputs.
         """
         silent = self.silent_inputs()
         for what, for_s in silent.items() if is_connected else ():
@@ -86,7 +87,7 @@ class InputDiagnostics:
         share = self._skipped_share(now_ns)
         if share >= _SKIPPED_SHARE and 'scans' not in silent:
             yield (f'this machine is overloaded: {share:.0%} of the scans were skipped, the '
-                   'newest were taken')
+                   'newest were used')
         for key, text in _EVENTS.items():
             if self._counts[key] > self._reported[key]:
                 self._reported[key], self._event_ns[key] = self._counts[key], now_ns
@@ -94,7 +95,7 @@ class InputDiagnostics:
                 yield text
 
     def _clock_difference(self) -> Iterator[str]:
-        """Say that two clocks differ; who is late now and then is near once in a while."""
+        """Report two clocks that differ; of scans that are merely late some are near in time."""
         if len(self._behind_ns) < _APART_SCANS:
             return
         least_ns = min(self._behind_ns, key=abs)
@@ -112,6 +113,6 @@ class InputDiagnostics:
             scans.popleft()
         (then_ns, came, skipped), (_, comes, skips) = scans[0], scans[-1]
         if now_ns - then_ns < _REPORTED_NS // 2:
-            return 0.0  # too few to say so: while libraries are loaded some are skipped anyway
-        # Some of those that were skipped may have come before.
+            return 0.0  # too short: some are skipped anyway while libraries are loaded
+        # Some of the skipped scans may have arrived before.
         return (skips - skipped) / max(1, comes - came, skips - skipped)

@@ -15,9 +15,9 @@
 """
 The map that a module works with: of a file, of a topic, or of both.
 
-A map on a topic grows while somebody makes it. What comes is checked and copied in pieces; one
-that is none is refused, which is told, and the last good one is kept. With a file as well, what
-nobody has seen yet is as it is there.
+A map on a topic grows while it is made. Each message is checked and copied in pieces. An invalid
+one is rejected with a warning, and the last valid map stays in use. With a file as well, cells
+that are unknown on the topic have the values of the file.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ MAP_MESSAGE = 'nav_msgs/msg/OccupancyGrid'
 
 class LiveMap:
     """
-    The newest good map.
+    The newest valid map.
 
-    :param path: of the YAML file with what is not on the topic's maps yet; empty: none.
-    :param source: where maps come, with the newest only; None: the file is all there is.
-    :param frame_id: of what is placed on the map.
+    :param path: of the YAML file of the base map; empty: none.
+    :param source: of maps, the newest only; None: the map of the file alone is used.
+    :param frame_id: of poses on the map.
     :param owner: name of the module, for errors.
     :raises ConfigError: the file cannot be read, or the frames differ.
     :ivar grid: None before the first.
-    :ivar stamp_ns: moment of the last one of the topic; 0 before that.
-    :ivar seq: its number on the topic; -1 before that.
-    :ivar count: good maps of the topic.
-    :ivar refused: those that were none.
-    :ivar refusal: the last one was refused for this; empty when it was good.
+    :ivar stamp_ns: of the last map of the topic; 0 before the first.
+    :ivar seq: its number on the topic; -1 before the first.
+    :ivar count: valid maps of the topic.
+    :ivar refused: invalid ones.
+    :ivar refusal: why the last one was rejected; empty when it was valid.
     """
 
     def __init__(self, path: str, source: Subscription | None, frame_id: str, owner: str,
@@ -58,7 +58,7 @@ class LiveMap:
         if source is not None and source.msg.header.frame_id != frame_id:
             raise ConfigError([
                 f'{owner}: {source.topic.name} is in the frame {source.msg.header.frame_id!r}, '
-                f'but what is placed on it in {frame_id!r}: declare both in the frame of the map'])
+                f'but poses on it are in {frame_id!r}: declare both in the frame of the map'])
         self.grid = GridMap.load(path) if path else None
         self._base_map = BaseMap(self.grid) if self.grid is not None else None
         self.stamp_ns, self.seq = 0, -1
@@ -75,17 +75,17 @@ class LiveMap:
 
     @property
     def published(self) -> int:
-        """Return how many maps have come on the topic, taken or not."""
+        """Return how many maps were published on the topic, read or not."""
         return self._source.topic.head if self._source is not None else 0
 
     def read_newest(self) -> Generator[None, None, GridMap | None]:
         """
-        Take the newest map, if there is one; yields after each bounded piece of work.
+        Read the newest map, if there is one; yields after each bounded piece of work.
 
-        :return: the map; None when there is no new one that is good.
+        :return: the map; None when there is no new valid one.
         """
         source = self._source
-        # A copy of a large sample is made in pieces; what comes meanwhile changes nothing in it.
+        # A large sample is copied in pieces; samples that arrive meanwhile do not change the copy.
         if source is None or not source.latest():
             return None
         yield
@@ -97,7 +97,7 @@ class LiveMap:
         except ConfigError as error:
             self.refused += 1
             self.refusal = '; '.join(error.problems)
-            self._log.warn('a map on %s was refused, the one before is kept: %s',
+            self._log.warn('a map on %s was rejected, the previous one stays in use: %s',
                            source.topic.name, self.refusal, throttle_s=10.0)
             return None
         self.grid, self.stamp_ns, self.seq, self.refusal = grid, stamp_ns, seq, ''
@@ -106,9 +106,9 @@ class LiveMap:
 
     def advance(self, pieces: int) -> bool:
         """
-        Do some pieces of taking the newest map; safe in the real-time loop.
+        Do some pieces of reading the newest map; safe in the real-time loop.
 
-        :return: whether :attr:`grid` is another one now.
+        :return: whether :attr:`grid` was replaced.
         """
         if self._work is None:
             self._work = self.read_newest()
@@ -122,23 +122,23 @@ class LiveMap:
 
     @property
     def is_reading(self) -> bool:
-        """Return whether a map is being taken."""
+        """Return whether a map is being read."""
         return self._work is not None
 
     @property
     def is_behind(self) -> bool:
-        """Return whether there is a map that was not taken yet, or not wholly."""
+        """Return whether there is a map that was not read completely."""
         return self._work is not None or (self._source is not None and self._source.unread > 0)
 
     def warning(self) -> str:
-        """Say what is wrong with the maps that come; empty when nothing is."""
+        """Return the problem with the maps of the topic; empty without one."""
         if self.refusal:
-            return f'the last map was refused: {self.refusal}'
+            return f'the last map was rejected: {self.refusal}'
         return '' if self.grid is not None or self._source is None else (
             f'no map yet on {self._source.topic.name}')
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell which map it is, and what came."""
+        """Return the size of the map, and the counters."""
         grid = self.grid
         size = f'{grid.columns} x {grid.rows} of {grid.resolution_m:g} m' if grid else ''
         return {'map': size, 'maps': self.count, 'maps_refused': self.refused}
@@ -146,10 +146,10 @@ class LiveMap:
 
 def check_map(path: str, is_live: bool, owner: str) -> None:
     """
-    See whether there is a map at all.
+    Check that a module has a source of maps.
 
-    :raises ConfigError: there is none.
+    :raises ConfigError: it has none.
     """
     if not path and not is_live:
-        raise ConfigError([f'{owner}: map and map_topic are both empty: there is no map; set one '
-                           'of them'])
+        raise ConfigError([f'{owner}: map and map_topic are both empty: there is no map; set '
+                           'one of them'])

@@ -33,7 +33,7 @@ from rt_robot_os.motion.grid_map import GridMap
 MAP_FRAME: Final = 'map'
 _FRAME: Final = MAP_FRAME.encode() + b'\0'
 
-# A header's stamp is set by who carries the message on: the sample has one of its own.
+# The stamp of the header is set by the node: the sample has a stamp of its own.
 _HEAD: Final = struct.Struct(f'<iiI{len(_FRAME)}s')
 _POSE: Final = struct.Struct('<7d36d')
 _GOAL: Final = struct.Struct('<7d')
@@ -41,7 +41,7 @@ _TWIST: Final = struct.Struct('<6d')
 _GRID: Final = struct.Struct('<iifII4x7dI')
 _COUNTS: Final = struct.Struct('<III')
 _PLANE: Final = (0, 1, 5)  # x, y and the turn about z among the six of a covariance
-#: Variance of what a robot on a floor does not do: height, roll and pitch.
+#: Variance of height, roll and pitch, which a robot on a floor does not change.
 _FLAT: Final = 1e-6
 _RANGES_MOST: Final = 100_000
 
@@ -76,7 +76,7 @@ def scan_in(cdr: bytes) -> ScanMessage:
     """
     Read a ``sensor_msgs/msg/LaserScan``.
 
-    :raises ValueError: it is none.
+    :raises ValueError: it is malformed.
     """
     reader = CdrReader(cdr)
     reader.skip(4, 8)
@@ -92,9 +92,9 @@ def scan_in(cdr: bytes) -> ScanMessage:
 
 def odometry_in(cdr: bytes) -> tuple[float, float, float]:
     """
-    Read where a ``nav_msgs/msg/Odometry`` says that the robot is: x, y in m, yaw in rad.
+    Read the pose of a ``nav_msgs/msg/Odometry``: x, y in m, yaw in rad.
 
-    :raises ValueError: it is none, or a number is not finite.
+    :raises ValueError: it is malformed, or a number is not finite.
     """
     reader = CdrReader(cdr)
     reader.skip(4, 8)
@@ -108,7 +108,7 @@ def pose_in(cdr: bytes) -> PoseMessage:
     """
     Read a ``geometry_msgs/msg/PoseWithCovarianceStamped``.
 
-    :raises ValueError: it is none, or a number is not finite.
+    :raises ValueError: it is malformed, or a number is not finite.
     """
     reader = CdrReader(cdr)
     reader.skip(4, 8)
@@ -123,7 +123,7 @@ def pose_in(cdr: bytes) -> PoseMessage:
 def _plane(x: float, y: float, turn: Sequence[float]) -> tuple[float, float, float]:
     length = math.sqrt(sum(each * each for each in turn))
     if not (math.isfinite(x) and math.isfinite(y) and 0.5 < length < 2.0):
-        raise ValueError(f'x {x:g}, y {y:g} and a quaternion of length {length:g} are no pose')
+        raise ValueError(f'x {x:g}, y {y:g} and a quaternion of length {length:g} are not a pose')
     qx, qy, qz, qw = turn
     return x, y, yaw_of(qx, qy, qz, qw)
 

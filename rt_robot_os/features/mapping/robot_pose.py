@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Maps that are there, and places on them."""
+"""Poses of the robot on a map, and loaded maps."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ from rt_robot_os.features.mapping.slam.located import Located
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.motion.grid_map import GridMap
 
-# Gives where ``base_link`` was on the map at a scan; None: not known yet.
+# Returns the pose of ``base_link`` on the map at a scan; None: not known yet.
 Hint = Callable[[PosedScan], Floats | None]
 
 
 @dataclass(frozen=True)
 class RobotPose:
     """
-    Where a scan says that the robot is.
+    The pose of the robot at a scan.
 
     :ivar pose: shape (3,): of ``base_link`` on the map.
     :ivar covariance: shape (3, 3).
-    :ivar correction: how the map moved under the robot; None when it did not.
-    :ivar is_sure: False when odometry alone says it.
-    :ivar is_found: it did not know where it was before.
+    :ivar correction: by how much the map moved under the robot; None when it did not.
+    :ivar is_sure: False when it comes from odometry alone.
+    :ivar is_found: the pose was unknown before.
     """
 
     stamp_ns: int
@@ -56,9 +56,9 @@ class RobotPose:
 @dataclass(frozen=True)
 class LoadedMap:
     """
-    A map that is there.
+    A loaded map.
 
-    :ivar graph: None of one that somebody else made: nothing can be added to it.
+    :ivar graph: None of a map of another program: it cannot be extended.
     """
 
     graph: MapGraph | None
@@ -67,7 +67,7 @@ class LoadedMap:
 
 @dataclass
 class LastScan:
-    """Where the laser was at the last scan."""
+    """The pose of the laser at the last scan."""
 
     posed: PosedScan
     pose: Floats
@@ -75,7 +75,7 @@ class LastScan:
 
 
 def robot_pose_of(posed: PosedScan, located: Located) -> RobotPose:
-    """Return where ``base_link`` was, of where the laser was."""
+    """Return the pose of ``base_link`` for that of the laser."""
     mount = posed.mount
     return RobotPose(posed.scan.stamp_ns, mount.base(located.pose),
                      mount.covariance_of_base(located.pose, located.covariance),
@@ -84,7 +84,7 @@ def robot_pose_of(posed: PosedScan, located: Located) -> RobotPose:
 
 
 def copy_of(graph: MapGraph | None) -> MapGraph | None:
-    """Return the graph as it is now; surfaces never change, poses do. None when it is empty."""
+    """Return a copy of the graph, which shares the immutable surfaces; None when it is empty."""
     if graph is None or not graph.keyframes:
         return None
     return replace(graph, keyframes=[replace(each) for each in graph.keyframes],
@@ -92,7 +92,7 @@ def copy_of(graph: MapGraph | None) -> MapGraph | None:
 
 
 def keyframe_poses(graph: MapGraph | None, last_scan: LastScan | None) -> Floats:
-    """Return where ``base_link`` was at the scans of a map, the laser being where it is now."""
+    """Return the poses of ``base_link`` at the keyframes, with the present mounting."""
     if graph is None or last_scan is None or not graph.keyframes:
         return np.zeros((0, 3))
     return last_scan.posed.mount.bases(np.array([each.pose for each in graph.keyframes]))

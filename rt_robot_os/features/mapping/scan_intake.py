@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What comes from the core, brought together: scans with the odometry of their time.
+Synchronise the scans of the core with odometry.
 
-The thread that reads puts samples in, the one that maps takes scans out. A scan waits until
-odometry covers its last beam. When many wait, mapping is late: the newest goes first then, and
-those before it are left out.
+The thread of the link adds samples, the mapping thread receives scans. A scan waits until odometry
+covers its last beam. When several are ready, mapping is late: then the newest is processed and
+those before it are skipped.
 """
 
 from __future__ import annotations
@@ -53,30 +53,30 @@ from rt_robot_os.features.mapping.slam.transforms import composed
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.features.mapping.slam.two_lasers import TwoLasers
 
-#: Scans that wait; of more the oldest are left out.
+#: Scans that wait at most; beyond that the oldest are dropped.
 SCANS_MOST: Final = 16
-#: From so many that could be mapped on, the newest goes first: those left out lie evenly then.
+#: Ready scans from which on only the newest is processed, so that skipped ones are evenly spaced.
 LATE_SCANS: Final = 2
-#: How long a scan waits for odometry, by the stamps of what comes.
+#: How long a scan waits for odometry, by the stamps of the samples.
 WAIT_NS: Final = NS_PER_S // 2
-#: What is faster is no movement: odometry was set anew.
+#: Odometry that moves faster than this has been reset.
 _FASTEST_M_S: Final = 4.0
 _FASTEST_RAD_S: Final = 12.0
 _JUMP_M: Final = 0.1
 _JUMP_RAD: Final = 0.2
-#: A plane that is tilted by more shows floor and ceiling.
+#: A scan plane that is tilted by more hits floor and ceiling.
 _TILT_MOST_RAD: Final = math.radians(15.0)
 
 
 @dataclass(frozen=True)
 class PosedScan:
     """
-    A scan that can be mapped.
+    A scan with the pose of odometry.
 
     :ivar base: shape (3,): ``base_link`` in the frame of odometry, at its stamp.
-    :ivar left_out: scans that came since the one before and were not taken.
-    :ivar is_cut: what odometry says of the way since the one before is not sure.
-    :ivar are_two: two lasers send on this topic.
+    :ivar left_out: scans since the one before that were skipped.
+    :ivar is_cut: odometry since the one before is not reliable.
+    :ivar are_two: two lasers publish on this topic.
     """
 
     scan: Scan
@@ -91,9 +91,9 @@ class ScanIntake:
     """
     Scans, odometry and poses of the core.
 
-    :param mount_of: gives how the laser of a frame is mounted; None when nobody knows.
-    :param deskew: whether scans say where the laser was at each beam.
-    :ivar counts: what became of all of it.
+    :param mount_of: returns the mounting of the laser of a frame; None when it is unknown.
+    :param deskew: whether scans are corrected for the motion of the laser.
+    :ivar counts: of samples, by what became of them.
     :ivar problem: why scans cannot be used; empty while they can.
     """
 
@@ -112,25 +112,25 @@ class ScanIntake:
         self._waiting: deque[tuple[Sweep, LaserMount]] = deque()
         self._last_scan_ns = self._left_out = 0
         self._lasers = TwoLasers()
-        # What odometry says is put behind this: it went on from where it was when it began anew.
+        # Offset of odometry, so that it continues from the same pose after a restart.
         self._offset: Floats | None = None
         self._raw: tuple[float, float, float] | None = None
         self._is_restarted = False
-        self._cut_ns: int | None = None  # from there on odometry is of another piece
+        self._cut_ns: int | None = None  # from this stamp on odometry is discontinuous
         self._missed = {'scans': 0, 'odometry': 0}
         self._diagnostics = InputDiagnostics(self.counts)
         self._poses: dict[str, tuple[int, PoseMessage]] = {}
 
-    # ---- by the thread that reads ------------------------------------------------------------
+    # ---- in the thread of the link -----------------------------------------------------------
 
     def connected(self) -> None:
-        """Begin to wait for scans and odometry: there is somebody who has them."""
+        """Start to wait for scans and odometry: a core is connected."""
         with self._lock:
             for what in self._missed:
                 self._diagnostics.record_arrival(what)
 
     def core_restarted(self) -> None:
-        """Have odometry begin anew: the robot is taken to stand where it stood."""
+        """Expect odometry to restart: the robot is assumed to have stood still."""
         with self._lock:
             self._is_restarted = self._raw is not None
             self._missed = dict.fromkeys(self._missed, 0)
@@ -138,7 +138,7 @@ class ScanIntake:
             self._poses.clear()
 
     def add_odometry(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
-        """Take a ``nav_msgs/msg/Odometry``."""
+        """Add a ``nav_msgs/msg/Odometry``."""
         with self._lock:
             was_lost = self._count('odometry', missed) > 0
             self._diagnostics.record_arrival('odometry')
@@ -151,7 +151,7 @@ class ScanIntake:
         self.new.set()
 
     def add_scan(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
-        """Take a ``sensor_msgs/msg/LaserScan``."""
+        """Add a ``sensor_msgs/msg/LaserScan``."""
         with self._lock:
             self._count('scans', missed)
             self._diagnostics.record_arrival('scans')
@@ -165,7 +165,7 @@ class ScanIntake:
                 self.counts['scans_backwards'] += 1
                 if stamp_ns > self._last_scan_ns - NS_PER_S:
                     return
-                self._waiting.clear()  # its clock was set back
+                self._waiting.clear()  # the clock of the laser was set back
             self._last_scan_ns = stamp_ns
             self.problem = ''
             if len(self.track):
@@ -175,12 +175,12 @@ class ScanIntake:
                 self.counts['scans_overflowed'] += 1
                 self._left_out += 1
             sweep = self._sweep(stamp_ns, message)
-            self._lasers.update(sweep.ranges)  # here, where each of them comes by
+            self._lasers.update(sweep.ranges)  # here, where every scan passes
             self._waiting.append((sweep, mount))
         self.new.set()
 
     def add_pose(self, topic: str, stamp_ns: int, cdr: memoryview) -> None:
-        """Take a ``geometry_msgs/msg/PoseWithCovarianceStamped``; the newest is kept."""
+        """Store a ``geometry_msgs/msg/PoseWithCovarianceStamped`` as the newest of its topic."""
         try:
             pose = pose_in(bytes(cdr))
         except ValueError as error:
@@ -191,7 +191,7 @@ class ScanIntake:
             self._poses[topic] = stamp_ns, pose
 
     def _count(self, what: str, missed: int) -> int:
-        """Count a sample; return how many were lost on the way since the one before."""
+        """Count a sample; return how many were lost in transit since the one before."""
         lost = max(0, missed - self._missed[what])
         self.counts[what] += 1
         self.counts[f'{what}_missed'] += lost
@@ -204,22 +204,22 @@ class ScanIntake:
 
     def _usable_mount(self, message: ScanMessage) -> LaserMount:
         """
-        Return where the laser is.
+        Return the mounting of the laser.
 
         :raises ValueError: the scan cannot be used.
         """
         if not (len(message.ranges) > 1 and math.isfinite(message.angle_min)
                 and 0.0 < abs(message.angle_increment) * len(message.ranges) < 2.1 * math.tau):
             raise ValueError(f'{len(message.ranges)} beams from {message.angle_min:g} by '
-                             f'{message.angle_increment:g} rad are none of a laser that turns')
+                             f'{message.angle_increment:g} rad are not from a rotating laser')
         mount = self._mount_of(message.frame_id)
         if mount is None:
-            raise ValueError(f'nobody says where {message.frame_id!r} is: give its device '
-                             'mounting_m, or mapping mounting_m and mounting_rad')
+            raise ValueError(f'no transform for frame {message.frame_id!r}: set mounting_m of its '
+                             'device, or mounting_m and mounting_rad of mapping')
         if mount.tilt_rad > _TILT_MOST_RAD:
             raise ValueError(f'{message.frame_id!r} is tilted by '
                              f'{math.degrees(mount.tilt_rad):.0f} degrees (mounting_rad): it must '
-                             'see level')
+                             'be level')
         return mount
 
     def _sweep(self, stamp_ns: int, message: ScanMessage) -> Sweep:
@@ -230,9 +230,9 @@ class ScanIntake:
 
     def _add(self, stamp_ns: int, raw: tuple[float, float, float], was_lost: bool) -> None:
         """
-        Add odometry to the track, in one frame however often it began anew.
+        Add odometry to the track, in one frame across restarts.
 
-        :param was_lost: samples before it were lost on the way: it was not silent.
+        :param was_lost: samples before it were lost in transit: that is no pause.
         """
         track = self.track
         dt_s = (stamp_ns - track.last_ns) / NS_PER_S
@@ -249,7 +249,7 @@ class ScanIntake:
             self._cut_ns = stamp_ns
             self.counts['odometry_restarts' if self._is_restarted else 'odometry_jumps'] += 1
             before = self._placed(self._raw)
-            # From there on odometry says the same, whatever it calls that place now.
+            # From there on odometry continues from the same pose, whatever its own origin is now.
             self._offset = composed(before, between(np.array(raw), np.zeros(3)))
         self._is_restarted = False
         self._raw = raw
@@ -266,7 +266,7 @@ class ScanIntake:
     def _placed(self, raw: tuple[float, float, float]) -> Floats:
         return np.array(raw) if self._offset is None else composed(self._offset, np.array(raw))
 
-    # ---- by the thread that maps -------------------------------------------------------------
+    # ---- in the mapping thread --------------------------------------------------------------
 
     def next(self) -> PosedScan | None:  # noqa: A003
         """Return the next scan that odometry covers; None when there is none yet."""
@@ -291,11 +291,11 @@ class ScanIntake:
                              self._lasers.are_two)
 
     def _ready(self) -> list[tuple[Sweep, LaserMount]]:
-        """Return the scans that are covered; those that never will be are dropped."""
+        """Return the scans that odometry covers; those that it never will are dropped."""
         waiting, track = self._waiting, self.track
         while waiting and self._is_never_covered(waiting[0][0]):
             sweep, _ = waiting.popleft()
-            # Who comes to a robot that runs hears scans of before the first odometry.
+            # A process that connects to a running robot gets scans from before the first odometry.
             is_early = not len(track) or sweep.span_ns[0] < track.first_ns
             self.counts['scans_too_early' if is_early else 'scans_without_odometry'] += 1
             self._left_out += 1
@@ -316,10 +316,10 @@ class ScanIntake:
 
     def pose_at(self, topic: str, stamp_ns: int) -> PoseMessage | None:
         """
-        Return where the newest pose of a topic says that the robot was, by odometry since then.
+        Return the newest pose of a topic, moved on by odometry to a time.
 
-        :param stamp_ns: of a moment that odometry covers.
-        :return: None when there was none, or none that odometry reaches.
+        :param stamp_ns: a time that odometry covers.
+        :return: None when there was no pose, or odometry does not cover it.
         """
         with self._lock:
             found = self._poses.get(topic)
@@ -334,7 +334,7 @@ class ScanIntake:
             return pose._replace(pose=composed(pose.pose, between(then, now)))
 
     def raw_odometry(self, base: Floats) -> Floats:
-        """Return what odometry itself called a place."""
+        """Return a pose in the frame of odometry itself."""
         with self._lock:
             return base if self._offset is None else between(self._offset, base)
 
@@ -350,22 +350,22 @@ class ScanIntake:
 
     @property
     def blocking_problem(self) -> str:
-        """Say in a few words why nothing can be mapped now; empty when nothing hinders it."""
+        """Return in a few words why nothing can be mapped now; empty without a problem."""
         with self._lock:
             return self.problem or ' and '.join(
                 f'no {what}' for what in self._diagnostics.silent_inputs())
 
     def warning(self, is_connected: bool = True) -> str:
         """
-        Say what is wrong with what comes; empty when nothing is. Once a second is enough.
+        Return the problems of the inputs; empty without any. Once a second is enough.
 
-        :param is_connected: whether there is somebody who could send something.
+        :param is_connected: whether there is a core that could send inputs.
         """
         with self._lock:
             lines = self._diagnostics.warnings(is_connected)
             return '; '.join(filter(None, (self.problem, *lines)))
 
     def statistics(self) -> Mapping[str, Any]:
-        """Return the counters, and how many scans wait."""
+        """Return the counters, and the number of waiting scans."""
         with self._lock:
             return {**self.counts, 'scans_waiting': len(self._waiting)}

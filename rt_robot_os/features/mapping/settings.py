@@ -42,7 +42,7 @@ from rt_robot_os.settings.sections import Section
 
 MAPPING: Final = 'mapping'
 LOCALIZATION: Final = 'localization'
-#: Where it begins on the map.
+#: The initial pose on the map.
 POSE: Final = 'pose'
 ORIGIN: Final = 'origin'
 GLOBAL: Final = 'global'
@@ -54,69 +54,71 @@ class MappingSettings:
 
     scan_topic: str = setting('scan', 'Where scans come from: sensor_msgs/msg/LaserScan')
     odom_topic: str = setting('odom', 'Where odometry comes from: nav_msgs/msg/Odometry')
-    pose_topic: str = setting('pose', 'Where localization says where the robot is on the map')
+    pose_topic: str = setting('pose', 'The pose of localization on the map')
     fix_topic: str = setting('stargazer/pose', 'Absolute poses: the map is made in their frame. '
-                             'Empty, or not among the topics of the robot: there are none')
-    initial_pose_topic: str = setting('initialpose', 'Where somebody says where the robot is, '
-                                      'such as RViz; empty: nobody')
+                             'Empty, or no topic of the robot: there are none')
+    initial_pose_topic: str = setting('initialpose', 'Initial poses given by an operator, such as '
+                                      'from RViz; empty: there are none')
     map_file: str = setting('', 'The map that `save` writes and that localization reads, without '
-                            'an ending; when absent map in the folder', is_file=True)
-    folder: str = setting('', 'Folder of what is kept over restarts; when absent mapping-ROBOT '
-                          'in $ROS_HOME or ~/.ros')
-    mode: str = setting(MAPPING, 'mapping: the map grows; localization: it stays as it was saved',
+                            'a suffix; default: map in the folder', is_file=True)
+    folder: str = setting('', 'Folder of the state that survives restarts; default: '
+                          'mapping-ROBOT in $ROS_HOME or ~/.ros')
+    mode: str = setting(MAPPING, 'mapping: the map grows; localization: it stays unmodified',
                         choices=(MAPPING, LOCALIZATION))
-    start: str = setting(POSE, 'Where it begins: pose, where localization says that the robot is; '
-                         'origin, at 0, 0, 0 of the map; global, it looks for itself on the '
-                         'whole map', choices=(POSE, ORIGIN, GLOBAL))
-    resume: bool = setting(True, 'Go on with the map of before')
+    start: str = setting(POSE, 'Initial pose: pose, that of localization; origin, 0, 0, 0 of the '
+                         'map; global, found by a search of the whole map',
+                         choices=(POSE, ORIGIN, GLOBAL))
+    resume: bool = setting(True, 'Continue with the map of the last run')
     cell_m: float = setting(0.05, 'Edge of a cell of the map', 'm', 0.01, 1.0)
-    map_period_s: float = setting(1.0, 'The map is published that often at most, and only when '
-                                  'it has changed', 's', 0.1, 3600.0)
-    state_period_s: float = setting(10.0, 'What was mapped is kept on the disk that often', 's',
+    map_period_s: float = setting(1.0, 'Minimum time between two maps, which are published '
+                                  'only after a change', 's', 0.1, 3600.0)
+    state_period_s: float = setting(10.0, 'Time between two saved states', 's',
                                     1.0, 3600.0)
-    range_max_m: float = setting(20.0, 'What a scan sees farther away says nothing', 'm', 0.5,
+    range_max_m: float = setting(20.0, 'Longer ranges are ignored', 'm', 0.5,
                                  250.0)
-    keyframe_m: float = setting(0.3, 'A scan becomes part of the map after so much way', 'm',
+    keyframe_m: float = setting(0.3, 'Distance after which a scan becomes a keyframe', 'm',
                                 0.02, 10.0)
-    keyframe_rad: float = setting(0.2, 'Or after such a turn', 'rad', 0.02, 3.2)
-    odometry_per_m: float = setting(0.15, 'How wrong odometry may be: standard deviation of a '
-                                    'metre; more for wheels that slip', 'm', 0.001, 1.0)
-    odometry_per_rad: float = setting(0.25, 'And of a turn of 1 rad', 'rad', 0.001, 2.0)
-    deskew: bool = setting(True, 'Each beam counts from where the laser was when it was measured; '
+    keyframe_rad: float = setting(0.2, 'Turn after which it does, too', 'rad', 0.02, 3.2)
+    odometry_per_m: float = setting(0.15, 'Error of odometry: standard deviation after 1 m; '
+                                    'more for wheels that slip', 'm', 0.001, 1.0)
+    odometry_per_rad: float = setting(0.25, 'The same after a turn of 1 rad', 'rad', 0.001, 2.0)
+    deskew: bool = setting(True, 'Correct each beam for the motion of the laser during the scan; '
                            'off for drivers whose time_increment is wrong')
-    mounting_m: tuple[float, ...] = setting((), 'Where the laser is on base_link, for scans of '
-                                            'which the robot does not know it: x, y, z', 'm')
-    mounting_rad: tuple[float, ...] = setting((), 'And how it is turned: roll, pitch, yaw; '
+    mounting_m: tuple[float, ...] = setting((), 'Position of the laser in base_link, if the '
+                                            'robot does not know it: x, y, z', 'm')
+    mounting_rad: tuple[float, ...] = setting((), 'Its orientation: roll, pitch, yaw; '
                                               '[3.1416, 0.0, 0.0] is upside down', 'rad')
-    goal_topic: str = setting('goal_pose', 'Where goals are published while it explores; empty: '
-                              'it cannot')
-    cancel_topic: str = setting('trajectory_cancel', 'What stops the robot when exploring is '
-                                'stopped: std_msgs/msg/Bool; empty: nothing does')
-    planner_state_topic: str = setting('planner/state', 'What the planner says of goals')
-    explore_radius_m: float = setting(0.35, 'Free round the robot at goals: robot_radius_m and '
-                                      'clearance_m of the planner', 'm', 0.01, 5.0)
-    explore_least_m: float = setting(0.4, 'Smallest end of the map that it drives to', 'm', 0.05,
+    goal_topic: str = setting('goal_pose', 'Topic of goals while it explores; empty: it cannot '
+                              'explore')
+    cancel_topic: str = setting('trajectory_cancel', 'Topic that stops the robot when exploring '
+                                'is stopped: std_msgs/msg/Bool; empty: none')
+    planner_state_topic: str = setting('planner/state', 'State of the planner')
+    explore_radius_m: float = setting(0.35, 'Free radius round the robot at goals: '
+                                      'robot_radius_m plus clearance_m of the planner',
+                                      'm', 0.01, 5.0)
+    explore_least_m: float = setting(0.4, 'Smallest frontier that it drives to', 'm', 0.05,
                                      10.0)
-    explore_patience_s: float = setting(30.0, 'A goal is given up after so long without progress',
+    explore_patience_s: float = setting(30.0, 'Time without progress until a goal is given up',
                                         's', 1.0, 600.0)
-    explore_goes_back: bool = setting(True, 'At last it drives back to where it began')
-    find_turns: bool = setting(False, 'It may turn the robot on the spot, unasked, while it looks '
-                               'for itself and places look alike. While it explores it may in '
-                               'any case')
-    find_turn_rad_s: float = setting(0.4, 'How fast it turns then', 'rad/s', 0.05, 2.0)
-    find_topic: str = setting('cmd_vel', 'Where those turns go: geometry_msgs/msg/Twist, to '
-                              'velocity_mux; empty: it never turns')
-    nice: int = setting(5, 'How much it gives way to other programs', '', 0, 19)
-    avoid_cpus: tuple[int, ...] = setting((), 'CPUs that it leaves to the core')
+    explore_goes_back: bool = setting(True, 'At the end it drives back to the start')
+    find_turns: bool = setting(False, 'It may turn the robot on the spot by itself while it '
+                               'searches for its pose and several places match. While it '
+                               'explores it may in any case')
+    find_turn_rad_s: float = setting(0.4, 'Rate of that turn', 'rad/s', 0.05, 2.0)
+    find_topic: str = setting('cmd_vel', 'Topic of the commands of that turn: '
+                              'geometry_msgs/msg/Twist, to velocity_mux; empty: it never '
+                              'turns')
+    nice: int = setting(5, 'Niceness of the process', '', 0, 19)
+    avoid_cpus: tuple[int, ...] = setting((), 'CPUs that are left to the core')
 
     def tuning(self) -> MapperTuning:
-        """Return how it maps."""
+        """Return the tuning of the mapper."""
         return MapperTuning(range_max_m=self.range_max_m, keyframe_m=self.keyframe_m,
                             keyframe_rad=self.keyframe_rad, odometry_per_m=self.odometry_per_m,
                             odometry_per_rad=self.odometry_per_rad)
 
     def mounting(self) -> Mounting | None:
-        """Return where the laser is, as far as it is said here."""
+        """Return the mounting of the laser if it is set here."""
         if not self.mounting_m and not self.mounting_rad:
             return None
         x, y, z = self.mounting_m or (0.0, 0.0, 0.0)
@@ -144,4 +146,4 @@ def _check(section: Section, problems: Problems) -> None:
             section.reject(key, 'three numbers, or none', problems)
     for key in ('scan_topic', 'odom_topic'):
         if section.values.get(key) == '':
-            section.reject(key, 'nothing is mapped without it', problems)
+            section.reject(key, 'mapping needs it', problems)

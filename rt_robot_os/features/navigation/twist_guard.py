@@ -42,12 +42,12 @@ class TwistGuard(Module):
     """
     Pass velocity commands on, limited, and zero when they are too old or not a number.
 
-    A motor board that goes on for long when this computer falls silent is driven slowly.
+    The speed is low for a motor board that runs on for long when this computer stops.
 
-    A command ages from its stamp, the moment at which it entered, and from its arrival: a sender
-    that died, a network that stalls and a ROS side that was killed all end in a standstill after
-    ``timeout_s``. After a gap, in which the core or the machine stood still, only commands count
-    that were given afterwards.
+    The age of a command counts from its stamp, the time at which it entered, and from its arrival:
+    a dead sender, a stalled network and a killed ROS side all end in a standstill after
+    ``timeout_s``. After a gap, in which the core or the machine stood still, only commands that
+    were given afterwards count.
     """
 
     command = Input('cmd_vel', message=_TWIST)
@@ -76,7 +76,7 @@ class TwistGuard(Module):
         self.safe.publish()
 
     def step(self) -> None:
-        """Publish the command in force."""
+        """Publish the active command."""
         command = self.command
         now_ns = command.topic.kernel.now_ns()
         if self._gaps is None:

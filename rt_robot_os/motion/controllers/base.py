@@ -16,8 +16,8 @@
 The interface of a tracking law: one step from a pose and a reference to a velocity.
 
 Laws are written for continuous time, and a command holds for a period. So the gains mean what they
-mean in continuous time, and each law takes those of a held command that have the same poles:
-:class:`HeldGains`. At 50 Hz they are nearly the same, at 300 ms they are a third smaller.
+mean in continuous time, and each law uses those of a held command that have the same poles:
+:class:`HeldGains`. At 50 Hz they are nearly equal, at 300 ms they are a third smaller.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Controller(ABC):
         self.error = (0.0, 0.0, 0.0)
 
     def restart(self) -> None:
-        """Forget what was driven: another reference follows."""
+        """Reset the state: another reference follows."""
         self.error = (0.0, 0.0, 0.0)
 
     @abstractmethod

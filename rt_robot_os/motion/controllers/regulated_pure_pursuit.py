@@ -87,7 +87,7 @@ class RegulatedPurePursuit(Controller):
         self._commanded: Velocity = (0.0, 0.0)
 
     def restart(self) -> None:
-        """Forget what was commanded."""
+        """Reset the last command."""
         super().restart()
         self._commanded = (0.0, 0.0)
 
@@ -167,7 +167,7 @@ def carrot(path: Path, pose: Pose, nearest_m: float, lookahead_m: float) -> Poin
     cosine, sine = math.cos(yaw), math.sin(yaw)
     xs, ys, last = path.x, path.y, path.last
     square = lookahead_m * lookahead_m
-    # Along the path no point is farther away than along the robot's way over the nearest one.
+    # No point along the path is farther away than over the one nearest to the robot.
     px, py = path.at(nearest_m)[:2]
     surely_inside = max(0.0, lookahead_m - math.hypot(px - x, py - y))
     i = min(last, math.ceil((nearest_m + surely_inside) / path.spacing_m))

@@ -39,8 +39,8 @@ def make_controller(name: str, gains: Mapping[str, Any] = {}) -> Controller:
     Make a tracking law; not for the hot path.
 
     :param name: one of :data:`CONTROLLERS`.
-    :param gains: by the names of its dataclass, or with the law's name before them as
-        :func:`gain_fields` has them; for one that is missing its default counts.
+    :param gains: by the names of its dataclass, or prefixed with the name of the law as in
+        :func:`gain_fields`; a missing one has its default.
     """
     law: Any = CONTROLLERS[name]
     prefix = f'{name}_'

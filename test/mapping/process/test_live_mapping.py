@@ -132,7 +132,7 @@ def test_it_maps_saves_and_goes_on_after_it_was_killed(beheld: Beheld, tmp_path:
     beheld.until(lambda: beheld.live.store.counts['states_kept'] > kept, 'the state on the disk')
     beheld.kill()
     beheld.begin()
-    assert any('going on with' in each for each in beheld.told)
+    assert any('continuing with' in each for each in beheld.told)
     beheld.drive(66, 75)
     assert beheld.off().max() < 0.08 and beheld.live.engine.found == 0
     again = beheld.live.engine.graph
@@ -166,7 +166,7 @@ def test_commands_that_cannot_be_done_say_why_and_keep_the_map(beheld: Beheld, t
     (tmp_path / 'torn.yaml').write_text('image: torn.pgm\nresolution: 0.05\n')
     (tmp_path / 'file').write_text('')
     for command, why in (
-            ('fly', 'no such command'), ('', 'no such command'), ('reset now', 'takes nothing'),
+            ('fly', 'no such command'), ('', 'no such command'), ('reset now', 'has no argument'),
             ('load', 'needs the path'), ('load nowhere', 'does not exist'),
             ('load nowhere.yaml', 'does not exist'), (f'load {tmp_path}/torn.yaml', 'origin'),
             (f'save {tmp_path}/none/x', 'folder does not exist'),

@@ -97,17 +97,17 @@ def test_lines_of_newer_logs_say_their_angles_and_may_say_how_bright_ranges_were
     assert scans[1].ranges.tolist() == [1, 2, 3] and scans[1].stamp_ns == 10 ** 9
     assert (scans[0].angle_min, scans[0].angle_increment) == (-1.5, 1.5)
     assert log.bad == 1
-    assert log.problems[0].startswith('1 scans of a second kind of line were left out')
+    assert log.problems[0].startswith('1 scans of a second kind of line were skipped')
 
 
 @pytest.mark.parametrize('text, code, says', [
     ('Dear diary, today I drove.\n', 2, 'no scan in it: neither rows of a CSV with ranges nor'),
     (HEAD, 2, 'no scan in it that could be read'),
     ('0,0,0,0,0,0,0,1,1,1\n', 2, ':1: the first line of a CSV must say what its columns are'),
-    (HEAD + '0,0,0,0,0,0,0,1,1\n', 2, 'line 2: 9 values, where the first line of the file says'),
+    (HEAD + '0,0,0,0,0,0,0,1,1\n', 2, 'line 2: 9 values instead of'),
     (HEAD + '0,0,nan,0,0,0,0,1,1,1\n', 2, 'line 2: time and poses must be finite: 0, 0, nan'),
     (HEAD + '1,0,0,0,0,0,0,1,,1\n1,x,0,0,0,0,0,1,1,1\n', 0,
-     'left out: 1; the first is line 3: could not convert'),
+     'skipped: 1; the first is line 3: could not convert'),
     (HEAD + '0,0,0,0,0,0,0,inf,inf,nan\n' * 3, 2, 'none of its 3 scans has a range between'),
     (HEAD + '1,0,0,0,0,0,0,1,1,1\n', 0, '1 scans over 0 m, 1 kept'),
     (HEAD + '1,0,0,0,0,0,0,1,1,1\n0,0,0,0,0,0,0,1,1,1\nx\n', 0,
@@ -147,7 +147,7 @@ def test_relations_of_a_log_with_lines_left_out_are_not_trusted(
     relations = tmp_path / 'relations.csv'
     relations.write_text('i,j,dx,dy,dyaw\n0,1,0,0,0\n')
     assert run(['--bag', str(log), '--relations', str(relations)]) == 0
-    assert 'they may be held against others' in capsys.readouterr().out
+    assert 'they may refer to other scans' in capsys.readouterr().out
 
 
 def test_a_log_that_is_cut_off_is_read_up_to_there(
@@ -160,7 +160,7 @@ def test_a_log_that_is_cut_off_is_read_up_to_there(
     path.write_bytes(packed[:len(packed) // 2])
     log = TextLog(path)
     assert 500 < len(list(log.scans())) < 2000
-    assert 'is cut off or damaged: it was read up to there' in log.problems[0]
+    assert 'is truncated or damaged: it was read up to that point' in log.problems[0]
 
 
 def test_a_carmen_log_that_is_cut_off_before_it_could_be_judged_is_read_up_to_there(
@@ -172,7 +172,7 @@ def test_a_carmen_log_that_is_cut_off_before_it_could_be_judged_is_read_up_to_th
     path.write_bytes(packed[:len(packed) // 2])
     log = TextLog(path)
     assert 20 < len(list(log.scans())) < 150
-    assert 'is cut off or damaged: it was read up to there' in log.problems[0]
+    assert 'is truncated or damaged: it was read up to that point' in log.problems[0]
 
 
 def test_options_of_bags_are_refused_for_a_log(

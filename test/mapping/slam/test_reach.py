@@ -132,7 +132,7 @@ def test_mapping_leaves_it_out_says_so_once_and_an_option_overrides_it(
                     str(report), *options]) == 0
         said = capsys.readouterr().out
         reports.append(json.loads(report.read_text()))
-        assert said.count('reports its reach') == (name == 'reach')
+        assert said.count('reports its maximum range') == (name == 'reach')
     true, reach, given = reports
     assert reach['reach_m'] == REACH_M and true['reach_m'] is given['reach_m'] is None
     assert sum('6.00 m' in each and '--range-max' in each for each in reach['problems']) == 1

@@ -223,7 +223,8 @@ def test_files_of_two_maps_are_not_taken_for_one(tmp_path: Path) -> None:
     save(tmp_path / 'a', a_graph(1), a_grid(1))
     save(tmp_path / 'b', a_graph(2), a_grid(2))
     (tmp_path / 'a.graph.npz').replace(tmp_path / 'b.graph.npz')
-    with pytest.raises(ConfigError, match=r'b\.graph\.npz: is not of the map .*delete the graph'):
+    with pytest.raises(ConfigError,
+                       match=r'b\.graph\.npz: does not belong to the map .*delete the graph'):
         load(tmp_path / 'b')
     assert load(tmp_path / 'b', with_graph=False).graph is None
     assert load(tmp_path / 'a').graph is None
@@ -237,19 +238,19 @@ def test_a_picture_that_was_painted_on_is_told(tmp_path: Path) -> None:
     GridMap(cells, grid.resolution_m, grid.origin).save(tmp_path / 'm.yaml')
     saved = load(tmp_path / 'm')
     assert saved.graph is not None and np.array_equal(saved.grid.cells, cells)
-    assert '3 cells are not as they were saved' in saved.notes[0]
+    assert '3 cells differ from the saved ones' in saved.notes[0]
 
 
 @pytest.mark.parametrize('name, value, says', [
     ('version', np.array([2]), 'newer release'),
     ('version', np.array(['1']), 'damaged: an array of'),
     ('points', np.zeros((1, 2), np.int16), 'points is int16 of shape'),
-    ('point_counts', np.array([-1, 2, 3], np.int32), 'less than no points'),
+    ('point_counts', np.array([-1, 2, 3], np.int32), 'negative number of points'),
     ('point_counts', np.array([2 ** 31 - 1] * 3, np.int32), 'points is int16'),
     ('poses', np.full((3, 3), np.nan), 'not finite'),
     ('poses', None, 'poses is missing'),
-    ('edges', np.array([[0, 9, 0], [0, 1, 0]], np.int32), 'keyframe that is not there'),
-    ('fix_at', np.array([3], np.int32), 'absolute pose is of a keyframe that is not'),
+    ('edges', np.array([[0, 9, 0], [0, 1, 0]], np.int32), 'refers to a missing keyframe'),
+    ('fix_at', np.array([3], np.int32), 'absolute pose refers to a missing keyframe'),
     ('settings', np.frombuffer(b'[' * 9000, np.uint8), 'is damaged'),
 ])
 def test_a_graph_that_was_made_up_is_refused(

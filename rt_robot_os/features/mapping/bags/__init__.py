@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of ROS 2 as logs of scans: MCAP and SQLite, whole or not, of ours and of others."""
+"""Recordings of ROS 2 as logs of scans: MCAP and SQLite, intact or damaged."""

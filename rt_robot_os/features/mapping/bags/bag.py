@@ -48,7 +48,7 @@ _FILES_MOST: Final = 10_000
 
 def is_bag(path: Path) -> bool:
     """
-    Return whether a path is a bag of ROS, by its first bytes; any folder counts as one.
+    Return whether a path is a ROS bag, by its first bytes; any folder counts as one.
 
     :raises OSError: it cannot be read.
     """
@@ -60,9 +60,9 @@ class BagReader:
     A bag.
 
     :param path: a file or a folder.
-    :raises ConfigError: it is no bag, or its storage needs a library that is missing.
-    :ivar findings: what is in it, and what is wrong with it.
-    :ivar files: of which it consists, in their order.
+    :raises ConfigError: it is not a bag, or needs a library that is missing.
+    :ivar findings: its content and problems.
+    :ivar files: its files, in their order.
     :ivar size_bytes: of all of them.
     """
 
@@ -74,7 +74,7 @@ class BagReader:
 
     def look(self) -> dict[str, str]:
         """
-        Find the topics: of the files, until there is one with some.
+        Find the topics, in the first file that has any.
 
         :return: types by name.
         """
@@ -109,7 +109,7 @@ def _magic(path: Path) -> bytes:
 
 
 def _files_of(folder: Path, findings: Findings) -> list[Path]:
-    """Return the files that the metadata of a folder names, or else those that look like some."""
+    """Return the files that the metadata of a folder names, or else those with their suffixes."""
     named = [folder / each for each in _named(folder, findings)]
     missing = [each.name for each in named if not each.is_file()]
     if missing:
@@ -120,7 +120,7 @@ def _files_of(folder: Path, findings: Findings) -> list[Path]:
         found = sorted((each for each in folder.iterdir()
                         if each.name.endswith(_SUFFIXES)), key=_number)
     if not found:
-        raise ConfigError([f'{folder}: no bag of ROS 2 in it: neither .mcap nor .db3 files'])
+        raise ConfigError([f'{folder}: does not contain a bag of ROS 2: no .mcap or .db3 files'])
     return found[:_FILES_MOST]
 
 
@@ -141,28 +141,28 @@ def _named(folder: Path, findings: Findings) -> list[str]:
         for topic in about.get('topics_with_message_count') or ():
             data = topic['topic_metadata']
             findings.types.setdefault(str(data['name']), str(data['type']))
-        # Only names: a path out of the folder is none of a bag.
+        # Names only: a bag has no paths outside of its folder.
         return [Path(str(each)).name for each in about['relative_file_paths']]
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError,
             yaml.YAMLError) as error:
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
         findings.types.clear()
-        findings.problems.append(f'{file} cannot be read ({text}): the files beside it are')
+        findings.problems.append(f'{file} cannot be read ({text}): the files next to it are used')
         return []
 
 
 def _opener(path: Path) -> Callable[[Path, Findings], StorageFile]:
-    """Return what reads a file, by its name where it is packed, and else by its first bytes."""
+    """Return the reader of a file, by its name if it is compressed, else by its first bytes."""
     magic = _magic(path)
     if magic.startswith(_ROS_1):
-        raise ConfigError([f'{path}: a bag of ROS 1: make one of ROS 2 of it (pip install '
+        raise ConfigError([f'{path}: a bag of ROS 1: convert it to ROS 2 (pip install '
                            f'rosbags; rosbags-convert --src {path.name} --dst NEW)'])
     if magic.startswith(ZSTD):
         is_sqlite = path.name.removesuffix('.zstd').endswith('.db3')
     elif magic.startswith((_MCAP, _SQLITE)):
         is_sqlite = magic.startswith(_SQLITE)
     else:
-        raise ConfigError([f'{path}: no bag of ROS 2: it begins neither as MCAP nor as SQLite'])
+        raise ConfigError([f'{path}: not a bag of ROS 2: it starts neither as MCAP nor as SQLite'])
     if is_sqlite:
         return SqliteFile
     try:
@@ -175,7 +175,7 @@ def _opener(path: Path) -> Callable[[Path, Findings], StorageFile]:
 
 @contextmanager
 def _plain(path: Path) -> Iterator[Path]:
-    """Give a file as it is, or a copy without its compression as long as it is used."""
+    """Yield a file unmodified, or a temporary decompressed copy."""
     if not _magic(path).startswith(ZSTD):
         yield path
         return
@@ -186,5 +186,5 @@ def _plain(path: Path) -> Iterator[Path]:
             try:
                 zstandard.ZstdDecompressor().copy_stream(packed, file)
             except zstandard.ZstdError:
-                pass  # cut off or damaged: what there is shows when it is read
+                pass  # truncated or damaged: the reader finds out
         yield plain

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The scans of a bag with where odometry was at each: what a log is to a mapper."""
+"""The scans of a bag with the pose of odometry at each, for a mapper."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ from rt_robot_os.messages.cdr import CdrReader
 
 #: Scans that wait for odometry, or for the frames of the robot.
 _WAITING_MOST: Final = 100
-#: Transforms that are kept until it is known which of them are odometry.
+#: Transforms that are stored until it is known which of them are odometry.
 _EARLY_MOST: Final = 1000
-#: Scans and odometry stamped by clocks that are further apart do not fit together.
+#: Largest difference between the clocks of scans and odometry.
 _CLOCKS_NS: Final = 5 * NS_PER_S
 _TILT_RAD: Final = math.radians(10.0)
 
@@ -60,11 +60,11 @@ _TILT_RAD: Final = math.radians(10.0)
 @dataclass(frozen=True)
 class BagOptions:
     """
-    What a command line says of a bag.
+    Options of a command line for a bag.
 
-    :ivar scan_topic: '' for the one that there is; so ``odom_topic``.
-    :ivar laser: where the laser is on the robot; None takes it from the bag.
-    :ivar session: of a recording of ours; None for the first.
+    :ivar scan_topic: '' for the only one; so ``odom_topic``.
+    :ivar laser: mounting of the laser; None: that in the bag.
+    :ivar session: of a recording by `record`; None for the first.
     """
 
     scan_topic: str = ''
@@ -77,10 +77,10 @@ class BagLog:
     """
     The scans of a bag.
 
-    :raises ConfigError: it cannot be read, or nobody can say which topics are meant.
-    :ivar topics: that are read.
-    :ivar problems: sentences about what was wrong, complete when all scans were read.
-    :ivar counts: of what was left out or taken as best it could, by what it was.
+    :raises ConfigError: it cannot be read, or the choice of topics is ambiguous.
+    :ivar topics: the ones that are read.
+    :ivar problems: a sentence for each problem, complete when all scans were read.
+    :ivar counts: of dropped and doubtful samples, by kind.
     :ivar mount: of the laser; None until it is known.
     """
 
@@ -199,7 +199,7 @@ class BagLog:
             self.counts['odometry backwards'] += 1
 
     def _stamp(self, stamp_ns: int, message: BagMessage) -> int:
-        """Return the stamp of a message; when it was recorded, where clocks do not fit."""
+        """Return the stamp of a message; its recording time, if the clocks differ."""
         kind = 'scans' if message.topic == self.topics.scan else 'odometry'
         self._skews.setdefault(kind, stamp_ns - message.log_ns)
         if len(self._skews) == 2 and not self._uses_log_time:
@@ -212,7 +212,7 @@ class BagLog:
         self._uses_log_time = True
         self.problems.append(
             f'scans and odometry are stamped by clocks that are {apart_ns / NS_PER_S:.3g} s '
-            'apart: the times of recording are taken')
+            'apart: the times of recording are used')
         self.counts['without odometry'] += len(self._waiting)
         self._waiting.clear()
         self._track.clear()
@@ -245,7 +245,7 @@ class BagLog:
             yield scan_of(sweep, self._track, self.mount)
 
     def _knows_mount(self, frame: str, is_due: bool) -> bool:
-        """Find out where the laser is on the robot, and what of it odometry is of."""
+        """Determine the mounting of the laser, and the frame of odometry."""
         if not self.topics.odometry and not self._base:
             self._base = self._frames.odometry_link(frame) or (
                 self._frames.odometry_link_of_any() if is_due or self.mount else '')
@@ -261,27 +261,26 @@ class BagLog:
                 if self.mount.tilt_rad > _TILT_RAD:
                     self.problems.append(
                         f'the laser {frame} is tilted by {math.degrees(self.mount.tilt_rad):.0f} '
-                        'degrees: a map in the plane does not fit it')
+                        'degrees: it cannot make a map in the plane')
             elif is_due:
                 self.mount = LaserMount(np.zeros(3))
                 self.problems.append(
-                    f'the bag does not say where {frame or "the laser"} is on {self._base}: it is '
-                    'taken to be in its middle and to look ahead; --laser X,Y,YAW says where')
+                    f'the bag has no transform from {self._base} to {frame or "the laser"}: it is '
+                    'assumed to be zero; set it with --laser X,Y,YAW')
         return self.mount is not None
 
     def _tell(self) -> None:
-        """Say what was left out, and what was taken as best it could."""
+        """Report dropped and doubtful samples."""
         self.problems.extend(self._sessions.problems)
         self.problems.extend(self._bag.findings.problems)
         counts = self.counts
         for count, text in (
-                (self.bad, 'messages were damaged and left out'),
-                (counts['backwards'], 'scans were stamped before others that came first, and left '
-                                      'out'),
-                (counts['odometry backwards'], 'messages of odometry were stamped before others '
-                                               'that came first, and left out'),
-                (counts['without odometry'], 'scans had no odometry at their time, and were left '
-                                             'out'),
+                (self.bad, 'messages were damaged and dropped'),
+                (counts['backwards'], 'scans were stamped before earlier ones, and dropped'),
+                (counts['odometry backwards'], 'messages of odometry were stamped before earlier '
+                                               'ones, and dropped'),
+                (counts['without odometry'], 'scans had no odometry at their time, and were '
+                                             'dropped'),
                 (counts['gaps'], 'scans lie in gaps of odometry of more than 0.5 s')):
             if count:
                 self.problems.append(f'{count} {text}')

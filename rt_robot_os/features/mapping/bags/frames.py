@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where frames are on a robot, by the transforms of a bag."""
+"""The frames of a robot, from the transforms of a bag."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def transforms_in(cdr: bytes) -> list[Transform]:
     """
     Read a ``tf2_msgs/msg/TFMessage``.
 
-    :raises ValueError: it is none.
+    :raises ValueError: it is malformed.
     """
     reader = CdrReader(cdr)
     count = reader.count()
@@ -54,7 +54,7 @@ def transforms_in(cdr: bytes) -> list[Transform]:
         x, y, z, qx, qy, qz, qw = reader.doubles(7)
         length = (qx * qx + qy * qy + qz * qz + qw * qw) ** 0.5
         if not (0.5 < length < 2.0 and abs(x) + abs(y) + abs(z) < 1e9):
-            raise ValueError(f'{parent} -> {child} is no transform')
+            raise ValueError(f'{parent} -> {child} is not a transform')
         turn = roll_pitch_yaw_of(qx / length, qy / length, qz / length, qw / length)
         found.append(Transform(stamp_ns, child, Mounting((x, y, z), turn, parent)))
     return found
@@ -62,7 +62,7 @@ def transforms_in(cdr: bytes) -> list[Transform]:
 
 class Frames:
     """
-    The frames that are known, each with what carries it.
+    The known frames, each with its parent.
 
     :ivar links: by the name of the frame.
     """
@@ -72,7 +72,7 @@ class Frames:
         self._moving: set[str] = set()
 
     def add(self, transform: Transform, is_fixed: bool) -> None:
-        """Take a transform; one that would close a circle, or is one too many, is left out."""
+        """Add a transform, unless it would close a cycle or exceed the limit."""
         child, parent = transform.child, transform.mounting.parent
         if child not in self.links:
             if len(self.links) >= _FRAMES_MOST or child in self.chain(parent):
@@ -84,14 +84,14 @@ class Frames:
             self._moving.add(child)
 
     def chain(self, frame: str) -> list[str]:
-        """Return a frame and all that carry it, from one to the next."""
+        """Return a frame and all its ancestors, in order."""
         found = [frame]
         while found[-1] in self.links:
             found.append(self.links[found[-1]].parent)
         return found
 
     def seen_from(self, frame: str, base: str) -> Mounting | None:
-        """Return where a frame is in another that carries it; None when it does not."""
+        """Return the pose of a frame in an ancestor; None when it is not one."""
         chain = self.chain(frame)
         if base not in chain:
             return None
@@ -100,9 +100,9 @@ class Frames:
 
     def odometry_link(self, laser: str) -> str:
         """
-        Return the frame that moves in that of odometry and carries the laser; '' without one.
+        Return the moving frame in the frame of odometry that carries the laser; '' without one.
 
-        It is the one in ``odom``, or else the last that moves and is not in ``map``.
+        It is the child of ``odom``, or else the last moving one that is not a child of ``map``.
         """
         carrying = [each for each in self.chain(laser)[:-1] if each in self._moving]
         for frame in carrying:
@@ -113,6 +113,6 @@ class Frames:
         return moving[-1] if moving else ''
 
     def odometry_link_of_any(self) -> str:
-        """Return a frame that moves in ``odom``, whatever it carries; '' without one."""
+        """Return any moving child of ``odom``; '' without one."""
         return next((each for each in self.links if each in self._moving
                      and self.links[each].parent.rpartition('/')[2] == _ODOM), '')

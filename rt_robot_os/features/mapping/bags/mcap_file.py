@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A file of MCAP as a bag of ROS 2: chunks or none, with or without its end, damaged or not."""
+"""An MCAP file as a bag of ROS 2: chunked or not, also truncated or damaged."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from rt_robot_os.recording.mcap_records import parsed
 from rt_robot_os.recording.mcap_records import summary_definitions
 from rt_robot_os.recording.mcap_records import unpacked
 
-#: So much of a file without a summary is looked through for its topics.
+#: Beginning of a file without a summary that is searched for its topics.
 _BEGINNING_BYTES: Final = 64 << 20
 
 
@@ -48,7 +48,7 @@ class McapFile:
     """
     One file of MCAP.
 
-    :raises ConfigError: it is none, or cannot be read.
+    :raises ConfigError: it is malformed, or cannot be read.
     """
 
     def __init__(self, path: Path, findings: Findings) -> None:
@@ -65,12 +65,12 @@ class McapFile:
         if not self._topics:
             told = len(findings.problems), findings.lost
             for _ in self._records(_BEGINNING_BYTES):
-                pass  # definitions are taken on the way
-            del findings.problems[told[0]:]  # they are told when the file is read
+                pass  # definitions are collected while reading
+            del findings.problems[told[0]:]  # they are reported when the file is read
             findings.lost = told[1]
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
-        """Yield the messages of some topics, as far as the file is whole."""
+        """Yield the messages of some topics, as far as the file is intact."""
         for message in self._records(None):
             topic = self._topics.get(message.channel, '')
             if topic in topics:
@@ -80,7 +80,7 @@ class McapFile:
                     self._findings.lost += 1
 
     def _records(self, most_bytes: int | None) -> Iterator[Message]:
-        """Yield all messages, and note what cannot be read."""
+        """Yield all messages, and record what cannot be read."""
         findings, damaged = self._findings, 0
         try:
             for offset, kind, content in file_records(self._path):
@@ -94,7 +94,7 @@ class McapFile:
                 except DamagedRecordError:
                     damaged += 1
             else:
-                findings.problems.append(f'{self._path} is cut off: it was read up to there')
+                findings.problems.append(f'{self._path} is truncated: it was read up to there')
         except DamagedRecordError as error:
             findings.problems.append(f'{self._path} is damaged: it was read up to there ({error})')
         except RecordingError as error:
@@ -102,7 +102,7 @@ class McapFile:
         except OSError as error:
             findings.problems.append(f'{self._path} cannot be read to its end: {error.strerror}')
         if damaged:
-            findings.problems.append(f'{self._path}: {damaged} damaged records were left out')
+            findings.problems.append(f'{self._path}: {damaged} damaged records were skipped')
 
     def _messages(self, kind: int, content: bytes) -> Iterator[Message]:
         if kind == Opcode.CHUNK:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What our own recordings say besides their messages: the session, and where the devices are."""
+"""Metadata of recordings by `record`: the session, and the mountings of devices."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from rt_robot_os.motion.mounting import Mounting
 
 class RecordingSessions:
     """
-    The sessions of a recording; of a bag of others there is none.
+    The sessions of a recording; a bag of another program has none.
 
-    After each start of the core its odometry begins anew, so that one session alone is mapped.
+    Odometry restarts with the core, so only one session is mapped.
 
     :param wanted: its number; None for the first.
     :raises ConfigError: there is no such session.
-    :ivar mountings: where the devices of the robot are.
-    :ivar problems: what was left out.
+    :ivar mountings: of the devices of the robot.
+    :ivar problems: what was skipped.
     """
 
     def __init__(self, files: Sequence[Path], wanted: int | None) -> None:
@@ -56,7 +56,7 @@ class RecordingSessions:
         others = sorted(set(settings) - {self._chosen})
         if others:
             self.problems.append(
-                f'this is session {self._chosen}; the core was started again meanwhile: choose '
+                f'this is session {self._chosen}; the core was restarted meanwhile: choose '
                 f'{", ".join(map(str, others))} with --session for the others')
         if self._chosen is not None and settings[self._chosen]:
             self.mountings = _mountings(str(settings[self._chosen]))
@@ -67,17 +67,17 @@ class RecordingSessions:
 
 
 def _beginning(file: Path) -> tuple[int, str | None] | None:
-    """Return the number of the session and the settings of a file; None when it is not ours."""
+    """Return session number and settings of a file; None when it is not by `record`."""
     try:
         from rt_robot_os.recording.reading import beginning_of
-        facts, settings = beginning_of(file, [])  # told by who reads the messages
+        facts, settings = beginning_of(file, [])  # reported by the reader of the messages
     except (RecordingError, ImportError, OSError):
-        return None  # whoever reads the messages says why
+        return None  # the reader of the messages reports it
     return None if facts is None else (facts.number, settings)
 
 
 def _mountings(settings: str) -> dict[str, Mounting]:
-    """Read where the frames of the devices are; none of settings that do not say it."""
+    """Return the mountings in the settings; none if they have none."""
     try:
         frames: list[dict[str, Any]] = json.loads(settings).get('frames') or []
         found = {}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A file of SQLite as a bag of ROS 2, as `ros2 bag` wrote it before it took to MCAP."""
+"""An SQLite file as a bag of ROS 2, the format of `ros2 bag` before MCAP."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rt_robot_os.features.mapping.bags.storage import CDR
 from rt_robot_os.features.mapping.bags.storage import Findings
 from rt_robot_os.features.mapping.bags.storage import whole_message
 
-#: Messages that are passed over at a damaged place, at first; then twice as many.
+#: Messages that are skipped at a damaged place; the number doubles each time.
 _JUMP: Final = 16
 _MOST: Final = 1 << 40
 
@@ -40,7 +40,7 @@ class SqliteFile:
     """
     One file of SQLite.
 
-    :raises ConfigError: it is none, or no bag.
+    :raises ConfigError: it is not SQLite, or not a bag.
     """
 
     def __init__(self, path: Path, findings: Findings) -> None:
@@ -58,19 +58,19 @@ class SqliteFile:
                     findings.types.setdefault(
                         str(name), str(kind) if form == CDR else f'{kind} as {form}')
         except sqlite3.Error as error:
-            raise ConfigError([f'{path}: no bag of ROS 2 that can be read: {error}']) from error
+            raise ConfigError([f'{path}: not a readable bag of ROS 2: {error}']) from error
 
     def _opened(self) -> sqlite3.Connection:
-        # A bag that was not closed has its newest messages in a journal beside it.
+        # A bag that was not closed has its newest messages in a separate journal.
         journal = self._path.with_name(self._path.name + '-wal')
         mode = 'mode=ro' if journal.exists() else 'immutable=1'
         bag = sqlite3.connect(f'file:{quote(str(self._path.absolute()))}?{mode}', uri=True)
-        # Otherwise a file that is shorter than it says is not read at all.
+        # Otherwise a truncated file is not read at all.
         bag.execute('PRAGMA writable_schema = ON')
         return bag
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
-        """Yield the messages of some topics as they were written, as far as they can be read."""
+        """Yield the messages of some topics in their order, as far as they can be read."""
         wanted = [number for number, name in self._topics.items() if name in topics]
         first, jump, error = 0, _JUMP, None
         with closing(self._opened()) as bag:
@@ -86,12 +86,12 @@ class SqliteFile:
                         yield from self._message(topic, log_ns, data)
                     break
                 except sqlite3.Error as found:
-                    # A page is gone; behind it there may be others.
+                    # A page is lost; there may be intact ones after it.
                     jump, error = (_JUMP if number >= first else 2 * jump), error or found
                     first = number + jump
         if error is not None:
             self._findings.problems.append(
-                f'{self._path} is damaged or cut off: what can be read of it is used ({error})')
+                f'{self._path} is damaged or truncated: its readable part is used ({error})')
 
     def _message(self, topic: int, log_ns: Any, data: Any) -> Iterator[BagMessage]:
         try:
@@ -104,7 +104,7 @@ class SqliteFile:
 
 
 def _last(bag: sqlite3.Connection) -> int:
-    """Return the highest number of a message, or what is beyond it when nobody can say."""
+    """Return the highest number of a message, or a larger number when it is unknown."""
     try:
         return int(bag.execute('SELECT max(id) FROM messages').fetchone()[0] or 0)
     except (sqlite3.Error, TypeError, ValueError):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What all storages of bags have in common: topics, messages in their order, what is wrong."""
+"""The common interface of bag storages: topics, messages in order, problems."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rt_robot_os.base.needs import require
 SCAN: Final = 'sensor_msgs/msg/LaserScan'
 ODOMETRY: Final = 'nav_msgs/msg/Odometry'
 TRANSFORMS: Final = 'tf2_msgs/msg/TFMessage'
-#: A message of more is no scan, and none of the others.
+#: Largest message that is read.
 MESSAGE_BYTES_MOST: Final = 16 << 20
 #: Packed by `ros2 bag record --compression-mode message`.
 ZSTD: Final = b'\x28\xb5\x2f\xfd'
@@ -53,11 +53,11 @@ class BagMessage(NamedTuple):
 @dataclass
 class Findings:
     """
-    What a reader found besides messages.
+    Topics and problems of a bag.
 
     :ivar types: of all topics, by name.
-    :ivar problems: sentences about what could not be read.
-    :ivar lost: messages that were damaged.
+    :ivar problems: a sentence for each part that could not be read.
+    :ivar lost: damaged messages.
     :ivar read_bytes: so far.
     """
 
@@ -79,7 +79,7 @@ class StorageFile(Protocol):
 
 def whole_message(data: bytes) -> bytes:
     """
-    Return a message that may be compressed by itself.
+    Return a message, decompressed if it is compressed by itself.
 
     :raises ValueError: it cannot be decompressed, or is too long.
     """
@@ -99,7 +99,7 @@ def whole_message(data: bytes) -> bytes:
 
 def need_zstandard(why: str):  # type: ignore[no-untyped-def]  # a module without types
     """
-    Import what decompresses.
+    Import the decompressor.
 
     :raises ConfigError: it is missing or too old.
     """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What of a bag is the laser, what the odometry, and where one is on the robot."""
+"""Choose the topics of a bag: scans, odometry and transforms."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from rt_robot_os.features.mapping.bags.storage import SCAN
 from rt_robot_os.features.mapping.bags.storage import TRANSFORMS
 
 _SHOWN_MOST: Final = 40
-#: Names that go without saying, when there are several.
+#: Names that are preferred when there are several.
 _SCANS: Final = ('/scan', 'scan')
 _ODOMETRIES: Final = ('/odom', 'odom')
-#: What carries scans as well, but no scan that can be taken.
+#: Types with scans that are not supported.
 _COUSINS: Final = {'sensor_msgs/msg/PointCloud2': 'point clouds',
                    'sensor_msgs/msg/MultiEchoLaserScan': 'scans of several echoes',
                    'sensor_msgs/LaserScan': 'scans of ROS 1'}
@@ -40,9 +40,9 @@ class Topics:
     """
     The topics that are read.
 
-    :ivar odometry: '' when it is taken from transforms.
-    :ivar moving: of transforms that move, and
-    :ivar fixed: of those that do not.
+    :ivar odometry: '' when it comes from transforms.
+    :ivar moving: of moving transforms, and
+    :ivar fixed: of static ones.
     """
 
     scan: str
@@ -60,16 +60,16 @@ def choose(types: Mapping[str, str], scan_topic: str = '', odom_topic: str = '')
     """
     Choose the topics of a bag.
 
-    :param scan_topic: that is asked for; '' for the one that there is.
-    :param odom_topic: as well; one of transforms is taken as such.
-    :raises ConfigError: there is none, or nobody can say which; names what there is.
+    :param scan_topic: the requested one; '' for the only one.
+    :param odom_topic: as well; it may be a topic of transforms.
+    :raises ConfigError: there is none, or the choice is ambiguous; lists the topics.
     """
     scan = _asked(types, scan_topic, '--scan-topic', (SCAN,)) if scan_topic else _only(
         types, SCAN, _SCANS, '--scan-topic')
     if not scan:
         cousins = sorted({_COUSINS[kind] for kind in types.values() if kind in _COUSINS})
         raise ConfigError(['no scans in it: there is no topic of ' + SCAN + (
-            f' ({", ".join(cousins)} cannot be taken)' if cousins else ''), *listed(types)])
+            f' ({", ".join(cousins)} are not supported)' if cousins else ''), *listed(types)])
     moving = tuple(name for name, kind in types.items()
                    if kind == TRANSFORMS and not name.endswith('_static'))
     fixed = tuple(name for name, kind in types.items()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the program `mapping` does with its command line."""
+"""The command line of the program `mapping`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.settings.ros_args import parse_ros_args
 
 _NAME = 'mapping'
-_EPILOG = """Its settings beside a robot stand in a parameter file under /**/mapping.
+_EPILOG = """Its settings are in a parameter file, in the section /**/mapping.
 Exit code: 0 done or ended by a signal, 1 it cannot run, 2 wrong settings or a file that cannot be
 used. Settings, topics, commands, and what a report holds: docs/mapping.md."""
 
@@ -37,43 +37,43 @@ used. Settings, topics, commands, and what a report holds: docs/mapping.md."""
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=_NAME, allow_abbrev=False, epilog=_EPILOG,
-        description='Make a map beside a running robot, and say where on it the robot is. Or make '
-        'one of a log of laser scans as fast as it goes; or compare the poses of a report with '
-        'relations that are known.',
+        description='Make a map next to a running robot and localise the robot on it. Or make a '
+        'map of a log of laser scans as fast as possible; or compare the poses of a report '
+        'with known relations.',
         usage='mapping [--robot NAME] [FILE ...] [--ros-args -p NAME:=VALUE ...]\n'
         '       mapping --bag FILE [options]\n'
         '       mapping --compare REPORT --relations FILE')
     add_robot_option(parser)
-    parser.set_defaults(robot=None)  # that of its own namespace
+    parser.set_defaults(robot=None)  # the robot of its own namespace
     what = parser.add_mutually_exclusive_group()
     what.add_argument('--bag', metavar='FILE', type=Path,
                       help='a recording of record, a bag of ROS 2 (file or folder), a CSV with '
                       'ranges, or a log of CARMEN')
     what.add_argument('--compare', metavar='REPORT', type=Path,
-                      help='a report of before; needs --relations')
+                      help='an earlier report; needs --relations')
     parser.add_argument('--report', metavar='FILE', type=Path,
                         help='write poses, counters and errors as JSON')
     parser.add_argument('--map', metavar='FILE', type=Path, dest='map_file',
-                        help='write the map: a .yaml, and a .pgm beside it')
+                        help='write the map: a .yaml, and a .pgm next to it')
     parser.add_argument('--picture', metavar='FILE', type=Path,
-                        help='draw the map and the way (needs matplotlib)')
+                        help='draw the map and the path (needs matplotlib)')
     parser.add_argument('--relations', metavar='FILE', type=Path,
-                        help='a CSV of i,j,dx,dy,dyaw: say how far the poses are off')
+                        help='a CSV of i,j,dx,dy,dyaw: report the errors of the poses')
     parser.add_argument('--cell', metavar='M', type=float, default=0.05,
                         help='edge of a cell of the map in m (default: %(default)s)')
     parser.add_argument('--range-max', metavar='M', type=float,
-                        help='ranges from here on say nothing (default: 20, and the reach of '
-                        'a laser that reports it where it has no echo, see docs/mapping.md)')
+                        help='ignore ranges from here on (default: 20, and the maximum range '
+                        'of a laser that reports it instead of no echo, see docs/mapping.md)')
     parser.add_argument('--scan-topic', metavar='TOPIC',
-                        help='of a bag, which scans (default: /scan, or the only ones)')
+                        help='topic of scans of a bag (default: /scan, or the only one)')
     parser.add_argument('--odom-topic', metavar='TOPIC',
-                        help='of a bag, which odometry (default: /odom, the only one, or /tf)')
+                        help='topic of odometry of a bag (default: /odom, the only one, or /tf)')
     parser.add_argument('--laser', metavar='X,Y,YAW',
-                        help='of a bag, where the laser is on the robot, in m and degrees '
-                        '(default: as the bag says); and ,upside-down')
+                        help='mounting of the laser of a bag, in m and degrees (default: that in '
+                        'the bag); with ,upside-down if it hangs')
     parser.add_argument('--session', metavar='N', type=int,
-                        help='of a recording during which the core was started again (default: '
-                        'the first)')
+                        help='session of a recording during which the core was restarted '
+                        '(default: the first)')
     return parser
 
 
@@ -92,7 +92,7 @@ def run(argv: Sequence[str]) -> int:
             from rt_robot_os.features.mapping.cli.live_command import run_live
             return run_live(arguments, ros)
         if arguments.files:
-            raise ConfigError([f'{arguments.files[0]}: settings are for mapping beside a robot: '
+            raise ConfigError([f'{arguments.files[0]}: settings are for mapping next to a robot: '
                                'they are not used with --bag or --compare'])
         from rt_robot_os.features.mapping.cli.offline import compared
         from rt_robot_os.features.mapping.cli.offline import map_log

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the program `mapping` does beside a running robot."""
+"""The program `mapping` next to a running robot."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _NAME = 'mapping'
 
 def run_live(arguments: argparse.Namespace, ros: RosArguments) -> int:
     """
-    Map beside a robot until a signal ends it.
+    Map next to a robot until a signal ends it.
 
     :return: the exit code.
     :raises RtRobotError: it cannot run.
@@ -60,7 +60,7 @@ def _map(settings: MappingSettings, robot: str) -> int:
     folder = data_folder(_NAME, robot, settings.folder)
     stopping: list[int] = []
     with single_instance(_NAME, robot,
-                         f'mapping runs beside the robot {robot} already: two would move it '
+                         f'mapping of the robot {robot} runs already: two would move it '
                          'between two maps'):
         use_ordinary_scheduling(settings.avoid_cpus)
         os.nice(settings.nice)

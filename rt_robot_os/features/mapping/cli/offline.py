@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Map a log as fast as it goes; what came of it as text, JSON, a map and a picture."""
+"""Map a log as fast as possible; write the result as text, JSON, a map and a figure."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ _PROBLEMS_MOST: Final = 20
 
 def map_log(arguments: argparse.Namespace) -> None:
     """
-    Map the log of a command line, and write what is asked for.
+    Map the log of a command line, and write the requested files.
 
-    :raises ConfigError: a file cannot be read or written, or nothing can be made of it.
+    :raises ConfigError: a file cannot be read or written, or has nothing to map.
     :raises StartError: a library is missing.
     """
     require('mapping', *EXTRAS['slam'])
@@ -78,8 +78,8 @@ def map_log(arguments: argparse.Namespace) -> None:
     if relations is not None:
         report['errors'] = compare(poses, relations)
         if source.bad:
-            source.problems.append('the relations count the scans that were read: behind lines '
-                                   'that were left out they may be held against others')
+            source.problems.append('relations refer to scans by number: after lines that '
+                                   'were skipped they may refer to other scans')
     _print_report(report)
     if mapper.counts['empty'] == len(poses):
         raise ConfigError([f'{arguments.bag}: nothing to map: none of its {len(poses)} scans '
@@ -94,7 +94,7 @@ def map_log(arguments: argparse.Namespace) -> None:
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
     """
-    Look at what is to be written before hours are spent on it.
+    Check the output files before the log is mapped, which may take hours.
 
     :raises ConfigError: a name that cannot be written.
     """
@@ -104,12 +104,12 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
     if arguments.map_file is not None and arguments.map_file.suffix not in YAML:
         raise ConfigError([f'--map {arguments.map_file}: name the YAML file, such as '
                            f'{arguments.map_file.with_suffix(YAML[0])}; the picture of the map is '
-                           'written beside it'])
+                           'written next to it'])
 
 
 def _report(name: str, source: ScanSource, mapper: Mapper, stamps_ns: list[int], poses: Floats
             ) -> dict[str, Any]:
-    """Return what docs/mapping.md says of a report, without what takes room."""
+    """Return the report that docs/mapping.md describes, without its long arrays."""
     mount = getattr(source, 'mount', None)
     steps = np.diff(poses[:, :2], axis=0)
     return {
@@ -122,7 +122,7 @@ def _report(name: str, source: ScanSource, mapper: Mapper, stamps_ns: list[int],
 
 
 def _near_misses(mapper: Mapper) -> list[dict[str, Any]]:
-    """Return the last near misses, as docs/mapping.md says."""
+    """Return the last near misses, as in docs/mapping.md."""
     return [{'keyframe': each.keyframe, 'nearest': each.nearest, 'share': round(each.share, 3),
              'of_visible': round(each.of_visible, 3), 'score': round(each.score, 3),
              'why': each.reason} for each in mapper.near_misses]
@@ -150,9 +150,9 @@ def _write(arguments: argparse.Namespace, mapper: Mapper, poses: Floats, report:
 def _mapped(source: ScanSource, range_max_m: float | None, reach_m: float | None
             ) -> tuple[Mapper, list[int]]:
     """
-    Map all scans; return their stamps, too.
+    Map all scans; return the mapper and the stamps of the scans.
 
-    :param reach_m: from here on there was no echo, see :func:`.reported_max_range`.
+    :param reach_m: ranges from here on are no echoes, see :func:`.reported_max_range`.
     """
     mapper = Mapper(None if range_max_m is None else MapperTuning(range_max_m=range_max_m))
     stamps_ns: list[int] = []
@@ -166,13 +166,13 @@ def _mapped(source: ScanSource, range_max_m: float | None, reach_m: float | None
             reported_s = now_s
             share = source.share_read
             left_s = (now_s - begun_s) * (1.0 - share) / max(share, 1e-3)
-            print(f'mapping: {len(stamps_ns)} scans, {share:.0%} of the log, some {left_s:.0f} s '
-                  'to go', file=sys.stderr, flush=True)
+            print(f'mapping: {len(stamps_ns)} scans, {share:.0%} of the log, about {left_s:.0f} s '
+                  'remain', file=sys.stderr, flush=True)
     mapper.optimise_all()
     if reach_m is not None:
         source.problems.append(
-            'the laser reports its reach where it has no echo: '
-            f'from {reach_m:.2f} m on ranges are taken as no echo; '
+            'the laser reports its maximum range instead of no echo: '
+            f'ranges from {reach_m:.2f} m on are treated as no echo; '
             f'--range-max {mapper.tuning.range_max_m:g} maps them as walls')
     return mapper, stamps_ns
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The picture of a map: what is a wall, what is free, the robot's way, and a scale."""
+"""The figure of a map: walls, free space, the path of the robot, and a scale."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ _DOTS_PER_IN: Final = 120
 _UNKNOWN_GREY: Final = 0.85
 _WAY: Final = '#c0392b'
 _LOOP: Final = '#2980b9'
-#: Of the picture's width a scale bar takes about.
+#: Share of the width of the figure that the scale bar takes, about.
 _BAR_SHARE: Final = 0.2
 
 
 def draw(grid: GridMap, poses: Floats, loops: Floats, title: str, path: Path) -> None:
     """
-    Draw a map with the way through it.
+    Draw a map and a path on it.
 
-    :param poses: shape (n, 3): the way.
+    :param poses: shape (n, 3): the path.
     :param loops: shape (k, 2, 2): both ends of each loop that was closed.
     :raises OSError: the picture cannot be written.
-    :raises ValueError: matplotlib knows no picture of such a name.
+    :raises ValueError: matplotlib does not support the format of this name.
     """
-    from matplotlib.figure import Figure  # whoever calls this has checked that it is there
+    from matplotlib.figure import Figure  # the caller has checked that it is installed
     left, bottom, right, top = _bounds(grid, poses)
     height = min(_HEIGHTS_IN[1], max(_HEIGHTS_IN[0], _WIDTH_IN * (top - bottom) / (right - left)))
     figure = Figure(figsize=(_WIDTH_IN, height + 0.9), dpi=_DOTS_PER_IN, layout='constrained')
@@ -59,7 +59,7 @@ def draw(grid: GridMap, poses: Floats, loops: Floats, title: str, path: Path) ->
                         grid.origin[1] + height_m))
     if len(loops):
         _draw_loops(axes, loops)
-    axes.plot(poses[:, 0], poses[:, 1], color=_WAY, linewidth=0.8, label='way of the laser')
+    axes.plot(poses[:, 0], poses[:, 1], color=_WAY, linewidth=0.8, label='path of the laser')
     for index, mark, name in ((0, 'o', 'start'), (-1, 's', 'end')):
         axes.plot(*poses[index, :2], marker=mark, markersize=7, linestyle='none', color=_WAY,
                   markeredgecolor='white', label=name)
@@ -71,7 +71,7 @@ def draw(grid: GridMap, poses: Floats, loops: Floats, title: str, path: Path) ->
 
 
 def _bounds(grid: GridMap, poses: Floats) -> tuple[float, float, float, float]:
-    """Return what is shown: all that is known, and the way."""
+    """Return the bounds of the figure: all known cells, and the path."""
     rows, columns = np.nonzero(grid.cells >= 0)
     x, y, _ = grid.origin
     step = grid.resolution_m
@@ -82,7 +82,7 @@ def _bounds(grid: GridMap, poses: Floats) -> tuple[float, float, float, float]:
 
 
 def _draw_loops(axes: Any, loops: Floats) -> None:
-    """Draw a line from end to end of each loop, all as one line with gaps."""
+    """Draw a segment for each loop, all as one line with gaps."""
     gaps = np.full((len(loops), 1, 2), np.nan)
     points = np.concatenate((loops, gaps), axis=1).reshape(-1, 2)
     axes.plot(points[:, 0], points[:, 1], color=_LOOP, linewidth=0.6, alpha=0.6,
@@ -90,7 +90,7 @@ def _draw_loops(axes: Any, loops: Floats) -> None:
 
 
 def _draw_bar(axes: Any, left: float, bottom: float, width: float, height: float) -> None:
-    """Draw a bar of a round length, with what it is."""
+    """Draw a scale bar of a round length with its label."""
     wanted = width * _BAR_SHARE
     power = 10.0 ** math.floor(math.log10(wanted))
     length = max(each * power for each in (1.0, 2.0, 5.0) if each * power <= wanted)

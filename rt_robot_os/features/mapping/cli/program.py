@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The program `mapping`: make a map beside a running robot, or of a log of scans."""
+"""The program `mapping`: make a map next to a running robot, or of a log of scans."""
 
 from __future__ import annotations
 

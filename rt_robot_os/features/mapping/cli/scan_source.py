@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the scans of a mapping come from: a bag of ROS 2, or a log of lines."""
+"""The source of scans for offline mapping: a bag of ROS 2, or a text log."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ _UPSIDE_DOWN = 'upside-down'
 
 class ScanSource(Protocol):
     """
-    Scans, read as they are needed.
+    Scans that are read one by one.
 
-    :ivar problems: sentences about what was wrong, complete when all scans were read.
+    :ivar problems: a sentence for each problem, complete when all scans were read.
     """
 
     problems: list[str]
@@ -58,12 +58,12 @@ class ScanSource(Protocol):
 
     @property
     def reference(self) -> Floats | None:
-        """Return where somebody else says that the scans that were read were taken."""
+        """Return the reference poses of the scans that were read; None without any."""
 
 
 def opened(arguments: argparse.Namespace) -> ScanSource:
     """
-    Open what a command line names.
+    Open the log of a command line.
 
     :raises ConfigError: it cannot be read, or the options do not fit it.
     """
@@ -75,7 +75,7 @@ def opened(arguments: argparse.Namespace) -> ScanSource:
     if not is_of_ros:
         for name in ('scan_topic', 'odom_topic', 'laser', 'session'):
             if getattr(arguments, name) is not None:
-                raise ConfigError([f'--{name.replace("_", "-")}: {path} is no bag of ROS 2'])
+                raise ConfigError([f'--{name.replace("_", "-")}: {path} is not a bag of ROS 2'])
         return TextLog(path)
     try:
         return BagLog(path, BagOptions(
@@ -88,9 +88,9 @@ def opened(arguments: argparse.Namespace) -> ScanSource:
 
 def laser_mount(text: str) -> LaserMount:
     """
-    Read where a laser is on the robot: ``X,Y,YAW`` in m and degrees, and ``,upside-down``.
+    Parse the mounting of a laser: ``X,Y,YAW`` in m and degrees, and ``,upside-down``.
 
-    :raises ConfigError: it is something else.
+    :raises ConfigError: it has another form.
     """
     *numbers, last = text.split(',')
     is_mirrored = last.strip() == _UPSIDE_DOWN
@@ -99,6 +99,6 @@ def laser_mount(text: str) -> LaserMount:
         if not all(map(math.isfinite, (x, y, yaw))):
             raise ValueError(text)
     except ValueError:
-        raise ConfigError([f'--laser {text}: X,Y,YAW in m and degrees, such as 0.1,0,90, and '
-                           f',{_UPSIDE_DOWN} behind it where it hangs so']) from None
+        raise ConfigError([f'--laser {text}: must be X,Y,YAW in m and degrees, such as 0.1,0,90, '
+                           f'followed by ,{_UPSIDE_DOWN} for a laser that hangs']) from None
     return LaserMount(np.array((x, y, math.radians(yaw))), is_mirrored)

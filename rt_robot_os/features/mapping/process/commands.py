@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Commands of people and services: ``save``, ``load``, ``reset``, and how mapping goes on."""
+"""Commands of operators and services: ``save``, ``load``, ``reset``, and modes of mapping."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ Say = Callable[[str, bool, str], None]
 
 class MappingCommands:
     """
-    Do what is asked, and answer.
+    Execute commands and publish their answers.
 
     :param map_file: of ``save`` without a path.
-    :param hint: gives where the robot is on a map that was loaded, None when it has to look.
-    :param exploring: what ``explore`` begins.
-    :param answer: takes command, whether it was done, and what became of it.
+    :param hint: returns what knows the pose on a map that was loaded; None: it is searched.
+    :param exploring: started by ``explore``.
+    :param answer: called with the command, whether it succeeded, and a text.
     :ivar counts: ``commands`` and ``refused``.
-    :ivar loaded: path of the map that was loaded last; empty when it grew here.
+    :ivar loaded: path of the map that was loaded last; empty when it was made here.
     """
 
     def __init__(self, settings: MappingSettings, engine: Engine, keeper: MapStore, map_file: Path,
@@ -73,7 +73,7 @@ class MappingCommands:
             'explore': self._explore, 'stop': self._stop}
 
     def execute(self, text: str) -> None:
-        """Do one command."""
+        """Execute one command."""
         self.counts['commands'] += 1
         word, _, rest = text.strip().partition(' ')
         try:
@@ -83,10 +83,10 @@ class MappingCommands:
                                    f'{_HELP}'])
             rest = rest.strip()
             if rest and word not in ('save', 'load'):
-                raise ConfigError([f'{word} takes nothing behind it, and found '
-                                   f'{safe_line(rest)!r}'])
+                raise ConfigError([f'{word} has no argument, but {safe_line(rest)!r} follows '
+                                   'it'])
             said = does(rest, text)
-        except (ConfigError, OSError) as error:  # a path may be one that may not be looked at
+        except (ConfigError, OSError) as error:  # a path may be unreadable
             self._reject(text, error_text(error))
             return
         if said is not None:
@@ -97,29 +97,29 @@ class MappingCommands:
         self._answer(text, False, why)
 
     def report_saves(self) -> None:
-        """Answer what the disk has done since."""
+        """Answer the ``save`` commands that have ended."""
         for each in [each for each in self._saving if each[1].done()]:
             self._saving.remove(each)
             text, future = each
             try:
                 self._answer(text, True, f'saved as {future.result()}')
-            except Exception as error:  # whatever a disk may say
+            except Exception as error:  # any error of the disk
                 self._reject(text, error_text(error))
 
-    # ---- each of them ------------------------------------------------------------------------
+    # ---- handlers ----------------------------------------------------------------------------
 
     def _save(self, rest: str, text: str) -> str | None:
         engine = self._engine
         engine.finish_drawing()
         if not engine.drawing.version:
-            raise ConfigError(['there is no map yet: nothing is saved'])
+            raise ConfigError(['there is no map yet: nothing was saved'])
         if len(self._saving) >= _SAVES_MAX:
-            raise ConfigError(['others are being saved: ask again'])
+            raise ConfigError(['too many maps are being saved: try again'])
         path = self._path(rest) if rest else self._map_file
         if path.is_dir() or rest.endswith('/'):
-            raise ConfigError([f'{path}: is a folder: give the name of a map in it'])
+            raise ConfigError([f'{path}: is a folder: name a map in it'])
         if rest and not path.parent.is_dir():
-            raise ConfigError([f'{path.parent}: this folder does not exist: make it first'])
+            raise ConfigError([f'{path.parent}: this folder does not exist: create it first'])
         self._saving.append((text, self._keeper.save_map(
             path, engine.graph, engine.grid, asdict(self._settings))))
         return None
@@ -138,42 +138,42 @@ class MappingCommands:
         self._exploring.stop()
         self._engine.begin_new()
         self._keeper.delete_state()
-        return 'a new map begins; what was saved is still there'
+        return 'a new map begins; saved maps are unchanged'
 
     def _pause(self, rest: str, text: str) -> str:
         self._engine.is_paused = True
-        return 'paused: scans are left out'
+        return 'paused: scans are dropped'
 
     def _resume(self, rest: str, text: str) -> str:
         self._engine.is_paused = False
-        return 'scans are taken again'
+        return 'resumed: scans are processed again'
 
     def _mode(self, rest: str, text: str) -> str:
         mode = text.strip()
         self._engine.set_mode(mode)
-        return 'the map grows' if mode == MAPPING else 'the map stays as it is'
+        return 'the map grows' if mode == MAPPING else 'the map stays unmodified'
 
     def _explore(self, rest: str, text: str) -> str:
         if self._engine.mode != MAPPING:
-            raise ConfigError(['the map stays as it is: nothing is explored; command mapping '
-                               'first'])
+            raise ConfigError(['the map stays unmodified in mode localization: send the command '
+                               'mapping before explore'])
         self._engine.is_paused = False
         self._exploring.begin()
         return 'exploring'
 
     def _stop(self, rest: str, text: str) -> str:
-        return ('exploring is over' if self._exploring.stop() else
-                'there was nothing to stop: it does not explore')
+        return ('exploring was stopped' if self._exploring.stop() else
+                'nothing to stop: it does not explore')
 
     def _path(self, text: str) -> Path:
-        """Return where a file is; a relative path counts from where maps are saved."""
+        """Return the path of a map; a relative one is relative to the folder of ``map_file``."""
         if text.startswith(_FILE_URL):
             text = unquote(text.removeprefix(_FILE_URL))
         if '\0' in text:
-            raise ConfigError(['a path cannot hold a NUL'])
+            raise ConfigError(['a path cannot contain NUL'])
         try:
             path = Path(text).expanduser()
-        except RuntimeError as error:  # ~ of nobody
+        except RuntimeError as error:  # ~ of an unknown user
             raise ConfigError([f'{safe_line(text)}: {error}']) from error
         return path if path.is_absolute() else self._map_file.parent / path
 
@@ -182,7 +182,7 @@ def read_map(path: Path) -> tuple[str, LoadedMap]:
     """
     Read a map.
 
-    :return: what there is to say about it, and the map.
+    :return: a description of it, and the map.
     :raises ConfigError: it cannot be used.
     """
     there = (path, path.with_name(f'{path.name}.yaml'))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Drive to where the map ends, by goals for the planner, until nothing is left to explore."""
+"""Explore: publish frontiers of the map as goals for the planner until none is left."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from rt_robot_os.features.mapping.slam.exploration import ExplorationSettings
 from rt_robot_os.features.mapping.slam.exploration import Explorer
 from rt_robot_os.messages.cdr import string_in
 
-# Publishes a message on a topic; False when nobody took it.
+# Publishes a message on a topic; returns False when it was not delivered.
 Publish = Callable[[str, bytes], bool]
 
 
 class Exploring:
     """
-    An exploration, or none.
+    An exploration that can be started and stopped.
 
-    :param has: whether somebody reads a topic.
-    :ivar state: what goes on; empty when nothing does.
+    :param has: returns whether a topic has subscribers.
+    :ivar state: in one line; empty while it does not explore.
     """
 
     def __init__(self, settings: MappingSettings, engine: Engine, publish: Publish,
@@ -51,7 +51,7 @@ class Exploring:
         self._planner_state = ''
 
     def add_planner_state(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
-        """Note what the planner says; in the thread of the link."""
+        """Store the state of the planner; called in the thread of the link."""
         try:
             self._planner_state = string_in(cdr)
         except ValueError:
@@ -59,14 +59,14 @@ class Exploring:
 
     def begin(self) -> None:
         """
-        Begin to explore.
+        Start to explore.
 
-        :raises ConfigError: nobody drives to goals.
+        :raises ConfigError: nothing receives the goals.
         """
         settings = self._settings
         if not settings.goal_topic or not self._has(settings.goal_topic):
             raise ConfigError([f'this robot has no topic {settings.goal_topic!r} (goal_topic): '
-                               'nobody would drive'])
+                               'nothing would drive to the goals'])
         self._explorer = Explorer(ExplorationSettings(
             radius_m=settings.explore_radius_m, least_m=settings.explore_least_m,
             patience_s=settings.explore_patience_s, goes_back=settings.explore_goes_back))
@@ -74,11 +74,11 @@ class Exploring:
 
     @property
     def is_active(self) -> bool:
-        """Return whether it has been told to drive, and is not done."""
+        """Return whether it was started and is not done."""
         return self._explorer is not None
 
     def stop(self) -> bool:
-        """Explore no more, and stand; return whether there was something to stop."""
+        """Stop exploring and the robot; return whether it was exploring."""
         was = self._explorer is not None
         if was and self._settings.cancel_topic:
             self._publish(self._settings.cancel_topic, bool_message(True))
@@ -86,7 +86,7 @@ class Exploring:
         return was
 
     def step(self, now_ns: int) -> None:
-        """Go on with it, while the robot knows where it is."""
+        """Continue, if the pose of the robot is known."""
         explorer, here = self._explorer, self._engine.last_pose
         if explorer is None:
             return

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Mapping beside a running robot: what comes from its core, the map, and what goes back."""
+"""Mapping next to a running robot: inputs from its core, the map, and outputs to the core."""
 
 from __future__ import annotations
 
@@ -55,21 +55,21 @@ from rt_robot_os.messages.cdr import string_in
 
 COMMAND: Final = 'mapping/command'
 _IDLE_S: Final = 0.05
-#: How long the pose of localization is waited for where nothing absolute will come.
+#: How long to wait for the pose of localization where there are no absolute poses.
 _POSE_WAIT_NS: Final = NS_PER_S
 _COMMANDS_MOST: Final = 16
 _NUMBER: Final = re.compile(r'\d[\d.]*')
-#: A place that was published comes back as it was.
+#: A published initial pose that comes back within this distance is our own.
 _SAME_M: Final = 1e-6
 
 
 class LiveMapping:
     """
-    Map beside a robot until somebody ends it.
+    Map next to a robot until it is stopped.
 
     :param path: of the core's socket.
-    :param folder: of what is kept over restarts.
-    :param tell: takes a line of text.
+    :param folder: of the state that survives restarts.
+    :param tell: called with a line of text for the log.
     """
 
     def __init__(self, settings: MappingSettings, path: Path, folder: Path,
@@ -81,7 +81,7 @@ class LiveMapping:
         self._first_ns = 0
         self._kept_s = time.monotonic()
         self._told_problem = ''
-        # Of a state that was read: until the robot has been placed, that says better where it is.
+        # The saved state: until the robot is localised it has the best pose.
         self._left_as: tuple[MapGraph | None, str] | None = None
         self._given: deque[str] = deque(maxlen=_COMMANDS_MOST)
         self._published: Floats | None = None
@@ -117,13 +117,13 @@ class LiveMapping:
             found[settings.planner_state_topic] = self._on_planner_state
         return found
 
-    # ---- how it begins -----------------------------------------------------------------------
+    # ---- start -------------------------------------------------------------------------------
 
     def _begin(self, map_file: Path) -> None:
         """
-        Go on with the map of before, or read the one to find oneself in.
+        Continue with the map of the last run, or load the map for localization.
 
-        :raises ConfigError: there is none to find oneself in.
+        :raises ConfigError: there is no map for localization.
         """
         settings = self._settings
         if settings.resume and self._resume():
@@ -137,13 +137,13 @@ class LiveMapping:
     def _resume(self) -> bool:
         state = self.store.read_state()
         if self.store.problem:
-            self._tell(f'the state of before: {self.store.problem}')
+            self._tell(f'saved state: {self.store.problem}')
         if state is None:
             return False
         try:
             found = Resumption.of(*state, self._settings)
         except (ConfigError, ValueError) as error:
-            self._tell(f'the state of before is not used: {error}')
+            self._tell(f'the saved state is not used: {error}')
             return False
         if found is None:
             return False
@@ -151,11 +151,11 @@ class LiveMapping:
         self.commands.loaded = found.loaded
         self.engine.use_map(found.known, functools.partial(self._resumed_pose, found))
         self._left_as = found.known.graph, found.loaded
-        self._tell(f'going on with {found.text}')
+        self._tell(f'continuing with {found.text}')
         return True
 
     def _resumed_pose(self, found: Resumption, posed: PosedScan) -> Floats | None:
-        """Return where the robot is by what was kept, if the core is that of before."""
+        """Return the pose by the saved state; odometry is used if the core is the same."""
         if found.base is not None and found.run_id == self.link.run_id:
             self.engine.trust_next_hint()
             return found.base_at(self.intake.raw_odometry(posed.base))
@@ -163,19 +163,19 @@ class LiveMapping:
         if start != GLOBAL and self._has_fixes():
             return self._start_at(posed)
         if start != GLOBAL and found.base is not None:
-            return found.base  # it stands where it stood; if not, it looks for itself
+            return found.base  # assumed unmoved; if it did move, the map is searched
         self.engine.start_search()
         return None
 
     def _start_hint(self) -> Hint | None:
-        """Return who knows where the robot is on a map that is there; None: nobody."""
+        """Return the source of the initial pose on the map at the start; None: there is none."""
         start = self._settings.start
         if start == ORIGIN:
             return lambda posed: np.zeros(3)
         return None if start == GLOBAL else self._start_at
 
     def _load_hint(self) -> Hint | None:
-        """Return who knows where the robot is on a map that was just loaded."""
+        """Return the source of the pose on a map that was just loaded."""
         return self._start_at if self._has_fixes() else None
 
     def _has_fixes(self) -> bool:
@@ -183,7 +183,7 @@ class LiveMapping:
         return bool(topic) and topic in self.link.topics
 
     def _start_at(self, posed: PosedScan) -> Floats | None:
-        """Return where a new map has the robot: where localization says, or at its origin."""
+        """Return the pose on a new map: that of localization, or the origin."""
         settings, stamp_ns = self._settings, posed.scan.stamp_ns
         if settings.start == ORIGIN:
             return np.zeros(3)
@@ -191,14 +191,14 @@ class LiveMapping:
         if found is not None:
             return found.pose
         if self._has_fixes():
-            return None  # it will come
+            return None  # it will arrive
         self._first_ns = self._first_ns or stamp_ns
         return np.zeros(3) if stamp_ns - self._first_ns >= _POSE_WAIT_NS else None
 
-    # ---- how it goes on ----------------------------------------------------------------------
+    # ---- run ---------------------------------------------------------------------------------
 
     def run(self, stopping: Callable[[], bool]) -> None:
-        """Map until somebody stops it."""
+        """Map until it is stopped."""
         self.link.start()
         try:
             while not stopping():
@@ -209,7 +209,7 @@ class LiveMapping:
             self.link.stop()
 
     def step(self) -> None:
-        """Do what there is to do; wait a moment when there is nothing."""
+        """Do the pending work; wait a moment when there is none."""
         intake, now_s = self.intake, time.monotonic()
         intake.new.clear()
         if self._is_new_core:
@@ -239,7 +239,7 @@ class LiveMapping:
         if place is None:
             return
         if place.is_found:
-            self._tell('found itself at {:.2f} m, {:.2f} m, {:.0f} degrees'.format(
+            self._tell('localised at {:.2f} m, {:.2f} m, {:.0f} degrees'.format(
                 *place.pose[:2], np.degrees(place.pose[2])))
             if not self._has_fixes():
                 self._published = self.outputs.publish_relocation(
@@ -247,7 +247,7 @@ class LiveMapping:
         self.outputs.publish_pose(place)
 
     def _apply_initial_pose(self, posed: PosedScan) -> None:
-        """Take it when somebody has said where the robot is."""
+        """Apply an initial pose that was published since the last scan."""
         topic = self._settings.initial_pose_topic
         newest = self.intake.newest(topic)
         if newest is None or newest[0] <= self._relocated_ns:
@@ -255,13 +255,13 @@ class LiveMapping:
         self._relocated_ns = newest[0]
         pose = newest[1].pose
         if self._published is not None and np.abs(pose - self._published).max() < _SAME_M:
-            return  # said by itself
+            return  # our own
         base = self.intake.pose_at(topic, posed.scan.stamp_ns)
         if base is not None:
             self.engine.relocate(posed, base.pose)
 
     def _apply_absolute_pose(self) -> None:
-        """Have the map follow absolute poses, where there are some."""
+        """Fit the map to absolute poses, where there are some."""
         newest = self.intake.newest(self._settings.fix_topic)
         if newest is None or newest[0] <= self._fix_ns:
             return
@@ -272,7 +272,7 @@ class LiveMapping:
             self.intake.problem = f'{self._settings.fix_topic}: {error}'
 
     def save_state(self, is_last: bool = False) -> None:
-        """Keep the state for who goes on from it."""
+        """Save the state, to resume from it."""
         engine, loaded = self.engine, self.commands.loaded
         here = engine.last_pose
         left = self._left_as
@@ -295,13 +295,13 @@ class LiveMapping:
             problem = self._problem()
             level = 1 if problem or state.startswith('lost') else 0
             outputs.publish_status(now_ns, level, problem or state, self.statistics())
-            words = _NUMBER.sub('', problem)  # not anew with each other number
+            words = _NUMBER.sub('', problem)  # a changed number alone is not logged again
             if problem and words != self._told_problem:
                 self._tell(problem)
             self._told_problem = words
 
     def _state(self) -> str:
-        """Say in one line what goes on."""
+        """Return the state in one line."""
         engine, hindrance = self.engine, self.intake.blocking_problem
         if hindrance and not engine.is_paused:
             return f'lost: {hindrance}'
@@ -309,7 +309,7 @@ class LiveMapping:
         return f'{state}; {self.recovery_spin.state}' if self.recovery_spin.state else state
 
     def _problem(self) -> str:
-        """Say what is wrong, the worst first; empty when nothing is."""
+        """Return the problems, the worst first; empty without any."""
         found = [self.intake.warning(self.link.is_connected),
                  *self.engine.checks.warnings(self.intake.newest_ns), self.store.problem]
         return '; '.join(filter(None, found))
@@ -319,10 +319,10 @@ class LiveMapping:
         return {**self.intake.statistics(), **self.engine.statistics(), **self.link.counts,
                 **self.commands.counts, **self.store.counts, **self.exploring.statistics()}
 
-    # ---- by the thread of the link -----------------------------------------------------------
+    # ---- in the thread of the link -----------------------------------------------------------
 
     def _on_connection(self, is_new: bool) -> None:
-        """Take a new connection."""
+        """Handle a new connection."""
         self.intake.connected()
         if is_new:
             self.intake.core_restarted()
@@ -330,7 +330,7 @@ class LiveMapping:
 
     def _on_command(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
         if stamp_ns < self._begun_ns:
-            return  # it was for who mapped before
+            return  # it was published before this process started
         try:
             self._given.append(string_in(cdr))
         except ValueError as error:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What mapping keeps on the disk: maps that somebody saves, and the state that it goes on from."""
+"""The files of mapping: saved maps, and the state from which it resumes."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from rt_robot_os.features.mapping.slam.state_file import StateFile
 from rt_robot_os.motion.grid_map import GridMap
 
 _State = tuple[MapGraph | None, dict[str, Any]]
-#: A state that is the same is written again after so long: its file may have been removed.
+#: An unchanged state is written again after this time: its file may have been removed.
 _REWRITE_S: Final = 300.0
-#: Who moved by less, in m and rad, stands.
+#: Movement, in m and rad, below which a robot counts as standing.
 _STANDSTILL: Final = 0.02
 
 
 class MapStore:
     """
-    Write in a thread, so that no scan waits for the disk.
+    Write files in a thread, so that no scan waits for the disk.
 
     :param folder: of the state.
     :ivar counts: ``states_kept``, ``states_unkept``, ``maps_saved``, ``state_bytes``.
-    :ivar problem: why the state could not be kept last; empty when it was.
+    :ivar problem: why the state could not be saved last; empty when it was.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -60,7 +60,7 @@ class MapStore:
         self._saved_s = 0.0
 
     def read_state(self) -> tuple[MapGraph, dict[str, Any]] | None:
-        """Return the state of before; :attr:`problem` says why one of the files is not used."""
+        """Return the saved state; :attr:`problem` says why one of its files is not used."""
         found = self._file.read()
         self.problem = '; '.join(self._file.problems)
         return found
@@ -73,9 +73,9 @@ class MapStore:
     def save_state(self, graph: MapGraph | None, extra: Mapping[str, Any], is_last: bool = False
                    ) -> None:
         """
-        Write the state unless it is the same as before, to spare the disk; returns at once.
+        Write the state unless it is unchanged, to spare the disk; returns immediately.
 
-        :param is_last: write it in any case, after what is being written.
+        :param is_last: write it in any case, after the writes under way.
         """
         if self.is_busy and not is_last:
             return
@@ -90,12 +90,12 @@ class MapStore:
             self.counts['state_bytes'] = self._file.write(graph or MapGraph(), extra)
             self.counts['states_kept'] += 1
             self.problem = ''
-        except Exception as error:  # whatever a disk may say: mapping goes on
+        except Exception as error:  # any error of the disk: mapping continues
             self.counts['states_unkept'] += 1
             self.problem = error_text(error)
 
     def delete_state(self) -> None:
-        """Remove the state, after what is being written."""
+        """Delete the state, after the writes under way."""
         self._saved = None
         self._thread.submit(self._delete_state)
 
@@ -103,9 +103,9 @@ class MapStore:
         try:
             self._file.remove()
         except OSError as error:
-            self.problem = (f'{error.filename}: the state of before cannot be removed: '
-                            f'{error.strerror}: delete it, or mapping goes on with it when it is '
-                            'started again')
+            self.problem = (f'{error.filename}: the old state cannot be removed: '
+                            f'{error.strerror}: delete it, or mapping continues with it after '
+                            'a restart')
 
     def save_map(self, path: Path, graph: MapGraph | None, grid: GridMap,
                  settings: Mapping[str, Any]
@@ -113,7 +113,7 @@ class MapStore:
         """
         Save a map.
 
-        :return: of the path that was written; its exception is ConfigError when none was.
+        :return: the path that was written; its exception is ConfigError when it failed.
         """
         return self._thread.submit(self._write_map, path, copy_of(graph), grid, settings)
 
@@ -125,16 +125,16 @@ class MapStore:
         return written
 
     def flush(self) -> None:
-        """Wait until what was given is written."""
+        """Wait until all pending writes are done."""
         self._thread.submit(bool).result()
 
     def close(self) -> None:
-        """Wait until everything is written."""
+        """Finish all writes and end the thread."""
         self._thread.shutdown(wait=True)
 
 
 def _same(before: _State | None, now: _State) -> bool:
-    """Return whether two states differ by nothing but the noise of a robot that stands."""
+    """Return whether two states are equal up to the noise of a standing robot."""
     if before is None or not _same_graph(before[0], now[0]) or before[1].keys() != now[1].keys():
         return False
     return all(_same_value(value, now[1][key]) for key, value in before[1].items())
@@ -158,7 +158,7 @@ def _same_value(before: Any, now: Any) -> bool:
 
 
 def error_text(error: Exception) -> str:
-    """Return what an error says to a user."""
+    """Return the text of an error for the operator."""
     if isinstance(error, ConfigError):
         return '; '.join(error.problems)
     if isinstance(error, OSError) and error.strerror:

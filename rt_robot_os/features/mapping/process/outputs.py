@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What mapping publishes: where the robot is, the map, its graph, and how it fares."""
+"""What mapping publishes: the pose, the map, its graph, and its status."""
 
 from __future__ import annotations
 
@@ -51,25 +51,25 @@ _STATE_BYTES: Final = 199
 _ANSWER_CHARACTERS: Final = 1500
 _STATUS_NS: Final = NS_PER_S
 _PATH_POSES: Final = 1000
-#: At most so often, beside the period of the map.
+#: Minimum time between two graphs.
 _GRAPH_NS: Final = 2 * NS_PER_S
 
 
 class SamplePublisher(Protocol):
-    """Who takes samples to the core."""
+    """The connection to the core, for samples."""
 
     def publish(self, topic: str, cdr: bytes, stamp_ns: int = 0) -> bool:
-        """Publish a sample; False when nobody took it."""
+        """Publish a sample; return False when the core did not accept it."""
 
     def has(self, topic: str) -> bool:
-        """Return whether somebody would get it."""
+        """Return whether the core accepts samples of a topic."""
 
 
 class Outputs:
     """
-    Publish what is new, as often as it is wanted.
+    Publish what has changed, at limited rates.
 
-    :param map_period_ns: of the map at most.
+    :param map_period_ns: minimum time between two maps.
     """
 
     def __init__(self, port: SamplePublisher, map_period_ns: int) -> None:
@@ -78,13 +78,13 @@ class Outputs:
         self.reset()
 
     def reset(self) -> None:
-        """Publish everything again: there is another core."""
+        """Publish everything again, to another core."""
         self._state = ''
         self._status_ns = self._map_ns = self._graph_ns = -(1 << 62)
         self._map_version = self._graph_version = -1
 
     def publish_pose(self, place: RobotPose) -> None:
-        """Publish where the robot is, and before that how the map moved under it."""
+        """Publish the pose, and before it the movement of the map if there was one."""
         if place.correction is not None:
             self._publisher.publish(CORRECTION, pose_message(place.correction, place.covariance),
                                     place.stamp_ns)
@@ -94,9 +94,9 @@ class Outputs:
 
     def publish_relocation(self, topic: str, place: RobotPose) -> Floats | None:
         """
-        Tell localization that the robot is somewhere else on the map, which it takes over at once.
+        Publish a new pose to localization, which applies it immediately.
 
-        :return: what was published, for who reads that topic as well; None when nobody took it.
+        :return: the pose that was published; None when the core did not accept it.
         """
         is_taken = self._publisher.publish(topic, pose_message(place.pose, place.covariance),
                                            place.stamp_ns)
@@ -104,9 +104,9 @@ class Outputs:
 
     def publish_grid(self, now_ns: int, version: int, grid: GridMap, drawn_ns: int) -> None:
         """
-        Publish the map when it is another one and its time has come.
+        Publish the map when it has changed and the period has passed.
 
-        :param drawn_ns: stamp of the newest scan on it; 0 when it is of no scan.
+        :param drawn_ns: stamp of the newest scan on it; 0 without a scan.
         """
         if (version == self._map_version or not version
                 or now_ns - self._map_ns < self._map_period_ns):
@@ -118,7 +118,7 @@ class Outputs:
     def publish_graph(self, now_ns: int, version: int, poses: Floats, graph: MapGraph | None
                       ) -> None:
         """
-        Publish the way of the keyframes, and what is known between them.
+        Publish the poses of the keyframes, and the edges between them.
 
         :param poses: shape (n, 3): of ``base_link``.
         """
@@ -127,7 +127,7 @@ class Outputs:
             return
         self._graph_ns = now_ns
         step = -(-len(poses) // _PATH_POSES) or 1
-        shown = poses[::-1][::step][::-1]  # the newest is among them
+        shown = poses[::-1][::step][::-1]  # includes the newest
         if self._publisher.publish(PATH, numbers_message(np.ravel(shown))):
             self._graph_version = version
         edges = [(each.first, each.second, EdgeKind.LOOP if each.is_loop else EdgeKind.NEIGHBOUR)
@@ -137,25 +137,25 @@ class Outputs:
                                 numbers_message(graph_numbers(poses[:, :2].tolist(), edges)))
 
     def publish_state(self, text: str) -> None:
-        """Publish what goes on when it is something else."""
+        """Publish the state when it has changed."""
         text = text.encode()[:_STATE_BYTES].decode(errors='ignore')
         if text != self._state and self._publisher.publish(STATE, string_message(text)):
             self._state = text
 
     def is_status_due(self, now_ns: int) -> bool:
-        """Return whether it is time to say how mapping fares."""
+        """Return whether the next status is due."""
         return now_ns - self._status_ns >= _STATUS_NS
 
     def publish_status(self, now_ns: int, level: int, message: str, values: Mapping[str, Any]
                        ) -> None:
-        """Publish how mapping fares."""
+        """Publish the status."""
         self._status_ns = now_ns
         self._publisher.publish(STATUS, string_message(json.dumps({'status': [{
             'level': level, 'name': 'robot: mapping', 'message': message,
             'values': {key: _plain(value) for key, value in values.items()}}]})))
 
     def publish_answer(self, command: str, is_ok: bool, text: str) -> None:
-        """Answer a command."""
+        """Publish the answer to a command."""
         self._publisher.publish(ANSWER, string_message(json.dumps({
             'command': command[:_ANSWER_CHARACTERS // 2], 'ok': is_ok,
             'text': text[:_ANSWER_CHARACTERS // 2]})))

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Turn on the spot while the robot looks for itself and places look alike.
+Turn on the spot while the global search is ambiguous.
 
-The commands go where those of ROS go, past whoever else steers and the guard: somebody who drives
-by hand wins, an obstacle stops it, and with mapping they end.
+The commands pass the multiplexer and the guard like those of ROS: an operator has priority, an
+obstacle stops the turn, and it ends with the process.
 """
 
 from __future__ import annotations
@@ -30,17 +30,18 @@ from rt_robot_os.features.mapping.engine import Engine
 from rt_robot_os.features.mapping.messages import turn_message
 from rt_robot_os.features.mapping.settings import MappingSettings
 
-#: A command is given so often: whoever gives none for 0.1 s does not steer.
+#: Period of the commands: a source without one for 0.1 s loses control.
 _PERIOD_NS: Final = NS_PER_S // 30
-#: So much of a turn, and a bit more, for wheels that slip; then nothing new is to be seen.
+#: One turn, with a margin for wheels that slip; after it nothing new is in view.
 _TURN_RAD: Final = 1.15 * math.tau
 
 
 class RecoverySpin:
     """
-    A turn round, or none.
+    A turn that is made when it is needed.
 
-    :param publish: a message on a topic; has: whether somebody reads it.
+    :param publish: publishes a message on a topic.
+    :param has: returns whether a topic has subscribers.
     """
 
     def __init__(self, settings: MappingSettings, engine: Engine,
@@ -54,7 +55,7 @@ class RecoverySpin:
 
     @property
     def state(self) -> str:
-        """Say what it does, to go behind the state of mapping; empty: nothing."""
+        """Return its state, to be appended to that of mapping; empty: it does nothing."""
         if self._is_turning:
             return 'turning to look round'
         return 'looked round: drive it elsewhere' if self._is_done else ''
@@ -65,9 +66,9 @@ class RecoverySpin:
 
     def step(self, now_ns: int, may_drive: bool) -> None:
         """
-        Go on with it, or end it.
+        Continue or end the turn.
 
-        :param may_drive: somebody has told mapping to drive the robot.
+        :param may_drive: an operator has started exploration.
         """
         engine = self._engine
         if not engine.is_searching:

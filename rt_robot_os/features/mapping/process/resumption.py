@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is kept beside the map so that mapping goes on after any end."""
+"""The state that is saved with the map, so that mapping resumes after any end."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ from rt_robot_os.features.mapping.slam.transforms import Floats
 @dataclass(frozen=True)
 class Resumption:
     """
-    A map to go on with.
+    A map to continue with.
 
-    :ivar base: shape (3,): where ``base_link`` was on it; None when nobody knew.
-    :ivar odometry: shape (3,): what odometry said then.
+    :ivar base: shape (3,): pose of ``base_link`` on it; None when it was unknown.
+    :ivar odometry: shape (3,): pose of odometry then.
     :ivar run_id: of the core at that time.
-    :ivar loaded: path of the map that was loaded; empty when it grew here.
+    :ivar loaded: path of the map that was loaded; empty when it was made here.
     """
 
     known: LoadedMap
@@ -56,11 +56,11 @@ class Resumption:
     def of(cls, graph: MapGraph, extra: Mapping[str, Any], settings: MappingSettings
            ) -> Resumption | None:
         """
-        Read what was kept.
+        Parse a saved state.
 
-        :return: None when the settings want something else since.
+        :return: None when the settings ask for another map now.
         :raises ConfigError: the map that was loaded cannot be read any more.
-        :raises ValueError: it is none.
+        :raises ValueError: it is malformed.
         """
         wanted = _wanted(settings)
         if extra.get('settings') != wanted:
@@ -68,7 +68,7 @@ class Resumption:
         mode, loaded = str(extra.get('mode')), str(extra.get('loaded', ''))
         base = None if extra.get('base') is None else _pose(extra['base'])
         if graph.keyframes:
-            known, text = LoadedMap(graph), f'{len(graph.keyframes)} scans of before'
+            known, text = LoadedMap(graph), f'{len(graph.keyframes)} scans of the last run'
         elif loaded:
             text, known = read_map(Path(loaded))
         else:
@@ -79,24 +79,24 @@ class Resumption:
     @staticmethod
     def extra(settings: MappingSettings, mode: str, loaded: str, run_id: str,
               base: Floats | None, odometry: Floats | None) -> dict[str, Any]:
-        """Return what is kept."""
+        """Return the values to save."""
         return {'settings': _wanted(settings), 'mode': mode, 'loaded': loaded, 'run_id': run_id,
                 'base': None if base is None else base.tolist(),
                 'odometry': None if odometry is None else odometry.tolist()}
 
     def base_at(self, odometry: Floats) -> Floats:
-        """Return where the robot is now, by what the same odometry says now."""
+        """Return the pose of the robot now, for the pose of the same odometry now."""
         assert self.base is not None
         return composed(self.base, between(self.odometry, odometry))
 
 
 def _wanted(settings: MappingSettings) -> list[str]:
-    """Return the settings that say which map is wanted: with others another one is."""
+    """Return the settings that choose the map: the state is valid for the same ones only."""
     return [settings.mode, settings.map_file if settings.mode == LOCALIZATION else '']
 
 
 def _pose(given: Any) -> Floats:
     pose = np.zeros(3) if given is None else np.array(given, dtype=np.float64)
     if pose.shape != (3,) or not np.isfinite(pose).all():
-        raise ValueError(f'{given} is no pose')
+        raise ValueError(f'{given} is not a pose')
     return pose

@@ -13,8 +13,8 @@
 # limitations under the License.
 
 """
-Mapping and localisation from scans of a laser: pure computing, no robot in it.
+Mapping and localisation from laser scans: pure computation without I/O.
 
-Native calls are not preempted, so nothing of this belongs into the real-time core: a process of
-its own uses it, and what must be on time (odometry, the pose that is predicted) stays in the core.
+Native calls cannot be preempted, so none of this belongs into the real-time core. A separate
+process uses it; odometry and the predicted pose, which must be on time, stay in the core.
 """

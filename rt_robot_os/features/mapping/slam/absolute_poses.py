@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Absolute poses as edges of the graph: thinned, at most one for each keyframe."""
+"""Absolute poses as constraints of the graph, thinned to one for each keyframe."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ from rt_robot_os.features.mapping.slam.transforms import composed
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.features.mapping.slam.transforms import wrapped
 
-#: Scans between which a fix may lie, and fixes that wait for the scan after them.
+#: Scans that are remembered for late poses, and poses that wait for the next scan.
 _SCANS: Final = 64
 _WAITING: Final = 16
-#: What is known of a keyframe's place becomes no surer by more than so many fixes.
+#: The information of a keyframe's pose is at most that of as many absolute poses.
 _INFORMATION_MOST: Final = 4.0
-#: Squared distance, in variances, up to which two fixes agree.
+#: Squared distance, in variances, up to which two absolute poses are consistent.
 _CONSISTENT_CHI2: Final = 16.0
-#: The map is put right after so many fixes of keyframes that had one.
+#: The map is optimised again after as many poses of keyframes that had one.
 _OPTIMISE_AFTER: Final = 20
-#: A match is that uncertain, in m and rad.
+#: Covariance of a scan match, in m and rad.
 _MATCH_COVARIANCE: Final = np.diag((0.02 ** 2, 0.02 ** 2, 0.01 ** 2))
 
 
 @dataclass(frozen=True)
 class _RecordedScan:
-    """Where a scan was taken, seen from a keyframe."""
+    """The pose of a scan, relative to a keyframe."""
 
     stamp_ns: int
     odometry: Floats
@@ -55,7 +55,7 @@ class _RecordedScan:
 
 class AbsoluteConstraints:
     """
-    What an absolute source says, until it is an edge.
+    Absolute poses on their way to constraints of the graph.
 
     :param counts: of the mapper; ``fixes`` and ``fixes_left`` are counted there.
     """
@@ -68,19 +68,19 @@ class AbsoluteConstraints:
 
     def add(self, stamp_ns: int, pose: Floats, covariance: Floats) -> bool:
         """
-        Take an absolute pose.
+        Add an absolute pose.
 
-        :return: whether the map has to agree with something new.
-        :raises ValueError: that is no pose, or its covariance none.
+        :return: whether the map must be optimised.
+        :raises ValueError: the pose or its covariance is invalid.
         """
         pose, covariance = np.asarray(pose, np.float64), np.asarray(covariance, np.float64)
         if pose.shape != (3,) or not np.isfinite(pose).all():
-            raise ValueError(f'a fix at {stamp_ns} ns is at {pose.tolist()}: x, y in m, yaw in '
-                             'rad are a pose')
+            raise ValueError(f'a fix at {stamp_ns} ns is at {pose.tolist()}: must be x, y in m '
+                             'and yaw in rad')
         if (covariance.shape != (3, 3) or not np.isfinite(covariance).all()
                 or np.linalg.eigvalsh((covariance + covariance.T) / 2).min() <= 0.0):
             raise ValueError(f'a fix at {stamp_ns} ns has the covariance {covariance.tolist()}: '
-                             '3 x 3 numbers in m and rad, positive definite, are one')
+                             'must be 3 x 3, in m and rad, positive definite')
         if len(self._waiting) == _WAITING:
             self._waiting.popleft()
             self._counts['fixes_left'] += 1
@@ -89,18 +89,18 @@ class AbsoluteConstraints:
 
     def record_scan(self, stamp_ns: int, odometry: Floats, keyframe: int, relative: Floats
                     ) -> bool:
-        """Notice where a scan was taken; return as :meth:`add` does."""
+        """Record the pose of a scan; return as :meth:`add` does."""
         if self._scans and stamp_ns <= self._scans[-1].stamp_ns:
             self._scans.clear()
         self._scans.append(_RecordedScan(stamp_ns, odometry, keyframe, relative))
         return self._make_constraints()
 
     def restart(self) -> None:
-        """Forget where scans were taken: the robot is elsewhere."""
+        """Discard the recorded scans: the robot was moved."""
         self._scans.clear()
 
     def remove_keyframe(self, index: int, successor: int, seen_from_successor: Floats) -> None:
-        """Follow a keyframe that is taken out of the list, as the trajectory does."""
+        """Adapt to a keyframe that is removed, as the trajectory does."""
         self._scans = deque((
             replace(each, keyframe=successor - (successor > index),
                     relative=composed(seen_from_successor, each.relative))
@@ -109,7 +109,7 @@ class AbsoluteConstraints:
             for each in self._scans), _SCANS)
 
     def _make_constraints(self) -> bool:
-        """Make edges of the fixes that lie between two scans."""
+        """Make constraints of the poses that lie between two scans."""
         is_new, late = False, []
         for fix in self._waiting:
             at = bisect_right(self._scans, fix[0], key=lambda each: each.stamp_ns)
@@ -150,7 +150,7 @@ class AbsoluteConstraints:
         return True
 
     def _fused(self, old: AbsolutePose, new: AbsolutePose) -> AbsolutePose:
-        """Return one fix for two: their mean, or that which agrees with the map."""
+        """Return one pose for two: their mean, or the one that is consistent with the map."""
         off = new.pose - old.pose
         off[2] = wrapped(off[2])
         if float(off @ new.information @ off) > _CONSISTENT_CHI2:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Put a scan exactly onto what was seen before: points to lines, with robust weights.
+Align a scan exactly with earlier scans: points to lines, with robust weights (ICP).
 
-A. Censi, An ICP variant using a point-to-line metric, ICRA 2008. What lies far from its line
-counts less and less (Cauchy), so that somebody who walks by does not pull.
+A. Censi, An ICP variant using a point-to-line metric, ICRA 2008. The weight of a point falls with
+its distance from its line (Cauchy), so that people who walk by do not distort the result.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ from rt_robot_os.features.mapping.slam.transforms import wrapped
 _STEPS_MOST: Final = 20
 _SMALL: Final = 1e-4
 _LEAST: Final = 1e-6 * np.eye(3)
-#: Distance to its line at which a point counts half.
+#: Distance to its line at which a point has half the weight.
 _SOFT_M: Final = 0.05
 #: A point this near to its line lies on it.
 _ON_LINE_M: Final = 0.12
 _GATE_LEAST_M: Final = 0.15
-#: Normals at a right angle are as far from each other as points at this distance. So a scan is not
-#: put onto the other side of a thin wall, nor round a corner.
+#: Normals at a right angle count as points at this distance. So a scan is not aligned with the
+#: other side of a thin wall, nor round a corner.
 _FACING_M: Final = 0.15
 _SIDE: Final = _FACING_M / float(np.sqrt(2.0))
-#: Least product of the normals of two points of one surface.
+#: Smallest dot product of the normals of two points of one surface.
 _ALIKE: Final = 0.5
 _POINTS_LEAST: Final = 10
 
@@ -53,7 +53,7 @@ _POINTS_LEAST: Final = 10
 @dataclass(frozen=True)
 class Aligned:
     """
-    How a scan lies on a map.
+    A scan that is aligned with a map.
 
     :ivar pose: shape (3,).
     :ivar information: shape (3, 3), of the points alone, in units of a point's own variance.
@@ -67,11 +67,11 @@ class Aligned:
 
 class _Pairs(NamedTuple):
     """
-    Points and the lines that they are put onto.
+    Points and the lines that they are aligned with.
 
-    :ivar near: which points.
-    :ivar across: of the normals of their lines; ``up`` too.
-    :ivar offset: how far those lines are from the origin.
+    :ivar near: indices of the points.
+    :ivar across: x of the normals of their lines; ``up`` is y.
+    :ivar offset: distance of those lines from the origin.
     """
 
     near: npt.NDArray[np.int64]
@@ -82,30 +82,30 @@ class _Pairs(NamedTuple):
 
 class SurfaceLines:
     """
-    Points with normals, to which others are aligned.
+    Points with normals, with which other points are aligned.
 
     :param points: shape (n, 2), in m, n > 0.
     :param normals: shape (n, 2).
     """
 
     def __init__(self, points: Floats, normals: Floats) -> None:
-        from scipy.spatial import cKDTree  # takes long, and nobody else needs it
+        from scipy.spatial import cKDTree  # slow to import, and used here only
         self.points, self.normals = points, normals
         self._offsets: Floats = (points * normals).sum(1)
         self._tree: Any = cKDTree(np.hstack((points, normals * _SIDE)), compact_nodes=False,
-                                  balanced_tree=False)  # built often, asked seldom
+                                  balanced_tree=False)  # built often, queried seldom
 
     def align(self, points: Floats, start: Floats, prior: Floats | None = None,
               prior_information: Floats | None = None, gate_m: float = 0.4,
               normals: Floats | None = None) -> Aligned:
         """
-        Align points, beginning at a pose.
+        Align points, starting at a pose.
 
         :param points: shape (n, 2), in the frame of the pose.
         :param prior: a pose that is expected, with its information, shape (3, 3), in the units
             of :class:`Aligned`.
-        :param gate_m: what is further from everything is left out, at first.
-        :param normals: shape (n, 2), to the side that was seen; None: not known, as zeros are.
+        :param gate_m: points further from every line are ignored, at first.
+        :param normals: shape (n, 2), towards the laser; None or zeros: not known.
         """
         facing = np.zeros_like(points) if normals is None else normals
         has_side = np.hypot(facing[:, 0], facing[:, 1]) > _ALIKE
@@ -113,7 +113,7 @@ class SurfaceLines:
         pose, found, errors = start.copy(), np.zeros((3, 3)), np.zeros(0)
         for _ in range(_STEPS_MOST):
             there = _moved(pose, views)
-            # Lines are looked up in each step: held, they end the way along a corridor too early.
+            # Lines are looked up in each step: fixed ones end a motion along a corridor early.
             pairs = self._pairs(there, has_side, gate_m)
             if len(pairs.near) < _POINTS_LEAST:
                 return Aligned(pose, np.zeros((3, 3)), 0.0)
@@ -140,14 +140,14 @@ class SurfaceLines:
         return Aligned(pose, found, share)
 
     def far_from(self, points: Floats, far_m: float) -> int:
-        """Return how many points have no line within a distance, whichever side it shows."""
+        """Return how many points have no line within a distance, on either side."""
         distances, _ = self._tree.query(np.hstack((points, np.zeros_like(points))),
                                         distance_upper_bound=np.hypot(far_m, _SIDE))
         return int(np.isinf(distances).sum())
 
     def _pairs(self, there: Floats, has_side: npt.NDArray[np.bool_], gate_m: float) -> _Pairs:
         """
-        Return which points lie near a line that was seen from the same side.
+        Return the points near a line that was seen from the same side.
 
         :param there: shape (n, 4): points, and normals in the tree's unit.
         """

@@ -13,17 +13,16 @@
 # limitations under the License.
 
 """
-Maps as files: a grid as ROS' map_saver writes it, and beside it the graph that it was drawn of.
+Maps as files: a grid as ROS' map_saver writes it, and the graph that it was drawn from.
 
-``NAME.yaml`` and ``NAME.pgm`` are read by everybody; ``NAME.graph.npz`` is what mapping goes on
-from. The graph names the grid that it belongs to, so that two that do not are never taken for one
-map.
+``NAME.yaml`` and ``NAME.pgm`` are for all programs; mapping continues from ``NAME.graph.npz``. The
+graph identifies its grid, so that files of different maps are never combined.
 
-A map is written whole or not at all, over one that is there as well. The YAML file names its
-picture, so its renaming is the one step at which the old map becomes the new one: first it names
-a picture of another name, and only when that is done the picture gets its own. Of two graphs, the
-one beside the map and one that waits to be renamed, the one that belongs to the grid is taken. So
-at every moment all readers, map_server among them, find the old map or the new one.
+A map is written atomically, also over an existing one. The YAML file names its picture, so the
+renaming of the YAML file is the one step that replaces the map: first it names a picture with a
+temporary name, which gets its final name afterwards. Of two graphs, the one next to the map and
+one that waits to be renamed, the one that belongs to the grid is used. So at any time all readers,
+such as map_server, find the old map or the new one.
 """
 
 from __future__ import annotations
@@ -56,9 +55,9 @@ from rt_robot_os.motion.grid_map import GridMap
 from rt_robot_os.motion.map_picture import PICTURES
 
 GRAPH_SUFFIX: Final = '.graph.npz'
-#: Of the file of a graph. One that reads version 2 reads 1 as well.
+#: Of the graph file. A release that reads version 2 also reads version 1.
 VERSION: Final = 1
-#: A picture that was painted on is still of its graph; one of which more is new is not.
+#: Share of cells that may be edited by hand; with more the graph no longer belongs to the grid.
 _PAINTED_MOST: Final = 0.1
 #: How the name of a map's YAML file ends.
 YAML: Final = ('.yaml', '.yml')
@@ -73,10 +72,10 @@ class Saved:
     """
     A map that was read.
 
-    :ivar grid: what robots find themselves in.
-    :ivar graph: what mapping goes on from; None of a map that somebody else made.
-    :ivar settings: with which it was made, as they were given to :func:`save`.
-    :ivar notes: what its user should know of it: a line each.
+    :ivar grid: for localisation.
+    :ivar graph: for mapping; None for a map of another program.
+    :ivar settings: with which it was made, as given to :func:`save`.
+    :ivar notes: remarks for the operator, a line each.
     """
 
     grid: GridMap
@@ -90,14 +89,14 @@ class Saved:
 def save(path: str | os.PathLike[str], graph: MapGraph | None, grid: GridMap,
          settings: Mapping[str, Any] | None = None) -> Path:
     """
-    Write a map, whole or not at all; the one that was there stays until then.
+    Write a map atomically; the old one stays until then.
 
-    :param path: of the YAML file, with or without ``.yaml``; its folder is made. A path
+    :param path: of the YAML file, with or without ``.yaml``; its folder is created. A path
         that ends with ``.png`` requests a PNG as the picture, which needs Pillow.
     :param graph: None: the grid alone.
-    :param settings: plain values, for those who read it.
-    :return: of the YAML file.
-    :raises ConfigError: it cannot be written; what was there is as it was.
+    :param settings: plain values, stored with the map.
+    :return: path of the YAML file.
+    :raises ConfigError: it cannot be written; the old map is unchanged.
     """
     suffix = _picture_suffix(path)
     yaml = _yaml_of(Path(path).with_suffix('') if suffix else path)
@@ -108,10 +107,10 @@ def save(path: str | os.PathLike[str], graph: MapGraph | None, grid: GridMap,
     except OSError as error:
         with suppress(OSError):
             _settle(yaml)
-            _waiting(yaml).unlink(missing_ok=True)  # on a full disk it takes the last room
+            _waiting(yaml).unlink(missing_ok=True)  # on a full disk it takes the last space
             _clear(yaml)
         raise ConfigError([f'{yaml}: the map cannot be written: {error.strerror}: give another '
-                           'file or make room; the map there is that of before, or this one']
+                           'file or free space; the file is the old map, or this one']
                           ) from error
     return yaml
 
@@ -120,17 +119,17 @@ def steps_of_saving(yaml: Path, graph: MapGraph | None, grid: GridMap,
                     settings: Mapping[str, Any] | None = None, suffix: str = PICTURES[0]
                     ) -> Iterator[str]:
     """
-    Write a map step by step; between any two of them power may fail.
+    Write a map step by step; power may fail between any two steps.
 
     :param suffix: of the picture.
-    :return: what was done.
+    :return: yields a description of each step.
     """
     grid = grid.trinary()
     waiting, picture = _waiting(yaml), yaml.with_suffix(suffix)
-    # GridMap knows how both are written; of its files only the bytes are taken.
+    # GridMap formats both files; only their bytes are used.
     described, pixels = grid.files(picture.name)
     _settle(yaml)
-    # Without a graph an empty one says that the one that is there is of another map.
+    # An empty graph marks that an existing graph belongs to another map.
     write_whole(waiting, _graph_file(graph or MapGraph(), grid, settings))
     yield 'the graph waits'
     other = yaml.with_name(f'.{yaml.stem}.{hashlib.sha256(pixels).hexdigest()[:8]}{suffix}')
@@ -163,7 +162,7 @@ def steps_of_saving(yaml: Path, graph: MapGraph | None, grid: GridMap,
 
 
 def _settle(yaml: Path) -> None:
-    """Give the graph that waits its name, if the map that is there needs it."""
+    """Rename the graph that waits, if the present map needs it."""
     waiting = _waiting(yaml)
     if not waiting.exists():
         return
@@ -174,7 +173,7 @@ def _settle(yaml: Path) -> None:
 
 
 def _clear(yaml: Path) -> None:
-    """Remove what saving left, unless the map needs it."""
+    """Remove files that an interrupted save left, unless the map needs them."""
     needed = yaml.read_bytes() if yaml.exists() else b''
     kept = f'.{glob.escape(yaml.stem)}.' + '[0-9a-f]' * 8
     for path in (each for suffix in PICTURES for each in yaml.parent.glob(kept + suffix)):
@@ -202,10 +201,10 @@ def _packed_cells(grid: GridMap) -> Any:
 
 def load(path: str | os.PathLike[str], with_graph: bool = True) -> Saved:
     """
-    Read a map, of ours or of anybody.
+    Read a map, made here or by another program.
 
     :param path: of the YAML file, with or without ``.yaml``, or of its picture.
-    :param with_graph: False: of the grid alone, whatever stands beside it.
+    :param with_graph: False: the grid alone, even if there is a graph.
     :raises ConfigError: it cannot be read, is damaged, or its files are of several maps.
     """
     yaml = _yaml_of(path)
@@ -229,16 +228,16 @@ def load(path: str | os.PathLike[str], with_graph: bool = True) -> Saved:
         if not cells:
             return Saved(grid, *_contents(arrays, file))
         if painted is None:
-            note = (f'{yaml}: {cells} cells are not as they were saved: the picture was painted '
-                    'on; the grid is used as it is now, the graph as it was')
+            note = (f'{yaml}: {cells} cells differ from the saved ones: the picture was edited; '
+                    'the grid is used as it is now, the graph as it was saved')
             painted = Saved(grid, *_contents(arrays, file), (note,))
     if painted is not None:
         return painted
     if problems and _graph_path(yaml).exists():
         raise ConfigError([problems[0]])
     return Saved(grid, notes=(
-        f'{yaml}: has no {yaml.stem}{GRAPH_SUFFIX}: a robot can find itself in it, mapping cannot '
-        'go on from it',))
+        f'{yaml}: has no {yaml.stem}{GRAPH_SUFFIX}: localization can use it, mapping cannot '
+        'continue from it',))
 
 
 def _grid(yaml: Path) -> GridMap:
@@ -252,17 +251,17 @@ def _grid(yaml: Path) -> GridMap:
     try:
         return GridMap.load(yaml)
     except ConfigError:
-        # While it was saved by another process the picture that it named may have gone.
+        # Another process that saves may have removed the picture that it named.
         return GridMap.load(yaml)
 
 
 def _arrays(file: Path) -> Arrays:
-    remedy = 'delete it to use the grid alone, or load a copy of before'
+    remedy = 'delete it to use the grid alone, or load an older copy'
     try:
         arrays = unpack(bytes_of(file))
         version = arrays.get('version')
         if version is None or version.shape != (1,) or version.dtype.kind != 'i':
-            raise ValueError('has no version: it is no graph of a map')
+            raise ValueError('has no version: it is not the graph of a map')
         if version[0] > VERSION:
             raise ConfigError([f'{file}: is of version {version[0]}, of a newer release: this one '
                                f'reads up to {VERSION}; update, or {remedy}'])
@@ -275,32 +274,32 @@ def _arrays(file: Path) -> Arrays:
 
 def _changed(arrays: Arrays, grid: GridMap, file: Path, yaml: Path) -> int:
     """
-    Return how many cells of the grid are not as they were saved.
+    Return how many cells of the grid differ from the saved ones.
 
-    :raises ConfigError: it is another map.
+    :raises ConfigError: the graph belongs to another map.
     """
     shape, place, cells = (arrays.get(each) for each in ('grid_shape', 'grid_place', 'grid'))
     if shape is None or place is None or cells is None:
-        raise ConfigError([f'{file}: is no graph of a map: delete it to use the grid alone'])
+        raise ConfigError([f'{file}: is not the graph of a map: delete it to use the grid alone'])
     ours = np.array((grid.resolution_m, *grid.origin))
     mine = _packed_cells(grid)
     if (tuple(shape.tolist()) != grid.cells.shape or place.shape != ours.shape
             or not (place == ours).all() or cells.shape != mine.shape):
         raise ConfigError([
-            f'{file}: is not of the map {yaml}: it is of {_told(shape, place)}, and the map of '
-            f'{_told(np.array(grid.cells.shape), ours)}: one of both was replaced or damaged; '
-            'delete the graph to use the grid as it is'])
+            f'{file}: does not belong to the map {yaml}: it has {_described(shape, place)}, the '
+            f'map {_described(np.array(grid.cells.shape), ours)}: one of them was replaced or '
+            'damaged; delete the graph to use the grid alone'])
     off = cells ^ mine
     half = len(off) // 2
     changed = int(np.unpackbits(off[:half] | off[half:]).sum())
     known = int((grid.cells >= 0).sum())
     if changed > _PAINTED_MOST * known:
-        raise ConfigError([f'{file}: is not of the map {yaml}: {changed} of {known} cells are '
-                           'others; delete the graph to use the grid as it is'])
+        raise ConfigError([f'{file}: does not belong to the map {yaml}: {changed} of {known} '
+                           'cells differ; delete the graph to use the grid alone'])
     return changed
 
 
-def _told(shape: Any, place: Any) -> str:
+def _described(shape: Any, place: Any) -> str:
     rows, columns = [*shape.tolist(), 0, 0][:2]
     return f'{columns} x {rows} cells at [{", ".join(f"{each:g}" for each in place.tolist())}]'
 
@@ -312,7 +311,7 @@ def _contents(arrays: Arrays, file: Path) -> tuple[MapGraph | None, Mapping[str,
             raise ValueError('settings are missing')
         settings = json.loads(told.tobytes())
         if not isinstance(settings, dict):
-            raise ValueError('its settings are no object')
+            raise ValueError('its settings are not a JSON object')
         graph = graph_of(arrays)
         return graph if graph.keyframes else None, settings
     except (ValueError, RecursionError) as error:
@@ -321,7 +320,7 @@ def _contents(arrays: Arrays, file: Path) -> tuple[MapGraph | None, Mapping[str,
 
 
 def _picture_suffix(path: str | os.PathLike[str]) -> str:
-    """Return how a path ends that names the picture of a map; empty when it names the map."""
+    """Return the suffix of a path to the picture of a map; empty for a path to the map."""
     suffix = Path(path).suffix
     return suffix if suffix in PICTURES else ''
 
@@ -329,7 +328,7 @@ def _picture_suffix(path: str | os.PathLike[str]) -> str:
 def _yaml_of(path: str | os.PathLike[str]) -> Path:
     file = Path(path).expanduser()
     if not file.name:
-        raise ConfigError([f'{path}: is no name of a map: give NAME or NAME.yaml'])
+        raise ConfigError([f'{path}: is not the name of a map: give NAME or NAME.yaml'])
     if file.name.endswith(GRAPH_SUFFIX):
         file = file.with_name(file.name.removesuffix(GRAPH_SUFFIX))
     return file if file.suffix in YAML else file.with_name(f'{file.name}.yaml')

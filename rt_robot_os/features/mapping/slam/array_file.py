@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Arrays in one file that is whole or refused: NumPy's ``.npz``, with a version and a checksum.
+Arrays in one file, NumPy's ``.npz`` with a version and a checksum: complete or rejected.
 
-What is read may be anything: its size is bounded before it is unpacked, and nothing in it is run.
+Input is not trusted: its size is bounded before it is unpacked, and nothing in it is executed.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _CHECKSUM: Final = 'sha256'
 _SUFFIX: Final = '.npy'
 _KINDS: Final = 'biuf'
 _MEMBERS_MOST: Final = 64
-#: Of a file, and of what is in it: a graph of ten thousand keyframes is some 25 MB.
+#: Size of a file, and of its unpacked content: ten thousand keyframes are some 25 MB.
 FILE_MOST: Final = 1 << 28
 _UNPACKED_MOST: Final = 1 << 30
 
@@ -51,14 +51,14 @@ def pack(arrays: Mapping[str, npt.NDArray[Any]], level: int = 6) -> bytes:
     """
     Return arrays as the bytes of a file.
 
-    :param level: of zlib's: 1 takes a third of the time of 6, and is a fifth longer.
+    :param level: of zlib: 1 takes a third of the time of 6, and the file is a fifth longer.
     """
     members = {name: _member(array) for name, array in arrays.items()}
     members[_CHECKSUM] = _member(np.frombuffer(_digest(members), np.uint8))
     file = io.BytesIO()
     with zipfile.ZipFile(file, 'w', zipfile.ZIP_DEFLATED, compresslevel=level) as archive:
         for name, data in members.items():
-            # One date for all: the same map gives the same file.
+            # A fixed date: equal maps give equal files.
             archive.writestr(_info(name), data, compresslevel=level)
     return file.getvalue()
 
@@ -72,7 +72,7 @@ def _info(name: str) -> zipfile.ZipInfo:
 
 def _member(array: npt.NDArray[Any]) -> bytes:
     file = io.BytesIO()
-    # NumPy's own writer, of the version that every reader knows.
+    # NumPy's own writer, in the version that every reader supports.
     np.lib.format.write_array(file, np.ascontiguousarray(array), (1, 0), allow_pickle=False)
     return file.getvalue()
 
@@ -89,14 +89,14 @@ def unpack(data: bytes) -> Arrays:
     """
     Return the arrays of a file.
 
-    :raises ValueError: it is none, is damaged, or is too large.
+    :raises ValueError: it is malformed, damaged or too large.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = _members(archive)
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError,
             RuntimeError, UnicodeDecodeError, ValueError) as error:
-        # RuntimeError: "encrypted", says a bit that was flipped.
+        # RuntimeError: a flipped bit may mean "encrypted".
         raise ValueError(f'is damaged: {error}') from None
     arrays = {name: _array(member) for name, member in members.items()}
     checksum = arrays.pop(_CHECKSUM, None)
@@ -118,13 +118,13 @@ def _members(archive: zipfile.ZipFile) -> dict[str, bytes]:
             data = file.read(each.file_size + 1)
         name = each.filename.removesuffix(_SUFFIX)
         if len(data) != each.file_size or name in members:
-            raise ValueError(f'{name} is not what the directory of the file says')
+            raise ValueError(f'{name} differs from the directory of the file')
         members[name] = data
     return members
 
 
 def _array(member: bytes) -> npt.NDArray[Any]:
-    """Return an array; its header may ask for more than there is, and gets nothing."""
+    """Return an array; one whose header asks for more bytes than there are is rejected."""
     file = io.BytesIO(member)
     try:
         if np.lib.format.read_magic(file) != (1, 0):
@@ -146,16 +146,16 @@ def _array(member: bytes) -> npt.NDArray[Any]:
 
 def bytes_of(path: Path, most: int = FILE_MOST) -> bytes:
     """
-    Read a file that may be anything, and never waits.
+    Read a file of unknown kind without blocking.
 
-    :raises ConfigError: it cannot be read, is no file, or is too long.
+    :raises ConfigError: it cannot be read, is not a regular file, or is too long.
     """
     try:
         handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY)
         with open(handle, 'rb') as file:
             about = os.fstat(handle)
             if not stat.S_ISREG(about.st_mode):
-                raise ConfigError([f'{path}: is no file'])
+                raise ConfigError([f'{path}: is not a file'])
             if about.st_size > most:
                 raise ConfigError([f'{path}: {about.st_size} bytes are more than {most}'])
             return file.read(most)
@@ -168,11 +168,11 @@ def bytes_of(path: Path, most: int = FILE_MOST) -> bytes:
 
 def write_whole(path: Path, data: bytes) -> None:
     """
-    Write a new file, on the disk when this returns; what had its name is gone.
+    Write a new file and sync it to the disk; an old one of that name is replaced.
 
-    It has no value for readers before all of it is there: it is meant to be renamed.
+    It is incomplete while it is written, so give it a temporary name and rename it afterwards.
     """
-    path.unlink(missing_ok=True)  # what lies there, such as a link, is not followed
+    path.unlink(missing_ok=True)  # a link at this path is not followed
     with path.open('xb') as file:
         file.write(data)
         file.flush()
@@ -180,7 +180,7 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Put the names of a folder on the disk."""
+    """Sync the entries of a folder to the disk."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         os.fsync(handle)

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Scans of CARMEN's logs: ``FLASER`` and ``ROBOTLASER1`` lines with what the wheels said.
+Scans of CARMEN's logs: ``FLASER`` and ``ROBOTLASER1`` lines with the odometry of the wheels.
 
-Where the wheels were at a scan stands in one of three places. A log that a mapper has corrected
+The odometry of a scan is in one of three places. A log that a mapper has corrected
 (GMapping's ``gfs2log`` and others) has the corrected pose in the line of the scan, and again in
-the ``ODOM`` line behind it, from which the next ``ODOM`` lines go on: only the steps between are
-of the wheels. A raw log has the pose of the wheels in the line of the scan. Some have both there.
+the ``ODOM`` line behind it, from which the next ``ODOM`` lines continue: only the steps between
+are measured. A raw log has the pose of the wheels in the line of the scan. Some have both.
 """
 
 from __future__ import annotations
@@ -39,21 +39,21 @@ from rt_robot_os.features.mapping.slam.transforms import between
 from rt_robot_os.features.mapping.slam.transforms import composed
 from rt_robot_os.features.mapping.slam.transforms import Floats
 
-#: Of a scan; a line with more is no scan.
+#: Beams of a scan; a line with more is not a scan.
 BEAMS_MOST: Final = 100_000
-#: Half a turn in so many beams, the last one included or not.
+#: Beam counts of half a turn, with or without the last one.
 _HALF_TURN: Final = (180, 360)
-#: Lines of scans by which a log is judged.
+#: Lines of scans from which the format of a log is inferred.
 _JUDGED: Final = 200
 _SAME: Final = 1e-6
-#: The wheels as their own line has them, and as that of the scan has: further apart is not them.
+#: Largest distance of the poses of the wheels in their own line and in that of the scan.
 _NEAR_M: Final = 0.5
 _STILL_M: Final = 0.5
 _KINDS: Final = ('ROBOTLASER1', 'FLASER')
 
 
 class WheelPoseSource(Enum):
-    """Where a log has what the wheels said at a scan."""
+    """Where a log has the odometry of a scan."""
 
     #: The steps between the lines of odometry behind one scan and before the next.
     STEPS = 'steps'
@@ -84,10 +84,10 @@ class LaserLine(NamedTuple):
 @dataclass(frozen=True)
 class Judged:
     """
-    What kind of log it is.
+    The format of a log.
 
     :ivar kind: of the lines that are read.
-    :ivar has_wheels: they say anything at all.
+    :ivar has_wheels: there is odometry at all.
     """
 
     kind: str
@@ -108,7 +108,7 @@ def laser_line(words: list[str]) -> LaserLine:
         stamp = after + 6
     else:
         start, step, count, first = float(words[2]), float(words[4]), int(words[8]), 9
-        # Behind the ranges stands how bright they were.
+        # The intensities follow the ranges.
         after = first + count
         after += 1 + int(words[after])
         stamp = after + 11
@@ -132,7 +132,7 @@ def _wheels_line(words: list[str]) -> Floats:
 
 def judge(lines: Iterable[str]) -> Judged | None:
     """
-    Look at the beginning of a log.
+    Infer the format from the beginning of a log.
 
     :return: None when there is no scan in it.
     """
@@ -182,9 +182,9 @@ class CarmenReader:
     """
     Read the lines of a log, one after the other.
 
-    :ivar bad_lines: that could not be read.
-    :ivar others: scans of another kind, which were left out.
-    :ivar references: where somebody else says that each scan was taken; None of a raw log.
+    :ivar bad_lines: lines that could not be read.
+    :ivar others: scans of another kind, which were skipped.
+    :ivar references: corrected poses of the scans; None for a raw log.
     """
 
     def __init__(self, judged: Judged) -> None:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What is wrong with scans and odometry, before a map is spoilt by them.
+Detect faults of scans and odometry before they corrupt a map.
 
-Two scans between which the robot turned are compared as they are, turned as odometry says, and
-turned the other way: what fits tells a laser that hangs upside down, and one that stands still.
+Two scans between which the robot turned are compared unmodified, turned as odometry says, and
+turned the other way: the best match reveals a laser that hangs upside down or does not turn.
 """
 
 from __future__ import annotations
@@ -40,39 +40,39 @@ _TURN_MOST_RAD: Final = 0.5
 #: went no further, and no more time passed.
 _WAY_MOST_M: Final = 0.2
 _AGE_MOST_NS: Final = 3 * NS_PER_S
-#: A hypothesis is of turns this near to it; the one that is right costs so much less.
+#: A hypothesis covers turns this near to it; the right one has a cost lower by this factor.
 _NEAR_RAD: Final = 0.05
 _CLEARLY: Final = 0.6
-#: A beam that is off by more costs no more, in m.
+#: Largest cost of a beam, in m.
 _COST_MOST_M: Final = 0.5
-#: So often in a row, and it is believed.
+#: Votes in a row that make a finding.
 _VOTES: Final = 3
-#: Odometry that says less than this says that the robot stands.
+#: Motion of odometry below which the robot stands.
 _STANDS_M: Final = 0.005
 _STANDS_RAD: Final = 0.005
 _STANDS_NS: Final = NS_PER_S // 2
-#: Who drives slowly changes it in so long.
+#: Time in which a slow robot shows motion.
 _CREEPS_NS: Final = 2 * NS_PER_S
-#: The scan of a robot that stands changes by less, in m of the mean beam.
+#: Change of the scan of a standing robot at most, in m of the mean beam.
 _CHANGED_M: Final = 0.25
-#: Beams that measure something, at least; scans in a row without them.
+#: Smallest share of valid beams; scans in a row below it.
 _SEEN_LEAST: Final = 0.02
 _BLIND_SCANS: Final = 5
-#: The very same numbers so often, while the robot moved so far.
+#: Identical scans in a row, and the distance that the robot moved meanwhile.
 _FROZEN_SCANS: Final = 10
 _FROZEN_M: Final = 0.1
-#: The rate is that of so many scans; it has dropped below this share of what it was.
+#: Scans over which the rate is measured; a drop below this share is reported.
 _RATE_SCANS: Final = 20
 _RATE_SHARE: Final = 0.5
-#: After such a silence it is measured anew.
+#: After such a pause it is measured again.
 _RATE_GAP_NS: Final = 2 * NS_PER_S
-#: What happened once is told for so long.
+#: How long a single event is reported.
 _REPORT_NS: Final = 10 * NS_PER_S
 
 
 @dataclass
 class _ReferenceScan:
-    """A scan that later ones are compared with."""
+    """A scan with which later ones are compared."""
 
     stamp_ns: int
     base: Floats
@@ -82,7 +82,7 @@ class _ReferenceScan:
 
 class ScanChecks:
     """
-    Watch scans and odometry; in the order of time.
+    Check scans and odometry, in the order of time.
 
     :ivar counts: how often each was found: ``upside_down``, ``laser_stands``, ``wheels_stand``,
         ``blind``, ``frozen``, ``two_lasers``, ``lengths`` (scans of another length than the one
@@ -110,11 +110,11 @@ class ScanChecks:
 
     def check(self, scan: Scan, base: Floats, left_out: int = 0, are_two: bool = False) -> None:
         """
-        Look at the next scan.
+        Check the next scan.
 
         :param base: shape (3,): ``base_link`` in the frame of odometry, at its stamp.
-        :param left_out: scans that came since the last and are not looked at.
-        :param are_two: two lasers send them, see :mod:`.two_lasers`.
+        :param left_out: scans since the last that were skipped.
+        :param are_two: two lasers publish them, see :mod:`.two_lasers`.
         """
         self.counts['two_lasers'] += are_two and not self._are_two
         self._are_two = are_two
@@ -123,7 +123,7 @@ class ScanChecks:
         self._check_blind(scan)
         self._check_frozen(scan, base)
         if self._blind or are_two:
-            self._reference = None  # nothing in it shows a movement
+            self._reference = None  # it shows no movement
         else:
             self._compare(scan, base)
         self.rejection_reason = self._defect()
@@ -131,29 +131,28 @@ class ScanChecks:
 
     @property
     def odometry_is_wrong(self) -> bool:
-        """Return whether the robot moved otherwise than odometry says."""
+        """Return whether the motion of the robot contradicts odometry."""
         return max(self._votes['still'], self._votes['carried']) >= _VOTES
 
     def warnings(self, stamp_ns: int) -> tuple[str, ...]:
-        """Return what is wrong now, a line each; the worst first."""
+        """Return the present problems, a line each; the worst first."""
         late = tuple(text for text, since_ns in self._reports.items()
                      if stamp_ns - since_ns < _REPORT_NS)
         found = ((self.rejection_reason,) if self.rejection_reason else ()) + late
         if self._best_period_ns and self._period_ns * _RATE_SHARE > self._best_period_ns:
-            found += (f'scans come {NS_PER_S / self._period_ns:.1f} times a second, and came '
+            found += (f'scans arrive {NS_PER_S / self._period_ns:.1f} times a second, before '
                       f'{NS_PER_S / self._best_period_ns:.1f} times',)
         return found
 
     def _defect(self) -> str:
         if self._blind >= _BLIND_SCANS:
-            return ('the laser sees nothing: it is covered, nothing is in its reach, or its '
-                    'ranges are no numbers')
+            return ('the laser sees nothing: it is covered, nothing is within its range, or '
+                    'its ranges are not numbers')
         if self._same >= _FROZEN_SCANS:
-            return ('the laser sends the very same scan again and again while the robot moves: '
-                    'it hangs')
+            return ('the laser repeats the same scan while the robot moves: it is stuck')
         if self._are_two:
-            return ('scans of two places come by turns: two lasers send on one topic; give each '
-                    'a topic of its own')
+            return ('scans of two places alternate: two lasers publish on one topic; give each '
+                    'its own topic')
         if self._votes['against'] >= _VOTES:
             return ('scans turn against odometry: the laser hangs upside down (roll of its '
                     'mounting_rad: 3.1416), or the wheels are swapped')
@@ -165,7 +164,7 @@ class ScanChecks:
                     'the robot is carried')
         return ''
 
-    # ---- each scan by itself -----------------------------------------------------------------
+    # ---- single scans ------------------------------------------------------------------------
 
     def _update_rate(self, stamp_ns: int, scans: int) -> None:
         stamps, counts = self._stamps, self._scans
@@ -213,16 +212,16 @@ class ScanChecks:
             self._same += 1
             self.counts['frozen'] += self._same == _FROZEN_SCANS
 
-    # ---- two scans ---------------------------------------------------------------------------
+    # ---- pairs of scans -------------------------------------------------------------------
 
     def _thinned(self, scan: Scan) -> tuple[Floats, float]:
-        """Return some of the beams, and the angle between them with its sign."""
+        """Return a subset of the beams, and the signed angle between them."""
         step = max(1, round(_STEP_RAD / abs(scan.angle_increment)))
         ranges = np.asarray(scan.ranges[::step], dtype=np.float64)
         return np.minimum(ranges, self._range_max_m), step * scan.angle_increment
 
     def _compare(self, scan: Scan, base: Floats) -> None:
-        """Compare with a scan of before, if there is one that can be."""
+        """Compare with an earlier scan, if one is suitable."""
         ranges, step = self._thinned(scan)
         reference = self._reference
         if (reference is None or len(reference.ranges) != len(ranges)
@@ -231,14 +230,14 @@ class ScanChecks:
 
     def _is_used_up(self, reference: _ReferenceScan, stamp_ns: int, base: Floats, ranges: Floats
                     ) -> bool:
-        """Judge by a scan of before, if the robot moved so that one can; else wait or leave it."""
+        """Compare with an earlier scan if the motion allows it; return whether to replace it."""
         moved = between(reference.base, base)
         way, turn = math.hypot(moved[0], moved[1]), float(moved[2])
         age_ns = stamp_ns - reference.stamp_ns
         if way > _WAY_MOST_M or abs(turn) > _TURN_MOST_RAD or not 0 < age_ns < _AGE_MOST_NS:
             return True
         if abs(turn) >= _TURN_LEAST_RAD:
-            if not self._repeats:  # of a laser that hangs a turn shows nothing more
+            if not self._repeats:  # a turn shows nothing with a laser that is stuck
                 self._check_turn(reference, ranges, turn)
             return True
         if way < _STANDS_M and abs(turn) < _STANDS_RAD and age_ns >= _STANDS_NS:
@@ -250,13 +249,13 @@ class ScanChecks:
                  for what, by in (('with', turn), ('still', 0.0), ('against', -turn))}
         best, second, _ = sorted(costs, key=lambda what: costs[what])
         if costs[best] > _CLEARLY * costs[second]:
-            return  # a room in which turning shows nothing
+            return  # turning makes no difference in this room
         self._votes['carried'] = 0
         for what in ('still', 'against'):
             self._count_vote(what, what == best)
 
     def _check_standstill(self, reference: _ReferenceScan, ranges: Floats, age_ns: int) -> bool:
-        # Who walks by changes some beams; who carries the robot all of them.
+        # A person who walks by changes some beams, one who carries the robot all of them.
         has_changed = self._cost(reference.ranges, ranges, 0) > _CHANGED_M
         if not has_changed and age_ns < _CREEPS_NS:
             return False
@@ -269,14 +268,14 @@ class ScanChecks:
         self.counts[name] += is_so and self._votes[what] == _VOTES and not self.rejection_reason
 
     def _cost_near(self, reference: _ReferenceScan, ranges: Floats, turn: float) -> float:
-        """Return how far beams are off, when the robot turned by about so much."""
+        """Return the lowest cost of turns near a given one."""
         step = reference.step
         low, high = sorted((round(-(turn - _NEAR_RAD) / step), round(-(turn + _NEAR_RAD) / step)))
         return min(self._cost(reference.ranges, ranges, shift) for shift in range(low, high + 1))
 
     @staticmethod
     def _cost(before: Floats, after: Floats, shift: int) -> float:
-        """Return how far beams are off in the mean, when they are moved on by so many."""
+        """Return the mean deviation of beams that are shifted by a number of beams."""
         count = len(before) - abs(shift)
         first, second = max(0, -shift), max(0, shift)
         off = np.abs(before[first:first + count] - after[second:second + count])

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Find where a scan fits best, looking at every place of a window: Olson's correlative matching.
+Find the best match of a scan in a window by exhaustive search: Olson's correlative matching.
 
-E. Olson, Real-time correlative scan matching, ICRA 2009: a coarse grid bounds what a fine one can
-give, so that most of the window is never looked at closely.
+E. Olson, Real-time correlative scan matching, ICRA 2009: a coarse grid bounds the score of a fine
+one, so that most of the window is never evaluated finely.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ from rt_robot_os.features.mapping.slam.transforms import wrapped
 Result = TypeVar('Result')
 
 _COARSE: Final = 4
-#: Coarse places that are looked at closely, at most, and how many at once: at first, then twice
-#: as many each time.
+#: Coarse cells that are evaluated finely at most, and how many in the first batch; each batch is
+#: twice as large as the one before.
 _CLOSER_MOST: Final = 400
 _AT_ONCE: Final = 8
-#: Places that are nearer to each other are one.
+#: Matches nearer to each other are one.
 _APART_M: Final = 0.5
 #: Values that are added up in one piece.
 _PIECE: Final = 3_000_000
@@ -51,13 +51,13 @@ _PIECE: Final = 3_000_000
 @dataclass(frozen=True)
 class SearchWindow:
     """
-    Where to look.
+    The poses to search.
 
     :ivar centre: shape (3,): the pose that is expected.
     :ivar reach_m: to each side.
-    :ivar reach_rad: either way.
-    :ivar sigma_m: how far from the centre a match may well be; further away it has to fit better.
-        inf: it makes no difference.
+    :ivar reach_rad: in both directions.
+    :ivar sigma_m: expected distance of a match from the centre; further away it must score
+        higher. inf: no difference.
     :ivar sigma_rad: the same of the angle.
     :ivar weight: what a standard deviation from the centre costs, as a part of a perfect fit.
     :ivar step_rad: from angle to angle.
@@ -82,7 +82,7 @@ def best_fit(field: LikelihoodField, points: Floats, window: SearchWindow) -> tu
 
 
 def finished(work: Generator[None, None, Result]) -> Result:
-    """Do all pieces of some work, and return what comes of it."""
+    """Run a generator to its end, and return its result."""
     while True:
         try:
             next(work)
@@ -101,12 +101,12 @@ def fitting(field: LikelihoodField, points: Floats, window: SearchWindow
 def fittings(field: LikelihoodField, points: Floats, window: SearchWindow, count: int
              ) -> Generator[None, None, list[tuple[Floats, float]]]:
     """
-    Do as :func:`fitting`, for the best places that are some way from each other.
+    Do as :func:`fitting`, for the best matches that are some distance apart.
 
     :param count: the most.
     :return: the best first, at least one.
     """
-    # Spread evenly: more say the same.
+    # A subset, spread evenly: more points add nothing.
     points = points[::-(-len(points) // POINTS_MOST)]
     reach_turn = _steps(window.reach_rad, window.step_rad)
     turns = np.linspace(-reach_turn, reach_turn, 2 * reach_turn + 1) * window.step_rad
@@ -139,7 +139,7 @@ def fittings(field: LikelihoodField, points: Floats, window: SearchWindow, count
 
 def _closest(field: LikelihoodField, window: SearchWindow, cells: Any, bounds: Any, shifts: Any,
              turns: Any) -> tuple[tuple[int, int, int], float]:
-    """Look closely where bounds are best; return turn and shifts of the best place, its fit."""
+    """Evaluate finely where bounds are best; return turn and shifts of the best, and its score."""
     best, found = -np.inf, (0, 0, 0)
     fine = np.arange(_COARSE)
     order = _best_first(bounds)
@@ -165,14 +165,14 @@ def _steps(reach: float, step: float) -> int:
 
 
 def _turned(points: Floats, centre: Floats, turns: Floats) -> Floats:
-    """Return points as they lie for each angle; shape (turns, points, 2)."""
+    """Return points turned by each angle; shape (turns, points, 2)."""
     cosine, sine = np.cos(centre[2] + turns)[:, None], np.sin(centre[2] + turns)[:, None]
     return np.stack((cosine * points[:, 0] - sine * points[:, 1] + centre[0],
                      sine * points[:, 0] + cosine * points[:, 1] + centre[1]), -1)
 
 
 def _best_first(bounds: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
-    """Return the places that are worth a closer look, the best first."""
+    """Return the coarse cells to evaluate finely, the best first."""
     flat = bounds.ravel()
     some: npt.NDArray[np.int64] = np.arange(len(flat))
     if len(flat) > _CLOSER_MOST:

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Look again for scans that fitted nowhere when they came: in the end it is known what is around.
+Match scans again that matched nothing when they came, once their surroundings are mapped.
 
-A robot that turns to unseen ground while nobody counts its wheels sees nothing that it knows.
-Its scan is taken to be where odometry says; those that come after it show where it was.
+A robot that turns towards unmapped ground without odometry sees nothing that is on the map. Its
+scan gets the pose of odometry; the scans after it show where it was.
 """
 
 from __future__ import annotations
@@ -33,30 +33,30 @@ from rt_robot_os.features.mapping.slam.scan import Surface
 from rt_robot_os.features.mapping.slam.trajectory import ScanTrajectory
 from rt_robot_os.features.mapping.slam.transforms import between
 
-#: Scans that are remembered: the last ones.
+#: Scans that are stored: the last ones.
 _MOST: Final = 200
-#: So many keyframes, so near, are what is around.
+#: Keyframes of the local map at most, and their distance.
 _AROUND: Final = 12
 _AROUND_M: Final = 5.0
 
 
 class DeferredMatching:
-    """Scans that fitted nowhere, and of which the map does not hold anything."""
+    """Unmatched scans that are not part of the map."""
 
     def __init__(self) -> None:
         self._scans: deque[tuple[int, Surface]] = deque(maxlen=_MOST)
 
     def add(self, number: int, surface: Surface) -> None:
-        """Remember a scan, by its number in the trajectory from the first scan ever."""
+        """Store a scan, by its number in the trajectory from the first scan ever."""
         if len(surface):
             self._scans.append((number, surface))
 
     def match_again(self, keyframes: Sequence[Keyframe], track: ScanTrajectory, matcher: Matcher
                     ) -> int:
         """
-        Put scans to where they fit now; what fits at no one place stays where it is.
+        Move scans to where they match now; those without a unique match stay.
 
-        :return: how many were found.
+        :return: how many were matched.
         """
         known = [each.pose for each in keyframes]
         poses, seen_at = np.array(known), track.poses(known)

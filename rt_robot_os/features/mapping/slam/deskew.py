@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Scans of a laser that moved while it turned: where it was at each beam, by odometry.
+Correct scans for the motion of the laser: its pose at each beam, by odometry.
 
-A laser in the plane: how it is mounted is a place, a direction, and whether it hangs upside down.
+The mounting of a laser in the plane is a position, a direction, and whether it is upside down.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.motion.quaternion import rotate
 
-#: A sweep that takes longer is no measurement of a moment.
+#: Longest duration of a sweep.
 SWEEP_MOST_S: Final = 1.0
-#: Less than this within a sweep is less than what a beam measures.
+#: Motion within a sweep below the noise of a beam.
 _STILL_M: Final = 5e-4
 _STILL_RAD: Final = 2e-4
 
@@ -45,11 +45,11 @@ _STILL_RAD: Final = 2e-4
 @dataclass(frozen=True)
 class LaserMount:
     """
-    Where a laser is on the robot.
+    The mounting of a laser on the robot.
 
     :ivar pose: shape (3,): x, y in m, yaw in rad in ``base_link``.
-    :ivar is_mirrored: it hangs upside down: its beams go round clockwise.
-    :ivar tilt_rad: between its plane and that of the floor.
+    :ivar is_mirrored: it hangs upside down: its beams turn clockwise.
+    :ivar tilt_rad: angle between its plane and the floor.
     """
 
     pose: Floats
@@ -58,7 +58,7 @@ class LaserMount:
 
     @classmethod
     def of(cls, mounting: Mounting) -> LaserMount:
-        """Take from a mounting in space what counts in the plane."""
+        """Project a mounting in space to the plane."""
         turn = mounting.quaternion()
         ahead, up = rotate(turn, (1.0, 0.0, 0.0)), rotate(turn, (0.0, 0.0, 1.0))
         x, y, _ = mounting.position_m
@@ -98,11 +98,11 @@ class LaserMount:
 @dataclass(frozen=True)
 class Sweep:
     """
-    A scan as its driver tells it.
+    A scan as published by its driver.
 
     :ivar stamp_ns: of the first beam.
     :ivar ranges: shape (beams,), in m; not finite where nothing was measured.
-    :ivar beam_s: from beam to beam; negative where the last one was measured first.
+    :ivar beam_s: time from beam to beam; negative if the last one was measured first.
     """
 
     stamp_ns: int
@@ -113,19 +113,19 @@ class Sweep:
 
     @property
     def span_ns(self) -> tuple[int, int]:
-        """Return when its first and its last beam were measured, whichever comes first."""
+        """Return the times of its earliest and its latest beam."""
         other_ns = self.stamp_ns + round(self.beam_s * max(0, len(self.ranges) - 1) * NS_PER_S)
         return min(self.stamp_ns, other_ns), max(self.stamp_ns, other_ns)
 
 
 def scan_of(sweep: Sweep, track: OdometryTrack, mount: LaserMount) -> Scan:
     """
-    Return a scan with where the laser was at each beam.
+    Return a scan with the pose of the laser at each beam.
 
     :param track: covers the sweep.
     """
     count = len(sweep.ranges)
-    # Also for one beam, and none.
+    # Also for a single beam, or none.
     offsets = np.rint(np.arange(max(1, count)) * (sweep.beam_s * NS_PER_S)).astype(np.int64)
     lasers = mount.lasers(track.at(sweep.stamp_ns + offsets))
     seen = between(np.broadcast_to(lasers[0], lasers.shape), lasers)
@@ -143,7 +143,7 @@ def beam_seconds(time_increment_s: float, scan_time_s: float, angle_increment: f
 
     Drivers that leave ``time_increment`` at 0 may still say how long a turn takes (``scan_time``).
 
-    :return: 0 when the message does not say it, or says what cannot be.
+    :return: 0 when the message has no plausible value.
     """
     found = time_increment_s
     if found == 0.0 and scan_time_s > 0.0:

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What is known of cells: how many scans ended in them, passed them, or passed without an echo.
+Evidence for each cell: how many scans ended in it, passed it, or passed without an echo.
 
-Counts, not clamped log-odds: what was added can be taken away again, whatever came between. The
+These are counts, not clamped log-odds: what was added can be subtracted again at any time. The
 log-odds, as in S. Thrun, W. Burgard and D. Fox, Probabilistic Robotics, 2005, chapter 9, are those
 of the counts when they are read.
 """
@@ -34,31 +34,31 @@ from rt_robot_os.motion.grid_map import FREE
 from rt_robot_os.motion.grid_map import OCCUPIED
 from rt_robot_os.motion.grid_map import UNKNOWN
 
-#: Three counts in one number: of scans that passed, that hit, that passed without an echo.
+#: Three counts in one number: of scans that passed, that hit, and that passed without an echo.
 Counts = npt.NDArray[np.int64]
 
 _BITS: Final = 20
 _COUNT: Final = (1 << _BITS) - 1
-#: What a code of a footprint adds to a cell.
+#: What each code of a footprint adds to a cell.
 WEIGHTS: Final[Counts] = np.zeros(4, np.int64)
 WEIGHTS[PASSED], WEIGHTS[HIT], WEIGHTS[ECHOLESS] = 1, 1 << _BITS, 1 << 2 * _BITS
 
 _LOG_ODDS_HIT: Final = 0.85
 _LOG_ODDS_PASSED: Final = -0.4
-#: Log-odds from which a cell is called a wall, and below which it is called free.
+#: Log-odds above which a cell is occupied, and below which it is free.
 _WALL: Final = 0.5
 _CLEAR: Final = -0.3
-#: What so many scans ended in stays a wall though more pass it, up to so many for each that ended
-#: in it: glass is seen from ahead, and passed from the side.
+#: A cell with this many hits stays occupied up to this many passes for each hit: glass reflects
+#: from ahead, and is passed from the side.
 _HITS_SURE: Final = 4
 _PASSED_A_HIT: Final = 5
-#: So many scans without an echo make free what nothing else is known of.
+#: Scans without an echo that make a cell free without other evidence.
 _ECHOLESS_FREE: Final = 2
 
 
 def cells_of(counts: Counts) -> npt.NDArray[np.int8]:
     """
-    Return what cells are, of what was counted in them.
+    Return the state of cells for their counts.
 
     :param counts: of any shape.
     :return: of that shape: ``UNKNOWN``, ``FREE`` or ``OCCUPIED`` of a grid map.

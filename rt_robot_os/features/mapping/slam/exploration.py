@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Where a robot goes next to see all of a place: a state machine without a clock of its own.
+Choose the next goal of an exploration: a state machine without a clock of its own.
 
-It goes to a frontier, stays with it until nothing is unknown there any more, and takes the next.
-What the planner refuses, or what takes too long, is left and tried once more at the end.
+The robot goes to a frontier, stays until nothing there is unknown, and continues with the next.
+Frontiers that the planner refuses, or that take too long, are tried once more at the end.
 """
 
 from __future__ import annotations
@@ -38,43 +38,43 @@ from rt_robot_os.motion.grid_map import GridMap
 
 CLOSED: Final = 'closed: nothing is left to explore'
 
-#: So long what the planner says may be of the goal before; then the goal is given once more.
+#: How long the state of the planner may be of the previous goal; then the goal is repeated.
 _ANSWER_S: Final = 8.0
-#: And so long after it was refused: the planner may not have had the newest map.
+#: How long after a refusal a goal is repeated: the planner may have had an older map.
 _MAP_S: Final = 3.0
-#: The planner moves goals by less than this; ``done`` from further away is of the goal before.
+#: The planner moves goals by less than this; ``done`` from further away is of the previous goal.
 _DONE_M: Final = 1.0
 _PROGRESS_M: Final = 0.2
 _WAY_HOME_M: Final = 50.0
-#: Two places so near to each other are one.
+#: Two places nearer to each other than this are one.
 _SAME_M: Final = 0.5
 _TRIES: Final = 2
-#: So many of the nearest are put in order: the work doubles with each.
+#: The nearest frontiers that are put in order: the work doubles with each.
 _TOUR: Final = 8
-#: What is found on the way lengthens it: only a part of the straight way home is counted.
+#: Share of the direct way home that counts, as finds on the way lengthen it.
 _HOME_SHARE: Final = 0.5
 _VISITS: Final = 3
 _WHY_MOST: Final = 120
-#: What is more beside the robot than that is looked at by turning.
+#: The robot turns towards frontiers that are further aside.
 _AHEAD_RAD: Final = 0.7
-#: After so many failures without having come anywhere it is not the places.
+#: Failures in a row without any success after which exploration stops.
 _FAILURES: Final = 3
 
 
 @dataclass(frozen=True)
 class ExplorationSettings:
     """
-    How to explore.
+    Parameters of an exploration.
 
     :ivar radius_m: that must be free round the robot: ``robot_radius_m`` and ``clearance_m`` of
         the planner.
-    :ivar least_m: the extent of the smallest frontier that is gone to.
-    :ivar look_s: how often frontiers are looked for.
+    :ivar least_m: extent of the smallest frontier that is visited.
+    :ivar look_s: period of the search for frontiers.
     :ivar settle_s: how long the robot stands at a goal until the map shows what is seen there.
-    :ivar patience_s: a goal is given up after so long without progress.
-    :ivar slowest_m_s: and when it is slower than this on the whole, beyond twice that time.
-    :ivar switch_share: another frontier is gone to when the way is less than this share.
-    :ivar goes_back: at last it goes back to where it began.
+    :ivar patience_s: a goal is given up after this time without progress.
+    :ivar slowest_m_s: or, beyond twice that time, when the mean speed is lower.
+    :ivar switch_share: the goal is switched to a frontier whose path is less than this share.
+    :ivar goes_back: at the end it returns to the start.
     """
 
     radius_m: float = 0.35
@@ -90,13 +90,13 @@ class ExplorationSettings:
 @dataclass
 class _ExplorationGoal:
     pose: Floats
-    frontier: Frontier | None  # None: back to where it began
+    frontier: Frontier | None  # None: back to the start
     given_ns: int
-    before: str  # what the planner said until then
+    before: str  # the state of the planner until then
     progress_ns: int
     until_ns: int
     again_ns: int
-    at: Floats | None = None  # the robot, when it last moved by something
+    at: Floats | None = None  # pose of the robot at its last progress
     has_moved: bool = False
     is_answered: bool = False
     is_given_again: bool = False
@@ -106,10 +106,10 @@ class _ExplorationGoal:
 @dataclass
 class _FailedFrontier:
     """
-    A place that was tried in vain.
+    A frontier that was tried without success.
 
-    :ivar tries: how often the robot did not come there.
-    :ivar visits: how often it did, and did not see all.
+    :ivar tries: how often the robot did not reach it.
+    :ivar visits: how often it did, and did not see all of it.
     """
 
     x: float
@@ -121,13 +121,13 @@ class _FailedFrontier:
 
 class Explorer:
     """
-    Decide where to go next.
+    Choose the next goal.
 
     :param settings: None: the defaults.
-    :ivar state: one line for people: ``exploring: ...``, at last ``closed: nothing is left to
-        explore`` with what was given up, or ``stopped: why``.
-    :ivar is_done: it is over; a new one begins anew.
-    :ivar counts: ``goals``, ``seen`` (frontiers that are no longer), ``given_up`` and ``looks``.
+    :ivar state: one line for operators: ``exploring: ...``, at the end ``closed: nothing is left
+        to explore`` with what was given up, or ``stopped: why``.
+    :ivar is_done: it has ended; make a new explorer to start again.
+    :ivar counts: ``goals``, ``seen`` (frontiers that are gone), ``given_up`` and ``looks``.
     """
 
     def __init__(self, settings: ExplorationSettings | None = None) -> None:
@@ -146,19 +146,19 @@ class Explorer:
     def step(self, now_ns: int, grid: GridMap, pose: Sequence[float] | Floats,
              planner_state: str) -> Floats | None:
         """
-        Look at how it goes; call it some times a second.
+        Evaluate the progress; call it a few times a second.
 
-        Mostly it takes microseconds; once in ``look_s`` it looks for frontiers: some 5 ms in a
+        It usually takes microseconds; once in ``look_s`` it searches for frontiers: some 5 ms in a
         flat, a tenth of a second in a map of a million cells.
 
-        :param grid: the map as it is now.
+        :param grid: the present map.
         :param pose: x, y in m and yaw in rad of the robot on it.
-        :param planner_state: what the planner said last; empty when nothing.
-        :return: shape (3,): a new goal for the planner; None: no other than before.
+        :param planner_state: the last state of the planner; empty when there is none.
+        :return: shape (3,): a new goal for the planner; None: the goal is unchanged.
         """
         if self.is_done:
             return None
-        here = np.array(pose, dtype=np.float64)  # a copy: it is remembered
+        here = np.array(pose, dtype=np.float64)  # a copy, as it is stored
         if not np.isfinite(here).all():
             return None
         if self._home is None:
@@ -168,7 +168,7 @@ class Explorer:
         if goal is not None:
             failed = self._watch(goal, now_ns, here, planner_state)
             is_there = self._is_there(goal, now_ns, here, planner_state)
-            if self._goal is None:  # it is over
+            if self._goal is None:  # it has ended
                 return None
         if goal is not None and not (failed or is_there):
             if self._is_given_again(goal, now_ns, planner_state):
@@ -184,10 +184,10 @@ class Explorer:
         self._looked_at = grid
         return self._look(now_ns, grid, here, planner_state, failed, is_there)
 
-    # ---- how it goes with a goal -------------------------------------------------------------
+    # ---- progress to a goal ------------------------------------------------------------------
 
     def _watch(self, goal: _ExplorationGoal, now_ns: int, here: Floats, planner_state: str) -> str:
-        """Return why a goal has to be given up; empty when it has not."""
+        """Return why a goal must be given up; empty if it need not."""
         goal.is_answered |= planner_state != goal.before
         is_late = now_ns - goal.given_ns > _ANSWER_S * NS_PER_S
         apart_m = math.dist(here[:2], goal.pose[:2])
@@ -203,7 +203,7 @@ class Explorer:
         if goal.is_answered and planner_state.startswith('stopped: '):
             if planner_state.startswith('stopped: blocked'):
                 return planner_state
-            self._end(planner_state)  # lost, a fault, somebody: it is not the place
+            self._end(planner_state)  # lost, a fault or a stop: not the fault of this frontier
         if now_ns - goal.progress_ns > self.settings.patience_s * NS_PER_S:
             return (f'no progress for {self.settings.patience_s:g} s; the planner says: '
                     f'{planner_state or "nothing"}')
@@ -213,7 +213,7 @@ class Explorer:
 
     def _is_there(self, goal: _ExplorationGoal, now_ns: int, here: Floats, planner_state: str
                   ) -> bool:
-        """Say whether the robot stands where it wanted to, and the map had time to show it."""
+        """Return whether the robot stands at the goal, and the map had time to be updated."""
         apart_m = math.dist(here[:2], goal.pose[:2])
         is_late = now_ns - goal.given_ns > _ANSWER_S * NS_PER_S
         done = (goal.is_answered or is_late) and planner_state == 'done' and apart_m < _DONE_M
@@ -225,7 +225,7 @@ class Explorer:
             now_ns - goal.there_ns >= self.settings.settle_s * NS_PER_S)
 
     def _is_given_again(self, goal: _ExplorationGoal, now_ns: int, planner_state: str) -> bool:
-        """Give a goal once more that got lost on its way, or was refused at first."""
+        """Repeat a goal that was lost, or refused at first."""
         if goal.is_given_again or now_ns < goal.again_ns or (
                 goal.has_moved and not planner_state.startswith('refused: ')):
             return False
@@ -233,7 +233,7 @@ class Explorer:
         goal.given_ns, goal.before = now_ns, planner_state
         return True
 
-    # ---- where to go -------------------------------------------------------------------------
+    # ---- next goal ---------------------------------------------------------------------------
 
     def _look(self, now_ns: int, grid: GridMap, here: Floats, planner_state: str, failed: str,
               is_there: bool) -> Floats | None:
@@ -254,7 +254,7 @@ class Explorer:
                 self._give_up(still, failed, here)
             if self.is_done:
                 return None
-        # Those that were refused come last, when more is known.
+        # Those that failed come last, when the map is larger.
         tries = {id(each): self._tries(each) for each in horizon.frontiers}
         fewest = min(tries.values(), default=_TRIES)
         if fewest >= _TRIES:
@@ -281,7 +281,7 @@ class Explorer:
         return nearest is same or max(nearest.way_m, _PROGRESS_M) > share * same.way_m
 
     def _first(self, horizon: Horizon, frontiers: list[Frontier]) -> Frontier:
-        """Return the frontier that the shortest way to all of them begins with."""
+        """Return the first frontier of the shortest path through all of them."""
         s = self.settings
         between = horizon.ways_between(frontiers)
         ways = [each.way_m for each in frontiers]
@@ -312,14 +312,14 @@ class Explorer:
         if now_ns - self._unplaced_ns > self.settings.patience_s * NS_PER_S:
             self._end(f'stopped: {where}')
 
-    # ---- what is left ------------------------------------------------------------------------
+    # ---- failed frontiers --------------------------------------------------------------------
 
     def _tries(self, frontier: Frontier) -> int:
         return max((left.tries for left in self._left if _is_same(frontier, left.x, left.y)),
                    default=0)
 
     def _give_up(self, frontier: Frontier, failed: str, here: Floats) -> None:
-        """Leave a frontier: for the end, or for good when nothing more is seen from there."""
+        """Postpone a frontier, or drop it when nothing more is seen from there."""
         self._goal = None
         left = next((each for each in self._left if _is_same(frontier, each.x, each.y)), None)
         if left is None:
@@ -344,7 +344,7 @@ class Explorer:
         if self._closing_ns < 0:
             self._closing_ns = now_ns
         if now_ns - self._closing_ns < self.settings.settle_s * NS_PER_S:
-            return None  # the map may not show yet what was seen last
+            return None  # the last scan may not be on the map yet
         if horizon.out_of_reach and horizon.ground is not None and self._home is not None and (
                 not horizon.ground.has((float(self._home[0]), float(self._home[1])))):
             self._end(f'stopped: no way out at {here[0]:.2f}, {here[1]:.2f} is wide enough; '
@@ -379,14 +379,14 @@ def _is_same(frontier: Frontier, x: float, y: float) -> bool:
 
 
 def _is_seen_from(frontier: Frontier, here: Floats) -> bool:
-    """Say whether the robot cannot come nearer to a frontier, and looks at it already."""
+    """Return whether the robot is as near to a frontier as possible, and faces it."""
     bearing = math.atan2(frontier.y - here[1], frontier.x - here[0]) - float(here[2])
     return (math.dist(frontier.stand, here[:2]) < _SAME_M
             and abs(math.remainder(bearing, math.tau)) < _AHEAD_RAD)
 
 
 def _same(frontier: Frontier, others: Sequence[Frontier]) -> Frontier | None:
-    """Return the frontier that is what is left of another; None when nothing is."""
+    """Return the frontier that remains of another one; None when it is gone."""
     reach_m = max(_SAME_M, frontier.size_m / 2.0)
     best = min(others, default=None,
                key=lambda each: math.dist((each.x, each.y), (frontier.x, frontier.y)))

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Where the known ground ends: places from which a robot would see more, and how far they are.
+Frontiers: places where known free ground borders on unknown, and their distances.
 
 B. Yamauchi, A frontier-based approach for autonomous exploration, 1997. A frontier is free ground
-beside unknown; it counts where the robot, as wide as it is, comes near enough to look past it.
+next to unknown; it counts if the robot, with its width, can come near enough to look past it.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from rt_robot_os.motion.grid_map import UNKNOWN
 
 Cells = npt.NDArray[np.intp]
 
-#: Beyond the edge of the robot's ground, frontiers are looked at from there.
+#: Frontiers this far beyond the reachable ground are observed from its edge.
 _BESIDE_M: Final = 0.3
-#: Nearer to what is unknown, or to a wall, than this beyond its radius it stands only if it must:
-#: each cell is as bad as so many of distance.
+#: Preferred distance to unknown ground and walls beyond the radius; each missing cell costs as
+#: many cells of distance.
 _ROOM_M: Final = 0.1
 _NARROW: Final = 3.0
-#: The largest so many are described: a map of noise has thousands.
+#: Frontiers that are described at most, the largest: a noisy map has thousands.
 _MOST: Final = 200
 _AROUND: Final = np.ones((3, 3), np.bool_)
 
@@ -52,13 +52,13 @@ _AROUND: Final = np.ones((3, 3), np.bool_)
 @dataclass(frozen=True)
 class Frontier:
     """
-    Free ground beside unknown.
+    Free ground next to unknown.
 
-    :ivar x: of its middle in m, as y: the place by which it is known again.
-    :ivar stand: x, y in m: where the robot can stand nearest to it.
+    :ivar x: of its middle in m, as y; by these it is identified later.
+    :ivar stand: x, y in m of the nearest place at which the robot can stand.
     :ivar size_m: its extent.
-    :ivar way_m: the way to where the robot can stand.
-    :ivar cell: where the robot can stand, for :meth:`Horizon.ways_between`.
+    :ivar way_m: length of the path to that place.
+    :ivar cell: the cell of that place, for :meth:`Horizon.ways_between`.
     """
 
     x: float
@@ -74,10 +74,10 @@ class Horizon:
     """
     The frontiers of a map.
 
-    :ivar frontiers: those that the robot can come to, the nearest first.
-    :ivar out_of_reach: how many there are that it cannot.
-    :ivar ground: where the robot can be; None when it stands on no known ground, and nothing is
-        known of the rest.
+    :ivar frontiers: the reachable ones, the nearest first.
+    :ivar out_of_reach: number of unreachable ones.
+    :ivar ground: the reachable ground; None when the robot does not stand on known ground, so
+        that the rest is not determined.
     """
 
     frontiers: tuple[Frontier, ...]
@@ -85,9 +85,9 @@ class Horizon:
     ground: ReachableGround | None
 
     def ways_between(self, frontiers: list[Frontier]) -> Floats:
-        """Return the ways from one to another in m; shape (frontiers, frontiers)."""
+        """Return the lengths of the paths between them in m; shape (frontiers, frontiers)."""
         if self.ground is None:
-            raise ValueError('the robot stands on no known ground')
+            raise ValueError('the robot does not stand on known ground')
         return self.ground.ways_between([each.cell for each in frontiers])
 
 
@@ -97,7 +97,7 @@ def frontiers_of(grid: GridMap, place: Place, radius_m: float, least_m: float) -
 
     :param place: x, y of the robot in m.
     :param radius_m: that must be free round the robot, as ``planner`` has it: with its clearance.
-    :param least_m: the extent of the smallest that counts.
+    :param least_m: extent of the smallest one that counts.
     """
     from scipy import ndimage  # of the extra slam
     reach = math.ceil((radius_m + _BESIDE_M) / grid.resolution_m)
@@ -111,7 +111,7 @@ def frontiers_of(grid: GridMap, place: Place, radius_m: float, least_m: float) -
     except ValueError:
         return Horizon((), int(large.sum()), None)
     near = ndimage.binary_dilation(ground.standing, _AROUND, iterations=reach, mask=free)
-    # What is near enough to be looked at may be a part of something larger.
+    # What is near enough to be observed may be part of a larger frontier.
     names, count = ndimage.label(near & large[names], _AROUND)
     seen = np.flatnonzero(_large(names, count, least_m / cut.resolution_m))
     boxes = ndimage.find_objects(names)
@@ -125,7 +125,7 @@ def frontiers_of(grid: GridMap, place: Place, radius_m: float, least_m: float) -
 
 
 def _known_part(grid: GridMap, margin: int) -> GridMap:
-    """Return what is known of a map, with so many unknown cells round it."""
+    """Return the known part of a map, with a margin of unknown cells."""
     rows, columns = (np.flatnonzero((grid.cells >= 0).any(axis)) for axis in (1, 0))
     low, high = (0, 0), (1, 1)
     if len(rows):
@@ -136,7 +136,7 @@ def _known_part(grid: GridMap, margin: int) -> GridMap:
 
 
 def _large(names: npt.NDArray[np.int32], count: int, least_cells: float) -> Mask:
-    """Return by name which clusters extend far enough; 0 is the name of what is none."""
+    """Return by label which clusters are large enough; label 0 is the background."""
     from scipy import ndimage
     large = np.zeros(count + 1, np.bool_)
     for name, (rows, columns) in enumerate(ndimage.find_objects(names), 1):
@@ -150,7 +150,7 @@ def _extent(rows: slice, columns: slice) -> float:
 
 def _frontier(grid: GridMap, cells: Cells, ground: ReachableGround, reach: int, radius_m: float
               ) -> Frontier:
-    """Describe a cluster: by the cell in its middle, and where the robot can stand near that."""
+    """Describe a cluster by its middle cell, and a place for the robot near it."""
     middle = cells[np.argmin(np.hypot(*(cells - cells.mean(0)).T))]
     extent = cells.max(0) - cells.min(0) + 1
     cell = _stand(grid, middle, ground.standing, reach,
@@ -164,7 +164,7 @@ def _stand(grid: GridMap, middle: Cells, standing: Mask, reach: int, room: float
     """
     Return a cell near the middle of a frontier with free ground all round the robot.
 
-    Where the robot cannot see yet how narrow it is it could come in and not out again.
+    On ground that is not completely seen the robot could get stuck.
     """
     from scipy import ndimage
     side = reach + math.ceil(room)  # the map has a margin of that

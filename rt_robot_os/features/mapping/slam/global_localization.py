@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Find a robot in a saved map without any idea where it is.
+Global localisation: find a robot on a saved map without an initial pose.
 
-One scan is looked for at every free place and heading; what may be is tested with the scans that
-follow, also while the robot moves. An answer is given when only one place is left: a wrong one
-would send the robot through walls, none costs a little way.
+One scan is matched at every free place and heading; these hypotheses are tested with the following
+scans, also while the robot moves. There is a result only when a single one is left: a wrong result
+would send the robot into walls, a late one costs a little distance.
 """
 
 from __future__ import annotations
@@ -50,47 +50,47 @@ from rt_robot_os.features.mapping.slam.transforms import wrapped
 from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 from rt_robot_os.motion.grid_map import GridMap
 
-#: Fewer points say nothing of a place.
+#: Smallest number of points that identify a place.
 _POINTS_LEAST: Final = 30
-#: Places that are followed, and those looked at in one piece of work.
+#: Hypotheses that are tracked, and those evaluated in one piece of work.
 _FOLLOWED_MOST: Final = 60
 _PIECE: Final = 100
-#: So few are looked at closely, and only if they are nearly as likely as the best.
+#: Hypotheses that are evaluated finely, and how likely they must be relative to the best.
 _CLOSELY: Final = 8
 _NEARLY: Final = 0.7
-#: Two places this near are one.
+#: Two hypotheses this near are one.
 _SAME_M: Final = 0.3
 _SAME_RAD: Final = 0.17
-#: After so much of the way, or such a turn, a scan is of something new.
+#: Distance or turn after which a scan is independent evidence.
 _NEW_M: Final = 0.25
 _NEW_RAD: Final = 0.26
 #: Mean logarithm of likelihood by which the best place must be better than the next,
 _MARGIN: Final = 0.3
-#: and by which others are worse that are no longer thought of.
+#: and difference to the best from which others are dropped.
 _HOPELESS: Final = 1.2
-#: The place that is answered explains so many beams, and so few went through its walls.
+#: Smallest share of beams that the result explains, and largest share that passes its walls.
 _EXPLAINED_LEAST: Final = 0.55
 _THROUGH_MOST: Final = 0.08
-#: and as likely it must be.
+#: Smallest likelihood of the result.
 _LIKELY_LEAST: Final = -1.0
-#: Points of a scan that was taken while the robot moved may lie beyond the reach.
+#: Margin for points of a moving robot beyond the maximum range.
 _BESIDES_M: Final = 1.0
 _SCANS_LEAST: Final = 3
-#: Searched again while nothing is sure: another scan may show what the first one did not.
+#: Period of new searches while there is no result: another scan may show more.
 _AGAIN_NS: Final = 2 * NS_PER_S
-#: Of the answer, what matching does not know of.
+#: Standard deviations of the result that matching does not include.
 _COMMON: Final = np.array((0.03, 0.03, 0.01))
 
 
 @dataclass(frozen=True)
 class FoundPose:
     """
-    Where a robot is.
+    The pose of a robot that was found.
 
     :ivar stamp_ns: of the scan.
     :ivar pose: shape (3,): of the laser at that scan, in the frame of the map.
     :ivar covariance: shape (3, 3), in m and rad, along the map's axes.
-    :ivar share: of the scan's points that lie on the map's lines.
+    :ivar share: of the points of the scan that lie on lines of the map.
     """
 
     stamp_ns: int
@@ -105,11 +105,11 @@ _EACH: Final = ('poses', 'before', 'now', 'explained', 'through')
 @dataclass
 class _Hypotheses:
     """
-    Where the robot may be.
+    The poses at which the robot may be.
 
     :ivar poses: shape (m, 3), in the grid's own frame, at the last scan.
-    :ivar before: shape (m,): what scans from other places said of each.
-    :ivar now: shape (m,): the sum of what those from here say; ``scans`` many.
+    :ivar before: shape (m,): log-likelihood from scans at earlier poses.
+    :ivar now: shape (m,): sum over the ``scans`` at the present pose.
     """
 
     poses: Floats
@@ -138,13 +138,13 @@ class GlobalLocalizer:
     Global localisation.
 
     :param grid: the map; of any resolution and origin.
-    :param graph: that it was drawn of: makes the answer more exact.
+    :param graph: from which it was drawn: makes the result more exact.
     :raises ConfigError: nothing in the grid is free, or nothing occupied.
-    :ivar state: what it is doing, in a line.
-    :ivar is_ambiguous: several places fit: the robot should move.
+    :ivar state: in one line.
+    :ivar is_ambiguous: several places match: the robot should move.
     :ivar known_map: the map as it is searched, for a ``Follower``, which need not build it again.
-    :ivar counts: ``scans``, ``empty`` (with too few points), ``searches``, ``places`` (that are
-        thought of now), ``found``.
+    :ivar counts: ``scans``, ``empty`` (with too few points), ``searches``, ``places``
+        (hypotheses now), ``found``.
     """
 
     def __init__(self, grid: GridMap, graph: MapGraph | None = None,
@@ -159,7 +159,7 @@ class GlobalLocalizer:
         self.restart()
 
     def restart(self) -> None:
-        """Forget where the robot may be, and start anew with the next scan."""
+        """Drop all hypotheses, and start again with the next scan."""
         self.state = 'searching: waiting for a scan'
         self.is_ambiguous = False
         self._scan: Scan | None = None
@@ -173,7 +173,7 @@ class GlobalLocalizer:
 
     def process_pending(self) -> bool:
         """
-        Do a piece of what is to be done, some 10 ms; call it between scans.
+        Do a piece of work, some 10 ms; call it between scans.
 
         :return: whether there is more to do now.
         """
@@ -189,9 +189,9 @@ class GlobalLocalizer:
 
     def add_scan(self, scan: Scan) -> FoundPose | None:
         """
-        Take a scan, and do a piece of work.
+        Process a scan, and do a piece of work.
 
-        :return: where the robot is, as soon as it can be nowhere else.
+        :return: the pose of the robot as soon as it is unambiguous.
         :raises ValueError: odometry is not finite.
         """
         if not np.isfinite(scan.odometry).all():
@@ -219,7 +219,7 @@ class GlobalLocalizer:
         self._rate(self._places, points, scan)
         return self._decided(scan)
 
-    # ---- the search over the whole map ---------------------------------------------------------
+    # ---- search of the whole map ---------------------------------------------------------------
 
     def _start(self, scan: Scan, points: Floats) -> None:
         self.counts['searches'] += 1
@@ -252,7 +252,7 @@ class GlobalLocalizer:
         elif self._places is None:
             self.state = 'nothing fits: the robot is outside of the map, or much has changed'
 
-    # ---- what may be -------------------------------------------------------------------------
+    # ---- hypotheses --------------------------------------------------------------------------
 
     def _carry(self, before: Scan | None, scan: Scan) -> None:
         if self._places is not None and before is not None:
@@ -264,7 +264,7 @@ class GlobalLocalizer:
         places.poses = composed(places.poses, np.broadcast_to(step, places.poses.shape))
 
     def _rate(self, places: _Hypotheses, points: Floats, scan: Scan) -> None:
-        """Ask a scan of all places that are thought of."""
+        """Evaluate a scan at all hypotheses."""
         some = some_of(points)
         moved = between(self._viewed, scan.odometry)
         if np.hypot(moved[0], moved[1]) > _NEW_M or abs(moved[2]) > _NEW_RAD:
@@ -278,7 +278,7 @@ class GlobalLocalizer:
         likelihood = places.before + (places.now + now) / (places.scans + 1)
         best = np.argsort(-likelihood, kind='stable')[:_CLOSELY]
         best = best[likelihood[best] > likelihood[best[0]] - _NEARLY]
-        # What only a few beams tell apart: the edge of a shelf, a wall 5 cm further away.
+        # Some differ by a few beams only: the edge of a shelf, a wall 5 cm further away.
         many = some_of(points, closely=True)
         places.poses[best] = refined(self._known, places.poses[best], many)
         check = checked(self._known, places.poses[best], many)
@@ -327,7 +327,7 @@ class GlobalLocalizer:
 
 
 def _thin(places: _Hypotheses) -> None:
-    """Forget the hopeless, and of those that are one place all but the best."""
+    """Drop unlikely hypotheses, and all but the best one of each place."""
     likelihood = places.likelihood
     order = np.argsort(-likelihood, kind='stable')
     order = order[likelihood[order] > likelihood[order[0]] - _HOPELESS]
@@ -343,7 +343,7 @@ def _thin(places: _Hypotheses) -> None:
 
 
 def _merged(known: _Hypotheses, found: _Hypotheses) -> _Hypotheses:
-    """Add places of another search; nothing speaks against new ones but scans to come."""
+    """Add the results of another search, which start without evidence."""
     off = found.poses[:, None] - known.poses
     near = (np.hypot(off[..., 0], off[..., 1]) < _SAME_M) & (
         np.abs(wrapped(off[..., 2])) < _SAME_RAD)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a map is made of: scans that were kept, and what is known between them."""
+"""The graph of a map: keyframes and the constraints between them."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from rt_robot_os.features.mapping.slam.pose_graph import PoseEdges
 @dataclass
 class MapGraph:
     """
-    A map as it is kept: a grid is drawn of it, and mapping goes on from it.
+    A map as a pose graph: the grid is drawn from it, and mapping continues from it.
 
-    :ivar keyframes: in the order in which they were kept.
-    :ivar edges: between them, by their places in that list.
-    :ivar fixes: what absolute sources say of some of them.
+    :ivar keyframes: in the order in which they were added.
+    :ivar edges: between them, by their indices.
+    :ivar fixes: absolute poses of some of them.
     """
 
     keyframes: list[Keyframe] = field(default_factory=list)
@@ -41,6 +41,6 @@ class MapGraph:
     _arrays: PoseEdges = field(default_factory=PoseEdges, init=False, repr=False, compare=False)
 
     def edge_arrays(self) -> PoseEdges:
-        """Return the edges as they are now, as arrays; they change with the next call."""
+        """Return the present edges as arrays, which are valid until the next call."""
         self._arrays.update(self.edges)
         return self._arrays

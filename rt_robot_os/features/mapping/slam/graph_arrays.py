@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A graph as arrays, and back: small, and as exact as matters.
+Convert a graph to arrays and back: small, and as exact as needed.
 
-Points are whole millimetres (int16; of scans that reach beyond 32 m the unit is larger), as
+Points are integer millimetres (int16; of scans that reach beyond 32 m the unit is larger), as
 differences from neighbour to neighbour, which pack well; normals are angles to 0.1 degrees. Both
-are a tenth of a laser's noise, and every other number is kept as it is.
+are a tenth of a laser's noise, and every other number is unmodified.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ from rt_robot_os.features.mapping.slam.transforms import Floats
 
 _UNIT_M: Final = 0.001
 _HIGHEST: Final = 32767
-#: Angles of normals and of beams: so many to the turn.
+#: Angles of normals and of beams: units of a turn.
 _ANGLES: Final = 4096
 _TURN: Final = 2.0 * np.pi / _ANGLES
 _UPPER: Final = np.triu_indices(3)
-#: Of what is read: as many as no robot keeps.
+#: Largest number of keyframes that is read.
 _KEYFRAMES_MOST: Final = 1_000_000
 
 Counts = npt.NDArray[np.int64]
 
 
 def arrays_of(graph: MapGraph) -> Arrays:
-    """Return what a graph holds, as arrays."""
+    """Return a graph as arrays."""
     frames, edges = graph.keyframes, graph.edges
     surfaces = [each.surface for each in frames]
     points = _joined([each.points for each in surfaces], 2)
@@ -86,10 +86,10 @@ def arrays_of(graph: MapGraph) -> Arrays:
 
 def graph_of(arrays: Arrays) -> MapGraph:
     """
-    Return the graph that arrays hold.
+    Return the graph of arrays.
 
-    :raises ValueError: they are of none: one is missing, has another shape, or a number that
-        cannot be.
+    :raises ValueError: they are malformed: one is missing, or has another shape or an invalid
+        number.
     """
     stamps = _checked(arrays, 'stamps_ns', np.int64, (None,))
     count = len(stamps)
@@ -133,7 +133,7 @@ def _edges(arrays: Arrays, count: int) -> list[PoseEdge]:
     relative = _checked(arrays, 'edge_relative', np.float64, (len(ends), 3))
     upper = _checked(arrays, 'edge_information', np.float64, (len(ends), 6))
     if len(ends) and not (0 <= ends[:, :2].min() and ends[:, :2].max() < count):
-        raise ValueError('an edge is of a keyframe that is not there')
+        raise ValueError('an edge refers to a missing keyframe')
     information = np.zeros((len(ends), 3, 3))
     information[:, _UPPER[0], _UPPER[1]] = upper
     information[:, _UPPER[1], _UPPER[0]] = upper
@@ -143,12 +143,12 @@ def _edges(arrays: Arrays, count: int) -> list[PoseEdge]:
 
 def _fixes(arrays: Arrays, count: int) -> list[AbsolutePose]:
     if 'fix_at' not in arrays:
-        return []  # of an older file
+        return []  # an older file
     at = _checked(arrays, 'fix_at', np.int32, (None,))
     poses = _checked(arrays, 'fix_poses', np.float64, (len(at), 3))
     information = _checked(arrays, 'fix_information', np.float64, (len(at), 3, 3))
     if len(at) and not 0 <= at.min() <= at.max() < count:
-        raise ValueError('an absolute pose is of a keyframe that is not there')
+        raise ValueError('an absolute pose refers to a missing keyframe')
     return [AbsolutePose(int(each), pose.copy(), known.copy())
             for each, pose, known in zip(at, poses, information)]
 
@@ -170,7 +170,7 @@ def _checked(arrays: Arrays, name: str, kind: Any, shape: tuple[int | None, ...]
 
 def _ends(counts: Counts) -> Counts:
     if len(counts) and counts.min() < 0:
-        raise ValueError('a scan has less than no points')
+        raise ValueError('a scan has a negative number of points')
     return np.concatenate([np.zeros(1, np.int64), np.cumsum(counts, dtype=np.int64)])
 
 
@@ -183,7 +183,7 @@ def _angles(angles: Floats) -> npt.NDArray[np.int16]:
 
 
 def _differences(values: npt.NDArray[np.int16]) -> npt.NDArray[np.int16]:
-    """Return each row less the one before; what overflows comes back by overflowing again."""
+    """Return the difference of each row to the one before; overflows cancel in the sum."""
     found = values.copy()
     found[1:] -= values[:-1]
     return found

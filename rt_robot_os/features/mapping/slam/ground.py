@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where on a map a robot can be, and how far it is from one place to another."""
+"""The reachable ground of a map, and the lengths of paths on it."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ Mask = npt.NDArray[np.bool_]
 Cell = tuple[int, int]
 Place = tuple[float, float]
 
-#: Ways are measured over squares of so many m: no wall between two rooms fits in.
+#: Edge of the squares over which paths are measured, in m: thinner than a wall between rooms.
 _SQUARE_M: Final = 0.15
-#: A robot may stand so much nearer to a wall than a way may lead.
+#: How much nearer to a wall than a path the robot may stand at the start.
 _START_M: Final = 0.6
 _AROUND: Final = np.ones((3, 3), np.bool_)
 
 
 class ReachableGround:
     """
-    The ground that a robot can come to from where it is.
+    The ground that a robot can reach from its pose.
 
     :param radius_m: that must be free round the robot, as ``planner`` has it: with its clearance.
-    :ivar standing: shape (rows, columns): the cells on which its middle can be.
-    :raises ValueError: it stands where it cannot drive off.
+    :ivar standing: shape (rows, columns): the cells on which its centre can be.
+    :raises ValueError: the robot cannot leave its place.
     """
 
     def __init__(self, grid: GridMap, place: Place, radius_m: float) -> None:
@@ -65,16 +65,16 @@ class ReachableGround:
         self._ways = self._from([begin])[0]
 
     def has(self, place: Place) -> bool:
-        """Say whether where a robot can be nearest to a place is on the ground."""
+        """Return whether the cell nearest to a place is on the ground."""
         cell = _nearest(self._passable, self._grid, place)
         return cell is not None and bool(self.standing[cell])
 
     def way_m(self, cell: Cell) -> float:
-        """Return the way from the robot to a cell of the ground."""
+        """Return the length of the path from the robot to a cell of the ground."""
         return float(self._ways[self._number(cell)])
 
     def ways_between(self, cells: Sequence[Cell]) -> Floats:
-        """Return the ways between cells of the ground in m; shape (cells, cells)."""
+        """Return the lengths of paths between cells in m; shape (cells, cells)."""
         numbers = [self._number(each) for each in cells]
         ways: Floats = self._from(cells)[:, numbers]
         return ways
@@ -91,7 +91,7 @@ class ReachableGround:
 
 def _squares(standing: Mask, edge: int, resolution_m: float
              ) -> tuple[npt.NDArray[np.int32], Any]:
-    """Give the squares that have ground numbers, -1 the others; with the steps between them."""
+    """Number the squares with ground, -1 for others; return the steps between them, too."""
     from scipy import sparse
     rows, columns = (math.ceil(each / edge) for each in standing.shape)
     padded = np.pad(standing, ((0, rows * edge - standing.shape[0]),

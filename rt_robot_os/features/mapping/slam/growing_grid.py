@@ -15,9 +15,9 @@
 """
 A grid map that follows a graph of keyframes, in bounded pieces of work.
 
-Each keyframe has a footprint: what its beams say of the cells round it. The map is their sum. A
-keyframe that moved is taken out of the sum as it was drawn and added where it is now. The sum is
-kept in tiles, so that it grows to all sides without being copied.
+Each keyframe has a footprint: the evidence of its beams for the cells round it. The map is their
+sum. The footprint of a keyframe that moved is subtracted at its old pose and added at the new one.
+The sum is stored in tiles, so that it grows in all directions without being copied.
 """
 
 from __future__ import annotations
@@ -47,21 +47,21 @@ from rt_robot_os.motion.grid_map import UNKNOWN
 
 #: Edge of a tile in cells.
 _TILE: Final = 128
-#: The map's edges are at multiples of so many cells: it does not grow with every scan.
+#: The edges of the map are at multiples of this many cells: it does not grow with every scan.
 _EDGE: Final = 20
-#: Unknown cells round what is known, at least.
+#: Margin of unknown cells, at least.
 _MARGIN: Final = 4
-#: Drawn anew from so many cells of movement, of what is half the laser's reach away.
+#: A keyframe is redrawn after this movement, in cells, at half the maximum range.
 _MOVED_CELLS: Final = 0.5
-#: Nobody's robot was so far away.
+#: Poses further away are rejected.
 _FARTHEST_M: Final = 1e5
 #: Work of an update in cells of some 10 ns.
 WORK_MOST: Final = 500_000
-#: Work beyond the cells of a rectangle: to draw a scan or take it away, and to read a cell anew.
+#: Work beyond the cells of a rectangle: to add or remove a scan, and to read a cell again.
 _WORK_A_SCAN: Final = 15_000
 _WORK_A_READING: Final = 3
 CELLS_MOST: Final = 4_000_000
-#: Cells are made smaller again when they would then take a share of what they may.
+#: Cells are refined again when the map then needs at most this part of the limit.
 _REFINED_SHARE: Final = 4 * 2
 
 
@@ -77,10 +77,10 @@ class _Tile:
 @dataclass
 class _Drawn:
     """
-    A keyframe as it was drawn.
+    A drawn keyframe.
 
-    :ivar surface: kept, so that its identity is not used again.
-    :ivar given: the pose that was looked at last, the same or one beside it.
+    :ivar surface: referenced, so that its identity is not reused.
+    :ivar given: the pose that was checked last, the same or one nearby.
     """
 
     surface: Surface
@@ -90,7 +90,7 @@ class _Drawn:
     given: Floats
 
     def moved_by(self, pose: Floats) -> float:
-        """Return by how many m what is half its reach away has moved."""
+        """Return the movement of a point at half the maximum range, in m."""
         x, y, yaw = pose.tolist()
         return math.hypot(x - self.pose[0], y - self.pose[1]) + self.half_reach_m * abs(
             math.remainder(yaw - self.pose[2], math.tau))
@@ -100,21 +100,21 @@ class GrowingGrid:
     """
     A grid map of keyframes that are added, moved and removed.
 
-    Whoever reads always gets a map in which all keyframes are where they were at one moment.
+    Readers always get a map in which all keyframes have their poses of one time.
 
     :param cell_m: edge of a cell.
-    :param cells_most: of the whole rectangle; a map that would be larger gets cells twice as
-        large, and again, until it is not.
+    :param cells_most: of the whole rectangle; the cells of a larger map are
+        doubled in size until it fits.
     :param reach_m: beams are drawn until there.
-    :param echoless_m: how far a beam that came back with no echo says that there is nothing, where
-        nothing else is known. Glass and what is black give no echo, either.
-    :ivar cell_m: edge of a cell as it is now.
-    :ivar version: another whenever :meth:`grid` gives another map; 0 before the first.
-    :ivar counts: ``drawn`` and ``taken_away`` (footprints, in all), ``waiting`` (still to be drawn
-        or taken away), ``keyframes`` and ``footprint_bytes`` (of the map now), ``tiles``,
-        ``resized`` (how often cells got another size), and ``refused`` (keyframes without a
-        place, which are not drawn).
-    :raises ValueError: a length that makes no map.
+    :param echoless_m: length of free space along a beam without an echo, where there is no other
+        evidence. Glass and black surfaces give no echo, either.
+    :ivar cell_m: present edge of a cell.
+    :ivar version: increases when :meth:`grid` returns another map; 0 before the first.
+    :ivar counts: ``drawn`` and ``taken_away`` (footprints, in all), ``waiting`` (to be drawn or
+        removed), ``keyframes`` and ``footprint_bytes`` (of the map now), ``tiles``,
+        ``resized`` (how often cells got another size), and ``refused`` (keyframes with an
+        invalid pose, which are not drawn).
+    :raises ValueError: a length is invalid.
     """
 
     def __init__(self, cell_m: float = 0.05, *, cells_most: int = CELLS_MOST,
@@ -135,23 +135,23 @@ class GrowingGrid:
         self._tiles: dict[Key, _Tile] = {}
         self._changed: set[Key] = set()
         self._drawn: dict[int, _Drawn] = {}
-        #: What is to be drawn: a surface and where, or where it is no longer.
+        #: Pending work: a surface and its pose, or None to remove it.
         self._tasks: deque[tuple[Surface, Floats | None]] = deque()
         self._is_whole = True
         self._bounds: Box | None = None
 
     def grid(self) -> GridMap:
-        """Return the last map that was whole; one unknown cell before the first."""
+        """Return the last complete map; one unknown cell before the first."""
         return self._whole
 
     def update(self, keyframes: Sequence[Keyframe], most: int = WORK_MOST) -> bool:
         """
-        Work on the map for a while.
+        Do a piece of work on the map.
 
-        :param keyframes: all that the map is made of, as they are now. They are known by the
-            identity of their surfaces; who moves one gives it another pose, not other numbers.
-        :param most: cells to work on; the default takes some 5 ms.
-        :return: whether the map shows them; call again when not.
+        :param keyframes: all, with their present poses. They are identified by their surfaces; a
+            moved one must get a new pose array.
+        :param most: cells to process; the default takes some 5 ms.
+        :return: whether the map is complete; call again if not.
         """
         left = most
         while True:
@@ -168,10 +168,10 @@ class GrowingGrid:
                 return False
             self._finish()
 
-    # ---- what is to be done ------------------------------------------------------------------
+    # ---- drawing -----------------------------------------------------------------------------
 
     def _begin(self, keyframes: Sequence[Keyframe]) -> None:
-        """Find what was added, moved and removed; that much is drawn before anybody sees it."""
+        """Find what was added, moved and removed; readers see all of it together."""
         if self.cell_m > self._finest_m and (
                 self._size(self._box_of_all()) * _REFINED_SHARE < self._cells_most):
             self._resize(0.5)
@@ -195,7 +195,7 @@ class GrowingGrid:
         self._is_whole = not self._tasks
 
     def _draw(self, surface: Surface, pose: Floats | None) -> int:
-        """Take a scan away as it was drawn, and draw it where it is; return the work."""
+        """Remove a scan at its old pose, and add it at the new one; return the work."""
         work = 0
         before = self._drawn.pop(id(surface), None)
         if before is not None:
@@ -253,7 +253,7 @@ class GrowingGrid:
         return _WORK_A_READING * _TILE * _TILE
 
     def _finish(self) -> None:
-        """Put the tiles together to the map that readers get from now on."""
+        """Combine the tiles to the map that readers get from now on."""
         self._is_whole = True
         self.version += 1
         self.counts['tiles'] = len(self._tiles)
@@ -268,10 +268,10 @@ class GrowingGrid:
         self._whole = GridMap(cells, self.cell_m, (round(low_column * self.cell_m, 9),
                                                    round(low_row * self.cell_m, 9), 0.0))
 
-    # ---- how large it is ---------------------------------------------------------------------
+    # ---- size --------------------------------------------------------------------------------
 
     def _box_of_all(self) -> Box:
-        """Return the cells of all that is drawn; those at the origin when nothing is."""
+        """Return the cells of all footprints; those at the origin when there is none."""
         boxes = np.array([each.footprint.box for each in self._drawn.values()]).reshape(-1, 4)
         if not len(boxes):
             return 0, 0, 1, 1
@@ -279,10 +279,10 @@ class GrowingGrid:
                 int(boxes[:, 3].max()))
 
     def _has_room(self, box: Box) -> bool:
-        """Say whether the map is small enough with what is to be drawn, which it counts in."""
+        """Return whether the map is small enough with a new footprint, and include that."""
         together = box if self._bounds is None else _united(self._bounds, box)
         if self._size(together) > self._cells_most and self._drawn:
-            together = _united(self._box_of_all(), box)  # without what was taken away since
+            together = _united(self._box_of_all(), box)  # without what was removed since
         self._bounds = together
         return self._size(together) <= self._cells_most
 
@@ -291,7 +291,7 @@ class GrowingGrid:
         return (row_end - row) * (column_end - column)
 
     def _resize(self, factor: float) -> None:
-        """Begin anew with cells of another size; readers keep what they have until it is whole."""
+        """Start again with another cell size; readers keep the old map until it is complete."""
         drawn = [(each.surface, each.given) for each in self._drawn.values()]
         rest = [(surface, pose) for surface, pose in self._tasks if pose is not None]
         redrawn = {id(surface) for surface, _ in self._tasks}
@@ -305,7 +305,7 @@ class GrowingGrid:
 
 
 def _outer(box: Box) -> Box:
-    """Return the edges of the map for what is known: with a margin, and in large steps."""
+    """Return the edges of the map for known cells: with a margin, and in large steps."""
     row, column, row_end, column_end = box
     return ((row - _MARGIN) // _EDGE * _EDGE, (column - _MARGIN) // _EDGE * _EDGE,
             -((-row_end - _MARGIN) // _EDGE) * _EDGE, -((-column_end - _MARGIN) // _EDGE) * _EDGE)

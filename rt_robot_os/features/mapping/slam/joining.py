@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The edges by which a scan that is kept is joined to the map."""
+"""The edges that connect a new keyframe to the map."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ def edges_of_match(keyframes: Sequence[Keyframe], bases: Iterable[int], match: M
                    way: OdometryDelta,
                    tuning: MapperTuning) -> list[PoseEdge]:
     """
-    Take what the scan says, and what it does not say as odometry does.
+    Return edges from the match, and from odometry in directions that the match leaves open.
 
-    :param bases: keyframes that it was matched with; it becomes the one after the last.
-    :param way: since a scan fitted before.
+    :param bases: keyframes with which it was matched; it becomes the one after the last.
+    :param way: odometry since the last match.
     """
     known = replace(match.aligned, information=match.aligned.information
                     + prior_of(way.sigmas(tuning), tuning))
@@ -53,9 +53,9 @@ def edges_of_match(keyframes: Sequence[Keyframe], bases: Iterable[int], match: M
 def edge_of_odometry(keyframes: Sequence[Keyframe], base: int, pose: Floats, way: OdometryDelta
                      ) -> PoseEdge:
     """
-    Join a scan that fitted nowhere to where one fitted last.
+    Return the edge of an unmatched scan to the keyframe of the last match.
 
-    :param pose: shape (3,): where odometry says that it was taken.
+    :param pose: shape (3,): its pose by odometry.
     """
     sigmas = np.array((0.1 + 0.1 * way.way_m, 0.1 + 0.1 * way.way_m, 0.03 + 0.05 * way.turn_rad))
     return PoseEdge(base, len(keyframes), between(keyframes[base].pose, pose),

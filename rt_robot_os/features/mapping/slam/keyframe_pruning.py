@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Which keyframes are kept: not too many at one place, and nothing that is no longer there."""
+"""Prune the map: limit the keyframes at one place, and remove points that are gone."""
 
 from __future__ import annotations
 
@@ -36,27 +36,27 @@ from rt_robot_os.features.mapping.slam.transforms import wrapped
 from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
 _RAD_AS_M: Final = 0.5
-#: A point is gone when so many scans in a row saw through it,
+#: A point is removed when this many scans in a row saw through it
 _SEEN_THROUGH: Final = 5
-#: from where it was seen before: glass is passed from other sides.
+#: from about the direction from which it was seen: glass is passed from other sides.
 _SAME_SIDE_RAD: Final = float(np.radians(30.0))
-#: It is there when a beam ends that near to it.
+#: It is confirmed by a beam that ends this near.
 _THERE_M: Final = 0.15
-#: After this movement another scan is looked at.
+#: Movement after which the next scan is compared.
 _MOVED_M: Final = 0.2
 _MOVED_RAD: Final = 0.2
-#: A robot that stands looks again after so many scans.
+#: Scans after which one of a standing robot is compared.
 _STANDING: Final = 20
-#: A keyframe of which so few points are left is left, too.
+#: A keyframe with fewer points left is removed.
 _POINTS_LEAST: Final = 20
 
 
 def redundant_keyframes(keyframes: Sequence[Keyframe], index: int, tuning: MapperTuning
                         ) -> list[int]:
     """
-    Return the keyframes that give way to another, the last in the list first.
+    Return the keyframes to remove in favour of a new one, the last in the list first.
 
-    :param index: of the one that was added.
+    :param index: of the new one.
     """
     poses = np.array([each.pose for each in keyframes])
     apart = np.hypot(*(poses[:, :2] - poses[index, :2]).T)
@@ -71,7 +71,7 @@ def redundant_keyframes(keyframes: Sequence[Keyframe], index: int, tuning: Mappe
 
 
 def _most_similar(poses: Floats, those: npt.NDArray[np.int64], index: int) -> int:
-    """Return the older of the two that have seen most nearly the same."""
+    """Return the older one of the two most similar keyframes."""
     from scipy.spatial import cKDTree
     yaw = poses[those, 2]
     arm = 2.0 * _RAD_AS_M
@@ -87,10 +87,10 @@ def _most_similar(poses: Floats, those: npt.NDArray[np.int64], index: int) -> in
 @dataclass(frozen=True)
 class RemovedGeometry:
     """
-    What is no longer there.
+    What was removed from the map.
 
-    :ivar points: how many were taken out.
-    :ivar keyframes: of which too few are left.
+    :ivar points: number of removed points.
+    :ivar keyframes: indices of those with too few points left.
     """
 
     points: int = 0
@@ -98,7 +98,7 @@ class RemovedGeometry:
 
 
 class DynamicPointFilter:
-    """What scans see through again and again."""
+    """Remove points that scans see through repeatedly, as of people and moved furniture."""
 
     def __init__(self) -> None:
         self._last_pose: Floats = np.full(3, np.inf)
@@ -107,11 +107,11 @@ class DynamicPointFilter:
     def remove_seen_through(self, keyframes: list[Keyframe], members: Sequence[int], pose: Floats,
                             surface: Surface) -> RemovedGeometry:
         """
-        Compare keyframes with a scan; what is gone is taken out of them.
+        Compare keyframes with a matched scan; remove points that are gone.
 
-        :param keyframes: all; one that loses points is replaced by another.
-        :param members: those that are near.
-        :param pose: shape (3,): of the scan, which fits.
+        :param keyframes: all; one that loses points is replaced.
+        :param members: indices of the near ones.
+        :param pose: shape (3,): of the scan.
         """
         self._scans += 1
         moved = float(np.hypot(*(pose[:2] - self._last_pose[:2])))

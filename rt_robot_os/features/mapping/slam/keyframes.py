@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The scans that a map is made of, and the edges between them."""
+"""Keyframes: the scans of a map, and the edges between them."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ from rt_robot_os.features.mapping.slam.transforms import placed
 from rt_robot_os.features.mapping.slam.transforms import rotation
 from rt_robot_os.features.mapping.slam.transforms import wrapped
 
-#: The alignment may leave the best place of the grid by so much.
+#: Largest difference between the alignment and the best match of the grid.
 _NEAR_M: Final = 0.3
 _NEAR_RAD: Final = 0.15
-#: What is further from everything is something new.
+#: Points further from all others are new.
 _UNKNOWN_M: Final = 0.3
 
 
@@ -53,7 +53,7 @@ class Keyframe:
 
     :ivar pose: shape (3,): of the laser, on the map.
     :ivar odometry: shape (3,).
-    :ivar travelled_m: the way until here, a radian counted as half a metre.
+    :ivar travelled_m: the distance driven until here, a radian counted as half a metre.
     :ivar doubts: shape (points,): how many scans in a row saw through each; None: none did.
     """
 
@@ -68,9 +68,9 @@ class Keyframe:
 @dataclass(frozen=True)
 class Match:
     """
-    Where a scan lies on some keyframes.
+    The match of a scan with some keyframes.
 
-    :ivar score: of the best place of the grid; 1 is perfect, 0 when none was looked for.
+    :ivar score: of the best match on the grid; 1 is perfect, 0 without a search.
     """
 
     aligned: Aligned
@@ -79,7 +79,7 @@ class Match:
 
 class LocalMap:
     """
-    Some keyframes, put together.
+    Some keyframes as one point set.
 
     :ivar is_empty: none of them has a line.
     """
@@ -109,12 +109,12 @@ class LocalMap:
         return self._field
 
     def unknown(self, surface: Surface, pose: Floats) -> int:
-        """Return how many points of a scan at a pose are far from all that is known."""
+        """Return how many points of a scan at a pose are far from all lines."""
         return self.lines.far_from(placed(pose, surface.points), _UNKNOWN_M)
 
     def search(self, surface: Surface, window: SearchWindow, prior_information: Floats | None
                ) -> Match:
-        """Look for a scan in a whole window, then align it exactly."""
+        """Search a scan in a window, then align it exactly."""
         return finished(self.searching(surface, window, prior_information))
 
     def searching(self, surface: Surface, window: SearchWindow, prior_information: Floats | None,
@@ -122,8 +122,8 @@ class LocalMap:
         """
         Do as :meth:`search`, in pieces of some milliseconds.
 
-        :param tries: so many of the best places are aligned, until one has
-        :param enough: this share. The grid does not know sides of walls, alignment does.
+        :param tries: number of the best matches to align, until one has
+        :param enough: this share. The grid ignores the sides of walls, alignment does not.
         """
         field = self.field
         yield
@@ -148,7 +148,7 @@ class LocalMap:
 def edge_of(first: int, second: int, base: Floats, aligned: Aligned, noise_m: float,
             common: Floats, is_loop: bool = False) -> PoseEdge:
     """
-    Return the edge that a match is.
+    Return the edge of a match.
 
     :param base: the pose of the first keyframe.
     :param noise_m: of a point.
@@ -156,7 +156,7 @@ def edge_of(first: int, second: int, base: Floats, aligned: Aligned, noise_m: fl
     """
     turn = np.eye(3)
     turn[:2, :2] = rotation(base[2]).T
-    # Of a corridor's length a scan says nothing: that is little information, not none.
+    # Along a corridor a scan has little information, not none.
     information = turn @ (aligned.information / noise_m ** 2) @ turn.T + np.diag((1.0, 1.0, 1.0))
     covariance = np.linalg.inv(information) + np.diag(common ** 2)
     return PoseEdge(first, second, between(base, aligned.pose), np.linalg.inv(covariance), is_loop)

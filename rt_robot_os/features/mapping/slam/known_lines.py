@@ -15,9 +15,9 @@
 """
 The lines of a saved map near a place, to which scans are aligned.
 
-Of the graph, if there is one, for its points are exact; else of the grid, whose surface is
-smoothed over some cells. A graph's points count where the grid still has something: what was
-painted away, and who walked by, is no wall.
+They come from the graph, if there is one, as its points are exact; else from the grid, whose
+surface is smoothed over some cells. Points of the graph count where the grid is still occupied:
+erased walls and people who walked by are ignored.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ from rt_robot_os.features.mapping.slam.transforms import placed
 from rt_robot_os.features.mapping.slam.transforms import rotation
 from rt_robot_os.features.mapping.slam.transforms import wrapped
 
-#: As far around is looked; and after so much of the way again.
+#: Radius of the lines, and distance after which they are collected again.
 _REACH_M: Final = 14.0
 _AGAIN_M: Final = 3.0
-#: What a graph has seen further away is not asked for: no scan reaches there.
+#: Points of the graph that are further away are not used.
 _MEASURED_M: Final = 20.0
 #: Neighbours on each side that make a line of the grid.
 _AROUND: Final = 3
 _LINE_LEAST: Final = 4
-#: A line is so much longer than wide, as variances.
+#: Largest ratio of the variances across and along a line.
 _THIN: Final = 0.3
-#: Of a graph's points one in each square of this edge is taken.
+#: One point of the graph is used for each square of this edge.
 _SQUARE_M: Final = 0.03
 _FEW: Final = 30
 
@@ -88,7 +88,7 @@ class KnownLines:
 
     def search(self, pose: Floats, points: Floats, window: SearchWindow, prior: Floats
                ) -> Aligned | None:
-        """Look for a scan in a whole window around a pose, then align it exactly."""
+        """Search a scan in a window around a pose, then align it exactly."""
         lines = self.near(pose)
         if lines is None:
             return None
@@ -128,7 +128,7 @@ class KnownLines:
         is_line = (count >= _LINE_LEAST) & (half - mixed < _THIN * (half + mixed))
         along = 0.5 * np.arctan2(2.0 * xy, xx - yy)
         normals = np.stack((-np.sin(along), np.cos(along)), -1)
-        # Onto the line through its neighbours: a cell is large.
+        # Projected to the line through its neighbours, as cells are large.
         off = (normals * np.stack((mean_x, mean_y), -1)).sum(1)
         cells = np.stack((across, up), -1) - _AROUND + low + 0.5 + normals * off[:, None]
         return cells[is_line] * h, normals[is_line]
@@ -141,7 +141,7 @@ def astray(found: Floats, start: Floats, far_m: float, far_rad: float) -> bool:
 
 
 def load_libraries() -> None:
-    """Load what takes some 0.1 s the first time, so that no piece of work does."""
+    """Import slow libraries, some 0.1 s, so that no piece of work is delayed by them."""
     import scipy.ndimage  # noqa: F401
     import scipy.sparse.csgraph  # noqa: F401
     import scipy.sparse.linalg  # noqa: F401

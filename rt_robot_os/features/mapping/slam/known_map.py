@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A saved map as those see it who look for themselves in it: surfaces, and how far they are.
+A saved map prepared for localisation: its surfaces, and the distances to them.
 
 All is in the grid's own frame, whose first cell has its outer corner at 0, 0 and whose rows run
 along x; :meth:`KnownMap.inside` and :meth:`KnownMap.outside` bring poses there and back.
@@ -43,7 +43,7 @@ Indices = npt.NDArray[np.int64]
 _CELL_M: Final = 0.05
 #: and until there are no more than this.
 _CELLS_MOST: Final = 20_000_000
-#: Distances are kept in such steps, up to 255 of them.
+#: Distances are stored in these steps, up to 255 of them.
 STEP_M: Final = 0.0025
 FAR_M: Final = 255 * STEP_M
 _TILE: Final = 192
@@ -51,9 +51,9 @@ _TILE: Final = 192
 
 class KnownMap:
     """
-    Where surfaces are on a map that stays as it is.
+    The surfaces of an immutable map.
 
-    Its distances are measured in pieces: all by :meth:`build`, which takes 10 ms for a flat and
+    Its distances are computed in pieces: all by :meth:`build`, which takes 10 ms for a flat and
     seconds for a hall, or where the robot is by :meth:`measure_near`.
 
     :param grid: of any resolution; cells below 4 cm are joined.
@@ -61,7 +61,7 @@ class KnownMap:
     :ivar free: shape (rows, columns): where a robot may be.
     :ivar surface: shape (rows, columns): what is occupied and borders on what is free.
     :ivar distances: shape (rows, columns): from the middle of each cell to the nearest surface,
-        in steps of ``STEP_M``, at most 255 of them, and 255 where nothing was measured yet.
+        in steps of ``STEP_M``, at most 255 of them, and 255 where nothing was computed yet.
     :raises ConfigError: nothing in it is free, or nothing occupied.
     """
 
@@ -76,8 +76,8 @@ class KnownMap:
         self.surface: Mask = occupied & _grown(self.free)
         if not self.surface.any():
             missing = 'free' if not self.free.any() else 'occupied'
-            raise ConfigError([f'{grid.path or "the map"}: nothing in it is {missing}, so that no '
-                               'robot can find itself in it'])
+            raise ConfigError([f'{grid.path or "the map"}: nothing in it is {missing}, so that '
+                               'localization cannot use it'])
         self.distances: Bytes = np.full(self.surface.shape, 255, np.uint8)
         rows, columns = self.surface.shape
         self._measured: Mask = np.zeros((-(-rows // _TILE), -(-columns // _TILE)), np.bool_)
@@ -97,14 +97,14 @@ class KnownMap:
         return turn @ covariance @ turn.T
 
     def build(self) -> Iterator[None]:
-        """Measure all distances; each step takes some milliseconds."""
+        """Compute all distances; each step takes some milliseconds."""
         for tile in self._tiles(0, 0, *self.surface.shape):
             if self._measure(tile):
                 yield
 
     def measure_near(self, middle: Floats, reach_m: float) -> None:
         """
-        Measure the distances that are missing around a point, so that :meth:`away` knows them.
+        Compute the distances that are missing around a point, for :meth:`away`.
 
         :param middle: shape (2,) or more, in the grid's own frame.
         :param reach_m: to each side.
@@ -115,7 +115,7 @@ class KnownMap:
             self._measure(tile)
 
     def _tiles(self, low: int, left: int, high: int, right: int) -> list[tuple[int, int]]:
-        """Return the tiles of some rows and columns that are not measured yet."""
+        """Return the tiles of some rows and columns that are not computed yet."""
         first_up, first_across = max(0, low // _TILE), max(0, left // _TILE)
         part = self._measured[first_up:max(0, -(-high // _TILE)),
                               first_across:max(0, -(-right // _TILE))]
@@ -123,7 +123,7 @@ class KnownMap:
                 for up, across in np.argwhere(~part).tolist()]
 
     def _measure(self, tile: tuple[int, int]) -> bool:
-        """Measure the distances in a tile; return whether that took any time."""
+        """Compute the distances in a tile; return whether that took any time."""
         from scipy.ndimage import distance_transform_edt
         if self._measured[tile]:
             return False
@@ -173,7 +173,7 @@ class KnownMap:
             near = self.away(fx[going] + at * fdx[going], fy[going] + at * fdy[going])
             on = near > touched
             going = going[on]
-            # From the middle of a cell: a point may be nearer by its half diagonal.
+            # Distances are from the middle of a cell: a point may be nearer by half its diagonal.
             flat[going] += np.maximum(near[on] - 0.75 * self.cell_m, 0.5 * self.cell_m)
             going = going[flat[going] < most_m]
         found: Floats = np.minimum(flat, most_m).reshape(angles.shape)

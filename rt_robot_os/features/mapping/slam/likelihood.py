@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How well points fit what was seen before: a grid in which each point of it is a small hill."""
+"""A likelihood field: how well points match earlier ones, each of which is a small hill."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from rt_robot_os.features.mapping.slam.transforms import Floats
 Likelihoods = npt.NDArray[np.float32]
 Levels = npt.NDArray[np.uint16]
 Cells = npt.NDArray[np.int64]
-#: The sums of so many points are right: the top of a hill is the highest level of which that many
-#: fit into 16 bits, for half the size is twice as fast.
+#: Sums of up to this many points are exact: the top of a hill is the highest level of which that
+#: many fit into 16 bits, which is twice as fast as 32.
 POINTS_MOST: Final = 120
 _TOP: Final = 65535 // POINTS_MOST
 #: The hills end at so many standard deviations.
 _REACH: Final = 3.0
-#: Around the points, in m and in cells, in which a match may put others. It is wider than a hill
-#: and a window of places together.
+#: Margin round the points, in m and in cells. It is wider than a hill and a search window
+#: together.
 _MARGIN_M: Final = 1.0
 _MARGIN: Final = 16
 #: Larger grids are made coarser: 4096 x 4096 cells are 32 MB.
@@ -75,7 +75,7 @@ class LikelihoodField:
         reach = min(math.ceil(_REACH * sigma_m / self.cell_m), _MARGIN // 2)
         scale = self.cell_m ** 2 / (2.0 * sigma_m ** 2)
         flat = self._levels.reshape(-1)
-        # Of hills that overlap the highest counts: what is lower is written before it.
+        # Of overlapping hills the highest counts: lower ones are written before.
         shifts = sorted(((dx * dx + dy * dy, dy * columns + dx)
                          for dy in range(-reach, reach + 1) for dx in range(-reach, reach + 1)
                          if dx * dx + dy * dy <= reach * reach), reverse=True)
@@ -133,8 +133,8 @@ def _means(levels: Levels, step: int, side: int, row: Cells, column: Cells) -> L
     windows: Any = as_strided(levels, (rows, columns, side, side),
                               (high, wide, high * step, wide * step), writeable=False)
     count, points = row.shape
-    # Points first: so the sums of all windows are added up in one row. Beyond the grid is nothing,
-    # as at its border.
+    # Points first: so the sums of all windows are in one row. Beyond the grid the value is 0, as
+    # at its border.
     up, across = np.clip(row.T, 0, rows - 1), np.clip(column.T, 0, columns - 1)
     sums = np.empty((count, side, side), np.uint16)
     some = max(1, _AT_ONCE // (points * side * side))

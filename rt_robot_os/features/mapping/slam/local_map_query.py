@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Which keyframes are where the robot is, and in place there as far as the graph knows."""
+"""Select the keyframes near the robot whose relative poses are certain by the graph."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ from rt_robot_os.features.mapping.slam.graph import MapGraph
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
-#: The least arm at which an error of an angle is counted as a way.
+#: Smallest arm at which an error of an angle counts as a distance.
 _ARM_M: Final = 5.0
-#: Nothing further away is matched with for being near, and nothing that was kept longer ago than
-#: this way for being the last.
+#: Largest distance of keyframes that are selected as near, and largest driven distance since
+#: those that are selected as recent.
 _NEAR_M: Final = 6.0
 _LAST_M: Final = 15.0
-#: An edge that counts less than that ties nothing.
+#: An edge with a smaller weight is ignored.
 _LINK_WEIGHT_LEAST: Final = 0.3
 
 
 class _Links(NamedTuple):
     """
-    What ties keyframes to each other, each once.
+    The best edge of each pair of keyframes.
 
-    :ivar first: index of the one, and
-    :ivar way: variances of the way in m^2 and
+    :ivar first: index of one keyframe,
+    :ivar way: variances of the distance in m^2 and
     :ivar turn: of the angle in rad^2.
-    :ivar order: which of them the rows of a sparse matrix hold, one after the other,
-    :ivar columns: in which column, and
-    :ivar begins: where each row begins.
+    :ivar order: indices of the edges in the rows of a sparse matrix,
+    :ivar columns: their columns, and
+    :ivar begins: the start of each row.
     """
 
     first: npt.NDArray[Any]
@@ -58,7 +58,7 @@ class _Links(NamedTuple):
 
 class LocalMapQuery:
     """
-    A graph as it is at one moment.
+    Queries of a graph at one time.
 
     :ivar poses: shape (n, 3), of the keyframes.
     :ivar travelled_m: shape (n,).
@@ -72,9 +72,9 @@ class LocalMapQuery:
 
     def spread(self, index: int) -> tuple[Floats, Floats]:
         """
-        Return standard deviations in m and rad of a keyframe, seen from each of all.
+        Return standard deviations in m and rad of a keyframe, relative to each keyframe.
 
-        An angle that is wrong far away moves it by as much of the way from there.
+        An error of an angle far away moves it in proportion to the distance.
 
         :param index: of that keyframe.
         """
@@ -82,7 +82,7 @@ class LocalMapQuery:
                 self._deviations(self._links().turn, index, np.inf))
 
     def tied(self, index: int, within_m: float) -> npt.NDArray[np.bool_]:
-        """Return which keyframes are in place to a standard deviation, seen from another."""
+        """Return which keyframes are certain to a standard deviation, relative to another one."""
         found: npt.NDArray[np.bool_] = self._deviations(self._path_lengths(index), index,
                                                         within_m) <= within_m
         return found
@@ -94,13 +94,13 @@ class LocalMapQuery:
         return ways
 
     def _deviations(self, variances: Floats, index: int, limit: float) -> Floats:
-        """Return the sums over the best known ways, as deviations; inf beyond a limit."""
+        """Return the sums over the most certain paths, as deviations; inf beyond a limit."""
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import dijkstra
         ties = self._links()
         size = len(self.poses)
         graph = csr_array((variances[ties.order], ties.columns, ties.begins), (size, size))
-        # It holds each tie in both directions.
+        # It has each edge in both directions.
         found: Floats = np.sqrt(dijkstra(graph, indices=index, limit=limit ** 2))
         return found
 
@@ -120,7 +120,7 @@ class LocalMapQuery:
         turn = covariances[:, 2, 2]
         total = way + turn * _ARM_M ** 2
         believed = edges.errors(self.poses)[1] > _LINK_WEIGHT_LEAST
-        # Of several edges between two keyframes the best counts: a matrix would add them up.
+        # Of several edges between two keyframes the best is used: a matrix would add them up.
         low, high = np.minimum(edges.first, edges.second), np.maximum(edges.first, edges.second)
         order = np.argsort(total, kind='stable')
         order = order[believed[order]]
@@ -136,11 +136,11 @@ class LocalMapQuery:
     def near(self, pose: Floats, anchor: int, travelled_m: float, tuning: MapperTuning
              ) -> list[int]:
         """
-        Return the keyframes with which a scan is matched.
+        Return the keyframes of the local map of a scan.
 
-        :param pose: shape (3,): where it is.
-        :param anchor: the keyframe that is known to be there.
-        :param travelled_m: the way until now.
+        :param pose: shape (3,): of the scan.
+        :param anchor: the keyframe of the last match.
+        :param travelled_m: the distance driven until now.
         """
         last = len(self.poses) - 1
         first = max(0, last + 1 - tuning.local_keyframes)

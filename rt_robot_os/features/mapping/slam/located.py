@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where a scan was taken: what a mapper, and who finds himself in a saved map, say of each."""
+"""The pose of a scan: the result of a mapper or a localiser."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from rt_robot_os.features.mapping.slam.transforms import Floats
 @dataclass(frozen=True)
 class Located:
     """
-    Where a scan was taken.
+    The pose of a scan.
 
     :ivar pose: shape (3,): of the laser at the scan's stamp, on the map as it is now.
     :ivar covariance: shape (3, 3), in m and rad, along the axes of the map.
     :ivar share: of the scan's points that lie on lines of the map; 0 when none was compared.
-    :ivar is_lost: the scan fitted nowhere, and odometry was followed.
-    :ivar is_kept: it has become a part of the map.
+    :ivar is_lost: the scan matched nowhere, and odometry was used.
+    :ivar is_kept: it has become a keyframe.
     :ivar correction: shape (3,): by how much the map moved under the robot; what was at a pose
         ``p`` is now at ``composed(correction, p)``. None when it did not.
     """

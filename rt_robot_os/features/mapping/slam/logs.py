@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Read logs of scans: CSV with a reference beside, and CARMEN's, gzipped or not.
+Read logs of scans: CSV with reference poses, and CARMEN's, gzipped or not.
 
-The CSV has a first line that begins with ``#`` and says how many ranges there are, and the angle
-of the first beam and from beam to beam in degrees; then rows of time in s, x, y, yaw of
+The CSV has a header line that begins with ``#`` and has the number of ranges, the angle of the
+first beam and the angle between beams in degrees; then rows of time in s, x, y, yaw of
 odometry, x, y, yaw of a reference, and the ranges in m.
 """
 
@@ -46,12 +46,12 @@ from rt_robot_os.features.mapping.slam.transforms import Floats
 
 _HEAD: Final = re.compile(
     r'(\d+) ranges.*first beam at (-?[\d.]+) deg, step (-?[\d.]+) deg')
-#: How the first line of a CSV may look.
+#: An example of the header of a CSV.
 _EXAMPLE: Final = ('"# t, odometry x y yaw, reference x y yaw, then 180 ranges in m, first beam '
                    'at -90.0 deg, step 1.0000 deg"')
 _POSES: Final = 7
 _GZIP: Final = b'\x1f\x8b'
-#: A line of more is none of a log.
+#: Longest line of a log.
 _LINE_MOST: Final = 4 << 20
 
 
@@ -60,9 +60,8 @@ class Log:
     """
     The scans of a log.
 
-    :ivar reference: shape (scans, 3): where somebody else says that they were; None when nobody
-        does.
-    :ivar bad_lines: lines that could not be read, and were left out.
+    :ivar reference: shape (scans, 3): reference poses; None without any.
+    :ivar bad_lines: lines that could not be read, and were skipped.
     """
 
     scans: tuple[Scan, ...]
@@ -76,7 +75,7 @@ class TextLog:
 
     :raises ConfigError: it cannot be read, or holds no scan; the message says which.
     :ivar bad: lines that could not be read.
-    :ivar problems: sentences about what was wrong, complete when all scans were read.
+    :ivar problems: a sentence for each problem, complete when all scans were read.
     :ivar share_read: from 0 to 1.
     """
 
@@ -87,7 +86,7 @@ class TextLog:
         self._first_bad = ''
         self._path = path
         self._references: list[Floats] | None = []
-        with self._lines([]) as lines:  # what is wrong with it is told when it is read
+        with self._lines([]) as lines:  # problems are reported when it is read
             first = next(lines, '')
             self._head = _HEAD.search(first) if first.startswith('#') else None
         with self._lines([]) as lines:
@@ -104,7 +103,7 @@ class TextLog:
 
     @property
     def reference(self) -> Floats | None:
-        """Return where somebody else says that the scans that were read were taken."""
+        """Return the reference poses of the scans that were read; None without any."""
         return None if self._references is None else np.array(self._references).reshape(-1, 3)
 
     def scans(self) -> Iterator[Scan]:
@@ -115,7 +114,7 @@ class TextLog:
         """
         count = backwards = 0
         last_ns: int | None = None
-        # A log that is cut off is read up to there.
+        # A truncated log is read up to its end.
         with self._lines(self.problems) as lines:
             for scan in self._scans(lines):
                 count += 1
@@ -127,11 +126,11 @@ class TextLog:
             raise ConfigError([f'{self._path}: no scan in it that could be read{why}',
                                *self.problems])
         if self.bad:
-            self.problems.append(f'lines that could not be read, and were left out: {self.bad}'
+            self.problems.append(f'lines that could not be read, and were skipped: {self.bad}'
                                  f'{why}')
         if backwards:
             self.problems.append(f'{backwards} scans are stamped earlier than those before them: '
-                                 'the order of the lines counts')
+                                 'the order of the lines is used')
 
     def _scans(self, lines: Iterable[str]) -> Iterator[Scan]:
         if self._judged is None:
@@ -144,7 +143,7 @@ class TextLog:
             yield scan
         self.bad = reader.bad_lines
         if reader.others:
-            self.problems.append(f'{reader.others} scans of a second kind of line were left out: '
+            self.problems.append(f'{reader.others} scans of a second kind of line were skipped: '
                                  f'{self._judged.kind} is read')
 
     def _rows(self, lines: Iterable[str]) -> Iterator[Scan]:
@@ -166,7 +165,7 @@ class TextLog:
     @contextmanager
     def _lines(self, problems: list[str]) -> Iterator[Iterator[str]]:
         """
-        Open the file, to be read as far as it is whole.
+        Open the file, to be read as far as it is intact.
 
         :raises ConfigError: it cannot be opened.
         """
@@ -189,7 +188,7 @@ class TextLog:
                 self.share_read = min(1.0, raw.tell() / size)
                 yield line
         except (OSError, EOFError, zlib.error) as error:
-            problems.append(f'{self._path} is cut off or damaged: it was read up to there '
+            problems.append(f'{self._path} is truncated or damaged: it was read up to that point '
                             f'({getattr(error, "strerror", None) or error})')
 
 
@@ -208,11 +207,11 @@ def _numbers(words: list[str], beams: int) -> Floats:
     """
     Read a row.
 
-    :raises ValueError: it is none; the message says why.
+    :raises ValueError: it is malformed; the message says why.
     """
     if len(words) != _POSES + beams:
-        raise ValueError(f'{len(words)} values, where the first line of the file says {_POSES} '
-                         f'and {beams} ranges')
+        raise ValueError(f'{len(words)} values instead of {_POSES} and {beams} ranges as in the '
+                         'header of the file')
     found = np.array([float(each) for each in words[:_POSES]]
                      + [float(each) if each.strip() else math.nan for each in words[_POSES:]])
     if not np.isfinite(found[:_POSES]).all():

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Close loops in pieces: look at one place, or move the keyframes by one step, and return.
+Close loops in pieces: verify one candidate, or do one step of optimisation, and return.
 
-The keyframes are where they were until all of them agree; then they are moved at once.
+The keyframes keep their poses until the optimisation is done; then all are moved together.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ from rt_robot_os.features.mapping.slam.transforms import composed
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
-#: Places that wait, at most: older ones are left.
+#: Candidates that wait at most; beyond that the oldest are dropped.
 _WAITING_MOST: Final = 12
 _STEPS: Final = 6
 _STEPS_AT_END: Final = 20
-#: A step in m or rad that is the last, while the robot drives.
+#: Optimisation ends below this step, in m or rad, while the robot drives.
 _SMALL: Final = 1e-3
 _REJECTED_WEIGHT: Final = 0.3
-#: Keyframes so much of the way apart say the same when they agree to this.
+#: Loops of keyframes this far apart along the path confirm each other within these limits.
 _APART_M: Final = 0.5
 _SAME_M: Final = 0.5
 _SAME_RAD: Final = 0.06
 _UNCONFIRMED_MOST: Final = 24
-#: Near misses that are remembered: the last ones.
+#: Near misses that are stored: the last ones.
 _NEAR_MOST: Final = 50
 
 
@@ -63,7 +63,7 @@ class LoopClosing:
         counted there.
     :ivar near_misses: the last places that nearly matched; their ``LoopVerdict.reason`` says why
         no loop was closed.
-    :ivar moved_m: how far a keyframe was moved last, at most.
+    :ivar moved_m: largest movement of a keyframe by the last optimisation.
     """
 
     def __init__(self, graph: MapGraph, tuning: MapperTuning, counts: dict[str, int]) -> None:
@@ -72,10 +72,10 @@ class LoopClosing:
         # Loops that no other loop confirms yet.
         self._unconfirmed: deque[PoseEdge] = deque(maxlen=_UNCONFIRMED_MOST)
         self._verification: Generator[None, None, LoopVerdict | None] | None = None
-        self._candidate: LoopCandidate | None = None  # that is looked at in pieces
-        self._poses: Floats | None = None  # as they are while they are being moved
+        self._candidate: LoopCandidate | None = None  # under verification
+        self._poses: Floats | None = None  # intermediate poses of the optimisation
         self._steps = 0
-        self._is_new = False  # edges came since the keyframes optimised
+        self._is_new = False  # there are new edges since the last optimisation
         self.moved_m = 0.0
         self.near_misses: deque[LoopVerdict] = deque(maxlen=_NEAR_MOST)
 
@@ -85,7 +85,7 @@ class LoopClosing:
         return bool(self._waiting) or self._verification is not None or self._is_new
 
     def add_keyframe(self, index: int) -> None:
-        """Notice where a keyframe that was kept may be as well."""
+        """Queue the loop candidates of a new keyframe."""
         for candidate in loop_candidates(LocalMapQuery(self._graph), index, self._tuning):
             self.add_candidate(candidate)
 
@@ -97,13 +97,13 @@ class LoopClosing:
         self._waiting.append(candidate)
 
     def request_optimisation(self) -> None:
-        """Notice that something new is known: the keyframes have to agree with it."""
+        """Optimise the graph again, as it has new constraints."""
         self._is_new, self._poses = True, None
 
     def remove_keyframe(self, index: int) -> None:
-        """Follow a keyframe that is taken out of the list."""
+        """Adapt to a keyframe that is removed from the list."""
         if self._candidate is not None:
-            self._waiting.appendleft(self._candidate)  # begin anew
+            self._waiting.appendleft(self._candidate)  # start again
             self._candidate = self._verification = None
         kept = [place for place in self._waiting if index not in (place.keyframe, place.nearest)]
         self._counts['skipped'] += len(self._waiting) - len(kept)
@@ -117,13 +117,13 @@ class LoopClosing:
                 each.second > index)) for each in self._unconfirmed
             if index not in (each.first, each.second)), _UNCONFIRMED_MOST)
         if self._poses is not None:
-            self._poses = None  # begin anew
+            self._poses = None  # start again
 
     def process_pending(self, whole: bool = False) -> bool:
         """
-        Do a piece; return whether the keyframes were moved.
+        Do a piece of work; return whether the keyframes were moved.
 
-        :param whole: look at a whole place at once.
+        :param whole: verify a candidate in one piece.
         """
         if self._waiting or self._verification is not None:
             self._verify(whole)
@@ -144,7 +144,7 @@ class LoopClosing:
                 self._evaluate(end.value)
 
     def _evaluate(self, verdict: LoopVerdict) -> None:
-        """Take a loop, and those that waited for others to say the same."""
+        """Accept a loop, with unconfirmed ones that are consistent with it, or store it."""
         edge = verdict.edge
         if edge is None:
             self._record_near_miss(verdict)
@@ -171,11 +171,11 @@ class LoopClosing:
         self.near_misses.append(verdict)
 
     def _matched_pose(self, edge: PoseEdge) -> Floats:
-        """Return where a loop says that its keyframe is."""
+        """Return the pose of a keyframe by its loop edge."""
         return composed(self._graph.keyframes[edge.first].pose, edge.relative)
 
     def _place_count(self, edges: list[PoseEdge]) -> int:
-        """Return at how many places, some way apart, loops begin."""
+        """Return the number of places, some distance apart, at which loops begin."""
         ways = sorted(self._graph.keyframes[each.second].travelled_m for each in edges)
         count, last = 0, -np.inf
         for way in ways:
@@ -200,7 +200,7 @@ class LoopClosing:
         return True
 
     def optimise_all(self) -> None:
-        """Move all keyframes until they agree as well as they can."""
+        """Optimise all keyframes until convergence."""
         optimised = optimise(self._current_poses(), self._graph.edge_arrays(), _STEPS_AT_END,
                              self._graph.fixes)
         self._apply(optimised.poses, optimised.weights)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Notice that a place was seen before: loops, which take back what the way has summed up.
+Detect loops: places that were seen before, which remove the accumulated error.
 
-How far the pose may be wrong, seen from an older keyframe, is the sum over the best known way
-through the graph between them. That is how far around is looked, and in how large a window.
+The uncertainty of the pose, relative to an older keyframe, is the sum over the most certain path
+through the graph between them. It determines the radius of candidates and the search window.
 """
 
 from __future__ import annotations
@@ -42,44 +42,44 @@ from rt_robot_os.features.mapping.slam.pose_graph import PoseEdge
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
-#: Keyframes that make up a place at most, and how far from the nearest.
+#: Keyframes of a candidate at most, and their distance from the nearest one.
 _PLACE: Final = 13
 _PLACE_M: Final = 5.0
-#: A direction of which a scan says less than this part of the other is not known by it.
+#: A direction with less than this part of the information of the other one is not determined.
 _ONE_WAY: Final = 0.05
 _LOOP_COMMON: Final = np.array((0.03, 0.03, 0.008))
 _WINDOW_MOST_M: Final = 8.0
-#: A loop that would move the robot further than this has to fit better: rooms look alike.
+#: A loop that would move the robot further than this must match better: rooms look alike.
 _FAR_M: Final = 1.5
 _FAR_SHARE: Final = 0.7
 _FAR_SCORE: Final = 0.6
 _WINDOW_MOST_RAD: Final = float(np.radians(30.0))
-#: Of places that fit equally well the expected one is taken: the ends of a corridor look alike.
+#: Of equal matches the expected one is used: the ends of a corridor look alike.
 _SIGMA_LEAST_M: Final = 0.2
 _SIGMA_LEAST_RAD: Final = 0.05
-#: Where the pose may be this wrong, so many places are tried.
+#: From this uncertainty on several matches are aligned.
 _UNSURE_M: Final = 0.2
 _TRIES: Final = 4
-#: A loop that would move the robot far is closed when so many keyframes, some of the way apart,
-#: say the same: rooms look alike, and doors of a corridor are as far from each other. One that
-#: rests on a short overlap, or says only how far across a corridor the robot is, when so many do.
+#: A loop that would move the robot far needs this many consistent keyframes, some distance apart:
+#: rooms look alike, and doors of a corridor are evenly spaced. The second number is for a loop
+#: with a short overlap, or one that determines only the position across a corridor.
 _FAR_PLACES: Final = 3
 _SHORT_PLACES: Final = 2
-#: From this share of what is visible a place that is not taken is a near miss.
+#: Share of visible points from which a rejected candidate is a near miss.
 _NEARLY: Final = 0.5
-#: A short overlap in which the scan sees through so much of the place is another place.
+#: A short overlap is rejected when the scan sees through more than this share of the place.
 _CONTRADICTED: Final = 0.1
 
 
 @dataclass(frozen=True)
 class LoopCandidate:
     """
-    Keyframes that may be where the robot is.
+    A place to which a keyframe may have returned.
 
-    :ivar keyframe: the one that was kept there.
-    :ivar nearest: the keyframe to which an edge would go.
+    :ivar keyframe: the new one.
+    :ivar nearest: the keyframe to which an edge would lead.
     :ivar members: those around it.
-    :ivar sigma_m: how far the pose may be wrong, seen from there; sigma_rad its angle.
+    :ivar sigma_m: uncertainty of the pose relative to it; sigma_rad that of the angle.
     """
 
     keyframe: int
@@ -92,9 +92,9 @@ class LoopCandidate:
 def loop_candidates(around: LocalMapQuery, index: int, tuning: MapperTuning
                     ) -> list[LoopCandidate]:
     """
-    Return where a keyframe may be as well, the nearest first.
+    Return the loop candidates of a keyframe, the nearest first.
 
-    :param around: the graph as it is now.
+    :param around: query of the present graph.
     :param index: of the keyframe.
     """
     here = around.poses[index]
@@ -125,16 +125,16 @@ def loop_candidates(around: LocalMapQuery, index: int, tuning: MapperTuning
 @dataclass(frozen=True)
 class LoopVerdict:
     """
-    What became of looking at a place that fits at least nearly.
+    The result for a candidate that matches at least nearly.
 
-    :ivar keyframe: the one that may have come back to
+    :ivar keyframe: the one that may have returned to
     :ivar nearest: this one.
     :ivar share: of its points that lie on lines of the place, and
-    :ivar of_visible: of those that the place looked at.
-    :ivar score: how well they fit.
+    :ivar of_visible: of those that the place observed.
+    :ivar score: of the match.
     :ivar reason: why no loop is closed; empty: one is.
-    :ivar edge: the loop; None where ``why`` says that there is none.
-    :ivar places_needed: at so many places, some way apart, loops have to say the same.
+    :ivar edge: the loop; None if there is a reason against it.
+    :ivar places_needed: number of places, some distance apart, with consistent loops.
     """
 
     keyframe: int
@@ -155,7 +155,7 @@ def is_far(pose: Floats, other: Floats) -> bool:
 def verified(keyframes: Sequence[Keyframe], place: LoopCandidate, tuning: MapperTuning
              ) -> Generator[None, None, LoopVerdict | None]:
     """
-    Look whether a keyframe is at a place, in pieces of some milliseconds.
+    Verify a candidate, in pieces of some milliseconds.
 
     :return: None: it is another place.
     """
@@ -204,10 +204,10 @@ def _judged(match: Match, overlap: Overlap | None, keyframes: Sequence[Keyframe]
 
 def _as_known(aligned: Aligned, expected: Floats) -> tuple[Aligned, bool]:
     """
-    Leave out what a scan does not say: how far along a corridor it was taken.
+    Remove the direction that a scan does not determine: along a corridor.
 
-    :return: how it lies, with the place that is expected along the direction of which it says
-        nothing; and whether there is one.
+    :return: the alignment, with the expected position along that direction; and whether there is
+        one.
     """
     values, vectors = np.linalg.eigh(aligned.information[:2, :2])
     if values[0] >= _ONE_WAY * values[1]:

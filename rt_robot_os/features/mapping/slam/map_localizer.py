@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Follow a robot in a saved map, which stays as it is.
+Localise a robot on a saved map, which stays unmodified.
 
-Each scan is put onto the map anew, so nothing adds up: neither while the robot stands nor over
-hours. Between the map and odometry the better known one counts. When scans do not fit for a while
-it says so, instead of a pose that looks sure.
+Each scan is matched with the map independently, so errors do not accumulate: neither while the
+robot stands nor over hours. Map and odometry are weighted by their uncertainty. When scans do not
+match for a while, it reports that instead of a pose that looks certain.
 """
 
 from __future__ import annotations
@@ -48,34 +48,34 @@ from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 from rt_robot_os.motion.grid_map import GridMap
 
-#: Odometry since the last match: standard deviations at once, and more of way and turn, whose
-#: errors are of one sign.
+#: Odometry since the last match: constant standard deviations, and those per distance and turn,
+#: whose errors have one sign.
 _AT_ONCE: Final = (0.01, 0.005)
 _OF_WAY: Final = (0.1, 0.03)
 _OF_TURN: Final = (0.02, 0.1)
-#: What matching does not know of, the map's own errors: of a graph, and of a grid with its cells.
+#: Errors of the map, which matching does not include: of a graph, and of a grid with its cells.
 _COMMON: Final = (0.025, 0.006)
 _OF_CELLS: Final = (0.5, 0.006)
-#: A match may be so many standard deviations off what is expected, and so much besides.
+#: Largest deviation of a match from the expected pose: in standard deviations, and a constant.
 _WITHIN: Final = 3.5
 _BESIDES: Final = (0.1, 0.05)
-#: Windows in which a scan is looked for that did not fit, at least and at most.
+#: Smallest and largest search window for an unmatched scan.
 _WINDOW_M: Final = (0.3, 1.5)
 _WINDOW_RAD: Final = (0.15, 0.6)
-#: A good match has so many points on lines, and of the beams that could see the map so few went
-#: through it.
+#: A good match has at least this share of points on lines, and of the beams that could hit the
+#: map at most this share through it.
 _SHARE_LEAST: Final = 0.3
 _THROUGH_MOST: Final = 0.25
-#: Lost when nothing has fitted for so long while beams go through walls; or for so long and so far
-#: when they only end early: a crowd does that, and goes.
+#: Lost after this time without a match while beams pass walls; or after this time and distance
+#: when beams only end early, as a crowd causes.
 _LOST_NS: Final = 2 * NS_PER_S
 _CROWD_NS: Final = 15 * NS_PER_S
 _CROWD_M: Final = 2.0
-#: No robot of a house is faster: odometry was set anew.
+#: Odometry that is faster has been reset.
 _FASTEST_M_S: Final = 5.0
 _FASTEST_RAD_S: Final = 15.0
 _POINTS_LEAST: Final = 20
-#: Points of a scan may come to lie so much further away, for it is looked for in a window.
+#: Margin for points of a scan that is searched in a window.
 _MARGIN_M: Final = 2.0
 _START: Final = np.diag((0.2, 0.2, 0.1)) ** 2
 
@@ -87,7 +87,7 @@ class _Fit:
 
     @property
     def through(self) -> float:
-        """Return the share of beams through walls, of those that nobody stands in."""
+        """Return the share of beams through walls, of those that are not cut short."""
         seen = float(self.check.explained[0] + self.check.through[0])
         return float(self.check.through[0]) / seen if seen > 0.0 else 0.0
 
@@ -98,21 +98,21 @@ class _Fit:
 
 class MapLocalizer:
     """
-    Localisation in a map that nothing changes.
+    Localisation on an immutable map.
 
-    :param grid: the map; graph: that it was drawn of, which makes it more exact.
+    :param grid: the map.
+    :param graph: from which it was drawn: makes the result more exact.
     :param start: shape (3,): of the laser on the map, at the first scan.
     :param covariance: shape (3, 3), of the start, in m and rad along the map's axes; None: known
         to 0.2 m and 0.1 rad.
     :param odometry: shape (3,): of the laser when it was at the start; None: that of the first
         scan.
-    :param known: ``Finder.known`` of the same grid; None: it is made anew. What is not measured
-        in it is measured where the robot is.
+    :param known: ``GlobalLocalizer.known_map`` of the same grid; None: it is made again. Distances
+        that it lacks are computed near the robot.
     :raises ConfigError: nothing in the grid is free, or nothing occupied.
-    :ivar lost: why it does not know any more where it is, and has to be found; empty while it
-        does.
-    :ivar counts: ``scans``, ``searched`` (a window was), ``unmatched`` (odometry was followed),
-        ``jumps`` (of odometry, which were not followed), ``lost``.
+    :ivar lost: why the pose was lost, so that a global search is needed; empty while it is known.
+    :ivar counts: ``scans``, ``searched`` (a window was), ``unmatched`` (odometry was used),
+        ``jumps`` (of odometry, which were ignored), ``lost``.
     """
 
     def __init__(self, grid: GridMap, graph: MapGraph | None, start: Floats,
@@ -131,7 +131,7 @@ class MapLocalizer:
 
     def relocate(self, pose: Floats, covariance: Floats | None = None,
                  odometry: Floats | None = None) -> None:
-        """Go on from another place, as after a search; parameters as of the class."""
+        """Continue from another pose, as after a search; parameters as of the class."""
         pose = np.asarray(pose, dtype=np.float64)
         given = _START if covariance is None else covariance
         self.lost = ''
@@ -144,9 +144,9 @@ class MapLocalizer:
 
     def add(self, scan: Scan) -> Located:
         """
-        Take the next scan.
+        Process the next scan.
 
-        :return: where it was taken; ``is_lost``: it fitted nowhere and odometry was followed.
+        :return: its pose; ``is_lost``: it matched nowhere and odometry was used.
         :raises ValueError: odometry is not finite.
         """
         if not np.isfinite(scan.odometry).all():
@@ -165,7 +165,7 @@ class MapLocalizer:
                        0.0 if fit is None else fit.aligned.share, True)
 
     def _matched(self, scan: Scan, fit: _Fit, covariance: Floats) -> Located:
-        # Of a corridor's length a scan says nothing: then what odometry says is what is known.
+        # A scan has no information along a corridor: there the estimate is that of odometry.
         information = (np.linalg.inv(covariance)
                        + fit.aligned.information / self.tuning.match_noise_m ** 2)
         known = np.asarray(np.linalg.inv(information), dtype=np.float64)
@@ -179,7 +179,7 @@ class MapLocalizer:
     # ---- odometry ------------------------------------------------------------------------------
 
     def _predicted(self, scan: Scan) -> tuple[Floats, Floats]:
-        """Return where odometry says that it is, in the grid's own frame, and how surely."""
+        """Return the pose by odometry, in the frame of the grid, and its covariance."""
         if self._odometry is None:
             self._odometry = scan.odometry
         step = between(self._odometry, scan.odometry)
@@ -226,11 +226,11 @@ class MapLocalizer:
             found = _Fit(again, checked(self._known, again.pose[None], some))
             if found.is_good or found.check.likelihood[0] > fit.check.likelihood[0]:
                 return found
-        # Too far off to be believed: odometry is followed.
+        # Too far off: odometry is used.
         return fit if not fit.is_good else None
 
     def _watch(self, scan: Scan, fit: _Fit | None, points: int) -> None:
-        """Notice that it is lost for good."""
+        """Detect that the pose is lost."""
         if self._fitted_ns is None:
             self._fitted_ns = scan.stamp_ns
         for_ns = scan.stamp_ns - self._fitted_ns
@@ -240,8 +240,8 @@ class MapLocalizer:
             assert fit is not None
             why = f'{100 * fit.through:.0f} % of the beams go through walls of the map'
         elif for_ns >= _CROWD_NS and self._way > _CROWD_M:
-            why = (f'only {points} beams see something' if fit is None else
-                   f'only {100 * fit.aligned.share:.0f} % of what is seen is on the map')
+            why = (f'only {points} beams hit something' if fit is None else
+                   f'only {100 * fit.aligned.share:.0f} % of the points are on the map')
         if why:
             self.counts['lost'] += not self.lost
             self.lost = f'{why} for {for_ns / NS_PER_S:.0f} s'

@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Make a map of scans, and say where each was taken.
+Make a map of scans, and return the pose of each (graph SLAM).
 
-Each scan is matched with what is known around, beginning where odometry says; one that adds
-something is kept as a keyframe; when the robot comes back to a place all of them are moved until
-they agree. What is no longer there is taken out, so that a robot may go round for ever.
+Each scan is matched with the local map, starting at the pose of odometry; one with new content
+becomes a keyframe; when the robot returns to a place, the poses of all keyframes are optimised.
+Removed objects and redundant keyframes are dropped, so that mapping can run without end.
 """
 
 from __future__ import annotations
@@ -58,40 +58,40 @@ from rt_robot_os.features.mapping.slam.transforms import moved_by
 from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
 _RAD_AS_M: Final = 0.5
-#: What is matched with is chosen anew after this way.
+#: Distance after which the local map is chosen again.
 _CHOSEN_M: Final = 0.5
-#: Odometry that jumps further from scan to scan has not measured a way.
+#: A longer step of odometry between two scans is a jump, not a motion.
 _JUMP_M: Final = 5.0
-#: Who says where the robot is may be wrong as odometry is after so much of a way.
+#: Uncertainty of a given pose, as that of odometry after this motion.
 _UNSURE_M: Final = 1.0
 _UNSURE_RAD: Final = 0.5
-#: Lost, scans are kept again after this way, if many come.
+#: Distance after which dense scans become keyframes again while lost.
 _LOST_M: Final = 0.5
-#: A map that moved by so much is drawn anew.
+#: Movement from which on the map is redrawn.
 _CELL_M: Final = 0.05
 _STILL: Final = np.zeros(3)
-#: After steps longer than this all that waits is done at once: such logs are thinned out.
+#: After longer steps all pending work is done immediately: such logs are thinned out.
 _THINNED_M: Final = 0.25
 
 
 class Mapper:
     """
-    A map that grows, and stays as it is where nothing is new.
+    A map that grows where a scan has new content.
 
-    :param start: shape (3,): where the laser is on the map at the first scan; None: at 0.
+    :param start: shape (3,): pose of the laser on the map at the first scan; None: 0.
     :ivar graph: the map.
-    :ivar keyframes: what it is made of.
+    :ivar keyframes: of the map.
     :ivar edges: between them.
-    :ivar version: another number when keyframes came, went or moved by a cell.
-    :ivar counts: ``scans``, ``keyframes`` (kept, ever), ``searched`` (a window was), ``lost``
-        (odometry was followed, since the scan fitted nowhere), ``loops``, ``refused`` (a loop
-        that odometry and other loops contradict), ``near_misses`` (places that fitted nearly, or
-        that no second keyframe confirmed), ``empty`` (scans without a point), ``jumps``
-        (of odometry, taken for no movement), ``crowded`` (keyframes that gave way to newer ones of
-        the same place), ``outdated`` (of which too little is still there), ``points_gone``
-        (that were seen through), ``skipped`` (places that were not looked at: newer ones came
-        first), ``fixes``, ``fixes_left`` (not used: too near to another, too late),
-        ``forgotten`` (poses of scans), ``found`` (a robot that was carried away).
+    :ivar version: increases when keyframes are added, removed or moved by a cell.
+    :ivar counts: ``scans``, ``keyframes`` (added, ever), ``searched`` (a window was), ``lost``
+        (odometry was used, as the scan matched nowhere), ``loops``, ``refused`` (a loop
+        that odometry and other loops contradict), ``near_misses`` (candidates that matched nearly,
+        or that no second keyframe confirmed), ``empty`` (scans without a point), ``jumps``
+        (of odometry, ignored), ``crowded`` (redundant keyframes, removed), ``outdated`` (with too
+        few points left, removed), ``points_gone`` (that were seen through), ``skipped``
+        (candidates that were dropped for newer ones), ``fixes``, ``fixes_left`` (absolute poses
+        that were not used: too near to another, too late), ``forgotten`` (poses of scans),
+        ``found`` (a robot that was carried away).
     """
 
     _odometry: Floats | None
@@ -111,12 +111,12 @@ class Mapper:
     @classmethod
     def of_graph(cls, graph: MapGraph, tuning: MapperTuning | None = None) -> Mapper:
         """
-        Go on with a map that was made before.
+        Continue with an existing map.
 
-        Until :meth:`relocate` says where the robot is, each scan is looked for on the whole map,
-        nothing is kept, and ``Located.is_lost`` says so.
+        Until :meth:`relocate` sets the pose, each scan is searched on the whole map, the map does
+        not grow, and ``Located.is_lost`` is set.
 
-        :param graph: it grows from now on; one without keyframes is begun.
+        :param graph: it is extended; it may be empty.
         """
         mapper = cls(tuning)
         mapper.graph = graph
@@ -130,10 +130,10 @@ class Mapper:
 
     def relocate(self, pose: Floats, odometry: Floats) -> None:
         """
-        Take it that the robot is somewhere else on the map; the map stays as it is.
+        Set the pose of the robot; the map is unchanged.
 
         :param pose: shape (3,): of the laser.
-        :param odometry: shape (3,): of the laser, at that moment.
+        :param odometry: shape (3,): of the laser, at that time.
         :raises ValueError: one of them is not finite.
         """
         pose, odometry = np.asarray(pose, np.float64), np.asarray(odometry, np.float64)
@@ -165,19 +165,19 @@ class Mapper:
         self._track = ScanTrajectory(self.tuning.trajectory_most)
         self._deferred = DeferredMatching()
         self._local = None
-        self._members: list[int] = []  # of what scans are matched with
-        self._chosen = np.full(2, np.inf)  # where they were chosen
-        self._anchor, self._relative = 0, _STILL  # where the robot is, seen from a keyframe
+        self._members: list[int] = []  # indices of the keyframes of the local map
+        self._chosen = np.full(2, np.inf)  # where the local map was chosen
+        self._anchor, self._relative = 0, _STILL  # pose of the robot relative to a keyframe
         self._travelled_m = 0.0
         self._odometry = None
         self._pose = pose
         self._correction = None
-        self._unseen_m = 0.0  # movements of the map that did not make another version
-        self._has_idle_time = False  # somebody works between scans
+        self._unseen_m = 0.0  # movements of the map since the last version
+        self._has_idle_time = False  # process_pending is called between scans
 
     def add(self, scan: Scan) -> Located:
         """
-        Take the next scan.
+        Process the next scan.
 
         :raises ValueError: odometry is not finite.
         """
@@ -233,14 +233,14 @@ class Mapper:
         return Located(self._pose, self._certainty.on_map(self._pose, self._pose), is_kept=True)
 
     def _found(self, scan: Scan, found: FoundPose) -> Located:
-        """Go on from where the robot was found."""
+        """Continue where the robot was found."""
         self.relocate(found.pose, scan.odometry)
         self.counts['found'] += 1
         self._record_scan(scan)
         return Located(found.pose, found.covariance, found.share)
 
     def _record_scan(self, scan: Scan) -> None:
-        """Remember where a scan was taken."""
+        """Store the pose of a scan."""
         if self._absolute.record_scan(scan.stamp_ns, scan.odometry, self._anchor, self._relative):
             self._loop_closing.request_optimisation()
         self._track.append(self._anchor, self._relative)
@@ -256,7 +256,7 @@ class Mapper:
         self._travelled_m += way + _RAD_AS_M * abs(float(step[2]))
         return step
 
-    # ---- what a scan is matched with -----------------------------------------------------------
+    # ---- local map -----------------------------------------------------------------------------
 
     def _local_map(self, guess: Floats) -> LocalMap:
         moved = float(np.hypot(*(guess[:2] - self._chosen)))
@@ -269,7 +269,7 @@ class Mapper:
         return self._local
 
     def _nearest(self) -> int:
-        """Return which of the keyframes that the scan was matched with is nearest."""
+        """Return the nearest keyframe of the local map."""
         poses = np.array([self.keyframes[index].pose[:2] for index in self._members])
         return self._members[int(np.hypot(*(poses - self._pose[:2]).T).argmin())]
 
@@ -277,19 +277,19 @@ class Mapper:
         self._anchor = anchor
         self._relative = between(self.keyframes[anchor].pose, self._pose)
 
-    # ---- how the map grows ---------------------------------------------------------------------
+    # ---- growth --------------------------------------------------------------------------------
 
     def _is_novel(self, match: Match | None) -> bool:
-        """Return whether a scan adds something to the map."""
+        """Return whether a scan has content that is new to the map."""
         if self._relocalization.is_searching or (
                 match is None and self._since_match.is_dense
                 and self._since_match.way_m < _LOST_M):
-            return False  # it is not sure where that would be
+            return False  # its pose is too uncertain
         near = self._members if match is not None else [self._anchor]
         return self._novelty.is_novel(match, self._pose, near, self._travelled_m)
 
     def _add_keyframe(self, scan: Scan, surface: Surface, match: Match | None) -> None:
-        """Keep a scan."""
+        """Add a scan as a keyframe."""
         index = len(self.keyframes)
         if match is None:
             self.edges.append(edge_of_odometry(self.keyframes, self._anchor, self._pose,
@@ -317,10 +317,10 @@ class Mapper:
         self.version += 1
         self._local = None
 
-    # ---- how it is kept up to date -------------------------------------------------------------
+    # ---- pruning -------------------------------------------------------------------------------
 
     def _remove_dynamic_points(self, surface: Surface) -> None:
-        """Take out what the scan sees through."""
+        """Remove points that the scan sees through."""
         gone = self._dynamic_points.remove_seen_through(self.keyframes, self._members, self._pose,
                                                         surface)
         if not gone.points:
@@ -333,7 +333,7 @@ class Mapper:
                 self._remove_keyframe(index)
 
     def _remove_keyframe(self, index: int) -> None:
-        """Take a keyframe out of everything that knows of it."""
+        """Remove a keyframe from the graph and all that refers to it."""
         seen = [each.pose for each in self.keyframes]
         successor = marginalise(self.graph, index)
         relative = between(seen[successor], seen[index])
@@ -350,9 +350,9 @@ class Mapper:
 
     def process_pending(self) -> bool:
         """
-        Do one piece of what waits, of some 10 ms: look at a place, or move the keyframes.
+        Do one piece of pending work, of some 10 ms: verify a loop, or optimise the keyframes.
 
-        Who calls it between scans has short pieces only; else :meth:`add` looks at whole places.
+        If it is called between scans, all pieces are short; else :meth:`add` verifies whole loops.
 
         :return: whether there is more.
         """
@@ -372,7 +372,7 @@ class Mapper:
             pieces = None if pieces is None else pieces - 1
 
     def _follow_keyframes(self) -> None:
-        """Follow the keyframes, which have been moved."""
+        """Update the pose after the keyframes were moved."""
         was, self._pose = self._pose, composed(self.keyframes[self._anchor].pose, self._relative)
         movement = moved_by(was, self._pose)
         self._correction = (movement if self._correction is None
@@ -385,18 +385,18 @@ class Mapper:
 
     def add_absolute_pose(self, stamp_ns: int, pose: Floats, covariance: Floats) -> None:
         """
-        Take an absolute pose of the laser, which the map then follows.
+        Add an absolute pose of the laser, to which the map is fitted.
 
-        :param stamp_ns: when, on the clock of the scans; it may lie between scans or be late.
+        :param stamp_ns: on the clock of the scans; it may lie between scans or be late.
         :param pose: shape (3,), on the map.
         :param covariance: shape (3, 3), in m and rad, along the axes of the map.
-        :raises ValueError: that is no pose, or its covariance none.
+        :raises ValueError: the pose or its covariance is invalid.
         """
         if self._absolute.add(stamp_ns, pose, covariance):
             self._loop_closing.request_optimisation()
 
     def optimise_all(self) -> None:
-        """Look at all that waits, move all keyframes until they agree, and what was lost."""
+        """Do all pending work, optimise all keyframes, and match lost scans again."""
         self._process_closing(None)
         self._loop_closing.optimise_all()
         self._follow_keyframes()
@@ -405,11 +405,11 @@ class Mapper:
 
     @property
     def near_misses(self) -> list[LoopVerdict]:
-        """Return the last places that fitted nearly, and why no loop was closed there."""
+        """Return the last near misses, with the reasons why no loop was closed."""
         return list(self._loop_closing.near_misses)
 
     def trajectory(self) -> Floats:
-        """Return the poses of the scans on the map as it is now; shape (scans, 3)."""
+        """Return the poses of the scans on the present map; shape (scans, 3)."""
         return self._track.poses([each.pose for each in self.keyframes])
 
 

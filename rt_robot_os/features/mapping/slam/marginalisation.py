@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Take keyframes out of a graph without tearing it.
+Remove keyframes from a pose graph and keep it connected.
 
-What the edges of a keyframe say of its neighbours is kept: the one that is known best from it
-becomes the successor, and the others are joined to that one over both edges, with the sum of their
-uncertainties. What two edges say of the same two keyframes becomes one edge. So a graph never
-gets more edges by forgetting, and each keyframe stays joined to the first.
+The information of the edges of a keyframe is preserved: the neighbour with the most certain edge
+becomes its successor, and the others are connected to that one over both edges, with the sum of
+their uncertainties. Several edges between the same two keyframes are merged. So the number of
+edges never grows, and each keyframe stays connected to the first.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ _NOTHING = np.zeros(3)
 
 def marginalise(graph: MapGraph, index: int) -> int:
     """
-    Take a keyframe out of a graph; the indices of those after it become one less.
+    Remove a keyframe from a graph; the indices of those after it decrease by one.
 
-    :return: the successor, by its index before.
-    :raises ValueError: it is the only one, or nothing joins it to others.
+    :return: the index of its successor before the removal.
+    :raises ValueError: it is the only one, or is not connected.
     """
     its = [each for each in graph.edges if index in (each.first, each.second)]
     if not its:
-        raise ValueError(f'keyframe {index} is joined to no other')
+        raise ValueError(f'keyframe {index} is not connected to another one')
     ways = [each if each.first == index else reverse(each) for each in its]
     best = min(ways, key=_uncertainty)
     successor, from_heir = best.second, reverse(best)
@@ -77,7 +77,7 @@ def _renumbered(edge: PoseEdge, removed: int) -> PoseEdge:
 
 
 def _pass_absolute_pose(graph: MapGraph, index: int, successor: int) -> None:
-    """Give what is known absolutely to the successor, if nothing is known of that one."""
+    """Transfer the absolute pose to the successor, unless that has one of its own."""
     has_own = any(each.keyframe == successor for each in graph.fixes)
     shift = between(graph.keyframes[index].pose, graph.keyframes[successor].pose)
     fixes = []
@@ -92,7 +92,7 @@ def _pass_absolute_pose(graph: MapGraph, index: int, successor: int) -> None:
 
 
 def reverse(edge: PoseEdge) -> PoseEdge:
-    """Return what an edge says, seen from its other end."""
+    """Return an edge in the opposite direction."""
     x, y, yaw = edge.relative.tolist()
     cosine, sine = np.cos(yaw), np.sin(yaw)
     back = between(edge.relative, _NOTHING)
@@ -102,7 +102,7 @@ def reverse(edge: PoseEdge) -> PoseEdge:
 
 
 def chain(first: PoseEdge, second: PoseEdge) -> PoseEdge:
-    """Return what two edges, one after the other, say of their ends."""
+    """Return the composition of two edges."""
     cosine, sine = np.cos(first.relative[2]), np.sin(first.relative[2])
     x, y = second.relative[:2]
     of_first = np.array(((1.0, 0.0, -sine * x - cosine * y), (0.0, 1.0, cosine * x - sine * y),
@@ -115,7 +115,7 @@ def chain(first: PoseEdge, second: PoseEdge) -> PoseEdge:
 
 
 def _merged(edges: list[PoseEdge]) -> PoseEdge:
-    """Return one edge for several between the same two; what may be wrong gives way."""
+    """Return one edge for several between the same two; loops yield to certain edges."""
     sure = [each for each in edges if not each.is_loop]
     first, *more = sure or edges
     information, relative = first.information, first.relative

@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Match a scan with what is known around, beginning where odometry says.
+Match a scan with the local map, starting at the pose of odometry.
 
-The window is as large as odometry may be wrong since a scan fitted last, so that it grows while
-none does. Odometry is part of the match: where a scan says nothing, along a corridor, it decides.
+The search window is the uncertainty of odometry since the last match, so it grows while there is
+none. Odometry is part of the match: it determines directions that a scan leaves open, as along a
+corridor.
 """
 
 from __future__ import annotations
@@ -37,49 +38,49 @@ from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 #: Steps shorter than this need no search: odometry is near enough.
 _SHORT_M: Final = 0.3
 _SHORT_RAD: Final = 0.15
-#: After less than this a scan is first aligned from there as well, and a window is looked through
-#: unless so many of its points lie on lines.
+#: After less than this a scan is first aligned from there, and a window is searched only if fewer
+#: of its points lie on lines than this share.
 _NEAR_M: Final = 1.5
 _NEAR_RAD: Final = 1.0
 _CONVINCING: Final = 0.75
 _DENSE_M: Final = 0.15
 _DENSE_RAD: Final = 0.15
-#: Standard deviations of odometry within which a scan is looked for, at first.
+#: Size of the first search window in standard deviations of odometry.
 _WITHIN: Final = 3.0
-#: Nothing is looked for further away: that takes another search.
+#: Largest search window; beyond it global relocalisation is needed.
 _REACH_MOST_M: Final = 3.0
 _REACH_MOST_RAD: Final = 2.6
-#: Where a scan fits nowhere it is looked for at all headings, so near: the robot was turned, and
-#: nobody counted its wheels. Elsewhere it has to fit that much worse.
+#: An unmatched scan is searched at all headings within this distance, as after a turn without
+#: odometry. At other headings it must match worse by the last value.
 _TURNED_M: Final = 0.6
 _TURNED_STEP_RAD: Final = float(np.radians(1.0))
 _APART_RAD: Final = 0.3
 _CLEARLY: Final = 0.15
-#: A scan that fits by less than this part of what is usual has lost its place; what is usual
-#: follows by so much from scan to scan, and is forgotten while nothing fits.
+#: A scan that matches with less than this part of the usual share is lost; the usual share is a
+#: moving mean, which decays without matches.
 _SUDDEN: Final = 0.7
 _AS_EVER: Final = 0.9
 _SURE: Final = 0.85
 _USUAL: Final = 0.1
 _FORGOTTEN: Final = 0.995
-#: Steps of odometry are wrong in the same way for so long.
+#: Length over which the errors of odometry are correlated.
 _TOGETHER_M: Final = 1.0
 _TOGETHER_RAD: Final = 1.0
 _PER_M_RAD: Final = 0.02
 _ARM_M: Final = 3.0
-#: The keyframes are in place to that, seen from each other,
+#: Covariance of keyframes relative to each other,
 _MAP: Final = np.diag((0.015 ** 2, 0.015 ** 2, 0.003 ** 2))
-#: and the map as a whole is bent and stretched: so much for each metre from where it begins.
+#: and error of the whole map, bent and stretched, for each metre from its origin.
 _BENT: Final = 0.001
 
 
 @dataclass
 class OdometryDelta:
     """
-    What odometry says since a scan fitted last.
+    Odometry since the last match.
 
-    :ivar way_m: how far, and how far it turned,
-    :ivar steps: in so many steps.
+    :ivar way_m: distance, with turn_rad the turn,
+    :ivar steps: and the number of steps.
     """
 
     way_m: float = 0.0
@@ -93,23 +94,23 @@ class OdometryDelta:
         self.steps += 1
 
     def sigmas(self, tuning: MapperTuning) -> tuple[float, float]:
-        """Return how wrong that may be, in m and rad."""
+        """Return its standard deviations, in m and rad."""
         return (tuning.odometry_m + tuning.odometry_per_m * self.way_m,
                 tuning.odometry_rad + tuning.odometry_per_rad * self.turn_rad)
 
     @property
     def is_dense(self) -> bool:
-        """Return whether scans come so fast that one looks much like the next."""
+        """Return whether scans arrive so fast that each is similar to the next."""
         return (self.way_m < _DENSE_M * self.steps) and (self.turn_rad < _DENSE_RAD * self.steps)
 
     @property
     def is_near(self) -> bool:
-        """Return whether it is worth while to begin with odometry."""
+        """Return whether an alignment should start at odometry."""
         return self.way_m < _NEAR_M and self.turn_rad < _NEAR_RAD
 
     @property
     def is_short(self) -> bool:
-        """Return whether odometry is near enough to begin with."""
+        """Return whether odometry is near enough to align without a search."""
         return self.way_m < _SHORT_M and self.turn_rad < _SHORT_RAD
 
 
@@ -122,9 +123,9 @@ def prior_of(sigmas: tuple[float, float], tuning: MapperTuning) -> Floats:
 
 class Matcher:
     """
-    Where scans lie.
+    Scan matching.
 
-    :ivar searched: how often a whole window was looked through.
+    :ivar searched: how often a window was searched.
     """
 
     def __init__(self, tuning: MapperTuning) -> None:
@@ -135,14 +136,14 @@ class Matcher:
     def match(self, local: LocalMap, surface: Surface, guess: Floats, way: OdometryDelta,
               is_astray: bool = False) -> Match | None:
         """
-        Match a scan; None when it fits nowhere.
+        Match a scan; return None without a match.
 
-        A scan that comes soon must fit about as well as those before: where it suddenly fits
-        much worse the robot may have been carried away, and it is better lost than astray.
+        A scan that follows soon must match about as well as those before: if it suddenly matches
+        much worse, the robot may have been carried away, and no match is better than a wrong one.
 
-        :param guess: shape (3,): where odometry says.
-        :param is_astray: the robot was carried away, it seems: to be here after all a scan must
-            fit as well as ever.
+        :param guess: shape (3,): the pose by odometry.
+        :param is_astray: the robot seems to have been carried away: to be here after all, a scan
+            must match as well as usual.
         """
         found = self._match(local, surface, guess, way)
         if found is None and not way.is_dense and not local.is_empty and len(surface):
@@ -157,7 +158,7 @@ class Matcher:
         return found
 
     def is_sure(self, match: Match) -> bool:
-        """Return whether a scan fits so well that what contradicts it is gone."""
+        """Return whether a match is good enough to remove points that contradict it."""
         return match.aligned.share > max(self._tuning.loop_share, _SURE * self._usual)
 
     def _match(self, local: LocalMap, surface: Surface, guess: Floats, way: OdometryDelta
@@ -186,9 +187,9 @@ class Matcher:
 
     def turned(self, local: LocalMap, surface: Surface, guess: Floats) -> Match | None:
         """
-        Look for a scan at all headings, near a pose.
+        Search a scan at all headings, near a pose.
 
-        :return: None unless it fits at one as well as a loop has to, and at no other.
+        :return: None unless it matches at one as well as a loop must, and at no other.
         """
         t = self._tuning
         window = SearchWindow(guess, _TURNED_M, np.pi, step_rad=_TURNED_STEP_RAD)
@@ -205,11 +206,11 @@ class Matcher:
 
 class Certainty:
     """
-    How surely the pose on the map is known, from scan to scan.
+    The covariance of the pose on the map, from scan to scan.
 
-    Each direction is as sure as the last scan makes it; what that says nothing of, as sure as it
-    was before and odometry makes it since. Matches with one map have its errors in common, so
-    that they do not add up to more than one of them.
+    The last scan determines the certainty of each direction; in directions that it leaves open,
+    it is that of before plus odometry. Matches with one map share its errors, so several are no
+    more certain than one.
     """
 
     def __init__(self, tuning: MapperTuning) -> None:
@@ -217,12 +218,12 @@ class Certainty:
         self._covariance: Floats = np.zeros((3, 3))
 
     def reset(self, covariance: Floats) -> None:
-        """Begin anew; shape (3, 3)."""
+        """Reset the covariance; shape (3, 3)."""
         self._covariance = covariance
 
     def predict(self, step: Floats, heading: float) -> None:
         """
-        Add what odometry may be wrong by.
+        Add the error of a step of odometry.
 
         :param heading: of the robot on the map before the step.
         """
@@ -237,9 +238,9 @@ class Certainty:
         self._covariance = turn @ self._covariance @ turn.T + np.diag(more)
 
     def update(self, aligned: Aligned) -> None:
-        """Take what a scan says of where it lies."""
+        """Update by a matched scan."""
         known = aligned.information / self._tuning.point_noise_m ** 2
-        scale = np.diag((1.0, 1.0, _ARM_M))  # an angle counts as a way at this arm
+        scale = np.diag((1.0, 1.0, _ARM_M))  # an angle counts as a distance at this arm
         values, vectors = np.linalg.eigh(np.linalg.inv(scale) @ known @ np.linalg.inv(scale))
         vectors = np.linalg.inv(scale) @ vectors
         before = scale @ self._covariance @ scale
@@ -250,13 +251,13 @@ class Certainty:
 
     def on_map(self, pose: Floats, begin: Floats) -> Floats:
         """
-        Return the covariance of a pose with what the map itself may be wrong by; shape (3, 3).
+        Return the covariance of a pose including the error of the map; shape (3, 3).
 
-        :param pose: shape (3,): where the robot is.
-        :param begin: shape (3,): where the map begins.
+        :param pose: shape (3,): of the robot.
+        :param begin: shape (3,): of the origin of the map.
         """
         x, y = (pose - begin)[:2].tolist()
-        # Bent moves it across the way from there, stretched along it: alike in all directions.
+        # Bending moves it across the direction from there, stretching along it: isotropic.
         far = np.diag((x * x + y * y, x * x + y * y, 1.0)) * _BENT ** 2
         far[0, 2] = far[2, 0] = -y * _BENT ** 2
         far[1, 2] = far[2, 1] = x * _BENT ** 2

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Whether a scan adds something to the map."""
+"""Whether a scan has content that is new to the map."""
 
 from __future__ import annotations
 
@@ -26,47 +26,47 @@ from rt_robot_os.features.mapping.slam.transforms import between
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
-#: Something new is a part of the points, in so many scans: who walks by is not.
+#: Share of new points, and scans in a row with it, that make a novelty: people who walk by do not.
 _NEW_SHARE: Final = 0.04
 _NEW_SCANS: Final = 8
-#: Where the robot was before so many scans are kept that add nothing: one loop may be wrong.
+#: Keyframes without new content that are added at a known place: a single loop may be wrong.
 _AGAIN: Final = 6
 
 
 class Novelty:
     """
-    What is new in the scans of late.
+    The new content of recent scans.
 
-    :param keyframes: the map's, as they are at any time.
+    :param keyframes: of the map, a live list.
     """
 
     def __init__(self, keyframes: Sequence[Keyframe], tuning: MapperTuning) -> None:
         self._keyframes, self._tuning = keyframes, tuning
-        self._news = 0  # scans in a row that see something new
-        self._again = 0  # keyframes kept since the robot is where it was before
+        self._news = 0  # scans in a row with new points
+        self._again = 0  # keyframes added since the robot is at a known place
 
     def mark_known(self) -> None:
-        """Notice that the robot is where it was before, and that this is sure."""
+        """Record that the robot is certainly at a known place."""
         self._again = _AGAIN
 
     def record_match(self, unknown: int, points: int) -> None:
         """
-        Notice what a scan that fits sees.
+        Record a matched scan.
 
-        :param unknown: points of it that are far from all that is known, of all its ``points``.
+        :param unknown: number of its ``points`` that are far from the map.
         """
         self._news = self._news + 1 if unknown > _NEW_SHARE * points else 0
 
     def is_novel(self, match: Match | None, pose: Floats, near: list[int], travelled_m: float
                  ) -> bool:
         """
-        Return whether a scan adds something.
+        Return whether a scan should become a keyframe.
 
-        :param match: None when it fitted nowhere.
+        :param match: None without one.
         :param pose: shape (3,): of the scan.
-        :param near: the keyframes that it was matched with; of one that fitted nowhere the one
-            that it would be joined to.
-        :param travelled_m: the way until now.
+        :param near: the keyframes with which it was matched; for an unmatched one that to which it
+            would be connected.
+        :param travelled_m: the distance driven until now.
         """
         t = self._tuning
         recent = [index for index in near if not self._is_old(index, travelled_m)]
@@ -87,9 +87,9 @@ class Novelty:
 
     def record_keyframe(self, members: Sequence[int], travelled_m: float) -> None:
         """
-        Notice that a scan was kept.
+        Record a new keyframe.
 
-        :param members: keyframes that the next ones are matched with.
+        :param members: keyframes of the local map.
         """
         self._again += any(self._is_old(each, travelled_m) for each in members)
         self._news = 0

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A grid map of keyframes as they stand now, drawn at once."""
+"""A grid map of keyframes at their present poses, drawn in one call."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _CELLS_MOST: Final = 1 << 26
 
 def grid_of(keyframes: Sequence[Keyframe], cell_m: float = 0.05) -> GridMap:
     """
-    Return the map of keyframes as they stand now.
+    Return the map of keyframes at their present poses.
 
     :param cell_m: edge of a cell.
     """

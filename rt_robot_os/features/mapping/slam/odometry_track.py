@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where odometry was at any moment of the last seconds."""
+"""The pose of odometry at any time of the last seconds."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from rt_robot_os.features.mapping.slam.transforms import wrapped
 #: Samples that are kept: 40 s at 50 Hz.
 _KEPT: Final = 2048
 _SLACK: Final = 512
-#: Between two samples further apart nobody knows how the robot moved.
+#: Largest time between two samples over which poses are interpolated.
 GAP_NS: Final = 500_000_000
 
 
 class OdometryTrack:
     """
-    The last samples of odometry, by time; between two of them the robot moved evenly.
+    The last samples of odometry, by time, with linear interpolation.
 
     One thread at a time.
 
@@ -51,10 +51,10 @@ class OdometryTrack:
 
     def add(self, stamp_ns: int, pose: tuple[float, float, float]) -> bool:
         """
-        Take the next sample.
+        Add the next sample.
 
         :param pose: x, y in m, yaw in rad.
-        :return: False when it is not newer than the last, and is left out.
+        :return: False when it is not newer than the last, and is dropped.
         """
         if self._stamps and stamp_ns <= self.last_ns:
             return False
@@ -66,7 +66,7 @@ class OdometryTrack:
         return True
 
     def clear(self) -> None:
-        """Forget all of them."""
+        """Discard all samples."""
         self._stamps.clear()
         self._poses.clear()
         self.last_ns = 0
@@ -82,7 +82,7 @@ class OdometryTrack:
         return self._poses[-1] if self._poses else (0.0, 0.0, 0.0)
 
     def covers(self, first_ns: int, last_ns: int) -> bool:
-        """Return whether it knows where the robot was from one moment to another, without gaps."""
+        """Return whether it covers an interval without gaps."""
         if not self._stamps or first_ns < self._stamps[0] or last_ns > self.last_ns:
             return False
         begin = bisect.bisect_right(self._stamps, first_ns) - 1
@@ -92,15 +92,15 @@ class OdometryTrack:
 
     def at(self, stamps_ns: npt.NDArray[np.int64]) -> Floats:
         """
-        Return where odometry was.
+        Return poses of odometry.
 
-        :param stamps_ns: shape (n,), in any order, of moments that it covers.
+        :param stamps_ns: shape (n,), in any order, of times that it covers.
         :return: shape (n, 3).
         """
         begin = max(0, bisect.bisect_right(self._stamps, int(stamps_ns.min())) - 1)
         end = bisect.bisect_left(self._stamps, int(stamps_ns.max())) + 1
         zero = self._stamps[begin]
-        # Differences: a float of 64 bits holds nanoseconds since the start of the machine badly.
+        # Differences, as a 64-bit float cannot represent nanoseconds since boot exactly.
         times = np.array([each - zero for each in self._stamps[begin:end]], np.float64)
         poses = np.array(self._poses[begin:end])
         wanted = (stamps_ns - zero).astype(np.float64)

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What a scan and a place have in common, so that a short overlap is judged by what is visible of it.
+The overlap of a scan and a place, so that a short overlap is judged by its visible part.
 
-A point of the scan that no keyframe of the place looked at says nothing for or against it: it lies
-behind what they saw, outside their view, or where the laser has no echo. What they did look at has
-to be there; and what they saw must not lie where the scan sees through.
+A point of the scan that no keyframe of the place observed is no evidence: it lies behind what they
+saw, outside their view, or where the laser has no echo. Observed points must be there; and the
+points of the place must not lie where the scan sees through.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ from rt_robot_os.features.mapping.slam.transforms import placed
 @dataclass(frozen=True)
 class Overlap:
     """
-    What is visible of both.
+    The part that is visible in both.
 
-    :ivar visible: part of the scan's points that the place looked at, 0 to 1.
+    :ivar visible: part of the scan's points that the place observed, 0 to 1.
     :ivar contradicted: part of the place's points in view of the scan that it sees through.
     """
 
@@ -53,7 +53,7 @@ class Overlap:
 
 def overlap_of(keyframes: Sequence[Keyframe], surface: Surface, pose: Floats) -> Overlap:
     """
-    Return what a scan at a pose and some keyframes have in common.
+    Return the overlap of a scan at a pose with some keyframes.
 
     :param keyframes: of the place, as they are on the map.
     :param pose: shape (3,): of the scan, on the map.
@@ -71,7 +71,7 @@ def overlap_of(keyframes: Sequence[Keyframe], surface: Surface, pose: Floats) ->
         seen = placed(between(pose, each.pose), each.surface.points)
         sector, far = sector_of(seen), np.hypot(seen[:, 0], seen[:, 1])
         has_passed = beyond[sector] > seen_through(far)
-        # Behind what the scan sees nothing is in its view.
+        # Nothing behind the end of a beam is in view.
         in_view += int((has_passed | (seen_through(nearest[sector]) > far)
                         & np.isfinite(nearest[sector])).sum())
         through += int(has_passed.sum())

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Poses and what is known between them, put into agreement: Gauss-Newton on a sparse graph.
+Pose graph optimisation: Gauss-Newton on sparse constraints between poses.
 
-G. Grisetti and others, A tutorial on graph-based SLAM, 2010. The edges of loops are robust: one
-that no others agree with loses its weight (Cauchy) instead of bending the map. So are absolute
-poses, of which a wrong one counts still less (Geman and McClure): nothing chains them.
+G. Grisetti and others, A tutorial on graph-based SLAM, 2010. The edges of loops are robust: an
+inconsistent one loses its weight (Cauchy) instead of bending the map. So are absolute poses, of
+which a wrong one has still less weight (Geman and McClure), as they are independent.
 """
 
 from __future__ import annotations
@@ -38,23 +38,23 @@ from rt_robot_os.features.mapping.slam.transforms import moved_by
 from rt_robot_os.features.mapping.slam.transforms import wrapped
 
 _SMALL: Final = 1e-4
-#: Squared error, in variances, at which the edge of a loop counts half.
+#: Squared error, in variances, at which the edge of a loop has half the weight.
 _SOFT_CHI2: Final = 9.0
-#: Squared error up to which an absolute pose agrees, when the whole map is put where most do.
+#: Squared error up to which an absolute pose is consistent, when the whole map is aligned.
 _CONSISTENT_CHI2: Final = 16.0
-#: So many absolute poses can move a whole map, and so many of them are tried.
+#: Absolute poses that can move a whole map, and those of them that are tried.
 _FIXES_MOVE: Final = 3
 _TRIED_MOST: Final = 50
-#: What holds the first pose when absolute ones are there: nearly nothing.
+#: Information that holds the first pose if there are absolute ones: nearly none.
 _HELD: Final = np.diag((1e-2, 1e-2, 1e-2))
 
 
 @dataclass(frozen=True)
 class PoseEdge:
     """
-    What is known between two poses.
+    A constraint between two poses.
 
-    :ivar first: index of a pose; ``second`` is in its frame at ``relative``.
+    :ivar first: index of a pose; ``second`` is at ``relative`` in its frame.
     :ivar relative: shape (3,).
     :ivar information: shape (3, 3): the inverse of the covariance, in the frame of the first.
     :ivar is_loop: it may be wrong.
@@ -70,10 +70,10 @@ class PoseEdge:
 @dataclass(frozen=True)
 class AbsolutePose:
     """
-    What an absolute source says of a pose: an edge from the origin.
+    An absolute constraint of a pose: an edge from the origin.
 
     :ivar keyframe: index of the pose.
-    :ivar pose: shape (3,): where it is on the map.
+    :ivar pose: shape (3,): on the map.
     :ivar information: shape (3, 3): the inverse of the covariance, along the axes of the map.
     """
 
@@ -85,12 +85,12 @@ class AbsolutePose:
 @dataclass(frozen=True)
 class OptimisedPoses:
     """
-    The poses at which all edges agree best.
+    The result of an optimisation.
 
-    :ivar poses: shape (n, 3); without fixes the first is where it was.
-    :ivar weights: shape (edges,): how much each edge counts; 1 for all but those of loops.
+    :ivar poses: shape (n, 3); without absolute poses the first is unchanged.
+    :ivar weights: shape (edges,): robust weight of each edge; 1 for all but those of loops.
     :ivar fix_weights: shape (fixes,).
-    :ivar step: by how much a pose moved in the last step, at most, in m or rad.
+    :ivar step: largest movement of a pose in the last step, in m or rad.
     """
 
     poses: Floats
@@ -129,7 +129,7 @@ class PoseEdges:
         return len(self._edges)
 
     def update(self, edges: Sequence[PoseEdge]) -> None:
-        """Hold other edges; where they begin with those that are held, only new ones are read."""
+        """Replace the edges; if they start with the present ones, only the rest is read."""
         if len(edges) < len(self) or not all(map(is_, self._edges, edges)):
             self._clear()
         new = edges[len(self):]
@@ -145,7 +145,7 @@ class PoseEdges:
         self.covariances = np.concatenate((self.covariances, np.linalg.inv(information)))
 
     def errors(self, poses: Floats) -> tuple[Floats, Floats]:
-        """Return how far poses are from what edges say, and how much each of them counts."""
+        """Return the errors of poses on the edges, and the weight of each edge."""
         errors = between(poses[self.first], poses[self.second]) - self.relative
         errors[:, 2] = wrapped(errors[:, 2])
         chi2 = np.einsum('ni,nij,nj->n', errors, self.information, errors)
@@ -156,11 +156,11 @@ def optimise(poses: Floats, edges: Sequence[PoseEdge] | PoseEdges, steps: int = 
              fixes: Sequence[AbsolutePose] = (),
              small: float = _SMALL) -> OptimisedPoses:
     """
-    Move poses so that edges agree.
+    Optimise poses for a set of edges.
 
-    :param poses: shape (n, 3); each is joined to the first over edges.
-    :param steps: the most.
-    :param fixes: absolute poses. Where most of them contradict the map, and agree with each
+    :param poses: shape (n, 3); each is connected to the first over edges.
+    :param steps: maximum number.
+    :param fixes: absolute poses. If most of them contradict the map, and are consistent with each
         other, the map is moved as a whole first.
     :param small: a step that moves no pose by more, in m or rad, is the last.
     """
@@ -190,14 +190,14 @@ class _AbsolutePoses:
         self.weights = np.ones(len(self.at))
 
     def errors(self, poses: Floats) -> tuple[Floats, Floats]:
-        """Return how far poses are from them, and that in variances."""
+        """Return the errors of poses, and their squares in variances."""
         errors = poses[self.at] - self.poses
         errors[:, 2] = wrapped(errors[:, 2])
         return errors, np.einsum('ni,nij,nj->n', errors, self.information, errors)
 
 
 def _aligned_with_most(poses: Floats, fixes: Sequence[AbsolutePose]) -> Floats:
-    """Move the whole map where most absolute poses say that it is, if that is not here."""
+    """Move the whole map to the position of most absolute poses, if that is elsewhere."""
     if len(fixes) < _FIXES_MOVE:
         return poses.copy()
     absolute = _AbsolutePoses(fixes)
@@ -243,7 +243,7 @@ def _solve(poses: Floats, ends: tuple[Any, Any], errors: Floats, information: Fl
         (np.concatenate([m.ravel() for _, _, m in blocks]),
          (np.concatenate([each.ravel() for each in rows]),
           np.concatenate([each.ravel() for each in columns]))), (size, size)).tocsc()
-    free = 0 if len(absolute.at) else 3  # without absolute poses the first stays
+    free = 0 if len(absolute.at) else 3  # without absolute poses the first is fixed
     step = np.zeros(size)
     step[free:] = splu(matrix[free:, free:], permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0,
                        options={'SymmetricMode': True}).solve(-gradient.ravel()[free:])

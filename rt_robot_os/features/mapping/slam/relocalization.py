@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Look for a robot on its own map, when it was carried away or has just been switched on."""
+"""Global relocalisation on the growing map: of a kidnapped robot, or after the start."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from rt_robot_os.features.mapping.slam.occupancy import grid_of
 from rt_robot_os.features.mapping.slam.scan import Scan
 from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
-#: So many scans that fit nowhere, while the wheels hardly turned, and the robot was carried.
+#: Unmatched scans while the wheels hardly turned, after which the robot counts as kidnapped.
 _SCANS: Final = 10
 _STILL_M: Final = 0.5
-#: After this way a robot that is found nowhere is on new ground.
+#: After this distance without a match the robot is on unmapped ground.
 _NEW_GROUND_M: Final = 10.0
 
 
 class Relocalization:
     """
-    Whether the robot is where it should be, and where it is if not.
+    Detect that the pose is lost, and search for it.
 
-    :param is_placed: it is known where it should be.
-    :ivar is_searching: it is not there.
+    :param is_placed: the pose is known at the start.
+    :ivar is_searching: the pose is lost.
     """
 
     def __init__(self, graph: MapGraph, tuning: MapperTuning, is_placed: bool) -> None:
@@ -49,19 +49,19 @@ class Relocalization:
 
     @property
     def is_unplaced(self) -> bool:
-        """Return whether nobody has said yet where the robot is."""
+        """Return whether the pose was never known."""
         return not self._is_placed
 
     def confirm(self) -> None:
-        """Notice that a scan fits where the robot should be, or that somebody says where it is."""
+        """Note that the pose is known: a scan matched, or it was set."""
         self._is_placed, self.is_searching = True, False
         self._finder, self._scans = None, 0
 
     def add_unmatched_scan(self, scan: Scan, way_m: float) -> FoundPose | None:
         """
-        Notice that a scan fits nowhere near; return where it does, as soon as that is sure.
+        Process an unmatched scan; return its pose as soon as the search is unambiguous.
 
-        :param way_m: what the wheels say since one fitted.
+        :param way_m: distance by odometry since the last match.
         """
         self._scans += 1
         if not self.is_searching:
@@ -71,7 +71,7 @@ class Relocalization:
         return self._search(scan) if self.is_searching else None
 
     def process_pending(self) -> bool:
-        """Go on searching for a piece; return whether there is more to do."""
+        """Do a piece of the search; return whether there is more to do."""
         return self._finder is not None and self._finder.process_pending()
 
     def _search(self, scan: Scan) -> FoundPose | None:
@@ -80,5 +80,5 @@ class Relocalization:
                 self._finder = GlobalLocalizer(grid_of(self._graph.keyframes), self._graph,
                                                self._tuning)
             except ConfigError:
-                return None  # the map has nothing that a robot could be found by
+                return None  # the map has nothing to search in
         return self._finder.add_scan(scan)

@@ -87,7 +87,7 @@ class AttitudeFilter(ABC):
     def update(self, rate: Vector, acceleration: Vector | None, field: Vector | None,
                dt_s: float) -> Quaternion:
         """
-        Take a sample; safe in the real-time loop.
+        Process a sample; safe in the real-time loop.
 
         The numbers are finite, ``dt_s`` is above zero.
 
@@ -101,7 +101,7 @@ class AttitudeFilter(ABC):
     @abstractmethod
     def restart(self) -> None:
         """
-        Find up (and north) anew with the next samples, after a gap; safe in the real-time loop.
+        Find up (and north) again with the next samples, after a gap; safe in the real-time loop.
 
         The bias is kept, and the heading too where there is no magnetic field.
         """

@@ -84,7 +84,7 @@ _LENGTH_PART: Final = 0.1
 _DIP_RAD: Final = math.radians(10)
 # A field that switches between both is not trusted either (hysteresis).
 _UNDISTURBED_S: Final = 0.5
-# A field that stays the same while the sensor is moved about becomes the earth's.
+# A field that stays constant while the sensor is turned becomes the earth's.
 _FIRST_S: Final = 5.0
 _NEW_S: Final = 20.0
 _FOLLOW_S: Final = 20.0
@@ -92,7 +92,7 @@ _SMOOTH_S: Final = 0.05
 # After this time a wrong field may be better than none; it is trusted half.
 _REJECTED_S: Final = 60.0
 _DOUBTFUL: Final = 0.5
-# Sensors that are not turned see any field stay the same.
+# Sensors that are not turned see any field as constant.
 _MOVING_RAD_S: Final = math.radians(20)
 
 
@@ -101,9 +101,9 @@ class FieldGuard:
     Judge a magnetic field by its length and its dip below the horizon.
 
     Both are the same everywhere around a robot, iron changes at least one. The field at the start
-    is taken for the earth's until another has been there for longer while the sensor was turned.
+    counts as the earth's until another one has lasted for longer while the sensor was turned.
 
-    :ivar length: of the field taken for the earth's; 0 before the first sample.
+    :ivar length: of the field that counts as the earth's; 0 before the first sample.
     :ivar dip_rad: of the same.
     """
 
@@ -118,7 +118,7 @@ class FieldGuard:
 
     def judge(self, length: float, dip_rad: float, turning_rad_s: float, dt_s: float) -> float:
         """
-        Look at a field; safe in the real-time loop.
+        Judge a field; safe in the real-time loop.
 
         :param turning_rad_s: how fast the sensor turns.
         :param dt_s: since the one before.
@@ -148,7 +148,7 @@ class FieldGuard:
                 and abs(self._now_dip - dip_rad) < _DIP_RAD)
 
     def _leaps(self, length: float, dip_rad: float) -> bool:
-        """See at once what the smoothed field shows a few samples later, or a noisy sample."""
+        """Return whether a sample deviates, before the smoothed field shows it."""
         return (abs(length - self._now_length) > _LENGTH_PART * self.length
                 or abs(dip_rad - self._now_dip) > _DIP_RAD)
 

@@ -33,10 +33,10 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.quaternion import Vector
 from rt_robot_os.topics import Subscription
 
-# Beyond these (rad/s, m/s^2) no sensor measures; infinity and not-a-number are beyond them too.
+# No sensor measures beyond these (rad/s, m/s^2); infinity and NaN are beyond them, too.
 _RATE_MOST: Final = 350.0
 _ACCELERATION_MOST: Final = 5000.0
-# Of any unit, so that only nonsense is beyond it.
+# In any unit: only an impossible value is beyond it.
 _FIELD_MOST: Final = 1e6
 _FIELD_LEAST: Final = 1e-12
 
@@ -44,7 +44,7 @@ _FIELD_LEAST: Final = 1e-12
 @dataclass
 class ImuCounters:
     """
-    What came in, and what became of it.
+    Counters of samples, by what became of them.
 
     :ivar samples: handed to the filter.
     :ivar not_finite: dropped: a number is missing, infinite or impossible.
@@ -110,7 +110,7 @@ class ImuIntake:
 
     def next_sample(self) -> bool:
         """
-        Go to the next sample that can be used; safe in the real-time loop.
+        Read the next usable sample; safe in the real-time loop.
 
         :return: whether there was one.
         """
@@ -122,7 +122,7 @@ class ImuIntake:
         return False
 
     def _read(self) -> bool:
-        """Read the numbers and say whether they can be used."""
+        """Read the numbers and return whether they can be used."""
         a, b, c, x, y, z = self._unpack(self._imu.buffer)
         most, force = _RATE_MOST, _ACCELERATION_MOST
         if not (-most < a < most and -most < b < most and -most < c < most
@@ -141,7 +141,7 @@ class ImuIntake:
         return True
 
     def _advance(self) -> bool:
-        """Find the time since the last sample and say whether this one is in order."""
+        """Compute the time since the last sample and return whether this one is in order."""
         stamp_ns = self._imu.stamp_ns
         dt_ns = stamp_ns - self._stamp_ns
         self.gap_s = 0.0
@@ -181,7 +181,7 @@ class ImuIntake:
     def _field_of(self, mag: Subscription) -> Vector | None:
         x, y, z = self._unpack_field(mag.buffer)
         most = _FIELD_MOST
-        # Of a field of zero no direction can be told.
+        # A field of zero has no direction.
         if (-most < x < most and -most < y < most and -most < z < most
                 and x * x + y * y + z * z > _FIELD_LEAST ** 2):
             return x, y, z

@@ -54,7 +54,7 @@ _AVERAGE_PART: Final = 0.5
 # fastest without overshoot, but what is to be learned changes over minutes.
 _BIAS_PART: Final = 0.016
 _REST_BIAS_S: Final = 2.0
-# What is believed of the bias, in rad/s: before it is known, learned in motion, learned at rest.
+# Standard deviation of the bias, in rad/s: before it is known, learned in motion and at rest.
 _STDDEV_START: Final = math.radians(0.5)
 _STDDEV_MOTION: Final = math.radians(0.1)
 _STDDEV_REST: Final = math.radians(0.03)
@@ -76,7 +76,7 @@ class MahonyFilter(AttitudeFilter):
 
     def update(self, rate: Vector, acceleration: Vector | None, field: Vector | None,
                dt_s: float) -> Quaternion:
-        """Take a sample; see the base class."""
+        """Process a sample; see the base class."""
         self._since_field_s += dt_s
         if acceleration is None:
             self._turn(rate, dt_s)
@@ -96,7 +96,7 @@ class MahonyFilter(AttitudeFilter):
         return self.attitude
 
     def restart(self) -> None:
-        """Find up and north anew; see the base class."""
+        """Find up and north again; see the base class."""
         self.aligned = False
         self._age_s = self._field_age_s = self._since_field_s = 0.0
         self._rest.restart()
@@ -124,7 +124,7 @@ class MahonyFilter(AttitudeFilter):
         self.attitude = x * unit, y * unit, z * unit, w * unit
 
     def _align(self, acceleration: Vector) -> None:
-        """Make an acceleration point up at once, by the shortest way from where it points now."""
+        """Turn an acceleration upwards immediately, by the shortest rotation."""
         turn = quaternion.from_up(quaternion.rotate(self.attitude, acceleration))
         if turn is not None:
             self.attitude = quaternion.multiply(turn, self.attitude)
@@ -174,7 +174,7 @@ class MahonyFilter(AttitudeFilter):
         self.attitude = quaternion.multiply(quaternion.about_up(-angle * gain), self.attitude)
 
     def _learn_in_motion(self, correction: Vector, slow_s: float, dt_s: float) -> None:
-        """Take a part of a correction, about the world's axes in rad, off the bias."""
+        """Subtract a part of a correction, about the world's axes in rad, from the bias."""
         x, y, z = quaternion.rotate(quaternion.conjugate(self.attitude), correction)
         self._learn(x, y, z, -_BIAS_PART * dt_s / (slow_s * slow_s))
 
@@ -191,7 +191,7 @@ class MahonyFilter(AttitudeFilter):
         self.bias = bx, by, bz
 
     def _learn_bias_stddev(self, dt_s: float) -> None:
-        """Approach what is believed of the bias in this state."""
+        """Approach the standard deviation of the bias in this state."""
         tuning = self.tuning
         aim, slow_s = _STDDEV_START, _STDDEV_S
         if self.at_rest and tuning.bias_at_rest:

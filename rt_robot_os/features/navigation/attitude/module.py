@@ -14,11 +14,11 @@
 
 
 """
-How the robot is turned: orientation from an inertial sensor, as ``sensor_msgs/msg/Imu``.
+Attitude of the robot: orientation from an inertial sensor, as ``sensor_msgs/msg/Imu``.
 
 Each new sample of the sensor is published again with an orientation, its covariance, and an
 angular velocity without bias. The world's axes are east, north, up as in REP 103 and REP 145.
-A sensor that is silent is followed by silence: nothing old is published as new.
+When the sensor stops publishing, so does this module: nothing old is published as new.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def chosen(name: str) -> str:
     """
     if name == 'mahony':
         return name
-    # Looked for, not imported: this is asked of every configuration that is only checked.
+    # Searched for, not imported: this runs whenever a configuration is checked.
     problem = no_vqf()
     if name == 'vqf' and problem:
         raise ConfigError([problem])
@@ -93,7 +93,7 @@ _USUAL_RATE_HZ: Final = 100.0
 # A gap is at least so many periods of the sensor, whatever is set.
 _GAP_PERIODS: Final = 5.0
 _DEFAULT: Final = FilterTuning()
-_STDDEV: Final = ('of {} that has settled; 0 takes what was measured with recordings, see '
+_STDDEV: Final = ('of {} that has settled; 0: the value measured with recordings, see '
                   'docs/attitude.md')
 
 
@@ -110,12 +110,12 @@ class Attitude(Module):
         Field('axes', int, 9, '9: north comes from the magnetic field of mag_topic. 6: without; '
               'the heading is relative to the start, and drifts', choices=(6, 9)),
         Field('frame_id', str, 'imu_link', 'Coordinate frame of the samples: that of the sensor'),
-        Field('sample_rate_hz', float, 0.0, 'Samples a second of the sensor, which vqf wants to '
-              'know; 0: what its topic says. The time between two is taken from their stamps',
+        Field('sample_rate_hz', float, 0.0, 'Samples a second of the sensor, which vqf needs; '
+              '0: the rate of its topic. The time between two samples is that of their stamps',
               'Hz', 0.0, 10000.0),
         Field('inclination_time_s', float, _DEFAULT.inclination_time_s,
-              'How long acceleration is averaged to find up. Longer bears longer accelerations, '
-              'shorter bears a worse gyroscope', 's', 0.1, 60.0, live=True),
+              'Averaging time of the acceleration to find up. Longer tolerates longer '
+              'accelerations, shorter tolerates a worse gyroscope', 's', 0.1, 60.0, live=True),
         Field('heading_time_s', float, _DEFAULT.heading_time_s,
               'The same of the magnetic field, to find north', 's', 0.1, 600.0, live=True),
         Field('declination_deg', float, 0.0, 'How far magnetic north is east of true north at '
@@ -127,18 +127,18 @@ class Attitude(Module):
               'Learn the bias of the gyroscope while the sensor moves', live=True),
         Field('bias_at_rest', bool, _DEFAULT.bias_at_rest, 'Learn it while the sensor rests. A '
               'robot that turns for seconds at a steady rate below bias_max_rad_s looks as if at '
-              'rest: turn this off for such a one', live=True),
+              'rest: disable this for such a robot', live=True),
         Field('bias_max_rad_s', float, _DEFAULT.bias_maximum_rad_s,
-              'Largest bias believed, each axis', 'rad/s', 0.0001, 0.5),
+              'Largest accepted bias, each axis', 'rad/s', 0.0001, 0.5),
         Field('rest_rate_rad_s', float, _DEFAULT.rest_rate_rad_s, 'At rest the angular velocity '
               'stays so near to its average of half a second', 'rad/s', 0.0001, 1.0, live=True),
         Field('rest_acceleration_m_s2', float, _DEFAULT.rest_acceleration_m_s2,
               'The same of the acceleration', 'm/s^2', 0.001, 10.0, live=True),
         Field('gap_max_s', float, 0.25, 'The longest time between two samples to integrate over, '
               'at least five periods of the sensor; after a longer one up and north are found '
-              'anew', 's', 0.001, 10.0),
+              'again', 's', 0.001, 10.0),
         Field('subtract_bias', bool, True, 'Publish the angular velocity without its bias; off: '
-              'as it came', live=True),
+              'unmodified', live=True),
         Field('inclination_stddev_rad', float, 0.0,
               'Standard deviation ' + _STDDEV.format('a roll and pitch'), 'rad', 0.0, 1.0,
               live=True),
@@ -149,7 +149,7 @@ class Attitude(Module):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Check that the filter can be had; nothing is made yet.
+        Check that the filter is available; it is made later.
 
         :raises ConfigError: it is not installed.
         """
@@ -161,7 +161,7 @@ class Attitude(Module):
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave the magnetometer alone when its field is not wanted."""
+        """Do not subscribe to the magnetometer when its field is not used."""
         return attribute != 'mag' or self._with_field
 
     def publications(self) -> tuple[TopicSpec, ...]:
@@ -181,7 +181,7 @@ class Attitude(Module):
         if frame != self.settings['frame_id']:
             raise ConfigError([
                 f'{self.name}.frame_id = {self.settings["frame_id"]!r}: {self.topic_of("imu")} '
-                f'is in the frame {frame!r}, and so is its orientation: set it to that'])
+                f'is in the frame {frame!r}, and so is its orientation: set frame_id to it'])
         sample_hz = (self.settings['sample_rate_hz'] or self.imu.topic.rate_hz or _USUAL_RATE_HZ)
         field_hz, mag = sample_hz, None
         if self._with_field:
@@ -197,7 +197,7 @@ class Attitude(Module):
         self._turn_to_true_north()
 
     def changed(self, name: str) -> None:
-        """Take over a setting between two samples."""
+        """Apply a setting between two samples."""
         if self._filter is None:
             return
         if name == 'declination_deg':
@@ -209,13 +209,13 @@ class Attitude(Module):
             self._filter.tune(self._tuning())
 
     def step(self) -> None:
-        """Take every new sample and publish each with its orientation."""
+        """Process all new samples and publish each with its orientation."""
         intake = self._intake
         while intake.next_sample():
             self._update(intake)
 
     def statistics(self) -> dict[str, Any]:
-        """Count samples and what was wrong with them, and tell the state of the filter."""
+        """Return the counters of samples, and the state of the filter."""
         now = self._filter
         if now is None:
             return {}
@@ -278,6 +278,6 @@ class Attitude(Module):
             s['field_rejection'])
 
     def _turn_to_true_north(self) -> None:
-        """Turn what points to magnetic north to where that is."""
+        """Set the rotation from magnetic to true north."""
         angle = -math.radians(self.settings['declination_deg']) if self._with_field else 0.0
         self._to_true_north = quaternion.about_up(angle)

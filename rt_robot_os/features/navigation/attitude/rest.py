@@ -58,7 +58,7 @@ class RestDetector:
 
     def update(self, rate: Vector, force: Vector, dt_s: float) -> bool:
         """
-        Take a sample; safe in the real-time loop.
+        Process a sample; safe in the real-time loop.
 
         :return: :attr:`resting`.
         """

@@ -14,7 +14,7 @@
 
 
 """
-The filter of the package ``vqf``, by its authors Laidig and Seel, behind our interface.
+The filter of the package ``vqf``, by its authors Laidig and Seel, as an :class:`AttitudeFilter`.
 
 It is C++ with numbers of NumPy, for samples at a fixed rate. Real samples have no fixed rate: for
 each the filter makes as many steps as fit into its time, and the angular velocity is scaled such
@@ -46,7 +46,7 @@ _DEGREES: Final = 57.29577951308232
 
 
 def no_vqf() -> str:
-    """Return why this filter cannot be had and what to do; '' when it can. Nothing is imported."""
+    """Return why this filter is unavailable and what to do; '' when it is. Nothing is imported."""
     problem = lacking("filter = 'vqf'", 'vqf')
     return f'{problem}; or choose auto or mahony' if problem else ''
 
@@ -89,7 +89,7 @@ class VqfFilter(AttitudeFilter):
 
     def update(self, rate: Vector, acceleration: Vector | None, field: Vector | None,
                dt_s: float) -> Quaternion:
-        """Take a sample; see the base class."""
+        """Process a sample; see the base class."""
         self._since_field_s += dt_s
         turns = _turns(dt_s, self._sample_s)
         scale = dt_s / (turns * self._sample_s)
@@ -99,7 +99,7 @@ class VqfFilter(AttitudeFilter):
         for _ in range(turns):
             self._vqf.updateGyr(self._rate)
         if acceleration is not None:
-            # Where the sensor is now, not where it was on the way.
+            # The attitude now, not at an intermediate step.
             items = self._acceleration_items
             items[0], items[1], items[2] = acceleration
             for _ in range(turns):
@@ -115,7 +115,7 @@ class VqfFilter(AttitudeFilter):
         return self.attitude
 
     def restart(self) -> None:
-        """Find up and north anew; see the base class."""
+        """Find up and north again; see the base class."""
         vqf = self._vqf
         length, dip = vqf.getMagRefNorm(), vqf.getMagRefDip()
         vqf.resetState()
@@ -138,7 +138,7 @@ class VqfFilter(AttitudeFilter):
             tuning.rest_rate_rad_s * _DEGREES, tuning.rest_acceleration_m_s2)
 
     def _align(self, acceleration: Vector) -> None:
-        """Keep the heading that there was, by the shortest turn from how the sensor was turned."""
+        """Keep the previous heading, by the shortest turn from the previous attitude."""
         turn = quaternion.from_up(quaternion.rotate(self.attitude, acceleration))
         if turn is None:
             return

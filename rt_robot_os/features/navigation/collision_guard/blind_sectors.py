@@ -13,18 +13,18 @@
 # limitations under the License.
 
 """
-What a scanner cannot see: sectors without valid readings, and where free space before them ends.
+Blind sectors of a scanner: directions without valid readings, and their free space.
 
-A ray without a valid reading (NaN, 0, less than ``range_min``) says nothing about its direction;
-+inf is a reading: nothing within range (REP 117). Such a ray does not make its direction free.
-Two things are known there all the same:
+A ray without a valid reading (NaN, 0, less than ``range_min``) leaves its direction unknown; +inf
+is a reading: nothing within range (REP 117). Such a ray does not make its direction free.
+Two things are still known there:
 
-- Between two valid rays something of a given size fits only so far away that the gap is as wide
-  there, so single lost rays cost nothing.
-- What recent scans saw free is free, less what something may have come nearer since.
+- Between two valid rays an obstacle of a given size fits only where the gap is as wide, so single
+  lost rays have no effect.
+- Space that recent scans saw free is free, less the distance an obstacle may have moved since.
 
-Where both end, the unknown begins: there may be the middle of something. It is given as points, at
-most one for each 2.5 degrees. Safe in the real-time loop; docs/safety.md has the cost.
+Beyond both is unknown space, which may contain the centre of an obstacle. Its border is given as
+points, at most one for each 2.5 degrees. Safe in the real-time loop; docs/safety.md has the cost.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from rt_robot_os.motion.zones import TOUCHING_M
 _GROUP_RAD: Final = math.radians(2.5)
 # Places along each of them.
 _STEPS: Final = 14
-# Remembered scans: as many, at least so far apart.
+# Stored scans: their number, and the minimum time between them.
 _SCANS_MOST: Final = 8
 _SCAN_EVERY_NS: Final = NS_PER_S // 4
 # The pose between two scans is that of the commands: an error to each side in rad, one in m, and
@@ -64,7 +64,7 @@ _TURN: Final = 2 * math.pi
 
 
 class _RememberedScan(NamedTuple):
-    """A remembered scan: when, where ``base_link`` was, how far each ray was free."""
+    """A stored scan: its time, the pose of ``base_link``, and the free length of each ray."""
 
     stamp_ns: int
     pose: Pose
@@ -76,8 +76,8 @@ class BlindSectors:
     The end of the known free space in the blind sectors of one scanner.
 
     :param settings: of the guard: ``unseen_size_m``, ``unseen_speed_m_s``.
-    :ivar x: where the middle of something may be at the nearest, in m in ``base_link``; as is y.
-    :ivar blind_rad: how much of the view has no valid reading.
+    :ivar x: of the nearest possible centres of unseen obstacles, in m in ``base_link``; as is y.
+    :ivar blind_rad: angle of the view without valid readings.
     """
 
     def __init__(self, scanner: Scanner, footprint: Footprint,
@@ -97,15 +97,15 @@ class BlindSectors:
 
     @property
     def driven_m(self) -> float:
-        """Return what the robot had driven when the last scan was made."""
+        """Return the distance driven until the last scan."""
         return self._scanner.driven_m
 
     def update(self, pose: Pose, window_m: float) -> None:
         """
-        Find what the last scan of the scanner does not show.
+        Compute the blind sectors of the last scan.
 
         :param pose: of ``base_link`` at the time of the scan, in any fixed frame.
-        :param window_m: what is further away from the robot does not matter.
+        :param window_m: points further away from the robot are ignored.
         """
         scanner = self._scanner
         geometry = *scanner.geometry, scanner.blind.size
@@ -119,7 +119,7 @@ class BlindSectors:
         self._remember(scan)
 
     def sector(self, point: int) -> tuple[float, float]:
-        """Return from which to which angle, in rad in ``base_link``, nothing is seen there."""
+        """Return first and last angle, in rad in ``base_link``, of the sector of a point."""
         groups = self._blind_groups
         apart = np.flatnonzero(np.diff(groups) > 1) + 1
         run = int(np.searchsorted(apart, point, side='right'))
@@ -131,7 +131,7 @@ class BlindSectors:
     # ---- work --------------------------------------------------------------------------------
 
     def _measure(self, geometry: tuple[float, float, int]) -> None:
-        """Choose the directions; once, unless the scanner turns out to change."""
+        """Choose the directions; again only when the scan geometry changes."""
         self._geometry = geometry
         self._size_m = self._settings['unseen_size_m']
         self._scans.clear()
@@ -146,17 +146,17 @@ class BlindSectors:
         radii = np.arange(0.0, far_m + 2 * _OUTLINE_STEP_M, _OUTLINE_STEP_M)
         inside = self._footprint.room(x0 + np.outer(along, radii), y0 + np.outer(across, radii)
                                       ) < room_m
-        # Behind the last place that has no room for it.
+        # Behind the last place that is too narrow for it.
         last = radii.size - np.argmax(inside[:, ::-1], axis=1)
         self._outline_m = np.where(inside.any(axis=1), last * _OUTLINE_STEP_M, 0.0)
 
     def _free(self, ranges: Array, blind: Mask) -> Array:
-        """Return how far each ray is free: a blind one as far as its neighbours can say it."""
+        """Return the free length of each ray; of a blind one as far as its neighbours imply."""
         free_m = np.where(blind, 0.0, ranges).astype(np.float64)
         if not blind.any() or blind.all():
             return free_m
         _, step, count = self._geometry
-        # A scanner that looks all round has no first ray: begin with one that is valid.
+        # An all-round scan has no first ray: start with one that is valid.
         shift = int(np.argmin(blind)) if self._is_round() else 0
         free_m, blind = np.roll(free_m, -shift), np.roll(blind, -shift)
         edges = np.flatnonzero(np.diff(np.concatenate(([False], blind, [False]))))
@@ -168,7 +168,7 @@ class BlindSectors:
         at = np.flatnonzero(blind)
         left = np.where(np.repeat(is_open[0], lengths), count, at - np.repeat(begins, lengths) + 1)
         right = np.where(np.repeat(is_open[1], lengths), count, np.repeat(ends, lengths) - at)
-        # The middle of what is just hidden is as far from the next valid ray as its radius.
+        # The centre of a just hidden obstacle is its radius away from the next valid ray.
         aside_rad = np.minimum(np.minimum(left, right) * abs(step), math.pi / 2)
         hidden_m = self._settings['unseen_size_m'] / 2 / np.sin(aside_rad)
         beside_m = np.repeat(np.maximum(np.minimum(before, after), 0.0), lengths)
@@ -180,7 +180,7 @@ class BlindSectors:
         return abs(step) * (count + 0.5) >= _TURN
 
     def _find(self, scan: _RememberedScan, blind_m: Array, far_m: float) -> None:
-        """Find where the known free space ends in the blind directions."""
+        """Compute where the known free space ends in the blind directions."""
         nearest_m = np.minimum.reduceat(blind_m, self._groups)
         groups = np.flatnonzero(nearest_m < far_m)
         self.x = self.y = _NONE
@@ -203,7 +203,7 @@ class BlindSectors:
         self.y = y0 + end_m * across[ended]
 
     def _recall(self, unknown: Mask, x: Array, y: Array, now: _RememberedScan) -> None:
-        """Take off what is unknown the places that recent scans saw free."""
+        """Remove the places that recent scans saw free from the unknown ones."""
         first, step, count = self._geometry
         to_scanner = self._scanner.to_scanner
         if to_scanner is None:
@@ -236,7 +236,7 @@ class BlindSectors:
             unknown.flat[left[free]] = False
 
     def _remember(self, scan: _RememberedScan) -> None:
-        """Store the scan; of those that come fast some are left out."""
+        """Store the scan, unless the last one was stored just before."""
         scans = self._scans
         if len(scans) > 1 and scans[-1].stamp_ns - scans[-2].stamp_ns < _SCAN_EVERY_NS:
             scans.pop()

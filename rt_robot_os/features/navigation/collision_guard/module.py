@@ -16,7 +16,7 @@
 A guard against collisions between velocity commands and the wheels.
 
 It runs with each command and each measurement. Commands pass as far as the robot can still brake
-before what is in their way; what is not in their way stops nothing. Every stop says why.
+before obstacles on their path; other obstacles have no effect. Every stop has a reason.
 """
 
 from __future__ import annotations
@@ -54,10 +54,10 @@ from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 
 _TWIST: Final = 'geometry_msgs/msg/Twist'
-# A command beyond them is a mistake, in m/s and rad/s.
+# A command beyond these is an error, in m/s and rad/s.
 _ABSURD_M_S: Final = 100.0
 _ABSURD_RAD_S: Final = 1000.0
-# A smaller change of what is allowed is not worth a message of its own.
+# A smaller change of the allowed share is not published by itself.
 _WORTH: Final = 0.02
 _REASON_MAXIMUM: Final = 200
 
@@ -75,9 +75,9 @@ class CollisionGuard(Module):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Check what it heeds.
+        Check the sensors and the footprint.
 
-        :raises ConfigError: it heeds nothing, or the footprint is none.
+        :raises ConfigError: there is no sensor, or the footprint is invalid.
         """
         super().__init__(name, settings)
         check_sensors(name, settings)
@@ -98,7 +98,7 @@ class CollisionGuard(Module):
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic."""
+        """Do not subscribe to inputs without a topic."""
         return bool(self.topic_of(attribute))
 
     def listed_inputs(self) -> Mapping[str, Input]:
@@ -111,9 +111,9 @@ class CollisionGuard(Module):
 
     def configure(self) -> None:
         """
-        Find where each sensor is.
+        Look up the mounting of each sensor.
 
-        :raises ConfigError: nobody says where one is.
+        :raises ConfigError: there is no transform for one.
         """
         self._sensors = [
             (Scanner(read, self._mounting(read), self._footprint, self.settings['scan_minimum_m'])
@@ -132,16 +132,16 @@ class CollisionGuard(Module):
         self._wake_up = WakeUp(self.kernel, self.task)
 
     def changed(self, name: str) -> None:
-        """Take over a limit."""
+        """Apply a limit."""
         self._window_m = self._obstacle_map.window_m()
 
     def safe_state(self) -> None:
-        """Publish a standstill, and forget the command."""
+        """Publish a standstill, and discard the command."""
         self._deadline_ns = 0
         self._publish(0.0, 0.0, 0)
 
     def step(self) -> None:
-        """Take what came, and say what of the command may be carried out."""
+        """Read the inputs, and publish the allowed share of the command."""
         now_ns = self.safe.topic.kernel.now_ns()
         self._count_way(now_ns)
         self._read_sensors(now_ns)
@@ -155,7 +155,7 @@ class CollisionGuard(Module):
         self._wake_up.no_later_than(min(self._deadline_ns, self._next_silence_ns(now_ns)))
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell what is limited and why, and what came."""
+        """Return the present limit with its reason, and the counters."""
         verdict = self._verdict
         warning = ''
         if self._told:
@@ -176,7 +176,7 @@ class CollisionGuard(Module):
     # ---- work --------------------------------------------------------------------------------
 
     def _end(self, now_ns: int) -> None:
-        """Stop, as commands have ended; after one to stand there is nothing to do."""
+        """Stop, as commands have ended, unless the last one was a standstill."""
         self._deadline_ns = 0
         self._verdict = FREE
         if self._v or self._w:
@@ -188,7 +188,7 @@ class CollisionGuard(Module):
         return sensor_mounting(read, self.mountings, self.name)
 
     def _count_way(self, now_ns: int) -> None:
-        """Count what the fastest point of the robot may have driven since the last job."""
+        """Add the distance that the fastest point may have driven since the last job."""
         dt_s = (now_ns - self._driven_ns) / NS_PER_S
         self._driven_m += self._speed_bound() * dt_s
         self._pose = moved(self._pose, self._out_v * dt_s, self._out_w * dt_s)
@@ -198,7 +198,7 @@ class CollisionGuard(Module):
         return abs(self._out_v) + abs(self._out_w) * self._footprint.reach_m
 
     def _read_sensors(self, now_ns: int) -> None:
-        """Take what the sensors see."""
+        """Read the sensors."""
         speed, is_new = self._speed_bound(), False
         for sensor, _ in self._sensors:
             if sensor.update(now_ns, self._window_m, self._driven_m, speed):
@@ -215,7 +215,7 @@ class CollisionGuard(Module):
             self._obstacle_map.rebuild()
 
     def _update_blind_sectors(self, sensor: DistanceSensor, now_ns: int) -> None:
-        """Find what a scanner cannot see, from where the robot was at the time of its scan."""
+        """Update the blind sectors of a scanner, from the pose at its scan."""
         sight = self._sights.get(sensor.topic)
         if sight is not None:
             ago_s = min((now_ns - sensor.stamp_ns) / NS_PER_S, 1.0)
@@ -236,7 +236,8 @@ class CollisionGuard(Module):
             return False
         if not (abs(v) <= _ABSURD_M_S and abs(w) <= _ABSURD_RAD_S):
             self._refused += 1
-            self.log.warn('command %s m/s, %s rad/s: taken as a standstill', v, w, throttle_s=1.0)
+            self.log.warn('command %s m/s, %s rad/s: treated as a standstill', v, w,
+                          throttle_s=1.0)
             v = w = 0.0
         self._v, self._w = self._limited(v, w)
         self._stamp_ns, self._deadline_ns = stamp_ns, deadline_ns
@@ -276,7 +277,7 @@ class CollisionGuard(Module):
         moves, moved = (v, w) != (0.0, 0.0), (self._out_v, self._out_w) != (0.0, 0.0)
         shift = self._footprint.speed(v - self._out_v, w - self._out_w)
         if is_new or moves != moved or shift > _WORTH * self._footprint.speed(self._v, self._w):
-            # The stamp stays that of the command, so that the base knows how old it is.
+            # The stamp stays that of the command, so that the base knows its age.
             self._publish(v, w, self._stamp_ns if moves else now_ns)
         stopped = verdict.share == 0.0
         self._log_stop(verdict.cause if stopped else '', verdict.reason, now_ns)
@@ -298,7 +299,7 @@ class CollisionGuard(Module):
         return verdict
 
     def _sensor_timeouts(self) -> Iterator[tuple[int, str]]:
-        """Yield when each sensor counts as silent, and its name."""
+        """Yield the time at which each sensor times out, and its name."""
         for sensor, key in self._sensors:
             yield sensor.times_out_at_ns(round(self.settings[key] * NS_PER_S)), sensor.topic
         if self._bumper is not None and self.settings['bumper_timeout_s']:
@@ -306,7 +307,7 @@ class CollisionGuard(Module):
                 round(self.settings['bumper_timeout_s'] * NS_PER_S)), self.topic_of('bumper')
 
     def _timed_out_sensor(self, now_ns: int) -> str:
-        """Return the sensor that is not heard; empty when all are."""
+        """Return a sensor that has timed out; empty when none has."""
         return next((name for at_ns, name in self._sensor_timeouts() if now_ns >= at_ns), '')
 
     def _next_silence_ns(self, now_ns: int) -> float:
@@ -320,7 +321,7 @@ class CollisionGuard(Module):
         self.safe.publish(stamp_ns)
 
     def _log_stop(self, cause: str, why: str, now_ns: int) -> None:
-        """Say why it stands, once for each reason."""
+        """Log why it stands, once for each reason."""
         if cause == self._told:
             return
         self._told = cause

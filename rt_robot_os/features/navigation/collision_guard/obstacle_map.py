@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-How fast a robot may drive among what its sensors see.
+How fast a robot may drive among the obstacles that its sensors see.
 
-Whatever they see is an obstacle that stands still; what they cannot see may hold one. The velocity
-is scaled as a whole, so that the arc stays the same. Safe in the real-time loop.
+All points are static obstacles; unseen space may contain one. The velocity is scaled as a whole,
+so that the arc stays the same. Safe in the real-time loop.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from rt_robot_os.motion.zones import braking_share
 from rt_robot_os.motion.zones import Footprint
 from rt_robot_os.motion.zones import TOUCHING_M
 
-# The last of the way to where it stands is not driven: it would take for ever.
+# The last part of the distance to the stop is not driven: it would take forever.
 _NEAR_M: Final = 0.01
 _NONE: Final[Array] = np.empty(0)
 # The share of the clearance that it keeps when it passes something slowly.
@@ -55,12 +55,11 @@ _TOUCHED: Final = {_BUMPER: 'something touches the robot', _CLIFF: 'an edge is a
 @dataclass(frozen=True)
 class VelocityVerdict:
     """
-    What a velocity may be.
+    The allowed share of a velocity.
 
-    :ivar share: of it, from 0 to 1.
-    :ivar cause: what limits it, the same text as long as it is the same thing; empty when nothing
-        does.
-    :ivar reason: the cause with its numbers, for people.
+    :ivar share: from 0 to 1.
+    :ivar cause: what limits it, the same text while the cause is the same; empty without a limit.
+    :ivar reason: the cause with its numbers, for operators.
     """
 
     share: float
@@ -73,11 +72,11 @@ FREE: Final = VelocityVerdict(1.0)
 
 class ObstacleMap:
     """
-    All that the sensors see, and what follows for a velocity.
+    All obstacles that the sensors see, and the velocity that they allow.
 
-    :param sights: what its scanners cannot see.
+    :param sights: the blind sectors of its scanners.
     :param settings: of the guard; a live one may change.
-    :param run_on: how far the robot goes on when its computer falls silent.
+    :param run_on: how far the robot moves on when its computer stops sending commands.
     """
 
     def __init__(self, footprint: Footprint, sensors: Sequence[DistanceSensor],
@@ -100,7 +99,7 @@ class ObstacleMap:
         self._stands = False
 
     def window_m(self) -> float:
-        """Return the distance from ``base_link`` beyond which nothing matters."""
+        """Return the distance from ``base_link`` beyond which obstacles have no effect."""
         s = self._settings
         speed = max(s['linear_max_m_s'], s['backward_max_m_s'],
                     s['angular_max_rad_s'] * self._footprint.reach_m)
@@ -110,11 +109,11 @@ class ObstacleMap:
                      + s['slow_m'] + braking)
 
     def unseen_m_s(self) -> float:
-        """Return the speed at which it goes on by stop_m without this computer, for the blind."""
+        """Return the speed of blind motion at which it runs on by stop_m at most."""
         return self._run_on.speed_m_s(self._settings['stop_m'], self._settings['reaction_s'])
 
     def rebuild(self) -> None:
-        """Put together what the sensors see; after one of them sees something new."""
+        """Combine the points of all sensors; call it after a new reading."""
         sensors = self._sensors
         x = np.concatenate([_NONE, *(each.x for each in sensors)])
         y = np.concatenate([_NONE, *(each.y for each in sensors)])
@@ -141,14 +140,14 @@ class ObstacleMap:
         self._x, self._y, self._owner, self._driven = x, y, owner, driven
         nearest_m = float(room.min(initial=math.inf)) - 1e-4
         wanted_m: float = self._settings['clearance_m']
-        # What is too near already must not hold it for ever: it may go, slowly, if not nearer.
+        # An obstacle that is too near must not block it forever: it may move slowly, not nearer.
         self.is_close = nearest_m < wanted_m or len(self._contacts) > 0
         self._clearance_m = min(wanted_m, max(0.0, nearest_m))
         self._gap_m = min(_GAP_SHARE * wanted_m, self._clearance_m)
 
     def judge(self, v: float, w: float, driven_m: float) -> VelocityVerdict:
         """
-        Say what a velocity may be.
+        Return the allowed share of a velocity.
 
         :param v: ahead in m/s.
         :param w: to the left in rad/s.
@@ -162,7 +161,7 @@ class ObstacleMap:
 
     def _judge_unseen(self, sight: BlindSectors, v: float, w: float, driven_m: float
                       ) -> VelocityVerdict:
-        """Say what a velocity may be, so that the robot stops before what a scanner cannot see."""
+        """Return the share at which the robot stops before the unseen space of a scanner."""
         shape, s = self._footprint, self._settings
         speed = shape.speed(v, w)
         if speed == 0.0:
@@ -173,7 +172,7 @@ class ObstacleMap:
         room_m = float(times[first]) * speed - s['stop_m']
         share = min(self._braking(room_m, v, w, speed), self._running_on(
             room_m + s['stop_m'], speed)) if room_m > _NEAR_M else 0.0
-        # As where no sensor looks: it can always get away, but slowly.
+        # As without any sensor: it can always retreat, but slowly.
         least_m_s = s['backward_max_m_s'] if v <= 0.0 else 0.0
         if s['unseen'] == SLOW:
             least_m_s = max(least_m_s, s['slow_m_s'])
@@ -187,7 +186,7 @@ class ObstacleMap:
             f'{sight.topic}: no valid readings from {low:.0f} to {high:.0f} degrees')
 
     def _judge_seen(self, v: float, w: float, driven_m: float) -> VelocityVerdict:
-        """Say what a velocity may be among what is seen."""
+        """Return the share that the visible obstacles allow."""
         shape, s = self._footprint, self._settings
         speed = shape.speed(v, w)
         if speed == 0.0:
@@ -206,7 +205,7 @@ class ObstacleMap:
         first, way_m = self._way(v, w, speed, driven_m, self._clearance_m)
         if way_m < max(s['slow_m'], s['stop_m'] + s['hysteresis_m']):
             slow, cause = min(slow, s['slow_m_s'] / speed), 'slow zone'
-            # Slowly, it may pass what is nearer beside it, as a door post.
+            # Slowly, it may pass obstacles that are nearer on its sides, such as door posts.
             first, way_m = self._way(v, w, speed, driven_m, self._gap_m)
         room_m = way_m - s['stop_m']
         if room_m <= (max(s['hysteresis_m'], _NEAR_M) if self._stands else _NEAR_M):
@@ -232,26 +231,26 @@ class ObstacleMap:
         """
         Return the share of a velocity from which it stops within a distance without this computer.
 
-        It may then stand nearer than stop_m, as long as it touches nothing.
+        It may then stop nearer than stop_m, if it touches nothing.
         """
         return min(1.0, self._run_on.speed_m_s(way_m, self._settings['reaction_s']) / speed)
 
     def _way(self, v: float, w: float, speed: float, driven_m: float, clearance_m: float
              ) -> tuple[int, float]:
         """
-        Find what is met first.
+        Find the first collision.
 
-        :return: which point, and how far its fastest point drives until then.
+        :return: index of the obstacle, and the distance of the fastest point until then.
         """
         shape = self._footprint
         times = shape.times(self._x, self._y, v, w, clearance_m)
-        # What it has driven since they were seen brought them nearer at most by so much.
+        # The distance driven since a reading is how much nearer its points are at most.
         times = times - (driven_m - self._driven) / (abs(v) + abs(w) * shape.reach_m)
         first = int(times.argmin())
         return first, float(times[first]) * speed
 
     def _pushed(self, v: float, w: float) -> str:
-        """Return what sees that something would be pushed; empty when nothing would."""
+        """Return the sensor of an obstacle that would be pushed; empty without one."""
         if not len(self._contacts):
             return ''
         x, y, nx, ny = self._contacts.T

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What the sensors of a guard see, as points in ``base_link``.
+The readings of the sensors of a guard, as points in ``base_link``.
 
 REP 117: -inf is nearer than the sensor can measure, so that something touches the robot there;
 +inf is nothing within its range; NaN is no reading, and neither is what is below the shortest
@@ -41,14 +41,14 @@ from rt_robot_os.motion.zones import Footprint
 from rt_robot_os.motion.zones import Mask
 from rt_robot_os.topics import Subscription
 
-# A scan with a smaller share of usable rays shows nothing: a cover, a broken sensor.
+# A scan with a smaller share of usable rays is no reading: the sensor is covered or broken.
 _USABLE: Final = 0.1
 # Points along the arc of a range sensor are at most so far apart, in rad.
 _RAY_RAD: Final = 0.1
 _RAYS_MAXIMUM: Final = 31
-# A ray looks back when its direction has this share of straight back: within 25 degrees.
+# Cosine from which a ray counts as looking backwards: within 25 degrees.
 _BACKWARDS: Final = 0.9
-#: Directions that are told apart, for what looks all round.
+#: Number of directions that are distinguished all round.
 BEARINGS: Final = 40
 # Rays of a scan are at least so far apart, in rad.
 _STEP_LEAST: Final = 1e-6
@@ -60,17 +60,17 @@ _NO_CONTACTS: Final[Array] = np.empty((0, 4))
 
 def sensor_mounting(read: Subscription, mountings: Mapping[str, Mounting], name: str) -> Mounting:
     """
-    Return where on the robot the frame of a topic is.
+    Return the mounting of the frame of a topic.
 
-    :param name: of the module that asks, for errors.
-    :raises ConfigError: nobody says where it is.
+    :param name: of the calling module, for errors.
+    :raises ConfigError: there is no transform for it.
     """
     frame = str(read.msg.header.frame_id)
     found = in_base(mountings, frame)
     if frame != BASE_FRAME and found.parent == frame:
         known = ', '.join(sorted(mountings)) or 'none'
         raise ConfigError([
-            f'{name}: nobody says where {frame!r} is, the frame of {read.topic.name}: it must be '
+            f'{name}: no transform for frame {frame!r} of {read.topic.name}: it must be '
             f'{BASE_FRAME} or the frame_id of a device ({known})'])
     return found
 
@@ -79,15 +79,15 @@ class DistanceSensor(ABC):
     """
     A sensor of distances.
 
-    :param mounting: where it is on the robot.
-    :ivar x: of what it sees, in m in ``base_link``; as is y.
+    :param mounting: its pose on the robot.
+    :ivar x: of the points that it sees, in m in ``base_link``; as is y.
     :ivar contacts: what touches the robot: of shape (n, 4), see :meth:`Footprint.touched`.
-    :ivar driven_m: what the robot had driven when it saw that.
-    :ivar unusable: messages that showed nothing.
-    :ivar at_m: where it is in ``base_link``.
-    :ivar stamp_ns: of its last message that showed something; -1 before.
-    :ivar looks_back: whether it would see what the robot drives backwards into.
-    :ivar bearings: tenths of a right angle, counted from straight ahead, in which it looks.
+    :ivar driven_m: the distance driven until these points were seen.
+    :ivar unusable: messages that were no readings.
+    :ivar at_m: its position in ``base_link``.
+    :ivar stamp_ns: of its last reading; -1 before the first.
+    :ivar looks_back: whether it sees obstacles behind the robot.
+    :ivar bearings: tenths of a right angle, counted from straight ahead, that it covers.
     """
 
     looks_back = False
@@ -108,18 +108,18 @@ class DistanceSensor(ABC):
 
     def update(self, now_ns: int, window_m: float, driven_m: float, speed_m_s: float) -> bool:
         """
-        Take the newest message, if there is a new one that shows something.
+        Read the newest message, if it is a new reading.
 
-        :param window_m: what is further away from the robot does not matter.
+        :param window_m: points further away from the robot are ignored.
         :param driven_m: by the robot until now.
-        :param speed_m_s: at which it drives, for what it drove since the stamp.
-        :return: whether what is seen is new.
+        :param speed_m_s: of the robot, for the distance driven since the stamp.
+        :return: whether there was a new reading.
         """
         read = self._read
         if not read.latest():
             return False
         stamp_ns = min(read.stamp_ns, now_ns)
-        # One whose clock stands still shows who knows when.
+        # A stamp that stands still has an unknown age.
         if not self._show(window_m) or stamp_ns <= self.stamp_ns:
             self.unusable += 1
             return False
@@ -128,12 +128,12 @@ class DistanceSensor(ABC):
         return True
 
     def times_out_at_ns(self, timeout_ns: int) -> int:
-        """Return when it counts as silent; 0 when it was never heard."""
+        """Return when it times out; 0 when there was no message."""
         return self._seen_ns + timeout_ns if self._seen_ns >= 0 else 0
 
     @abstractmethod
     def _show(self, window_m: float) -> bool:
-        """Make points of the message; return whether it is a reading."""
+        """Compute the points of the message; return whether it is a reading."""
 
     def _direction(self, angle: float) -> tuple[float, float]:
         """Return the direction of a ray in the plane of the robot, of length 1."""
@@ -143,7 +143,7 @@ class DistanceSensor(ABC):
         return x / length, y / length
 
     def _note_bearings(self, along: Array, across: Array) -> None:
-        """Note in which directions of ``base_link`` the rays look."""
+        """Store the directions of the rays in ``base_link``."""
         self.looks_back = bool((along < -_BACKWARDS).any())
         tenths = np.floor(np.arctan2(across, along) * (BEARINGS / (2 * math.pi)))
         self.bearings = frozenset((tenths.astype(int) % BEARINGS).tolist())
@@ -158,7 +158,7 @@ class Scanner(DistanceSensor):
     """
     A laser scanner.
 
-    :param minimum_m: what is nearer is the robot itself; 0: the scan says it.
+    :param minimum_m: nearer points are the robot itself; 0: range_min of the scan.
     :ivar blind: which rays of the last scan have no valid reading.
     :ivar geometry: angle of the first ray and of a step, in rad, of the last scan.
     :ivar directions: x and y of each ray in ``base_link``.
@@ -174,13 +174,13 @@ class Scanner(DistanceSensor):
 
     @property
     def ranges(self) -> Array:
-        """Return those of the message that was received last, in m."""
+        """Return the ranges of the last message, in m."""
         ranges: Array = self._read.msg.ranges
         return ranges
 
     @property
     def to_scanner(self) -> Array | None:
-        """Return the matrix from ``base_link`` to the plane of the scan; None when it is steep."""
+        """Return the matrix from ``base_link`` to the scan plane; None when that is steep."""
         x0, y0, _ = self.at_m
         ahead = self._mounting.in_parent((1.0, 0.0, 0.0))
         left = self._mounting.in_parent((0.0, 1.0, 0.0))
@@ -214,7 +214,7 @@ class Scanner(DistanceSensor):
         self.blind = ~usable
         self.blind[near] = False
         first, step = self.geometry
-        # Many rays are one hand before the lens.
+        # Many such rays are one hand in front of the lens.
         self.contacts = self._touch([
             first + step * int(i) for i in near[::max(1, near.size // _RAYS_MAXIMUM)]]
         ) if near.size else _NO_CONTACTS
@@ -224,7 +224,7 @@ class Scanner(DistanceSensor):
         """
         Return which places, in ``base_link``, the rays of the last scan pass by a margin.
 
-        Not for sensors that hang upside down or lie on their side: these see beyond nothing.
+        Sensors that are mounted upside down or on their side return nothing.
         """
         first, step = self.geometry
         roll, pitch, yaw = self._mounting.rotation_rad
@@ -240,7 +240,7 @@ class Scanner(DistanceSensor):
         return np.asarray(inside & passed)
 
     def _measure(self) -> bool:
-        """Find the direction of each ray; once, unless the scanner turns out to change."""
+        """Compute the direction of each ray; again only when the scan geometry changes."""
         msg = self._read.msg
         first, step = float(msg.angle_min), float(msg.angle_increment)
         if not (math.isfinite(first) and _STEP_LEAST <= abs(step) < math.pi):
@@ -291,9 +291,9 @@ class RangeFinder(DistanceSensor):
 
 class Bumper:
     """
-    Switches that something touches, as bits.
+    Contact, cliff and wheel-drop switches, as bits.
 
-    :ivar lifted: whether a wheel hangs in the air.
+    :ivar lifted: whether a wheel is off the ground.
     :ivar contacts: see :class:`DistanceSensor`.
     """
 
@@ -315,7 +315,7 @@ class Bumper:
         self.contacts = _NO_CONTACTS
 
     def update(self, bits: int, now_ns: int, hold_ns: int) -> None:
-        """Take what the switches say; what is let go counts for a while."""
+        """Process the state of the switches; a released one counts for a while longer."""
         self._heard_ns = now_ns
         for bit in self._until_ns:
             if bits & bit:
@@ -325,19 +325,19 @@ class Bumper:
         self.bits = bits
 
     def times_out_at_ns(self, timeout_ns: int) -> int:
-        """Return when it counts as silent; 0 when it was never heard."""
+        """Return when it times out; 0 when there was no message."""
         return self._heard_ns + timeout_ns if self._heard_ns >= 0 else 0
 
     def evaluate(self, now_ns: int) -> float:
         """
-        Find what touches it now.
+        Compute the present contacts.
 
-        :return: when that changes by itself; infinite when it does not.
+        :return: when they change without a message; infinite if they do not.
         """
         held = [bit for bit, until_ns in self._until_ns.items() if now_ns < until_ns]
         self.lifted = self.WHEEL_DROP in held
         self.cliff = self.CLIFF in held
-        # Beyond an edge it may not go anywhere ahead.
+        # At an edge it must not move forward in any direction.
         touched = tuple(self._points) if self.cliff else [b for b in held if b in self._points]
         self.contacts = np.array([self._points[bit] for bit in touched]) if touched else (
             _NO_CONTACTS)

@@ -30,31 +30,33 @@ STOP: Final = 'stop'
 SLOW: Final = 'slow'
 
 SETTINGS: Final = (
-    Field('scan_topics', list, ['scan'], 'Laser scanners that it heeds, each a '
+    Field('scan_topics', list, ['scan'], 'Laser scanners, each a '
           'sensor_msgs/msg/LaserScan'),
-    Field('range_topics', list, [], 'Ultrasonic and infrared sensors that it heeds, each a '
+    Field('range_topics', list, [], 'Ultrasonic and infrared sensors, each a '
           'sensor_msgs/msg/Range'),
     Field('bumper_topic', str, '', 'Bumper, cliff and wheel-drop sensors, a std_msgs/msg/UInt8 '
           'of bits: 1 right, 2 centre, 4 left, 8 cliff, 16 wheel drop; empty: there are none'),
-    Field('speed_limit_topic', str, '', 'A lower largest speed than linear_max_m_s that somebody '
-          'asks for, such as the agent near people: a std_msgs/msg/Float64 in m/s that counts '
-          'until the next; 0: none; empty: nobody does'),
+    Field('speed_limit_topic', str, '', 'Topic of a lower speed limit than linear_max_m_s, '
+          'such as of the agent near people: a std_msgs/msg/Float64 in m/s that is valid until '
+          'the next one; 0: no limit; empty: none'),
     Field('robot_radius_m', float, 0.2, 'Radius of a round robot', 'm', 0.01, 10.0),
     Field('footprint_m', list, [], 'How far a robot with corners reaches from base_link: to the '
           'front, to the back, to the left, to the right; empty: it is round', 'm', 0.0, 10.0,
           item=float),
-    Field('clearance_m', float, 0.05, 'What has to stay free beside it; half of it when it '
-          'passes slowly', 'm', 0.0, 2.0, live=True),
-    Field('stop_m', float, 0.15, 'The stop zone: so far before an obstacle in its way, along the '
-          'way, it stands', 'm', 0.0, 5.0, live=True),
-    Field('slow_m', float, 0.3, 'The slow zone: with an obstacle in its way nearer than this, '
-          'along the way, it drives slowly; beyond is the free zone, where it drives as fast as '
+    Field('clearance_m', float, 0.05, 'Distance that stays free on its sides; half of it '
+          'when it passes slowly', 'm', 0.0, 2.0, live=True),
+    Field('stop_m', float, 0.15,
+          'The stop zone: distance before an obstacle on its path, along the '
+          'path, at which it stops', 'm', 0.0, 5.0, live=True),
+    Field('slow_m', float, 0.3, 'The slow zone: with an obstacle on its path nearer than this, '
+          'along the path, it drives slowly; beyond is the free zone, where it drives as fast as '
           'it can brake', 'm', 0.0, 20.0, live=True),
-    Field('slow_m_s', float, 0.15, 'How fast, at its fastest point, that is', 'm/s', 0.01, 5.0,
+    Field('slow_m_s', float, 0.15, 'Speed in the slow zone, of its fastest point', 'm/s', 0.01,
+          5.0,
           live=True),
-    Field('hysteresis_m', float, 0.05, 'What stopped it has to be so much further away than '
-          'stop_m before it goes on', 'm', 0.0, 2.0, live=True),
-    Field('deceleration_m_s2', float, 0.5, 'How it brakes; take less than it can', 'm/s^2',
+    Field('hysteresis_m', float, 0.05, 'After a stop the obstacle must be further away than '
+          'stop_m by this before it continues', 'm', 0.0, 2.0, live=True),
+    Field('deceleration_m_s2', float, 0.5, 'Deceleration; set less than is possible', 'm/s^2',
           0.01, 20.0, live=True),
     Field('deceleration_rad_s2', float, 2.0, 'The same of a turn', 'rad/s^2', 0.01, 100.0,
           live=True),
@@ -67,31 +69,32 @@ SETTINGS: Final = (
           live=True),
     Field('timeout_s', float, 0.5, 'Age of a command at which the robot is stopped', 's', 0.01,
           60.0, live=True),
-    Field('scan_timeout_s', float, 0.5, 'Silence of a laser scanner that is trouble', 's', 0.01,
+    Field('scan_timeout_s', float, 0.5, 'Time without a laser scan that is a fault', 's', 0.01,
           60.0, live=True),
     Field('range_timeout_s', float, 0.5, 'The same of a range sensor', 's', 0.01, 60.0,
           live=True),
-    Field('silent', str, STOP, 'What a silent sensor means', choices=(STOP, SLOW), live=True),
+    Field('silent', str, STOP, 'Reaction to a sensor without messages', choices=(STOP, SLOW),
+          live=True),
     Field('unseen', str, STOP, 'What a sector ahead without valid readings of a scanner (NaN, 0, '
           'less than range_min) means: stop: the robot stops before it; slow: it goes on at '
           'slow_m_s. Backwards, and turning on the spot, it goes at most at backward_max_m_s into '
           'one', choices=(STOP, SLOW), live=True),
     Field('unseen_size_m', float, 0.1, 'The narrowest thing that must not be missed between two '
           'valid rays: where a gap is narrower it counts as seen', 'm', 0.01, 2.0, live=True),
-    Field('unseen_speed_m_s', float, 1.0, 'How fast something may come near that a scanner '
-          'cannot see: what it saw free before shrinks so fast', 'm/s', 0.05, 20.0, live=True),
+    Field('unseen_speed_m_s', float, 1.0, 'Speed at which unseen obstacles may approach: space '
+          'that a scanner saw free before shrinks at this speed', 'm/s', 0.05, 20.0, live=True),
     Field('bumper_timeout_s', float, 1.0, 'The same as range_timeout_s, of the bumper; 0: it '
-          'publishes changes only, and its silence means nothing', 's', 0.0, 60.0, live=True),
-    Field('scan_minimum_m', float, 0.0, 'What a scanner sees nearer than this is the robot '
+          'publishes changes only, and has no timeout', 's', 0.0, 60.0, live=True),
+    Field('scan_minimum_m', float, 0.0, 'Points of a scanner nearer than this are the robot '
           'itself; 0: its own range_min', 'm', 0.0, 5.0),
-    Field('bumper_hold_s', float, 1.0, 'How long something bumped into counts after the bumper is '
-          'free, so that it is not bumped into again', 's', 0.0, 60.0, live=True),
+    Field('bumper_hold_s', float, 1.0, 'How long a contact counts after the bumper is released, '
+          'so that the robot does not hit it again', 's', 0.0, 60.0, live=True),
 )
 
 
 def footprint_of(name: str, settings: Mapping[str, Any]) -> Footprint:
     """
-    Make the outline.
+    Return the outline.
 
     :param name: of the module, for errors.
     :raises ConfigError: it has another number of sides than four, or no area.
@@ -107,18 +110,18 @@ def footprint_of(name: str, settings: Mapping[str, Any]) -> Footprint:
 
 def check_sensors(name: str, settings: Mapping[str, Any]) -> None:
     """
-    Look at what it heeds.
+    Check the list of sensors.
 
-    :raises ConfigError: nothing, or one sensor twice.
+    :raises ConfigError: it is empty, or has one sensor twice.
     """
     topics = [*settings['scan_topics'], *settings['range_topics']]
-    problems = [f'{name}: {each!r} stands there twice among scan_topics and range_topics'
+    problems = [f'{name}: {each!r} is listed twice in scan_topics and range_topics'
                 for each in sorted({each for each in topics if topics.count(each) > 1})]
     if not topics and not settings['bumper_topic']:
-        problems.append(f'{name}: scan_topics, range_topics and bumper_topic are empty: it would '
-                        'guard nothing; twist_guard is what only limits speeds')
+        problems.append(f'{name}: scan_topics, range_topics and bumper_topic are empty: it has '
+                        'no sensor; use twist_guard to limit speeds only')
     if settings['safe_topic'] == settings['command_topic']:
         problems.append(f'{name}.safe_topic and command_topic are both '
-                        f'{settings["safe_topic"]!r}: it would hear itself')
+                        f'{settings["safe_topic"]!r}: it would receive its own output')
     if problems:
         raise ConfigError(problems)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Localisation: where a robot is on its map, from odometry and measured poses."""
+"""Localisation: the pose of a robot on its map, from odometry and measured poses."""
 
 from rt_robot_os.features.navigation.localization.module import Localization
 

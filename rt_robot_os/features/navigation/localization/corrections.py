@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Movements of the map, such as after a SLAM closed a loop: what of them can be followed."""
+"""Apply movements of the map, such as after loop closures of a SLAM, to the estimate."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _FURTHEST_M: Final = 1e6
 _TILT_MOST: Final = 0.02
 # No loop turns a map by more.
 _TURN_MOST_RAD: Final = math.pi / 2
-# What a person can see, and what makes one who follows a way start.
+# Movements from which on they are logged, and from which on that is a warning.
 _TOLD_M: Final = 0.02
 _TOLD_RAD: Final = math.radians(0.5)
 _WARNED_M: Final = 0.2
@@ -45,11 +45,11 @@ _WARNED_RAD: Final = math.radians(5.0)
 @dataclass
 class CorrectionCounters:
     """
-    Corrections that were not followed.
+    Corrections that were not applied.
 
-    :ivar corrections_refused: not finite, of no direction, tilted, of the future, or too far.
-    :ivar corrections_again: of a stamp that is not newer than that of the one before.
-    :ivar corrections_late: older than what is remembered.
+    :ivar corrections_refused: not finite, without direction, tilted, from the future, or too far.
+    :ivar corrections_again: with a stamp that is not newer than the last one.
+    :ivar corrections_late: older than the history.
     """
 
     corrections_refused: int = 0
@@ -59,23 +59,23 @@ class CorrectionCounters:
 
 class MapCorrections:
     """
-    Read a topic of ``geometry_msgs/msg/PoseWithCovarianceStamped``, and let the estimate follow.
+    Read a topic of ``geometry_msgs/msg/PoseWithCovarianceStamped``, and move the estimate.
 
-    A correction says by what the map was moved: what was at p is at ``composed(correction, p)``.
+    A correction is the movement of the map: what was at p is at ``composed(correction, p)``.
     Its covariance is not used.
 
-    :param most_m: what moves the robot by more is refused.
-    :param log: is told of what was refused, and of jumps.
+    :param most_m: a correction that moves the robot by more is refused.
+    :param log: for refusals and jumps.
     :raises ConfigError: the topic is in another frame.
-    :ivar refusal: the last one was refused; empty when it was not.
+    :ivar refusal: why the last one was refused; empty when it was not.
     """
 
     def __init__(self, source: Subscription, topic: str, frame_id: str, most_m: float,
                  log: Logger) -> None:
         frame = source.msg.header.frame_id
         if frame != frame_id:
-            raise ConfigError([f'{topic} is in the frame {frame!r}, but movements of the map are '
-                               f'wanted, in {frame_id!r}: set map_frame_id, or the frame of the '
+            raise ConfigError([f'{topic} is in the frame {frame!r}, but movements of the map '
+                               f'must be in {frame_id!r}: set map_frame_id, or the frame of the '
                                'source'])
         self.counters = CorrectionCounters()
         self.topic = topic
@@ -87,7 +87,7 @@ class MapCorrections:
         self._stamp_ns = 0
 
     def apply(self, localizer: Localizer, now_ns: int) -> None:
-        """Take all that have come; safe in the real-time loop."""
+        """Apply all new ones; safe in the real-time loop."""
         source = self._source
         while source.take():
             stamp_ns = source.stamp_ns
@@ -100,13 +100,13 @@ class MapCorrections:
             self._stamp_ns = stamp_ns
             if not localizer.displace(stamp_ns, movement):
                 self.counters.corrections_late += 1
-                self._log.warn('a correction on %s came %.1f s late, and was not followed',
+                self._log.warn('a correction on %s was %.1f s late, and was not applied',
                                self.topic, (now_ns - stamp_ns) / NS_PER_S)
             elif localizer.located:
                 self._log_jump(*localizer.jump)
 
     def _log_jump(self, distance_m: float, turn_rad: float) -> None:
-        """Tell a person what can be seen; each loop moves a map by a little."""
+        """Log a visible jump; each loop moves a map by a little."""
         if distance_m > _TOLD_M or turn_rad > _TOLD_RAD:
             tell = (self._log.warn if distance_m > _WARNED_M or turn_rad > _WARNED_RAD
                     else self._log.info)
@@ -114,7 +114,7 @@ class MapCorrections:
                  math.degrees(turn_rad))
 
     def warning(self) -> str:
-        """Say what is wrong with the last correction; empty when nothing is."""
+        """Return the problem of the last correction; empty without one."""
         if not self.refusal:
             return ''
         return f'the last correction on {self.topic} was refused: {self.refusal}'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Measured poses as a filter needs them: finite, of the map, with a stamp that can be true."""
+"""Check measured poses: they must be finite, on the map, and have a plausible stamp."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ from rt_robot_os.motion.localizer import fix_covariance
 from rt_robot_os.motion.pose_history import PoseFix
 from rt_robot_os.topics import Subscription
 
-# Clocks of one machine agree better; what is further ahead has a wrong stamp.
+# Clocks of one machine differ by less; a stamp further ahead is wrong.
 _FUTURE_NS: Final = NS_PER_S // 10
 # No map is that large, in m.
 _FURTHEST_M: Final = 1e6
-# One bad sample is counted; so many in a row are told.
+# A single bad sample is counted; this many in a row are reported.
 _BAD_IN_ROW: Final = 3
 
 
 @dataclass
 class IntakeCounters:
     """
-    What came in that could not be used.
+    Unusable samples.
 
     :ivar not_finite: a number is missing, infinite or impossible.
     :ivar bad_covariance: not finite, or negative.
     :ivar future: stamped ahead of now.
-    :ivar stopped: of the stamp of the one before, yet another pose.
-    :ivar duplicates: the same once more.
+    :ivar stopped: with the stamp of the one before, but another pose.
+    :ivar duplicates: repeated.
     """
 
     not_finite: int = 0
@@ -62,15 +62,15 @@ class PoseFixSource:
     :param number: of the source, for statistics.
     :param topic: for messages.
     :param frame_id: of the map.
-    :param least_m: smallest standard deviation of x and y that is believed.
+    :param least_m: smallest accepted standard deviation of x and y.
     :param least_rad: the same of the heading.
-    :param correlation_s: its errors last so long.
-    :param timed: the stamps matter; not when a person says where the robot is, on a machine with
-        a clock of its own.
+    :param correlation_s: correlation time of its errors.
+    :param timed: check the stamps; not for poses that an operator sets, whose machine has its own
+        clock.
     :raises ConfigError: the topic is in another frame.
     :ivar number: of the source.
     :ivar refused: poses that could not be used.
-    :ivar problem: the last pose that came cannot be used; empty when it could.
+    :ivar problem: why the last pose cannot be used; empty when it can.
     """
 
     def __init__(self, source: Subscription, number: int, topic: str, frame_id: str,
@@ -78,8 +78,8 @@ class PoseFixSource:
                  timed: bool = True) -> None:
         frame = source.msg.header.frame_id
         if frame != frame_id:
-            raise ConfigError([f'{topic} is in the frame {frame!r}, but poses on the map are '
-                               f'wanted, in {frame_id!r}: set map_frame_id, or the frame of the '
+            raise ConfigError([f'{topic} is in the frame {frame!r}, but poses on the map '
+                               f'must be in {frame_id!r}: set map_frame_id, or the frame of the '
                                'source'])
         self.counters = IntakeCounters()
         self.topic = topic
@@ -109,7 +109,7 @@ class PoseFixSource:
                                     self.number, self._inflation(source.stamp_ns))
                 else:
                     self.counters.bad_covariance += 1
-                    why = 'their covariance is none'
+                    why = 'their covariance is invalid'
             self._bad = self._bad + 1 if why else 0
             self.refused += bool(why)
             self.problem = why
@@ -118,17 +118,17 @@ class PoseFixSource:
         return None
 
     def warning(self) -> str:
-        """Say what is wrong with the source; empty when nothing is."""
+        """Return the problem of the source; empty without one."""
         if self._bad < _BAD_IN_ROW:
             return ''
         return f'the last {self._bad} poses of {self.topic} cannot be used: {self.problem}'
 
     def _inflation(self, stamp_ns: int) -> float:
         """
-        Return by how much less a pose says because the one before had the same error.
+        Return the inflation of the variance for errors that are correlated in time.
 
-        Errors whose correlation falls as exp(-t/T), measured f times a second, are worth as much
-        as independent ones of 2 f T times the variance.
+        Errors whose correlation falls as exp(-t/T), measured f times a second, are equivalent to
+        independent ones of 2 f T times the variance.
         """
         dt_ns, self._before_ns = abs(stamp_ns - self._before_ns), stamp_ns
         return max(1.0, 2.0 * self._correlation_ns / dt_ns) if dt_ns else 1.0

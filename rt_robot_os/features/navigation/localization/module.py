@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Where the robot is on its map: ``pose`` and ``map_to_odom``, at the rate and the stamp of ``odom``.
+The pose of the robot on its map: ``pose`` and ``map_to_odom``, for each sample of ``odom``.
 
-Between measured poses it follows odometry, which never jumps; what it learns from them moves the
-frame ``odom`` on the map (REP 105). Without any it goes on, and says how unsure it is. While
-odometry is silent, such as of a board that was unplugged, each measured pose gives one.
+Between measured poses it uses odometry, which never jumps; measured poses move the frame ``odom``
+on the map (REP 105). Without measured poses it continues, and its covariance grows. While there is
+no odometry, such as of a board that was unplugged, each measured pose is published as one.
 """
 
 from __future__ import annotations
@@ -50,17 +50,17 @@ from rt_robot_os.topics.ports import Output
 
 _POSE: Final = 'geometry_msgs/msg/PoseWithCovarianceStamped'
 _FIXES: Final = ('fix', 'second_fix', 'third_fix')
-# A source that has been refused for so long is told, though another is used.
+# Time of refusals after which a source is reported, though another is used.
 _REFUSED_NS: Final = 3 * NS_PER_S
 _GYRO_GAP_S: Final = 0.1
 _SILENT_S: Final = 1.0
-# Odometry that is silent for so long, and for three of its periods, is not waited for.
+# Time without odometry, at least three of its periods, after which it is not waited for.
 _ODOM_WAIT_NS: Final = 3 * NS_PER_S // 10
-# A pause of measured poses that is counted as dead time.
+# A longer pause of measured poses counts as dead time.
 _DEAD_NS: Final = NS_PER_S
 # A robot does not drive for long on a steeper slope.
 _GRAVITY_OFF_RAD: Final = math.radians(15.0)
-# Of a covariance that is right the mean is 1; of so many its standard deviation is below 0.15.
+# With right covariances the mean is 1; for this many its standard deviation is below 0.15.
 _NIS_MOST: Final = 2.0
 _NIS_FIXES: Final = 50
 
@@ -90,13 +90,13 @@ class Localization(Module):
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic, and the inertial sensor when it is not wanted."""
+        """Do not subscribe to inputs without a topic, nor to an unused inertial sensor."""
         if attribute == 'imu':
             return bool(self.settings['use_gyro'] or self.settings['use_imu_heading'])
         return bool(self.topic_of(attribute))
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return the outputs with the frames that are set."""
+        """Return the outputs with the configured frames."""
         s = self.settings
         fixed = {_POSE: {'header.frame_id': s['map_frame_id']}}
         return tuple(replace(p, fixed=fixed.get(p.message, {
@@ -107,7 +107,7 @@ class Localization(Module):
 
     def configure(self) -> None:
         """
-        Prepare.
+        Make the filter and its inputs.
 
         :raises ConfigError: an input is in another frame.
         """
@@ -146,7 +146,7 @@ class Localization(Module):
         flatten(self.pose.msg.pose.covariance)
 
     def step(self) -> None:
-        """Take everything that is new; each sample of odometry gives a pose."""
+        """Process all new samples; publish a pose for each sample of odometry."""
         localizer, intake, s = self._localizer, self._intake, self.settings
         if intake is None:
             return
@@ -187,18 +187,18 @@ class Localization(Module):
 
     def _apply_initial_pose(self, localizer: Localizer, source: PoseFixSource, now_ns: int
                             ) -> None:
-        """Believe who says where the robot is."""
+        """Apply the initial pose of an operator."""
         refused = source.refused
         given = source.next(now_ns)
         if source.refused != refused:
             self.log.warn('a pose on %s was refused: %s', source.topic, source.problem)
         if given is not None:
             localizer.begin(given.pose, given.covariance)
-            self.log.info('told to be at (%.2f m, %.2f m), %.0f degrees', *given.pose[:2],
+            self.log.info('initial pose set to (%.2f m, %.2f m), %.0f degrees', *given.pose[:2],
                           math.degrees(given.pose[2]))
 
     def _log_events(self, localizer: Localizer, located: bool, recovered: int) -> None:
-        """Log what a person wants to know: the robot was found, or carried away."""
+        """Log that the robot was found, or carried away."""
         if not located and localizer.located:
             self.log.info('found at (%.2f m, %.2f m), %.0f degrees', localizer.state.x,
                           localizer.state.y, math.degrees(localizer.state.heading))
@@ -209,7 +209,7 @@ class Localization(Module):
                           self.settings['kidnapped_s'], distance, math.degrees(turn))
 
     def statistics(self) -> Mapping[str, Any]:
-        """Return what came in, what became of it, and how sure the pose is."""
+        """Return the counters of inputs, and the standard deviations of the pose."""
         intake = self._intake
         if intake is None:
             return {}
@@ -241,7 +241,7 @@ class Localization(Module):
         return found
 
     def _sources(self, localizer: Localizer) -> dict[str, Any]:
-        """Return what became of the poses of each source, where there are several."""
+        """Return the counters of each source, where there are several."""
         apart_m, apart_rad = disagreement(localizer.records, localizer.stamp_ns)
         found: dict[str, Any] = {'disagreement_m': apart_m,
                                  'disagreement_deg': math.degrees(apart_rad)}
@@ -275,7 +275,7 @@ class Localization(Module):
         self.map_to_odom.publish(stamp_ns)
 
     def _move_without_odometry(self, localizer: Localizer, intake: OdometryIntake) -> None:
-        """Let measured poses alone move the estimate, up to the newest of them."""
+        """Advance the estimate by measured poses alone, up to the newest of them."""
         before_ns = localizer.stamp_ns
         if localizer.move(intake.without(localizer.waiting_ns)):
             self._count_dead_time(before_ns)
@@ -283,7 +283,7 @@ class Localization(Module):
                 self._publish(localizer, intake)
 
     def _count_dead_time(self, before_ns: int) -> None:
-        """Count the time beyond a second without a measured pose that was used."""
+        """Count the time beyond a second without an accepted pose."""
         stamp_ns = self._localizer.stamp_ns
         if not self._begun_ns or not before_ns:
             self._begun_ns = stamp_ns
@@ -311,11 +311,12 @@ class Localization(Module):
             return why
         deviation = math.sqrt(max(0.0, localizer.state.p00 + localizer.state.p11))
         if deviation > self.settings['stddev_warn_m']:
-            return f'the position is sure to {deviation:.1f} m only: no measured poses are used'
+            return (f'the standard deviation of the position is {deviation:.1f} m: no measured '
+                    'poses are used')
         silent_s = (localizer.stamp_ns - localizer.fix_ns) / NS_PER_S
         if localizer.fix_ns and 0.0 < self.settings['fix_silent_warn_s'] < silent_s:
             return (f'no measured pose for {silent_s:.0f} s on {self._named()}: the pose is that '
-                    f'of odometry alone, sure to {deviation:.2f} m')
+                    f'of odometry alone, with a standard deviation of {deviation:.2f} m')
         if localizer.nis > _NIS_MOST and localizer.counters.accepted >= _NIS_FIXES:
             return (f'measured poses scatter {math.sqrt(localizer.nis):.1f} times as much as '
                     'their covariance says')
@@ -341,7 +342,7 @@ class Localization(Module):
         return ''
 
     def _source_warning(self, localizer: Localizer) -> str:
-        """Say how measured poses contradict the estimate, or each other, and corrections it."""
+        """Report contradictions of measured poses and corrections with the estimate."""
         contradicted_s = (localizer.fix_ns - localizer.accepted_ns) / NS_PER_S
         if localizer.accepted_ns and contradicted_s > _SILENT_S:
             return (f'measured poses have contradicted the estimate for {contradicted_s:.1f} s: '

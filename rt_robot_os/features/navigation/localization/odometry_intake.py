@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Odometry as a filter needs it: what happened from one sample to the next."""
+"""Turn odometry into steps for the filter: the motion from one sample to the next."""
 
 from __future__ import annotations
 
@@ -29,28 +29,28 @@ from rt_robot_os.motion.pose_history import OdometryStep
 from rt_robot_os.motion.poses import arc_between
 from rt_robot_os.topics import Subscription
 
-# A pose may jitter by so much beside the fastest speed.
+# Jitter of a pose in addition to the fastest speed.
 _SLACK_M: Final = 0.05
-# How fast a robot may go, or be pushed, while its odometry is silent.
+# How fast a robot may move, or be pushed, without odometry.
 _UNKNOWN_M_S: Final = 0.5
 _UNKNOWN_RAD_S: Final = 1.0
 _PERIOD_MOST_NS: Final = 2 * NS_PER_S
 _STANDING_M_S: Final = 5e-4
 _STANDING_RAD_S: Final = 1e-3
 _STANDING_S: Final = 0.5
-# Where odometry says nothing of its covariance: 1 cm and 1 degree after 1 m, and after 1 s.
+# Used if odometry has no covariance: 1 cm and 1 degree after 1 m, and after 1 s.
 _VARIANCE_M: Final = 1e-4
 _VARIANCE_RAD: Final = 3e-4
-# What a step of odometry cannot be unsure by, in m^2 and rad^2: such a covariance says nothing.
+# A larger variance of a step, in m^2 and rad^2, is invalid.
 _VARIANCE_MOST: Final = 1e4
 
 
 @dataclass(frozen=True)
 class StepTuning:
     """
-    What is known of odometry and gyroscope.
+    Error model of odometry and gyroscope.
 
-    :ivar speed_max_m_s: what is faster is not believed.
+    :ivar speed_max_m_s: faster motion is rejected.
     :ivar gyro_noise_rad: standard deviation of the gyroscope's turn after 1 s.
     :ivar gyro_scale_rad: after a turn of 1 rad.
     :ivar drift_walk: standard deviation of the drift's change after 1 s, or 1 m.
@@ -69,13 +69,13 @@ class StepTuning:
 @dataclass
 class StepCounters:
     """
-    What became of the samples of odometry.
+    Counters of samples of odometry.
 
     :ivar steps: used.
     :ivar not_finite: dropped: a number is missing or infinite.
     :ivar backwards: dropped: older than the one before, or as old: its clock stands still.
-    :ivar restarts: its stamps began anew, earlier by more than a second.
-    :ivar jumps: its pose jumped: the robot is assumed to stand, but less sure.
+    :ivar restarts: its stamps restarted, earlier by more than a second.
+    :ivar jumps: its pose jumped: the robot is assumed to stand, with a larger covariance.
     """
 
     steps: int = 0
@@ -89,11 +89,11 @@ class OdometryIntake:
     """
     Make steps of ``nav_msgs/msg/Odometry``; safe in the real-time loop.
 
-    :param gyro: takes the place of the turn of odometry; None: that is taken as it is.
+    :param gyro: replaces the turn of odometry; None: that is used unmodified.
     :param by_gyro: use its turn; else only its heading.
     :ivar pose: of odometry, of the last step.
     :ivar period_ns: between its last two samples.
-    :ivar restarted: with the last step its stamps began anew.
+    :ivar restarted: with the last step its stamps restarted.
     """
 
     def __init__(self, odom: Subscription, frames: tuple[str, str], tuning: StepTuning,
@@ -119,7 +119,7 @@ class OdometryIntake:
         self._silent_ns = 0
 
     def next(self) -> OdometryStep | None:  # noqa: A003
-        """Return what happened up to the next sample that can be used."""
+        """Return the step up to the next usable sample."""
         odom = self._odom
         while odom.take():
             x, y, _, *orientation = self._unpack(odom.buffer)
@@ -139,7 +139,7 @@ class OdometryIntake:
             self.counters.steps += 1
             self.period_ns = 0 if first or self.restarted else min(dt_ns, _PERIOD_MOST_NS)
             if self._silent_ns and not self.restarted:
-                # Measured poses have moved the estimate meanwhile: its way is known already.
+                # Measured poses have moved the estimate meanwhile: this motion is known already.
                 return self.without(odom.stamp_ns, back=True)
             if self.restarted or first:
                 self.counters.restarts += self.restarted
@@ -151,10 +151,10 @@ class OdometryIntake:
 
     def without(self, stamp_ns: int, back: bool = False) -> OdometryStep:
         """
-        Return what is known of a time without odometry: the turn, when there is a gyroscope.
+        Return the step of a time without odometry: only the turn, if there is a gyroscope.
 
         :param stamp_ns: end of that time.
-        :param back: odometry is back, with that moment.
+        :param back: odometry is back at that time.
         """
         begin_ns = self._silent_ns or self._stamp_ns
         self._silent_ns = 0 if back else stamp_ns
@@ -185,7 +185,7 @@ class OdometryIntake:
         if gone_m > tuning.speed_max_m_s * dt_s + _SLACK_M:
             self.counters.jumps += 1
             step.distance_m = step.turn_rad = step.lever = step.covariance = 0.0
-            # It may have gone on at any speed.
+            # It may have moved on at any speed.
             step.distance_variance = (tuning.speed_max_m_s * dt_s) ** 2 / 3
             step.turn_variance = max(step.turn_variance, dt_s * dt_s)
         if gyro is not None:
@@ -194,12 +194,12 @@ class OdometryIntake:
         return step
 
     def _turn_by(self, gyro: VerticalGyro, step: OdometryStep, dt_s: float, stands: bool) -> None:
-        """Put what the inertial sensor says in the place of the turn of odometry."""
+        """Replace the turn of odometry by that of the inertial sensor."""
         tuning = self._tuning
         turned = gyro.until(step.stamp_ns)
         self._standing_s = self._standing_s + dt_s if stands else 0.0
         if gyro.pitch_rad == gyro.pitch_rad:
-            # Up a slope the wheels go further than the robot does on the map.
+            # On a slope the wheels travel further than the robot on the map.
             step.distance_m *= math.cos(gyro.pitch_rad)
         if gyro.heading_rad == gyro.heading_rad:
             step.heading_rad = gyro.heading_rad + tuning.heading_offset_rad

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How a robot turns about the vertical, from the samples of an inertial sensor on it."""
+"""The turn of a robot about the vertical, from an inertial sensor."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from rt_robot_os.motion.quaternion import multiply
 from rt_robot_os.motion.quaternion import rotate
 from rt_robot_os.topics import Subscription
 
-# An acceleration outside of these says nothing of gravity, in m/s^2.
+# An acceleration outside of these is not gravity, in m/s^2.
 _GRAVITY_LEAST: Final = 5.0
 _GRAVITY_MOST: Final = 20.0
-# Samples that make a mean, and of how many the mean is.
+# Smallest and largest number of samples of the mean.
 _WEIGHED_LEAST: Final = 100
 _WEIGHED_MOST: Final = 1000
 
@@ -45,16 +45,16 @@ class VerticalGyro:
     Read ``sensor_msgs/msg/Imu`` up to a moment; safe in the real-time loop.
 
     :param imu: the samples.
-    :param mountings: where the frames of the devices are; a frame that is not there is taken to
-        lie as the robot does.
+    :param mountings: of the frames of devices; a missing one is assumed to be aligned with the
+        robot.
     :param gap_s: longest pause to integrate over.
     :param attitude: read the orientation of the samples as well.
-    :ivar covered: there was one near the moment that was asked for last.
-    :ivar uncovered: times that there was no sample near the moment that was asked for.
-    :ivar without_rate: samples that say of themselves that they have no angular velocity.
-    :ivar heading_rad: of the robot, from the last orientation, carried on to the moment that was
-        asked for; NaN without.
-    :ivar heading_variance: as the sensor says.
+    :ivar covered: there was a sample near the last requested time.
+    :ivar uncovered: requests without a sample near their time.
+    :ivar without_rate: samples that are marked as having no angular velocity.
+    :ivar heading_rad: of the robot, from the last orientation, predicted to the requested time;
+        NaN without.
+    :ivar heading_variance: as published by the sensor.
     :ivar pitch_rad: of the robot, nose down positive; NaN without.
     """
 
@@ -71,7 +71,7 @@ class VerticalGyro:
         self._weighed = 0
         self._imu = imu
         mounted = in_base(mountings, imu.msg.header.frame_id)
-        # Of the axes of the sensor, how much each points up.
+        # The vertical component of each axis of the sensor.
         self._up = rotate(conjugate(mounted.quaternion()), (0.0, 0.0, 1.0))
         self._unpack = imu.topic.layout.packer('angular_velocity').unpack
         self._unpack_acceleration = imu.topic.layout.packer('linear_acceleration').unpack
@@ -84,7 +84,7 @@ class VerticalGyro:
 
     def until(self, stamp_ns: int) -> float:
         """
-        Return how far the robot has turned since the moment of the last call, in rad.
+        Return the turn of the robot since the time of the last call, in rad.
 
         :return: NaN when samples are missing.
         """
@@ -96,7 +96,7 @@ class VerticalGyro:
         self.covered = angle == angle
         if not self.covered:
             self.uncovered += 1
-            # Of another clock, or far behind: the newest is where to go on.
+            # Another clock, or far behind: continue with the newest.
             if imu.latest():
                 self._add(imu)
         if self._attitude:
@@ -121,7 +121,7 @@ class VerticalGyro:
     @property
     def gravity_off_rad(self) -> float:
         """
-        Return the angle between gravity, as the mean acceleration has it, and the mounted up.
+        Return the angle between the mean acceleration and the vertical of the mounting.
 
         0 until enough samples have an acceleration.
         """

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-How the robot moved since it was started: ``nav_msgs/msg/Odometry`` and its transform.
+The motion of the robot since its start: ``nav_msgs/msg/Odometry`` and its transform.
 
-Each sample of ``joint_states`` gives one of ``odom`` and ``odom_to_base``, with its stamp. What
-cannot be true is left out and counted; a source that is silent is followed by silence.
+Each sample of ``joint_states`` gives one of ``odom`` and ``odom_to_base``, with its stamp.
+Implausible samples are dropped and counted; without samples nothing is published.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ from rt_robot_os.topics.ports import Output
 
 _GYRO_GAP_S: Final = 0.1
 _SILENT_S: Final = 1.0
-# One bad sample is counted; so many in a row are told.
+# A single bad sample is counted; this many in a row are reported.
 _BAD_IN_ROW: Final = 3
-# Sideways a wheel does not roll: the variance of that velocity, in (m/s)^2.
+# Variance of the sideways velocity, in (m/s)^2: wheels do not roll sideways.
 _SIDEWAYS: Final = 1e-6
 
 
 class Odometry(Module):
-    """Add up what the wheels say, with the turn of a gyroscope where there is one."""
+    """Integrate the motion of the wheels, with the turn of a gyroscope if there is one."""
 
     joint_states = Input('joint_states', message='sensor_msgs/msg/JointState', wake=True)
     imu = Input('imu/data', message='sensor_msgs/msg/Imu')
@@ -66,16 +66,16 @@ class Odometry(Module):
               'motor board', 'm', 0.001, 10.0),
         Field('wheel_separation_m', float, REQUIRED, 'Distance of the points where the wheels '
               'touch the ground, as in the section of the motor board', 'm', 0.01, 100.0),
-        Field('left_wheel_radius_multiplier', float, 1.0, 'Found by calibration: the radius of '
-              'the left wheel is so many times wheel_radius_m', '', 0.5, 2.0),
+        Field('left_wheel_radius_multiplier', float, 1.0, 'By calibration: the radius of '
+              'the left wheel as a multiple of wheel_radius_m', '', 0.5, 2.0),
         Field('right_wheel_radius_multiplier', float, 1.0, 'The same of the right wheel', '',
               0.5, 2.0),
         Field('wheel_separation_multiplier', float, 1.0, 'The same of wheel_separation_m', '',
               0.5, 2.0),
         Field('left_joint', str, 'left_wheel_joint', 'Name of the left wheel in joint_states'),
         Field('right_joint', str, 'right_wheel_joint', 'Name of the right wheel in joint_states'),
-        Field('use_gyro', bool, False, 'Take the turn from imu_topic; its bias is learned '
-              'whenever the wheels stand for a second. Wheels that slip are noticed then'),
+        Field('use_gyro', bool, False, 'Use the turn of imu_topic; its bias is learned '
+              'whenever the wheels stand for a second. Slipping wheels are detected then'),
         Field('odom_frame_id', str, 'odom', 'Frame of the pose'),
         Field('base_frame_id', str, BASE_FRAME, 'Frame of the robot'),
         Field('wheel_speed_max_m_s', float, 2.0, 'Fastest speed of a rim; a step that is faster '
@@ -86,7 +86,7 @@ class Odometry(Module):
               'after 1 s; it grows with the root of the time', 'rad', 0.0, 1.0),
         Field('gyro_scale_rad', float, 0.005, 'Standard deviation of the turn of the gyroscope '
               'after a turn of 1 rad; it grows with the root of it', 'rad', 0.0, 1.0),
-        Field('gyro_bias_max_rad_s', float, 0.1, 'Largest bias that is believed', 'rad/s', 0.0001,
+        Field('gyro_bias_max_rad_s', float, 0.1, 'Largest accepted bias', 'rad/s', 0.0001,
               0.5),
     )
 
@@ -99,11 +99,11 @@ class Odometry(Module):
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave the inertial sensor alone when its gyroscope is not wanted."""
+        """Do not subscribe to the inertial sensor when its gyroscope is not used."""
         return attribute != 'imu' or bool(self.settings['use_gyro'])
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return the outputs with the frames that are set."""
+        """Return the outputs with the configured frames."""
         fixed = {'header.frame_id': self.settings['odom_frame_id'],
                  'child_frame_id': self.settings['base_frame_id']}
         return tuple(replace(p, fixed=fixed) for p in super().publications())
@@ -112,9 +112,9 @@ class Odometry(Module):
 
     def configure(self) -> None:
         """
-        Prepare.
+        Look up the wheels.
 
-        :raises ConfigError: joint_states has no such wheels.
+        :raises ConfigError: joint_states does not have them.
         """
         s = self.settings
         names = list(self.joint_states.msg.name)
@@ -140,7 +140,7 @@ class Odometry(Module):
         message.twist.covariance[7] = _SIDEWAYS
 
     def step(self) -> None:
-        """Take every new sample and publish where it brings the robot."""
+        """Process all new samples and publish the pose of each."""
         wheels, joints, gyro = self._wheels, self.joint_states, self._gyro
         if wheels is None:
             return
@@ -159,7 +159,7 @@ class Odometry(Module):
                 self._dropped_in_row += 1
 
     def statistics(self) -> Mapping[str, Any]:
-        """Return what came in, what was wrong with it, and where the robot is."""
+        """Return the counters of samples, and the pose of the robot."""
         wheels = self._wheels
         if wheels is None:
             return {}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The planner: ways on a map, from where the robot is to a goal."""
+"""The planner: paths on a map, from the robot to a goal."""
 
 from rt_robot_os.features.navigation.planner.module import Planner
 

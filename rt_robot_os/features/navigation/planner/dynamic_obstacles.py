@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What stands in the way of a robot and is not on its map, as cells, for a while."""
+"""Dynamic obstacles: what scanners see and the map does not have, as cells, for a while."""
 
 from __future__ import annotations
 
@@ -37,24 +37,24 @@ from rt_robot_os.topics.subscription import Subscription
 Patch = tuple[int, int]
 
 _MOST: Final = 600
-# Somebody who stands sways, and a scanner has noise: less than this.
+# Larger than the sway of a standing person, and than the noise of a scanner.
 _PATCH_M: Final = 0.3
 _GONE_NS: Final = NS_PER_S
 
 
 class DynamicObstacles:
     """
-    Cells in which scanners saw what the map has not.
+    Cells in which scanners saw obstacles that are not on the map.
 
-    :param scanners: what each reads, and where it is.
-    :param settings: of the planner: ``map_tolerance_m`` (what is so near to what the map has is
-        that), ``obstacle_range_m`` (how far from a scanner it is believed), ``obstacle_memory_s``
-        (how long it is remembered after it was seen last).
+    :param scanners: the input of each, and its mounting.
+    :param settings: of the planner: ``map_tolerance_m`` (points this near to walls of the map are
+        part of them), ``obstacle_range_m`` (largest distance from a scanner),
+        ``obstacle_memory_s`` (how long an obstacle is stored after it was seen last).
 
-    What walks is in another place soon, and is no reason to drive elsewhere: :meth:`standing`
-    tells what has been in its place for a while.
+    People who walk are elsewhere soon, and no reason for another path: :meth:`standing` returns
+    what has been in its place for a while.
 
-    :ivar terrain: of the map; None before there is one: then nothing is strange.
+    :ivar terrain: of the map; None before the first: then there are no obstacles.
     """
 
     def __init__(self, scanners: Sequence[tuple[Subscription, Mounting]],
@@ -67,7 +67,7 @@ class DynamicObstacles:
         self._range_m: float = settings['obstacle_range_m']
         self._memory_ns = round(settings['obstacle_memory_s'] * NS_PER_S)
         self._until_ns: dict[int, int] = {}
-        # Of each patch of the floor: since when something is there, and when it was seen last.
+        # For each patch of the floor: since when it is occupied, and when that was seen last.
         self._since_ns: dict[Patch, tuple[int, int]] = {}
 
     def __len__(self) -> int:
@@ -75,9 +75,9 @@ class DynamicObstacles:
 
     def set_terrain(self, terrain: Terrain | None, moved: Pose = (0.0, 0.0, 0.0)) -> None:
         """
-        Go on with another map: cells have other numbers there, or are none of it.
+        Continue with another map, on which cells have other numbers, or do not exist.
 
-        :param moved: by how much the map moved; what is remembered moves along.
+        :param moved: movement of the map; stored obstacles move along.
         """
         before, found = self.terrain, self._until_ns
         self.terrain, self._until_ns = terrain, {}
@@ -91,7 +91,7 @@ class DynamicObstacles:
                           for (x, y), seen in self._since_ns.items()}
 
     def standing(self, now_ns: int, least_ns: int) -> list[int]:
-        """Return the cells in which something has been for so long."""
+        """Return the cells that have been occupied for a time at least."""
         terrain = self.terrain
         if terrain is None:
             return []
@@ -100,7 +100,7 @@ class DynamicObstacles:
         return [cell for cell in self._until_ns if _patch(terrain, cell) in patches]
 
     def update(self, pose: Pose, now_ns: int) -> None:
-        """Take what the scanners see from a pose, and forget what is too old."""
+        """Add what the scanners see from a pose, and drop what is too old."""
         found = self._until_ns
         for cell in [cell for cell, until_ns in found.items() if until_ns <= now_ns]:
             del found[cell]
@@ -129,7 +129,7 @@ class DynamicObstacles:
 
     def _clear(self, terrain: Terrain, scanner: Scanner, x0: float, y0: float, cosine: float,
                sine: float) -> None:
-        """Forget what a scanner sees through: who has walked on is not there any more."""
+        """Drop cells that a scanner sees through: the obstacle has moved on."""
         found = self._until_ns
         if not found:
             return
@@ -143,7 +143,7 @@ class DynamicObstacles:
 
     def blocks(self, way: Sequence[tuple[float, float]], within_m: float, now_ns: int,
                least_ns: int) -> bool:
-        """Return whether something has been for so long so near to one of some points."""
+        """Return whether an obstacle has been near one of some points for a time at least."""
         terrain, cells = self.terrain, self.standing(now_ns, least_ns)
         if terrain is None or not cells or not way:
             return False

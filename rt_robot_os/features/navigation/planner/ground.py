@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The ground that a planner plans on, made anew in pieces when the map grows or changes."""
+"""The terrain of the planner, updated in pieces when the map grows or changes."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from rt_robot_os.motion.route import RoutePlanner
 from rt_robot_os.motion.terrain import Terrain
 
 POSES_MAXIMUM: Final = 1000
-# Of the clearance a way needs when it was planned, so much is enough to drive on: the edge of a
-# wall comes and goes by a cell while it is mapped.
+# Share of the planned clearance that is enough to continue on a path: the edge of a wall varies
+# by a cell while it is mapped.
 _CLEARANCE_SHARE: Final = 0.5
 
 
 class PlanningGround:
     """
-    Map, terrain and planner, which belong together.
+    Map, terrain and route planner, which belong together.
 
-    :param live: where the map comes from.
+    :param live: the source of maps.
     :param settings: of the planner.
     :ivar planner: None before the first map.
-    :ivar unknown_is_free: as it is wanted; the ground follows.
+    :ivar unknown_is_free: the requested value; the terrain is updated accordingly.
     """
 
     def __init__(self, live: LiveMap, settings: Mapping[str, Any]) -> None:
@@ -73,15 +73,15 @@ class PlanningGround:
 
     @property
     def is_behind(self) -> bool:
-        """Return whether there is something to make."""
+        """Return whether the terrain is outdated."""
         return self._work is not None or self.map.is_behind or (
             self.map.grid is not None and self._is_with_unknown != self.unknown_is_free)
 
     def advance(self, pieces: int) -> bool:
         """
-        Do some pieces of making the newest map the ground; safe in the real-time loop.
+        Do some pieces of the update to the newest map; safe in the real-time loop.
 
-        :return: whether the ground is another one now.
+        :return: whether the terrain was replaced.
         """
         if self._work is None:
             self._work, self._spent_ns = self._made(), 0
@@ -103,9 +103,9 @@ class PlanningGround:
 
     def blocked_at(self, way: Sequence[Pose], here: Pose) -> tuple[float, float] | None:
         """
-        Return the first place where the map closes the rest of a way; None when it is open.
+        Return the first place where the map blocks the rest of a path; None when it is free.
 
-        :param here: where the robot is; what it stands on does not count.
+        :param here: pose of the robot; its own place does not count.
         """
         terrain = self.terrain
         rest = np.array([pose[:2] for pose in rest_of(way, here)])
@@ -123,15 +123,15 @@ class PlanningGround:
         return float(x[along, piece]), float(y[along, piece])
 
     def warning(self) -> str:
-        """Say what is wrong with the maps that come; empty when nothing is."""
+        """Return the problem with the maps of the topic; empty without one."""
         return self.map.warning()
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell which map it is, what came, and how long it took to make it the ground."""
+        """Return the size of the map, the counters, and the duration of the update."""
         return {**self.map.statistics(), 'map_changes': self._renewed,
                 'map_tiles_computed': self._computed, 'map_took_ms': self._took_ms}
 
-    # ---- making ------------------------------------------------------------------------------
+    # ---- update ------------------------------------------------------------------------------
 
     def _made(self) -> Generator[None, None, Terrain | None]:
         wanted = self.unknown_is_free

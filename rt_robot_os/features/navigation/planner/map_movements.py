@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Movements of the map under the robot: what mapping says when it has closed a loop."""
+"""Movements of the map under the robot, which mapping publishes after loop closures."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from rt_robot_os.motion.poses import composed
 from rt_robot_os.topics.subscription import Subscription
 
 _NOT_MOVED: Final = (0.0, 0.0, 0.0)
-# A map that moves by less has not moved; up to the next ones nobody has to stop for it.
+# A smaller movement is ignored; up to the second limits the robot need not stop.
 _NOTHING_M, _NOTHING_RAD = 0.02, 0.01
 _LITTLE_M, _LITTLE_RAD = 0.5, 0.5
-# Poses that do not come at all are not waited for; nor is a map, so long.
+# Maximum time to wait for a pose, and for a map, after a movement.
 _POSE_WAIT_NS: Final = NS_PER_S // 2
 _MAP_WAIT_NS: Final = 3 * NS_PER_S
 
@@ -39,10 +39,10 @@ _MAP_WAIT_NS: Final = 3 * NS_PER_S
 @dataclass(frozen=True)
 class MapMovement:
     """
-    How a map moved.
+    A movement of the map.
 
     :ivar moved: what was at ``p`` is at ``composed(moved, p)`` now.
-    :ivar by_m: how far, where the robot is.
+    :ivar by_m: its distance at the robot.
     """
 
     moved: Pose
@@ -50,21 +50,21 @@ class MapMovement:
 
     @property
     def is_little(self) -> bool:
-        """Return whether a plan may be driven on that moves along."""
+        """Return whether a plan that moves along may still be driven."""
         return self.by_m < _LITTLE_M and abs(self.moved[2]) < _LITTLE_RAD
 
 
 class MapMovements:
     """
-    Corrections of the map, held back until poses are of the map after them.
+    Movements of the map, held back until poses refer to the moved map.
 
-    The localiser takes a correction with the first odometry that comes after it: poses with later
-    stamps than its arrival are of the map as it is then.
+    The localiser applies a correction with the first odometry after it: poses with stamps later
+    than its arrival refer to the moved map.
 
     :param source: of ``geometry_msgs/msg/PoseWithCovarianceStamped``; None: there are none.
-    :param live: the map that they are of.
-    :ivar count: those that were taken.
-    :ivar refused: those that are no movement.
+    :param live: the map that moves.
+    :ivar count: valid ones.
+    :ivar refused: invalid ones.
     """
 
     def __init__(self, source: Subscription | None, live: LiveMap) -> None:
@@ -76,7 +76,7 @@ class MapMovements:
         self._stamp_ns = self._map_by_ns = self._maps_before = 0
 
     def receive(self, now_ns: int) -> None:
-        """Take what has come; safe in the real-time loop."""
+        """Receive new ones; safe in the real-time loop."""
         source = self._source
         while source is not None and source.take():
             moved = planar(source.msg.pose.pose)
@@ -89,12 +89,12 @@ class MapMovements:
 
     @property
     def pending(self) -> bool:
-        """Return whether the newest pose may be of the map before, or of that after it."""
+        """Return whether it is uncertain to which map the newest pose refers."""
         return self._came_ns >= 0
 
     def settled(self, pose: Pose, pose_ns: int, now_ns: int) -> MapMovement | None:
         """
-        Return how the map has moved, once; None when it has not, or poses do not know yet.
+        Return the movement of the map, once; None without one, or while poses lack it.
 
         :param pose: the newest.
         :param pose_ns: its stamp.
@@ -111,7 +111,7 @@ class MapMovements:
         return MapMovement(moved, by_m)
 
     def awaits_map(self, now_ns: int) -> bool:
-        """Return whether the map is still the one before the last correction."""
+        """Return whether the map is still older than the last correction."""
         live = self._live
         if now_ns >= self._map_by_ns or (live.seq >= self._maps_before
                                          and live.stamp_ns >= self._stamp_ns):

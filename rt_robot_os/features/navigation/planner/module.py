@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Plan ways on a map to goals, and plan anew when something stands in the way.
+Plan paths on a map to goals, and replan when an obstacle blocks them.
 
 Planning takes from milliseconds to seconds. It is done in pieces that more important tasks
 preempt, a few in each job, with pauses in which less important ones run.
@@ -57,13 +57,13 @@ _TEXT_LENGTH: Final = 200
 _PIECES: Final = 40
 _MAP_PIECES: Final = 15
 _PAUSE_NS: Final = 3 * NS_PER_MS
-# Whoever follows the plan repeats its state that often, so that an old one is no answer.
+# The follower repeats its state this often, so that an old state is no answer.
 _ANSWER_NS: Final = NS_PER_S
 _AHEAD_M: Final = 3.0
 
 
 class Planner(Module):
-    """Plan ways to goals."""
+    """Plan paths to goals."""
 
     goal = Input('goal_pose', wake=True, message='geometry_msgs/msg/PoseStamped')
     pose = Input('pose', message='geometry_msgs/msg/PoseWithCovarianceStamped')
@@ -78,7 +78,7 @@ class Planner(Module):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; the map is read later.
+        Check the settings; the map is read later.
 
         :raises ConfigError: there is no map.
         """
@@ -92,14 +92,14 @@ class Planner(Module):
         self._route: Route | None = None
         self._route_ns = self._begun_ns = 0
         self._is_followed = False
-        self._has_plan = False  # a plan that may still be driven
-        self._is_previous_goal = False  # and leads to the goal before
-        self._is_possible = False  # there is a way when nothing stands in it
-        self._blocked_reason = ''  # why there is none beside what stands there
+        self._has_plan = False  # a plan is active
+        self._is_previous_goal = False  # and leads to the previous goal
+        self._is_possible = False  # there is a path without obstacles
+        self._blocked_reason = ''  # why there is none with obstacles
         self._obstacles: list[int] = []
         self._progress = PathProgress()
         self._retry_ns = self._look_ns = 0
-        self._is_blocked = False  # whoever follows says that something is in the way
+        self._is_blocked = False  # the follower is blocked
         self._goals = self._plans = self._refused = self._expanded = self._closed = 0
         self._took_ms = 0.0
         self._reported = ''
@@ -107,7 +107,7 @@ class Planner(Module):
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic."""
+        """Do not subscribe to inputs without a topic."""
         return bool(self.topic_of(attribute))
 
     def listed_inputs(self) -> Mapping[str, Input]:
@@ -148,12 +148,12 @@ class Planner(Module):
         self._is_wanted = False
 
     def changed(self, name: str) -> None:
-        """Take over a setting: whether unknown ground may be entered changes all of it."""
+        """Apply a setting; unknown_is_free changes the whole terrain."""
         if name == 'unknown_is_free':
             self._ground.unknown_is_free = self.settings[name]
 
     def step(self) -> None:
-        """Take what came, and plan on."""
+        """Read the inputs, and continue planning."""
         now_ns = self.plan.topic.kernel.now_ns()
         self._read_pose(now_ns)
         if is_new := self.goal.latest():
@@ -182,7 +182,7 @@ class Planner(Module):
             self._continue(now_ns)
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell what is planned, how long it took, and what is in the way."""
+        """Return the state of planning, its duration, and the counters."""
         if not hasattr(self, '_ground'):
             return {}
         no_way = self._reported.startswith(('refused: ', 'waiting: '))
@@ -195,7 +195,7 @@ class Planner(Module):
                 'length_m': self._route.length_m if self._route else 0.0,
                 'corrections': self._corrections.count, **self._ground.statistics()}
 
-    # ---- what comes --------------------------------------------------------------------------
+    # ---- inputs ------------------------------------------------------------------------------
 
     def _read_pose(self, now_ns: int) -> None:
         if self.pose.latest():
@@ -211,7 +211,7 @@ class Planner(Module):
         goal = planar(self.goal.msg.pose)
         self._goals += 1
         self._goal, self._job, self._route = goal, None, None
-        self._reported = ''  # whoever gave it waits for a word, also for one that was said before
+        self._reported = ''  # the client waits for a state, also for a repeated one
         self._progress.restart()
         self._retry_ns = self._look_ns = now_ns
         self._is_blocked = self._is_possible = False
@@ -224,9 +224,9 @@ class Planner(Module):
 
     def _read_cancels(self, is_new: bool, now_ns: int) -> None:
         """
-        Give the goal up; who follows the plan hears it, too, unless the plan came later.
+        Cancel the goal; the follower is stopped, too, unless the plan is newer.
 
-        :param is_new: the goal has just come: a cancellation that is older is not meant for it.
+        :param is_new: the goal has just arrived: an older cancellation does not apply to it.
         """
         while self.connected('cancel') and self.cancel.take():
             stamp_ns = self.cancel.stamp_ns
@@ -238,19 +238,19 @@ class Planner(Module):
                 self._end('stopped: cancelled', now_ns)
 
     def _read_follower_state(self, state: str, stamp_ns: int, now_ns: int) -> None:
-        """Take how it goes with whoever follows the plan."""
+        """Process a state of the follower."""
         if self._goal is None or self._route is None or stamp_ns < self._route_ns:
             return
         if state in ('driving', 'turning'):
             self._is_followed = True
             return
         if not self._is_followed and stamp_ns < self._route_ns + _ANSWER_NS:
-            return  # that was said of what was before
+            return  # it refers to the previous plan
         if state == 'done':
             self._has_plan = False
             self._end('done', now_ns)
         elif state.startswith('stopped: off the path') and self._ground.map.is_live:
-            self._is_followed = False  # maps that are being made move under the robot
+            self._is_followed = False  # a growing map may move under the robot
             self._retry(now_ns)
         elif state.startswith('stopped: blocked'):
             if self._is_followed:
@@ -262,7 +262,7 @@ class Planner(Module):
             self._end(state, now_ns)
 
     def _apply_map_movements(self, now_ns: int) -> None:
-        """Let the plan move with the map, and plan anew on the map that has moved."""
+        """Move the plan with the map, and replan on the moved map."""
         self._corrections.receive(now_ns)
         movement = self._corrections.settled(self._pose, self._pose_ns, now_ns)
         if movement is None:
@@ -273,7 +273,7 @@ class Planner(Module):
         self._job, self._is_wanted = None, True
         self._retry_ns = now_ns
         if self._route is not None and movement.is_little:
-            # Beside the robot all is where it was: it drives on as if nothing had happened.
+            # Relative to the robot nothing has moved: it drives on.
             self._route, self._route_ns = moved_with(movement.moved, self._route), now_ns
             self._is_followed = False
             self._publish_plan(self._route, now_ns)
@@ -283,7 +283,7 @@ class Planner(Module):
             self._wait(f'the map moved by {movement.by_m:.2f} m', now_ns)
 
     def _check_path_ahead(self, now_ns: int) -> None:
-        """Plan anew when something has stood in the way for a while."""
+        """Replan when an obstacle has blocked the path for a while."""
         if self._route is None or self._is_wanted or self._job is not None:
             return
         if now_ns >= self._look_ns and self._dynamic_obstacles.blocks(
@@ -293,7 +293,7 @@ class Planner(Module):
             self._retry(now_ns)
 
     def _update_ground(self, now_ns: int) -> None:
-        """Take the newest map; a way that it leaves open is driven on."""
+        """Update the terrain to the newest map; a path that stays free is continued."""
         ground = self._ground
         if not ground.advance(_MAP_PIECES):
             if ground.is_behind:
@@ -305,7 +305,7 @@ class Planner(Module):
         elif self._route is not None and (
                 place := ground.blocked_at(self._route.poses, self._pose)) is not None:
             self._closed += 1
-            self.log.info('the map closes the way at %.2f, %.2f: another one is looked for',
+            self.log.info('the map blocks the path at %.2f, %.2f: planning another one',
                           *place)
             self._is_previous_goal = True
             self._retry(now_ns)
@@ -338,7 +338,7 @@ class Planner(Module):
         self._report('planning', now_ns)
 
     def _continue(self, now_ns: int) -> None:
-        """Do some pieces of the planning."""
+        """Do some pieces of planning."""
         job = self._job
         try:
             for _ in range(_PIECES):
@@ -370,13 +370,13 @@ class Planner(Module):
         self._report(f'planned: {route.length_m:.2f} m{moved}', now_ns)
 
     def _failed(self, why: str, now_ns: int) -> None:
-        """Wait for what stands in the way to go; refuse what the map forbids."""
+        """Wait for obstacles to go; refuse what the map forbids."""
         if self._is_possible and (self._obstacles or self._ground.map.is_live):
-            self._schedule_retry(why, now_ns)  # maps change, too
+            self._schedule_retry(why, now_ns)  # the map may change
         elif not self._obstacles or self._blocked_reason:
             self._refuse(why, now_ns)
         elif self._ground.planner is not None and self._goal is not None:
-            # Whether waiting helps is seen on the map alone.
+            # Planning without obstacles shows whether waiting helps.
             self._blocked_reason = why
             self._job = self._ground.planner.plan(self._pose, self._goal, ())
             self._wake_up.no_later_than(now_ns + _PAUSE_NS)
@@ -389,14 +389,14 @@ class Planner(Module):
             self._wait(why, now_ns)
 
     def _wait(self, why: str, now_ns: int) -> None:
-        """Say why there is no plan; nobody drives on to the goal before."""
+        """Report why there is no plan, and stop the follower of the previous one."""
         if self._is_previous_goal:
             self._route = None
             self._publish_plan(None, now_ns)
         self._report(f'waiting: {why}', now_ns)
 
     def _publish_plan(self, route: Route | None, now_ns: int) -> None:
-        """Publish a plan; an empty one stops whoever follows the one before."""
+        """Publish a plan; an empty one stops the follower of the previous one."""
         self._has_plan, self._is_previous_goal = route is not None, False
         self.plan.msg.data = [number for pose in route.poses for number in pose] if route else []
         self.plan.publish(now_ns)

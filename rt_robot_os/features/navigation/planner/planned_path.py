@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The way that is being driven: what of it lies ahead, and where it is when the map moves."""
+"""The path that is driven: its part ahead of the robot, and its pose after a map movement."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from rt_robot_os.motion.route import Route
 
 
 def rest_of(way: Sequence[Pose], here: Pose) -> Sequence[Pose]:
-    """Return a way from the pose on that is nearest to the robot."""
+    """Return a path from the pose nearest to the robot on."""
     near = min(range(len(way)), key=lambda i: math.dist(way[i][:2], here[:2]))
     return way[near:]
 
 
 def ahead_on(way: Sequence[Pose], here: Pose, from_m: float, to_m: float
              ) -> list[tuple[float, float]]:
-    """Return the points of a way that are so far ahead of the robot along it."""
+    """Return the points of a path within a range of distances ahead of the robot."""
     found: list[tuple[float, float]] = []
     rest, length_m = rest_of(way, here), 0.0
     for a, b in zip(rest, rest[1:]):
@@ -46,12 +46,12 @@ def ahead_on(way: Sequence[Pose], here: Pose, from_m: float, to_m: float
 
 
 def moved_with(map_moved: Pose, route: Route) -> Route:
-    """Return a way that is where it was beside everything, on a map that has moved."""
+    """Return a route moved with its map."""
     return replace(route, poses=tuple(composed(map_moved, pose) for pose in route.poses))
 
 
 class PathProgress:
-    """How long a robot has not come on; it has when it is half a metre from where it was."""
+    """How long a robot has made no progress, which is half a metre of movement."""
 
     _ENOUGH_M = 0.5
 
@@ -60,11 +60,11 @@ class PathProgress:
         self._at: Pose = (0.0, 0.0, 0.0)
 
     def restart(self) -> None:
-        """Forget what was before."""
+        """Start again."""
         self._since_ns = -1
 
     def held_ns(self, here: Pose, now_ns: int) -> int:
-        """Return since when it has been held, asked each time that it is."""
+        """Return since when it has been blocked; call it each time that it is."""
         if self._since_ns < 0 or math.dist(here[:2], self._at[:2]) > self._ENOUGH_M:
             self._since_ns, self._at = now_ns, here
         return now_ns - self._since_ns

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Drive the robot to goals and along paths: velocity commands at a rate of its own.
+Drive the robot to goals and along paths: velocity commands at its own rate.
 
-The module takes poses of a localiser, odometry and goals or paths, and publishes commands for the
-multiplexer of velocities. When it is done it falls silent, so that others may steer. Each stop
-says why, and nothing but a new goal or path makes the robot move again.
+The module subscribes to poses of a localiser, odometry and goals or paths, and publishes commands
+for the velocity multiplexer. When it is done it stops publishing, so that other sources may steer.
+Each stop has a reason, and only a new goal or path makes the robot move again.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ _TRIPLETS: Final = 'std_msgs/msg/Float64MultiArray'
 _REQUEST_TOPICS: Final = ('goal', 'plan', 'path')
 _STOP_REASONS: Final = {'cancel': 'cancelled', 'estop': 'e-stop'}
 _STATE_LENGTH: Final = 200
-# Who comes late hears the state within that time.
+# A client that connects late gets the state within this time.
 _STATE_AGAIN_NS: Final = NS_PER_S
 
 
@@ -98,33 +98,34 @@ class Trajectory(Module):
         Field('law', str, 'kanayama', 'Tracking law: kanayama and samson follow a reference in '
               'time, regulated_pure_pursuit and park_kuipers its path, as in Nav2',
               choices=tuple(CONTROLLERS), live=True),
-        Field('goal_topic', str, 'goal_pose', 'Goals that are driven to straight, a '
+        Field('goal_topic', str, 'goal_pose', 'Goals that are driven to on a straight line, a '
               'geometry_msgs/msg/PoseStamped; empty: goals are for a planner'),
         Field('plan_topic', str, '', 'Paths of a planner, a std_msgs/msg/Float64MultiArray of x, '
               'y, yaw for each pose; empty: there is none'),
-        Field('path_topic', str, '', 'Paths of somebody else, such as a nav_msgs/msg/Path from '
+        Field('path_topic', str, '', 'Paths of other programs, such as a nav_msgs/msg/Path from '
               'ROS, in the same form; empty: there are none'),
         Field('cancel_topic', str, '', 'True stops the robot, a std_msgs/msg/Bool; empty: there '
               'is none'),
         Field('estop_topic', str, '', 'The e-stop of the multiplexer: true ends what is driven, '
               'too; empty: the robot goes on when the e-stop is released, unless it was blocked '
               'for too long'),
-        Field('estop_release_topic', str, '', 'What releases that e-stop: goals that come before '
-              'it are refused; empty: the robot begins with them when it is released'),
-        Field('motor_faults_topic', str, '', 'What the motor board says of itself: one that holds '
-              'the wheels ends what is driven; empty: the robot is blocked then'),
+        Field('estop_release_topic', str, '',
+              'What releases that e-stop: goals before the release '
+              'are refused; empty: the robot starts with them when it is released'),
+        Field('motor_faults_topic', str, '', 'Faults of the motor board: one that holds the '
+              'wheels ends what is driven; empty: the robot is blocked then'),
         *declared(VelocityLimits), *declared(FollowerTuning),
         Field('motor_lag_s', float, 0.1, 'How long the wheels take to follow a command: the time '
-              'constant of the motors and the delay of their line; so far ahead of now the pose '
-              'is looked at', 's', 0.0, 2.0, live=True),
+              'constant of the motors and the delay of their line; the pose is predicted '
+              'that far ahead', 's', 0.0, 2.0, live=True),
         Field('pose_timeout_s', float, 0.5, 'Age of a pose or of odometry at which the robot '
               'stops', 's', 0.02, 60.0, live=True),
-        Field('position_stddev_max_m', float, 0.3, 'Stop when the position is known worse', 'm',
+        Field('position_stddev_max_m', float, 0.3, 'Stop when the position is less certain', 'm',
               0.001, 100.0, live=True),
-        Field('heading_stddev_max_rad', float, 0.3, 'Stop when the heading is known worse', 'rad',
+        Field('heading_stddev_max_rad', float, 0.3, 'Stop when the heading is less certain', 'rad',
               0.001, 10.0, live=True),
-        Field('correction_m_s', float, 0.1, 'How fast a step in the pose is taken over, so that '
-              'it is no step of the wheels', 'm/s', 0.001, 100.0, live=True),
+        Field('correction_m_s', float, 0.1, 'How fast a step in the pose is applied, so that '
+              'the wheels make no step', 'm/s', 0.001, 100.0, live=True),
         Field('correction_rad_s', float, 0.3, 'The same of the heading', 'rad/s', 0.001, 100.0,
               live=True),
         COMMAND_AGE, *gain_fields(),
@@ -154,11 +155,11 @@ class Trajectory(Module):
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic."""
+        """Do not subscribe to inputs without a topic."""
         return bool(self.topic_of(attribute))
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return the outputs; state, progress and error come when there is something to say."""
+        """Return the outputs; state, progress and error have no fixed rate."""
         return tuple(replace(each, rate_hz=0.0) for each in super().publications())
 
     # ---- life --------------------------------------------------------------------------------
@@ -180,7 +181,7 @@ class Trajectory(Module):
                 'declare both in the frame of the map'])
         self._request_inputs: list[tuple[str, Subscription]] = [
             (wish, getattr(self, wish)) for wish in _REQUEST_TOPICS if self.connected(wish)]
-        # Looked up once: to ask which ports there are costs more than a step.
+        # Looked up once: a query of the ports costs more than a step.
         self._stop_inputs: list[tuple[str, Subscription]] = [
             (why, getattr(self, port)) for port, why in _STOP_REASONS.items()
             if self.connected(port)]
@@ -191,20 +192,20 @@ class Trajectory(Module):
         self._apply()
 
     def activate(self) -> None:
-        """Begin at rest, also after a failure: only a new goal makes the robot move."""
+        """Start at rest, also after a failure: only a new goal makes the robot move."""
         self._follower.abandon('restarted' if self._follower.phase is not Phase.REST else '')
 
     def deactivate(self) -> None:
-        """Forget what was driven."""
+        """Drop the present goal."""
         self._follower.abandon('shut down' if self._follower.phase is not Phase.REST else '')
 
     def safe_state(self) -> None:
-        """Publish a standstill; what was driven is over."""
+        """Publish a standstill, and drop the present goal."""
         self._follower.abandon('safe state')
         self._publish_command((0.0, 0.0))
 
     def changed(self, name: str) -> None:
-        """Take over a setting between two steps."""
+        """Apply a setting between two steps."""
         self._apply()
         if name == 'law' or name.startswith(tuple(CONTROLLERS)):
             self._follower.controller = make_controller(self.settings['law'], self.settings)
@@ -221,7 +222,7 @@ class Trajectory(Module):
     # ---- work --------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Take what has come, and publish the command for the period that begins now."""
+        """Read the inputs, and publish the command for the period that begins now."""
         where, follower, s = self._pose_input, self._follower, self.settings
         if where is None or self.kernel is None:
             return
@@ -249,7 +250,7 @@ class Trajectory(Module):
         """Return why the motor board holds the wheels; empty when it does not."""
         source, bits, new = self._faults, 0, False
         while source is not None and source.take():
-            # What came and went since the last step stopped the wheels, too.
+            # A fault that came and went since the last step has stopped the wheels, too.
             bits, new = bits | int(source.msg.data), True
         if new:
             self._motor_fault_reason = hold_reason(bits)
@@ -322,7 +323,7 @@ class Trajectory(Module):
         return poses
 
     def _without_corrections(self, pose: Pose) -> Pose:
-        """Return where the robot is without what is left of corrections: the new way has them."""
+        """Return the pose with all corrections applied: the new path includes them."""
         where = self._pose_input
         if where is None or self.kernel is None or not where.prediction.known:
             return pose
@@ -330,7 +331,7 @@ class Trajectory(Module):
         return where.prediction.at(self.kernel.now_ns(), self.settings['motor_lag_s'], 0.0)
 
     def _goal_poses(self) -> list[Pose]:
-        """Return the goal, checked."""
+        """Return the goal after a check."""
         message = self.goal.msg.pose
         goal = planar(message)
         if goal is None:
@@ -355,7 +356,7 @@ class Trajectory(Module):
             self.state.publish(now_ns)
 
     def statistics(self) -> Mapping[str, Any]:
-        """Return what is driven, what came in, and what was wrong with it."""
+        """Return the state of driving, and the counters of inputs."""
         where, follower = self._pose_input, self._follower
         if where is None or self.kernel is None:
             return {}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the module knows of where the robot is, and whether that is good enough to drive."""
+"""The pose of the robot for the controller, and whether it is good enough to drive."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _X_X, _Y_Y, _YAW_YAW = _POSE, _POSE + 7, _POSE + 35
 
 @dataclass
 class PoseInputCounters:
-    """What was taken, and what could not be used because it is no number."""
+    """Counters of samples, used and refused as not finite."""
 
     poses: int = 0
     poses_refused: int = 0
@@ -46,17 +46,17 @@ class PoseInputCounters:
 
 class SampleAge:
     """
-    The age of what comes on a topic: of its stamp, or of its arrival where that is older.
+    The age of the last sample of a topic: of its stamp, or of its arrival if that is older.
 
-    A clock of a source that stands still makes its samples old; one that runs ahead makes none
-    younger than its arrival.
+    Samples of a source whose clock stands still become old; one whose clock runs ahead counts from
+    its arrival.
     """
 
     def __init__(self) -> None:
         self._since_ns = -1
 
     def update(self, stamp_ns: int, now_ns: int) -> None:
-        """Note a sample."""
+        """Record a sample."""
         self._since_ns = min(stamp_ns, now_ns)
 
     def age_s(self, now_ns: int) -> float:
@@ -66,9 +66,9 @@ class SampleAge:
 
 class PoseInput:
     """
-    Poses and odometry as they come, and the pose of now.
+    Poses and odometry, and the predicted pose.
 
-    :ivar prediction: carries poses on.
+    :ivar prediction: of the present pose.
     :ivar position_stddev_m: of the last pose; so is the next.
     """
 
@@ -83,7 +83,7 @@ class PoseInput:
         self.position_stddev_m = self.heading_stddev_rad = math.inf
 
     def receive(self, now_ns: int) -> None:
-        """Take what has come; safe in the real-time loop."""
+        """Receive new samples; safe in the real-time loop."""
         prediction, odom, pose = self.prediction, self._odom, self._pose
         while odom.take():
             *numbers, linear, angular = self._unpack_odom(odom.buffer)
@@ -102,7 +102,7 @@ class PoseInput:
         numbers = self._unpack_pose(pose.buffer)
         found = planar_of(numbers[:_POSE])
         position, heading = numbers[_X_X] + numbers[_Y_Y], numbers[_YAW_YAW]
-        # A variance below 0 means that nobody knows it.
+        # A negative variance means unknown.
         if found is None or not (position >= 0.0 and heading >= 0.0):
             self.counters.poses_refused += 1
             return
@@ -129,18 +129,18 @@ class PoseInput:
 
 
 def planar(pose: Any) -> Pose | None:
-    """Return x, y and heading of a ``geometry_msgs/msg/Pose``; None when it is none."""
+    """Return x, y and heading of a ``geometry_msgs/msg/Pose``; None when it is invalid."""
     return planar_of((*map(float, pose.position), *map(float, pose.orientation)))
 
 
 def planar_of(numbers: Sequence[float]) -> Pose | None:
     """
-    Return x, y and heading of a pose; None when it is none.
+    Return x, y and heading of a pose; None when it is invalid.
 
     :param numbers: of a ``geometry_msgs/msg/Pose``: the position, then the quaternion.
     """
     x, y, _, a, b, c, d = numbers
-    # A rotation has the length 1; what is far from it was never filled in, or is no number.
+    # A rotation has the length 1; otherwise it was not filled in, or is not a number.
     if not 0.5 < a * a + b * b + c * c + d * d < 2.0:
         return None
     found = x, y, yaw_of(a, b, c, d)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The multiplexer between all who steer and the wheels, with locks and an e-stop."""
+"""The multiplexer between velocity sources and the wheels, with locks and an e-stop."""
 
 from rt_robot_os.features.navigation.velocity_mux.module import VelocityMux
 

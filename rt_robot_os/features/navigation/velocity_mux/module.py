@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Who steers: of several sources of velocity commands the one of highest priority.
+Select the velocity source that steers: of several the one of highest priority.
 
-Names and rules are those of twist_mux: sources with priorities and time-outs, locks that hold off
-what is below them. What it has besides: a source that has steered holds the robot for a while
-after its last command, a dead-man switch, and an e-stop that stays until it is released. A command
-goes out as soon as it is taken; when nobody steers any more one standstill does.
+Names and rules are those of twist_mux: sources with priorities and time-outs, locks that block
+sources below them. In addition, a source that has steered holds the robot for a while after its
+last command, and there are a dead-man switch and an e-stop that stays until it is released. A
+command is published immediately; when no source steers any more a single standstill is.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ _BOOL: Final = 'std_msgs/msg/Bool'
 _NOBODY: Final = 'nobody'
 _NEWS: Final = int(NEWS)
 _SELDOM_S: Final = 600.0
-# A release that is older when it comes was meant for another moment.
+# A release that is older on arrival is rejected: it was meant for another situation.
 _RELEASE_AGE_NS: Final = 2 * NS_PER_S
 
 
 class VelocityMux(Module):
-    """Pass on the commands of the one who may steer."""
+    """Pass on the commands of the source that may steer."""
 
     estop = Input('estop', wake=True, message=_BOOL)
     estop_release = Input('estop_release', wake=True, message=_BOOL)
@@ -71,15 +71,15 @@ class VelocityMux(Module):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Check that the lists fit together.
+        Check that the lists are consistent.
 
-        :raises ConfigError: they do not.
+        :raises ConfigError: they are not.
         """
         super().__init__(name, settings)
         self._sources = sources_of(name, settings)
         self._locks = locks_of(name, settings)
         self._dead_man = Switch(round(settings['dead_man_timeout_s'] * NS_PER_S))
-        # Without a switch, fresh commands are what shows that somebody is there.
+        # Without a switch, fresh commands show that an operator is present.
         self._has_dead_man = bool(settings['dead_man_topic'])
         self._latch = Latch()
         if settings['estop_at_start']:
@@ -92,7 +92,7 @@ class VelocityMux(Module):
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic."""
+        """Do not subscribe to inputs without a topic."""
         return bool(self.topic_of(attribute))
 
     def listed_inputs(self) -> Mapping[str, Input]:
@@ -107,20 +107,20 @@ class VelocityMux(Module):
     # ---- life --------------------------------------------------------------------------------
 
     def configure(self) -> None:
-        """Find the topics of each source and lock."""
+        """Look up the topics of each source and lock."""
         self._commands = [(each, self.listed[f'source {each.name}']) for each in self._sources]
         self._lock_inputs = [(each, self.listed[f'lock {each.name}']) for each in self._locks]
         self._wake_up = WakeUp(self.kernel, self.task)
 
     def safe_state(self) -> None:
-        """Publish a standstill, and forget all commands."""
+        """Publish a standstill, and discard all commands."""
         for source in self._sources:
             source.forget()
         self._steers = None
         self._publish(STANDSTILL, STANDSTILL, 0)
 
     def step(self) -> None:
-        """Take what came, and pass on what steers."""
+        """Read the inputs, and pass on the command of the source that steers."""
         now_ns = self.command.topic.kernel.now_ns()
         self._read_switches(now_ns)
         was_stopped = bool(self._latch.reason)
@@ -128,7 +128,7 @@ class VelocityMux(Module):
         self._read_commands(now_ns)
         if was_stopped or stopped:
             for source in self._sources:
-                source.forget()  # what was commanded before the release moves nothing after it
+                source.forget()  # commands from before the release are invalid
         held = not self._has_dead_man or self._dead_man.is_held(now_ns)
         steers = chosen(self._sources, self._locks, held, now_ns)
         if steers is not self._steers:
@@ -146,14 +146,14 @@ class VelocityMux(Module):
         self._report_steering(steers, now_ns)
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell who steers, why nobody does, and what came from each source."""
+        """Return which source steers, or why none does, and the counters of each source."""
         refused = [s.name for s in self._sources if s.last == REFUSED]
         late = [s.name for s in self._sources if s.last == LATE]
         warning = ''
         if self._latch.reason:
             warning = f'e-stop: {self._latch.reason}; it is left by {self._release_topic()}'
         elif refused:
-            warning = f'not a number, or absurd: commands of {", ".join(refused)}'
+            warning = f'not a number, or absurdly large: commands of {", ".join(refused)}'
         elif late:
             warning = f'too old when they came: commands of {", ".join(late)}; are the clocks set?'
         limit_m_s = run_on_speed_m_s(self)
@@ -191,7 +191,7 @@ class VelocityMux(Module):
                 else:
                     latch.end('estop')
             if self.estop.lost != self._lost:
-                # Nobody knows what they said: the worst is believed.
+                # Their values are unknown: the worst case is assumed.
                 self._lost = self.estop.lost
                 self._stopped_ns = now_ns
                 stopped |= latch.set('lost', 'samples of the e-stop were lost')
@@ -216,12 +216,13 @@ class VelocityMux(Module):
         stamp_ns = self.estop_release.stamp_ns
         if stamp_ns < self._stopped_ns or now_ns - stamp_ns > _RELEASE_AGE_NS:
             self._latch.refused += 1
-            self.log.warn('e-stop not released: the release is %.1f s old, or of before the stop; '
-                          'give it again', (now_ns - stamp_ns) / NS_PER_S, throttle_s=1.0)
+            self.log.warn('e-stop not released: the release is %.1f s old, or precedes the stop; '
+                          'release it again', (now_ns - stamp_ns) / NS_PER_S, throttle_s=1.0)
             return
         lasting = self._latch.release()
         if lasting:
-            self.log.warn('e-stop not released: %s still; end that first', lasting, throttle_s=1.0)
+            self.log.warn('e-stop not released: %s is still active; clear it first', lasting,
+                          throttle_s=1.0)
         else:
             self.log.info('e-stop released')
 
@@ -236,23 +237,23 @@ class VelocityMux(Module):
                                (msg.angular.x, msg.angular.y, msg.angular.z),
                                command.stamp_ns, now_ns, linear_limit, angular_limit)
                 if source.refused != refused:
-                    self.log.warn('%s commands %s m/s, %s rad/s: taken as a standstill',
+                    self.log.warn('%s commands %s m/s, %s rad/s: treated as a standstill',
                                   source.name, tuple(msg.linear), tuple(msg.angular),
                                   throttle_s=1.0)
 
     def _publish(self, linear: Triple, angular: Triple, stamp_ns: int) -> None:
         message = self.command.msg
         message.linear, message.angular = self._slow(linear, angular)
-        # The stamp stays that of the command, so that whoever carries it out knows its age.
+        # The stamp stays that of the command, so that the receiver knows its age.
         self.command.publish(stamp_ns)
 
     def _slow(self, linear: Triple, angular: Triple) -> tuple[Triple, Triple]:
-        """Return a velocity at which the robot can be left alone, slowed alike: on its arc."""
+        """Return the velocity slowed to the run-on limit, on the same arc."""
         fastest_m_s, limit_m_s = math.hypot(*linear), run_on_speed_m_s(self)
         if fastest_m_s <= limit_m_s:
             return linear, angular
         self._slowed += 1
-        self.log.warn('slowed to %.2f m/s: without this computer the motors go on for %.1f s, '
+        self.log.warn('slowed to %.2f m/s: without this computer the motors run on for %.1f s, '
                       'and run_on_max_m is %g', limit_m_s, self.run_on.total_s,
                       self.settings['run_on_max_m'], throttle_s=_SELDOM_S)
         share = limit_m_s / fastest_m_s
@@ -260,7 +261,7 @@ class VelocityMux(Module):
                 (angular[0] * share, angular[1] * share, angular[2] * share))
 
     def _watch(self, steers: VelocitySource | None, now_ns: int) -> None:
-        """Have a look when something that lets somebody steer, or keeps others off, is over."""
+        """Wake up when a time-out changes which source may steer."""
         if steers is None:
             held_by = holder(self._sources, now_ns)
             if held_by is not None:

@@ -32,7 +32,7 @@ HOLD_S: Final = 1.0
 
 SETTINGS: Final = (
     Field('sources', list, ['teleop', 'agent', 'trajectory', 'ros'],
-          'Who may steer; each has its place in the three lists that follow'),
+          'Sources that may steer; each has an item in the three lists that follow'),
     Field('source_topics', list,
           ['cmd_vel_teleop', 'cmd_vel_agent', 'cmd_vel_trajectory', 'cmd_vel'],
           'The topic of each, a geometry_msgs/msg/Twist'),
@@ -44,31 +44,33 @@ SETTINGS: Final = (
     Field('source_holds_s', list, [], 'Age of its last command up to which each, once it has '
           'steered, keeps the robot from those below it; at least its time-out; empty: '
           f'{HOLD_S:g} s for each', 's', 0.0, 60.0, item=float),
-    Field('locks', list, [], 'What holds sources off, such as pause; as many places in the '
+    Field('locks', list, [], 'What blocks sources, such as pause; each has an item in the '
           'three lists that follow'),
     Field('lock_topics', list, [], 'The topic of each, a std_msgs/msg/Bool: true locks'),
-    Field('lock_priorities', list, [], 'Sources below it are held off; those of the same '
+    Field('lock_priorities', list, [], 'Sources below it are blocked; those of the same '
           'priority are not', '', 0, _PRIORITY_MAXIMUM, item=int),
-    Field('lock_timeouts_s', list, [], 'Silence after which it locks, whatever it said last, and '
-          'it locks until it is heard; 0: none of that', 's', 0.0, 60.0, item=float),
+    Field('lock_timeouts_s', list, [], 'Time without a message after which it locks, whatever '
+          'its last value; it also locks until the first message; 0: no timeout', 's', 0.0, 60.0,
+          item=float),
     Field('dead_man_sources', list, ['teleop'],
           'Sources that steer only while the dead-man switch is held'),
     Field('dead_man_topic', str, '', 'The dead-man switch, a std_msgs/msg/Bool that is sent '
-          'again and again: true while it is held; empty: there is none, and fresh commands are '
+          'repeatedly: true while it is held; empty: there is none, and fresh commands are '
           'enough'),
-    Field('dead_man_timeout_s', float, 0.3, 'Silence after which it counts as let go', 's',
+    Field('dead_man_timeout_s', float, 0.3,
+          'Time without a message after which it counts as released', 's',
           0.01, 60.0),
-    Field('estop_topic', str, 'estop', 'True stops, a std_msgs/msg/Bool; false alone frees '
-          'nothing; empty: there is none'),
-    Field('estop_release_topic', str, 'estop_release', 'True frees the e-stop when nothing asks '
-          'for it any more, a std_msgs/msg/Bool'),
-    Field('estop_at_start', bool, False, 'Begin as after an e-stop: nothing moves before the '
+    Field('estop_topic', str, 'estop', 'True stops, a std_msgs/msg/Bool; false alone does '
+          'not release; empty: there is none'),
+    Field('estop_release_topic', str, 'estop_release', 'True releases the e-stop when no cause '
+          'for it is active any more, a std_msgs/msg/Bool'),
+    Field('estop_at_start', bool, False, 'Start with the e-stop set: nothing moves before the '
           'release'),
     Field('motor_faults_topic', str, '', 'Faults of the motors, a std_msgs/msg/UInt32: each is '
-          'an e-stop, but for lost bytes, refused commands and a low battery; empty: they are '
-          'left to the board'),
-    Field('linear_absurd_m_s', float, 10.0, 'A command beyond it, along any axis, is no command '
-          'but a mistake: a standstill', 'm/s', 0.01, 100.0, live=True),
+          'an e-stop, except lost bytes, refused commands and a low battery; empty: the board '
+          'handles them alone'),
+    Field('linear_absurd_m_s', float, 10.0, 'A command beyond it, along any axis, is an error '
+          'and treated as a standstill', 'm/s', 0.01, 100.0, live=True),
     Field('angular_absurd_rad_s', float, 20.0, 'The same about any axis', 'rad/s', 0.01, 1000.0,
           live=True),
     RUN_ON_MAX,
@@ -80,7 +82,7 @@ def sources_of(name: str, settings: Mapping[str, Any]) -> list[VelocitySource]:
     Make the sources, the highest priority first; of equal ones the first stays first.
 
     :param name: of the module, for errors.
-    :raises ConfigError: the lists do not fit together.
+    :raises ConfigError: the lists are inconsistent.
     """
     problems = _uneven(name, settings, 'source', 'sources')
     names = settings['sources']
@@ -89,17 +91,17 @@ def sources_of(name: str, settings: Mapping[str, Any]) -> list[VelocitySource]:
         problems.append(f'{name}.source_holds_s has {len(holds_s)} items, sources has '
                         f'{len(names)}: give one for each, or none')
     if not names:
-        problems.append(f'{name}.sources is empty: nobody could steer')
-    problems += [f'{name}.dead_man_sources: {each!r} is none of the sources, {", ".join(names)}'
+        problems.append(f'{name}.sources is empty: no source could steer')
+    problems += [f'{name}.dead_man_sources: {each!r} is not one of the sources, {", ".join(names)}'
                  for each in settings['dead_man_sources']
                  if settings['dead_man_topic'] and each not in names]
     if not settings['estop_release_topic'] and (
             settings['estop_topic'] or settings['estop_at_start']
             or settings['motor_faults_topic']):
-        problems.append(f'{name}.estop_release_topic is empty: nothing could free the e-stop')
+        problems.append(f'{name}.estop_release_topic is empty: nothing could release the e-stop')
     problems += [
-        f'{name}.{key}: {settings[written]!r} is what it writes, as {written}: it would hear '
-        f'itself' for key in ('source_topics', 'lock_topics')
+        f'{name}.{key}: {settings[written]!r} is its own output, {written}: it would receive '
+        f'its own commands' for key in ('source_topics', 'lock_topics')
         for written in ('command_topic', 'steering_topic') if settings[written] in settings[key]]
     if problems:
         raise ConfigError(problems)
@@ -114,7 +116,7 @@ def locks_of(name: str, settings: Mapping[str, Any]) -> list[Lock]:
     """
     Make the locks.
 
-    :raises ConfigError: the lists do not fit together.
+    :raises ConfigError: the lists are inconsistent.
     """
     problems = _uneven(name, settings, 'lock', 'locks')
     if problems:
@@ -124,7 +126,7 @@ def locks_of(name: str, settings: Mapping[str, Any]) -> list[Lock]:
 
 
 def _uneven(name: str, settings: Mapping[str, Any], prefix: str, names: str) -> list[str]:
-    """Find lists of other lengths than the names have, and names and topics given twice."""
+    """Return problems: lists of other lengths than the names, and duplicates."""
     wanted = settings[names]
     problems = [
         f'{name}.{key} has {len(settings[key])} items, {names} has {len(wanted)} '
@@ -133,5 +135,5 @@ def _uneven(name: str, settings: Mapping[str, Any], prefix: str, names: str) -> 
         if len(settings[key]) != len(wanted)]
     for key in (names, f'{prefix}_topics'):
         twice = sorted({each for each in settings[key] if settings[key].count(each) > 1})
-        problems += [f'{name}.{key}: {each!r} stands there twice' for each in twice]
+        problems += [f'{name}.{key}: {each!r} is listed twice' for each in twice]
     return problems

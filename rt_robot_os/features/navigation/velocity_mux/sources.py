@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What a multiplexer of velocities knows of each source, lock and switch; no topics, no kernel.
+The state of each source, lock and switch of a velocity multiplexer; no topics, no kernel.
 
 All times are nanoseconds of one clock. Everything here is safe in the real-time loop.
 """
@@ -34,19 +34,19 @@ LATE: Final = 'late'
 
 class VelocitySource:
     """
-    Somebody who steers.
+    A source of velocity commands.
 
-    :ivar name: for people.
-    :ivar priority: higher steers; of equal ones the first.
+    :ivar name: for operators.
+    :ivar priority: the highest steers; of equal ones the first.
     :ivar timeout_ns: age at which a command no longer counts.
-    :ivar hold_ns: age of its last command up to which it holds a robot that it had.
+    :ivar hold_ns: age of its last command up to which it holds a robot that it steered.
     :ivar held_until_ns: until when it holds the robot; 0 when it does not.
     :ivar needs_dead_man: whether it steers only while the dead-man switch is held.
     :ivar deadline_ns: when the last command is too old; 0 when there is none.
-    :ivar commands: that were taken.
-    :ivar refused: of these, the ones that are not numbers, or absurd.
-    :ivar late: of these, the ones that were too old when they came.
-    :ivar last: what became of the last one.
+    :ivar commands: received ones.
+    :ivar refused: of these, those that are not numbers, or absurdly large.
+    :ivar late: of these, those that were too old on arrival.
+    :ivar last: result of the last one.
     """
 
     __slots__ = ('name', 'priority', 'timeout_ns', 'hold_ns', 'held_until_ns', 'needs_dead_man',
@@ -70,9 +70,9 @@ class VelocitySource:
     def receive(self, linear: Triple, angular: Triple, stamp_ns: int, now_ns: int,
                 linear_limit: float, angular_limit: float) -> None:
         """
-        Take a command; one that nobody can mean is a standstill, and counted.
+        Receive a command; an absurd one counts as a standstill.
 
-        Its age counts from its stamp; from now if that should be in the future.
+        Its age counts from its stamp; from now if that is in the future.
 
         :param linear_limit: speed along an axis, in m/s, beyond which it is absurd.
         :param angular_limit: the same of a turning rate, in rad/s.
@@ -97,11 +97,11 @@ class VelocitySource:
         return now_ns < self.deadline_ns
 
     def hold(self) -> None:
-        """Note that its last command steers: it holds the robot for a while after it."""
+        """Let it hold the robot for a while, as its last command steers."""
         self.held_until_ns = self.stamp_ns + self.hold_ns
 
     def forget(self) -> None:
-        """Have no command any more, and hold nothing."""
+        """Discard its command and its hold."""
         self.deadline_ns = self.held_until_ns = 0
         self.is_new = False
 
@@ -113,11 +113,11 @@ def _within(values: Triple, limit: float) -> bool:
 
 class Switch:
     """
-    A Bool that is sent again and again.
+    A Bool that is sent repeatedly.
 
-    :ivar value: as it came last.
-    :ivar received_ns: when; -1 before the first.
-    :ivar timeout_ns: silence after which the value is not to be relied on; 0: never.
+    :ivar value: the last one.
+    :ivar received_ns: its time; -1 before the first.
+    :ivar timeout_ns: time without a message after which the value is invalid; 0: never.
     """
 
     __slots__ = ('value', 'received_ns', 'timeout_ns')
@@ -128,20 +128,20 @@ class Switch:
         self.timeout_ns = timeout_ns
 
     def update(self, value: bool, stamp_ns: int) -> None:
-        """Take a value; its age counts from its stamp, which is not in the future."""
+        """Receive a value; its age counts from its stamp, which is not in the future."""
         self.value, self.received_ns = value, stamp_ns
 
     def is_silent(self, now_ns: int) -> bool:
-        """Return whether it has a time-out and was not heard within it."""
+        """Return whether it has timed out."""
         return self.timeout_ns > 0 and (
             self.received_ns < 0 or now_ns >= self.received_ns + self.timeout_ns)
 
     def is_held(self, now_ns: int) -> bool:
-        """Return whether it is on, as a dead-man switch: silence is off."""
+        """Return whether it is on, as a dead-man switch: after a time-out it is off."""
         return self.value and not self.is_silent(now_ns)
 
     def silent_at_ns(self) -> float:
-        """Return when its time is out; infinite without one, or when it is out already."""
+        """Return when it times out; infinite without a time-out or a value."""
         if not self.timeout_ns or self.received_ns < 0:
             return math.inf
         return self.received_ns + self.timeout_ns
@@ -149,7 +149,7 @@ class Switch:
 
 class Lock(Switch):
     """
-    What keeps sources of lower priority from steering: while it is on, and while it is silent.
+    A lock, which blocks sources of lower priority while it is on, and after a time-out.
 
     :ivar priority: sources of at least this one are not locked.
     """
@@ -162,17 +162,17 @@ class Lock(Switch):
         self.priority = priority
 
     def is_locked(self, now_ns: int) -> bool:
-        """Return whether it locks; with a time-out it does so until it is heard."""
+        """Return whether it locks; with a time-out it does so until the first message."""
         return self.value or self.is_silent(now_ns)
 
 
 class Latch:
     """
-    An e-stop: many things set it, one thing alone frees it, and not while any of them lasts.
+    A latched e-stop: several causes set it, only a release clears it, after all causes have ended.
 
-    :ivar reason: what set it; empty when it is free.
+    :ivar reason: what set it; empty when it is not set.
     :ivar stops: how often it was set.
-    :ivar refused: releases that came while a cause lasted.
+    :ivar refused: releases while a cause was active.
     """
 
     __slots__ = ('reason', 'stops', 'refused', '_lasting')
@@ -184,9 +184,9 @@ class Latch:
 
     def set(self, cause: str, why: str) -> bool:  # noqa: A003
         """
-        Stop, as long as the cause lasts and until it is released.
+        Set it until the cause has ended and it is released.
 
-        :return: whether it was free before.
+        :return: whether it was not set before.
         """
         self._lasting[cause] = why
         if self.reason:
@@ -196,14 +196,14 @@ class Latch:
         return True
 
     def end(self, cause: str) -> None:
-        """Note that a cause is over; that frees nothing."""
+        """End a cause; the e-stop stays set."""
         self._lasting.pop(cause, None)
 
     def release(self) -> str:
         """
-        Free it.
+        Release it.
 
-        :return: empty when it is free now, else the cause that lasts.
+        :return: empty when it is released now, else a cause that is active.
         """
         lasting = next(iter(self._lasting.values()), '')
         if lasting:
@@ -216,10 +216,10 @@ class Latch:
 def chosen(sources: Sequence[VelocitySource], locks: Sequence[Lock], held: bool, now_ns: int
            ) -> VelocitySource | None:
     """
-    Return who steers: of the sources that are fresh and not locked the one of highest priority.
+    Return the source that steers: of the fresh and unlocked ones that of highest priority.
 
-    It is nobody while a source of higher priority holds the robot: two sources, one of which sends
-    more slowly than its time-out, must not drive it to and fro.
+    It is None while a source of higher priority holds the robot: otherwise one that sends more
+    slowly than its time-out would alternate with another one.
 
     :param sources: by priority, the highest first.
     :param held: whether the dead-man switch is held.
@@ -241,5 +241,5 @@ def holder(sources: Sequence[VelocitySource], now_ns: int) -> VelocitySource | N
 
 
 def lock_level(locks: Sequence[Lock], now_ns: int) -> int:
-    """Return the priority below which nobody steers."""
+    """Return the priority below which sources are locked."""
     return max((lock.priority for lock in locks if lock.is_locked(now_ns)), default=-1)
