@@ -33,7 +33,7 @@ from rt_robot_os.features.wsn.packets.oscilloscope import Oscilloscope
 from rt_robot_os.features.wsn.packets.serial_am import SerialAm
 from rt_robot_os.features.wsn.routing.link_cost import link_cost
 from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
-from rt_robot_os.features.wsn.sensor_network.watch import Limits
+from rt_robot_os.features.wsn.sensor_network.watch import NetworkLimits
 from rt_robot_os.features.wsn.sensor_network.watch import NetworkWatch
 from rt_robot_os.messages.network_rows import NodeState
 from rt_robot_os.messages.network_rows import WIDTH
@@ -81,13 +81,13 @@ def test_a_circle_of_parents_is_told_with_its_nodes() -> None:
     watch = NetworkWatch(model)
     for sender, parent in ((3, 4), (4, 5), (5, 3), (6, 5), (1, 0)):
         model.take(beacon(sender, parent, 800), S)
-    watch.look(2 * S)
+    watch.evaluate(2 * S)
     trouble, = watch.troubles
     assert trouble.kind == 'loop' and '3 > 4 > 5 > 3' in trouble.text
     assert {number for number, node in model.nodes.items() if node.state == NodeState.DOUBTFUL
             } == {3, 4, 5}
     model.take(beacon(5, 1, 300), 3 * S)
-    watch.look(4 * S)
+    watch.evaluate(4 * S)
     assert not watch.troubles
 
 
@@ -98,12 +98,12 @@ def test_parents_that_were_said_at_different_times_are_no_circle() -> None:
     model.take(data(9, 0), 2 * S)
     model.take(beacon(9, 8, 900), 2 * S)
     model.take(data(8, 0), 3 * S)
-    watch.look(4 * S)
+    watch.evaluate(4 * S)
     assert not watch.troubles
     # Nothing comes any more, and they still say so.
     model.take(beacon(8, 9, 800), 5 * S)
     model.take(beacon(9, 8, 900), 6 * S)
-    watch.look(7 * S)
+    watch.evaluate(7 * S)
     assert [each.kind for each in watch.troubles] == ['loop']
 
 
@@ -112,13 +112,13 @@ def test_a_node_that_claims_to_be_the_sink_changes_no_way() -> None:
     watch = NetworkWatch(model)
     model.take(beacon(2, 0, 420), S)
     model.take(beacon(2, 2, 0, 0), 2 * S)
-    watch.look(3 * S)
+    watch.evaluate(3 * S)
     assert 'bed (node 2) claims to be the sink' in watch.warning()
     assert model.nodes[2].state == NodeState.DOUBTFUL
     assert (model.nodes[2].parent, model.nodes[2].cost) == (0, 420)
     for second in range(4, 80):
         model.take(beacon(2, 0, 420), second * S)
-    watch.look(80 * S)
+    watch.evaluate(80 * S)
     assert model.nodes[2].state == NodeState.GOOD
 
 
@@ -135,7 +135,7 @@ def test_strangers_have_a_bounded_place_and_slips_make_room() -> None:
     model.take(data(120, 0), 301 * S)
     assert 120 not in model.nodes and model.counters.nodes_refused == 1
     watch = NetworkWatch(model)
-    watch.look(302 * S)
+    watch.evaluate(302 * S)
     assert 'more than max_nodes 4 nodes that nobody surveyed' in watch.warning()
 
 
@@ -143,7 +143,7 @@ def test_a_foreign_group_is_counted_and_nothing_else() -> None:
     model = NetworkModel(SURVEY, group=0x22)
     model.take(data(9, 0), S)
     watch = NetworkWatch(model)
-    watch.look(2 * S)
+    watch.evaluate(2 * S)
     assert model.counters.foreign_groups == 1 and 9 not in model.nodes
     assert 'every packet is of another group than 34: set group' in watch.warning()
 
@@ -172,12 +172,12 @@ def test_ctp_tells_parents_and_costs_in_its_beacons() -> None:
 
 
 def test_a_weak_node_is_told_with_what_it_loses() -> None:
-    model, limits = NetworkModel(SURVEY), Limits(delivery=0.8)
+    model, limits = NetworkModel(SURVEY), NetworkLimits(delivery=0.8)
     watch = NetworkWatch(model, limits)
     for number in range(200):
         if number % 3 == 0 or number < 20:
             model.take(data(1, number), number * S)
-        watch.look(number * S)
+        watch.evaluate(number * S)
     assert 'hall (node 1) loses 67 % of its packets' in watch.warning()
     assert model.nodes[1].state == NodeState.WEAK
 
@@ -188,7 +188,7 @@ def test_a_reboot_is_told_for_a_minute() -> None:
     told = []
     for second in range(200):
         model.take(data(1, second if second < 100 else second - 100), second * S)
-        watch.look(second * S)
+        watch.evaluate(second * S)
         told.append('hall (node 1) began anew (1 times so far)' in watch.warning())
     assert told.index(True) == 100 and sum(told) == 61
 
@@ -210,7 +210,7 @@ def test_a_slower_rate_on_command_is_no_silence() -> None:
     for second in range(20):
         model.take(data(1, second), second * S)
     model.command('rate 1 30000')
-    watch.look(60 * S)
+    watch.evaluate(60 * S)
     assert model.nodes[1].state == NodeState.GOOD
 
 
@@ -223,7 +223,7 @@ def test_a_sink_that_drives_by_finds_a_node_that_nobody_surveyed() -> None:
         distance = math.dist((x, y), true)
         lqi = round(min(108.0, max(70.0, 112.0 - 14.0 * math.log10(max(distance, 0.3)))))
         model.take(beacon(9, 0, link_cost(lqi)), step * S)
-        watch.look(step * S)
+        watch.evaluate(step * S)
     place = model.nodes[9].place
     assert place is not None
     assert math.dist(place[:2], true) < min(3.0, 3 * place.stddev_m)
@@ -259,7 +259,7 @@ def test_whatever_comes_nothing_raises_and_all_is_counted(
     for packet, passed_ns in stream:
         now_ns += passed_ns
         model.take(decoder.decode(packet), now_ns)
-        watch.look(now_ns)
+        watch.evaluate(now_ns)
         assert all(len(row) == WIDTH for row in model.rows(now_ns))
     counters = model.counters
     assert counters.packets == len(stream) == (
@@ -274,7 +274,7 @@ def test_a_node_that_somebody_wears_has_its_name_and_the_place_of_who_hears_it()
     watch = NetworkWatch(model)
     for second in range(100):
         model.take(data(7, second, source=7, destination=1 if second < 50 else 2), second * S)
-        watch.look(second * S)
+        watch.evaluate(second * S)
         if second == 40:
             assert model.nodes[7].place == pytest.approx((3.0, 1.5, 10.0), abs=3.0)
     wrist = model.nodes[7]

@@ -39,7 +39,7 @@ from rt_robot_os.features.wsn.routing.protocol import Node
 from rt_robot_os.features.wsn.routing.protocol import Router
 from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
 from rt_robot_os.features.wsn.sensor_network.watch import NetworkWatch
-from rt_robot_os.features.wsn.simulator.air import Link
+from rt_robot_os.features.wsn.simulator.air import PositionLink
 from rt_robot_os.features.wsn.simulator.link_medium import LinkMedium
 from rt_robot_os.features.wsn.simulator.mote import Mote
 from rt_robot_os.features.wsn.simulator.mote import Traffic
@@ -66,8 +66,8 @@ class Truth:
         self.is_t1, factory = PROTOCOLS[protocol]
         medium = LinkMedium(TINYOS1 if self.is_t1 else TINYOS2)
         for near, far in ((0, 1), (1, 2), (2, 3), (0, 4), (4, 5), (1, 4)):
-            medium.set_link(near, far, Link(rate, -80, 100))
-            medium.set_link(far, near, Link(rate, -80, 100))
+            medium.set_link(near, far, PositionLink(rate, -80, 100))
+            medium.set_link(far, near, PositionLink(rate, -80, 100))
         self.network = Network(medium, factory, mac=TINYOS1 if self.is_t1 else TINYOS2, seed=seed)
         self.model, self.decoder = NetworkModel(), PacketDecoder()
         self.made: dict[int, list[int]] = defaultdict(list)
@@ -153,11 +153,11 @@ def test_nodes_that_fail_and_begin_again_are_accounted_for(protocol: str) -> Non
 def test_a_node_that_dies_is_silent_and_its_child_has_another_parent() -> None:
     truth = Truth('paper', 1.0)
     truth.network.run_until(60 * S)
-    truth.watch.look(60 * S)
+    truth.watch.evaluate(60 * S)
     assert truth.model.nodes[5].parent == 4 and not truth.watch.troubles
     truth.network.motes[4].kill()
     truth.network.run_until(90 * S)
-    truth.watch.look(90 * S)
+    truth.watch.evaluate(90 * S)
     states = {number: node.state for number, node in truth.model.nodes.items()}
     # 5 had no other way than through 4.
     assert states == {1: NodeState.GOOD, 2: NodeState.GOOD, 3: NodeState.GOOD,
@@ -189,7 +189,7 @@ def test_a_sink_that_drives_round_finds_nodes_that_nobody_surveyed() -> None:
         network.move(0, (x, y, 0.3))
         model.sink_at(x, y)
         network.run_until(second * S)
-        watch.look(second * S)
+        watch.evaluate(second * S)
     errors = []
     for number in (10, 11, 12):
         found = model.nodes[number].place

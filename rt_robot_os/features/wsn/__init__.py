@@ -15,6 +15,6 @@
 """
 Wireless sensor networks: packets, routing, radio, and a simulator of networks of motes.
 
-Pure computation: bytes in, bytes out, and time as a number that is handed in. Drivers, their
-twins, modules and commands are made of it.
+`packets`, `routing`, `radio` and most of `simulator` are pure computation: bytes in, bytes out,
+and time as an argument. The driver of a sink, its simulated device, modules and commands use them.
 """

@@ -36,8 +36,8 @@ from rt_robot_os.features.wsn.sensor_network.counters import ModelCounters
 from rt_robot_os.features.wsn.sensor_network.counters import ProblemCounts
 from rt_robot_os.features.wsn.sensor_network.counters import TypeCounts
 from rt_robot_os.features.wsn.sensor_network.node import NetworkNode
-from rt_robot_os.features.wsn.sensor_network.node import NOBODY
-from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_beacons
+from rt_robot_os.features.wsn.sensor_network.node import NO_NODE
+from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_beacon_share
 from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_etx
 from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_link_cost
 from rt_robot_os.features.wsn.sensor_network.sequence_account import DUPLICATE
@@ -110,7 +110,7 @@ class NetworkModel:
 
     # ---- what comes --------------------------------------------------------------------------
 
-    def take(self, packet: Packet, now_ns: int) -> bool:
+    def update(self, packet: Packet, now_ns: int) -> bool:
         """
         Learn from a packet; never raises.
 
@@ -169,7 +169,7 @@ class NetworkModel:
         found = self.nodes.get(number)
         if found is not None or not 0 <= number <= HIGHEST_ID or number == self.sink_id:
             return found
-        if len(self.nodes) - self._surveyed >= self.max_nodes and not self._make_room():
+        if len(self.nodes) - self._surveyed >= self.max_nodes and not self._evict_node():
             self.counters.nodes_refused += 1
             return None
         found = self.nodes[number] = NetworkNode(number, f'node_{number}', self._curve)
@@ -180,7 +180,7 @@ class NetworkModel:
         x, y, z = self.sink_place
         nan = math.nan
         age_s = nan if self.last_ns < 0 else (now_ns - self.last_ns) / NS_PER_S
-        sink = NodeRow(self.sink_id, x, y, z, 0.0, NOBODY, 0, 0, NodeState.SINK, nan, nan, nan,
+        sink = NodeRow(self.sink_id, x, y, z, 0.0, NO_NODE, 0, 0, NodeState.SINK, nan, nan, nan,
                        nan, 0, 0, 0, 0, age_s)
         return [sink, *(self.nodes[number].row(now_ns) for number in sorted(self.nodes))]
 
@@ -191,15 +191,15 @@ class NetworkModel:
         if node is None:
             self.counters.without_origin += packet.origin < 0
             return packet.origin == self.sink_id
-        node.heard(now_ns)
-        node.data_came(now_ns)
+        node.on_packet(now_ns)
+        node.on_data(now_ns)
         verdict = self._account(node, packet, now_ns)
         if packet.problem:
             return False
-        self._way(node, packet, now_ns)
+        self._learn_route(node, packet, now_ns)
         volts = packet.readings.get('battery')
         if verdict != DUPLICATE and volts is not None and QUANTITIES['battery'].plausible(volts):
-            node.battery.take(volts, now_ns)
+            node.battery.add(volts, now_ns)
         return verdict != DUPLICATE
 
     def _account(self, node: NetworkNode, packet: Packet, now_ns: int) -> int:
@@ -209,22 +209,22 @@ class NetworkModel:
                 account = node.account = SequenceAccount(packet.count_bits, self._since_ns)
             renewed = packet.name == 'oscilloscope' and node.clock_went_back(
                 packet.fields['count'])
-            return account.take(packet.count, _fingerprint(packet), now_ns, renewed)
+            return account.add(packet.count, _fingerprint(packet), now_ns, renewed)
         if packet.origin_seqno >= 0:
             if node.plain is None:
                 node.plain = SequenceAccount(16, now_ns)
-            return node.plain.take(packet.origin_seqno, _fingerprint(packet), now_ns)
+            return node.plain.add(packet.origin_seqno, _fingerprint(packet), now_ns)
         node.unnumbered += 1
         return 0
 
-    def _way(self, node: NetworkNode, packet: Packet, now_ns: int) -> None:
+    def _learn_route(self, node: NetworkNode, packet: Packet, now_ns: int) -> None:
         """Learn on which way a data packet came."""
         if packet.parent >= 0:
             self._set_parent(node, packet.parent, now_ns)
         hops = packet.hops
         so_far = packet.am_type == CtpData.AM_TYPE and packet.stack == 'tinyos2'
         if hops >= 0 and (not so_far or packet.destination == self.sink_id):
-            node.hops = hops if 0 < hops <= _MOST_HOPS else NOBODY
+            node.hops = hops if 0 < hops <= _MOST_HOPS else NO_NODE
         source, destination = packet.source, packet.destination
         if source < 0 or source == self.sink_id:
             node.delivered_ns = now_ns
@@ -233,13 +233,13 @@ class NetworkModel:
         if sender is None:
             return
         if sender is not node:
-            sender.heard(now_ns)
+            sender.on_packet(now_ns)
         if destination <= HIGHEST_ID and not (destination == _UART and packet.stack == 'tinyos1'):
             self._set_parent(sender, destination, now_ns)
         if destination == self.sink_id:
             node.via = source
             node.delivered_ns = now_ns
-        self._near_sink(sender, now_ns)
+        self._note_sink_link(sender, now_ns)
 
     def _beacon(self, packet: Packet, now_ns: int) -> None:
         number = packet.source if packet.source >= 0 else packet.origin
@@ -247,44 +247,44 @@ class NetworkModel:
         if node is None:
             self.counters.without_origin += number < 0
             return
-        node.heard(now_ns)
+        node.on_packet(now_ns)
         self._route(node, packet.parent, packet.hops, packet.cost, now_ns,
                     packet.am_type == CtpBeacon.AM_TYPE and packet.stack == 'tinyos2')
         if node.parent != self.sink_id:
-            self._near_sink(node, now_ns)
+            self._note_sink_link(node, now_ns)
         for each in packet.fields.get('neighbours', ())[:_MOST_NEIGHBOURS]:
             other = self.nodes.get(each['address'])
             if other is not None and other is not node:
-                self._link(node, other, now_ns, lqi_of_beacons(each['quality'] / 250))
+                self._link(node, other, now_ns, lqi_of_beacon_share(each['quality'] / 250))
 
     def _debug(self, packet: Packet, now_ns: int) -> None:
         fields, is_ctp = packet.fields, packet.am_type == CollectionDebug.AM_TYPE
         if packet.origin >= 0 and packet.origin != self.sink_id:
             node = self.node(packet.origin)
             if node is not None:
-                node.heard(now_ns)
+                node.on_packet(now_ns)
                 if packet.name == 'new_parent':
                     self._route(node, packet.parent, packet.hops, packet.cost, now_ns, is_ctp)
             return
         if packet.name == 'received':
-            self._told(fields['message'], fields['origin'], fields['other'], is_ctp, now_ns)
+            self._reported(fields['message'], fields['origin'], fields['other'], is_ctp, now_ns)
         elif packet.name == 'beacon_received':
             node = self.node(fields['parent'])
             if node is not None:
-                node.heard(now_ns)
-                self._near_sink(node, now_ns)
+                node.on_packet(now_ns)
+                self._note_sink_link(node, now_ns)
                 self._cost(node, fields['metric'], now_ns)
         elif packet.name == 'loop':
             self.counters.loops_told += 1
 
-    def _told(self, number: int, origin: int, last: int, is_ctp: bool, now_ns: int) -> None:
+    def _reported(self, number: int, origin: int, last: int, is_ctp: bool, now_ns: int) -> None:
         """Heed the sink's own mote, which tells of each packet that it received."""
         node = self.node(origin)
         if node is None:
             return
-        if node.told is None:
-            node.told = SequenceAccount(8 if is_ctp else 16, self._since_ns)
-        node.told.take(number, number, now_ns)
+        if node.sink_account is None:
+            node.sink_account = SequenceAccount(8 if is_ctp else 16, self._since_ns)
+        node.sink_account.add(number, number, now_ns)
         node.delivered_ns = now_ns
         if not is_ctp:
             return
@@ -293,7 +293,7 @@ class NetworkModel:
             self._set_parent(node, self.sink_id, now_ns)
             node.hops = 1
         elif node.parent == self.sink_id:
-            node.parent = node.hops = NOBODY
+            node.parent = node.hops = NO_NODE
 
     # ---- ways --------------------------------------------------------------------------------
 
@@ -303,9 +303,9 @@ class NetworkModel:
         if cost == 0 or parent == node.id:
             node.claims_sink_ns = now_ns
             return
-        node.parent = parent if 0 <= parent <= HIGHEST_ID else NOBODY
+        node.parent = parent if 0 <= parent <= HIGHEST_ID else NO_NODE
         node.parent_ns = now_ns
-        node.hops = hops if 0 < hops <= _MOST_HOPS else NOBODY
+        node.hops = hops if 0 < hops <= _MOST_HOPS else NO_NODE
         self._cost(node, cost, now_ns)
         if node.parent < 0 or node.cost < 0:
             return
@@ -321,21 +321,21 @@ class NetworkModel:
                 lqi_of_etx(link / 10) if is_ctp else lqi_of_link_cost(link)))
 
     def _cost(self, node: NetworkNode, cost: int, now_ns: int) -> None:
-        node.cost = cost if 0 < cost < _NO_ROUTE else NOBODY
+        node.cost = cost if 0 < cost < _NO_ROUTE else NO_NODE
         node.cost_ns = now_ns
         if cost == 0:
             node.claims_sink_ns = now_ns
 
     def _set_parent(self, node: NetworkNode, parent: int, now_ns: int) -> None:
         known = 0 <= parent <= HIGHEST_ID and parent != node.id
-        node.parent = parent if known else NOBODY
+        node.parent = parent if known else NO_NODE
         node.parent_ns = now_ns
         if known and not node.surveyed:
             other = self.nodes.get(parent)
             if other is not None or parent == self.sink_id:
                 self._link(node, other, now_ns)
 
-    def _near_sink(self, node: NetworkNode, now_ns: int) -> None:
+    def _note_sink_link(self, node: NetworkNode, now_ns: int) -> None:
         """Note that the sink hears a node; where it is then is a place to estimate from."""
         if not node.surveyed:
             self._link(node, None, now_ns)
@@ -357,7 +357,7 @@ class NetworkModel:
         elif node.surveyed and not other.surveyed:
             other.links.note(node.id, node.x, node.y, now_ns, lqi)
 
-    def _make_room(self) -> bool:
+    def _evict_node(self) -> bool:
         """Forget the node that was heard once, longest ago: a slip in somebody's address."""
         once = [node for node in self.nodes.values()
                 if not node.known and node.packets <= 1 and node.heard_ns < self.last_ns]
@@ -372,8 +372,8 @@ def _fingerprint(packet: Packet) -> int:
     """Return what is the same in each copy of a packet, whatever way it came."""
     fields = packet.fields
     return hash((packet.name, *((name, value) for name, value in fields.items() if type(
-        value) is int and name not in _ON_THE_WAY), *packet.readings.values()))
+        value) is int and name not in _PER_HOP), *packet.readings.values()))
 
 
 # Numbers in headers that change from hop to hop.
-_ON_THE_WAY: Final = frozenset(('seqno', 'options', 'thl', 'etx'))
+_PER_HOP: Final = frozenset(('seqno', 'options', 'thl', 'etx'))

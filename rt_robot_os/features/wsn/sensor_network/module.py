@@ -81,7 +81,7 @@ class SensorNetwork(Module):
         self._model: NetworkModel | None = None
         self._watch: NetworkWatch | None = None
         self._next_ns = 0
-        self._told: frozenset[tuple[str, int]] = frozenset()
+        self._reported: frozenset[tuple[str, int]] = frozenset()
 
     # ---- ports -------------------------------------------------------------------------------
 
@@ -132,14 +132,14 @@ class SensorNetwork(Module):
         if self.connected('command'):
             while self.command.take():
                 model.command(str(self.command.msg.data))
-        decode, take = self._decoder.decode, model.take
+        decode, update = self._decoder.decode, model.update
         for reader in self._readers:
             while (data := reader.take()) is not None:
-                take(decode(data), reader.stamp_ns)
+                update(decode(data), reader.stamp_ns)
         # Not the time that it is: so that a replay gives the same.
         now_ns = max(self.job_ns, *(reader.stamp_ns for reader in self._readers))
         if now_ns >= self._next_ns:
-            watch.look(now_ns)
+            watch.evaluate(now_ns)
             self._tell(watch)
             self._publish(model, now_ns)
             # The next release is a little early or late.
@@ -170,11 +170,11 @@ class SensorNetwork(Module):
 
     def _tell(self, watch: NetworkWatch) -> None:
         """Log what has come up since the last round."""
-        told = self._told
+        told = self._reported
         for trouble in watch.troubles:
             if (trouble.kind, trouble.node) not in told:
                 self.log.warn('%s', trouble.text, throttle_s=1.0)
-        self._told = frozenset((each.kind, each.node) for each in watch.troubles)
+        self._reported = frozenset((each.kind, each.node) for each in watch.troubles)
 
     def _publish(self, model: NetworkModel, now_ns: int) -> None:
         self.nodes.msg.data = [number for row in model.rows(now_ns) for number in row]

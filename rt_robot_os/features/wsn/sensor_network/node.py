@@ -23,13 +23,13 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.wsn.battery_life import BatteryLife
 from rt_robot_os.features.wsn.battery_life import Curve
 from rt_robot_os.features.wsn.sensor_network.node_position import LinkLog
-from rt_robot_os.features.wsn.sensor_network.node_position import Place
+from rt_robot_os.features.wsn.sensor_network.node_position import PositionEstimate
 from rt_robot_os.features.wsn.sensor_network.sequence_account import SequenceAccount
 from rt_robot_os.messages.network_rows import NodeRow
 from rt_robot_os.messages.network_rows import NodeState
 
 #: As a parent: not known.
-NOBODY: Final = -1
+NO_NODE: Final = -1
 # What is recent is of one to two of these.
 _RECENT_NS: Final = 60 * NS_PER_S
 # Of a node whose place is estimated.
@@ -48,7 +48,7 @@ class NetworkNode:
     :ivar surveyed: its place is known, too, as nobody wears it: ``x``, ``y``, ``z`` in m.
     :ivar place: as estimated, where it is not surveyed; None while nothing says.
     :ivar account: of its packets by a number that counts them; None while there is none.
-    :ivar told: the same, by what the sink's own mote tells of them.
+    :ivar sink_account: the same, by what the sink's own mote tells of them.
     :ivar plain: packets by a number that tells them apart but does not count them.
     :ivar unnumbered: packets without any number.
     :ivar parent: the next node on the way to the sink.
@@ -60,7 +60,7 @@ class NetworkNode:
     """
 
     __slots__ = ('id', 'name', 'known', 'surveyed', 'x', 'y', 'z', 'place', 'links', 'account',
-                 'told', 'plain', 'unnumbered', 'parent', 'via', 'parent_ns', 'delivered_ns',
+                 'sink_account', 'plain', 'unnumbered', 'parent', 'via', 'parent_ns', 'delivered_ns',
                  'hops', 'cost', 'cost_ns', 'battery', 'heard_ns', 'first_ns', 'packets',
                  'asleep', 'claims_sink_ns', 'in_loop', 'state', 'set_period_ns', '_clock',
                  '_interval_ns', '_data_ns', '_recent', '_recent_ns')
@@ -70,16 +70,16 @@ class NetworkNode:
         self.name = name
         self.known = self.surveyed = False
         self.x = self.y = self.z = math.nan
-        self.place: Place | None = None
+        self.place: PositionEstimate | None = None
         self.links = LinkLog()
         self.account: SequenceAccount | None = None
-        self.told: SequenceAccount | None = None
+        self.sink_account: SequenceAccount | None = None
         self.plain: SequenceAccount | None = None
         self.unnumbered = 0
-        self.parent = self.via = NOBODY
+        self.parent = self.via = NO_NODE
         self.parent_ns = self.delivered_ns = -1
-        self.hops = NOBODY
-        self.cost = NOBODY
+        self.hops = NO_NODE
+        self.cost = NO_NODE
         self.cost_ns = -1
         self.battery = BatteryLife(curve)
         self.heard_ns = self.first_ns = -1
@@ -98,14 +98,14 @@ class NetworkNode:
 
     # ---- packets -----------------------------------------------------------------------------
 
-    def heard(self, now_ns: int) -> None:
+    def on_packet(self, now_ns: int) -> None:
         """Note a sign of life."""
         self.packets += 1
         self.heard_ns = now_ns
         if self.first_ns < 0:
             self.first_ns = now_ns
 
-    def data_came(self, now_ns: int) -> None:
+    def on_data(self, now_ns: int) -> None:
         """Note a packet with data, for the period of nodes that do not count theirs."""
         if self._data_ns >= 0:
             passed_ns = now_ns - self._data_ns
@@ -127,21 +127,21 @@ class NetworkNode:
     @property
     def exact(self) -> SequenceAccount | None:
         """Return the account that knows what was lost; None when nothing does."""
-        return self.account or self.told
+        return self.account or self.sink_account
 
     @property
     def received(self) -> int:
         """Return the packets that came, each counted once."""
         counted = sum(each.received for each in (self.account, self.plain) if each)
-        if not counted and self.told:
-            counted = self.told.received
+        if not counted and self.sink_account:
+            counted = self.sink_account.received
         return counted + self.unnumbered
 
     @property
     def duplicates(self) -> int:
         """Return the packets that came again."""
         found = sum(each.duplicates for each in (self.account, self.plain) if each)
-        return found or (self.told.duplicates if self.told and not self.plain else 0)
+        return found or (self.sink_account.duplicates if self.sink_account and not self.plain else 0)
 
     @property
     def lost(self) -> int:

@@ -55,7 +55,7 @@ _INDEPENDENT: Final = 4.0
 _ROUNDS: Final = 12
 
 
-class Link(NamedTuple):
+class PositionLink(NamedTuple):
     """
     A link to a known place.
 
@@ -68,7 +68,7 @@ class Link(NamedTuple):
     distance_m: float
 
 
-class Place(NamedTuple):
+class PositionEstimate(NamedTuple):
     """
     An estimate.
 
@@ -107,12 +107,12 @@ def lqi_of_etx(transmissions: float) -> float:
     return _ETX[-1][1]
 
 
-def lqi_of_beacons(share: float) -> float:
+def lqi_of_beacon_share(share: float) -> float:
     """Return the LQI of links over which this share of beacons comes."""
     return _WORST_LQI + (_HEARD_LQI - _WORST_LQI) * max(0.0, min(share, 1.0))
 
 
-def estimate(links: Sequence[Link]) -> Place | None:
+def estimate(links: Sequence[PositionLink]) -> PositionEstimate | None:
     """
     Return where the node is.
 
@@ -128,11 +128,11 @@ def estimate(links: Sequence[Link]) -> Place | None:
         w * ((each.x - x) ** 2 + (each.y - y) ** 2) for w, each in zip(weights, links)) / total)
     reach = sum(w * each.distance_m for w, each in zip(weights, links)) / total
     if len(links) < 3 or spread < _NEAREST_M:
-        return Place(x, y, max(spread, reach, _NEAREST_M))
+        return PositionEstimate(x, y, max(spread, reach, _NEAREST_M))
     return _fitted(links, x, y, spread)
 
 
-def _fitted(links: Sequence[Link], x: float, y: float, spread: float) -> Place:
+def _fitted(links: Sequence[PositionLink], x: float, y: float, spread: float) -> PositionEstimate:
     """Fit the place, and the common factor of the distances, from the centroid on."""
     from_x, from_y, factor = x, y, 0.0
     held = 1.0 / (2.0 * spread) ** 2  # the centroid holds it where nothing else does
@@ -170,15 +170,15 @@ def _fitted(links: Sequence[Link], x: float, y: float, spread: float) -> Place:
         if length < 0.01:
             break
     if not math.hypot(x - from_x, y - from_y) <= 3.0 * spread:
-        return Place(from_x, from_y, 2.0 * spread)  # nothing fits: the centroid is what is known
+        return PositionEstimate(from_x, from_y, 2.0 * spread)  # nothing fits: the centroid is what is known
     # Links side by side go through the same walls.
     worse = max(1.0, math.sqrt(residuals / len(links))) * max(
         1.0, math.sqrt(len(links) / _INDEPENDENT))
-    return _on_its_side(links, Place(x, y, worse * math.sqrt(
+    return _resolve_mirror(links, PositionEstimate(x, y, worse * math.sqrt(
         (xx + yy) / (xx * yy - xy * xy))))
 
 
-def _on_its_side(links: Sequence[Link], found: Place) -> Place:
+def _resolve_mirror(links: Sequence[PositionLink], found: PositionEstimate) -> PositionEstimate:
     """Return the foot on the line where all known places lie on one: either side fits as well."""
     count = len(links)
     x, y = sum(each.x for each in links) / count, sum(each.y for each in links) / count
@@ -192,7 +192,7 @@ def _on_its_side(links: Sequence[Link], found: Place) -> Place:
                           + yy * across_y ** 2))
     if 2.0 * width >= abs(beside):
         return found
-    return Place(found.x - beside * across_x, found.y - beside * across_y,
+    return PositionEstimate(found.x - beside * across_x, found.y - beside * across_y,
                  math.hypot(found.stddev_m, beside))
 
 
@@ -207,7 +207,7 @@ class LinkLog:
 
     def __init__(self) -> None:
         self.age_ns = 0
-        self._links: dict[Hashable, Link] = {}
+        self._links: dict[Hashable, PositionLink] = {}
         self._noted: dict[Hashable, int] = {}
 
     def note(self, other: Hashable, x: float, y: float, now_ns: int, lqi: float | None = None
@@ -230,12 +230,12 @@ class LinkLog:
         elif len(self._links) >= MOST_LINKS:
             oldest = next(iter(self._links))
             del self._links[oldest], self._noted[oldest]
-        self._links[other] = Link(x, y, distance_m)
+        self._links[other] = PositionLink(x, y, distance_m)
 
     def __len__(self) -> int:
         return len(self._links)
 
-    def place(self, now_ns: int) -> Place | None:
+    def place(self, now_ns: int) -> PositionEstimate | None:
         """Return where the node is; None while nothing says."""
         return estimate([link for other, link in self._links.items()
                          if self._counts(self._noted[other], now_ns)])

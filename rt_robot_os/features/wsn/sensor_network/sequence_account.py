@@ -59,7 +59,7 @@ _FOREIGN: Final = 3
 class _Stream:
     """Numbers that follow each other, unwrapped: ``highest`` and ``first`` never wrap."""
 
-    __slots__ = ('bits', 'first', 'highest', 'seen', 'heard_ns', 'began_ns', 'since_ns', 'lost',
+    __slots__ = ('bits', 'first', 'highest', 'seen', 'last_ns', 'began_ns', 'since_ns', 'lost',
                  'period_ns', 'prints', 'times', 'anchors', 'witnessed')
 
     def __init__(self, number: int, bits: int, fingerprint: int, now_ns: int, since_ns: int
@@ -67,7 +67,7 @@ class _Stream:
         self.bits = bits
         self.first = self.highest = number
         self.seen = 1
-        self.heard_ns = self.began_ns = now_ns
+        self.last_ns = self.began_ns = now_ns
         self.since_ns = since_ns  # nobody listened before, or the node ran on other numbers
         self.lost = 0
         self.period_ns = 0
@@ -112,10 +112,10 @@ class _Stream:
         size = 1 << self.bits
         forward = number - self.highest & size - 1
         half = size >> 1
-        passed = (now_ns - self.heard_ns) // self.period_ns if self.period_ns else 0
+        passed = (now_ns - self.last_ns) // self.period_ns if self.period_ns else 0
         if 2 * passed > half and len(self.anchors) > _SETTLED:
             ahead = forward + size * ((passed - forward + half) // size)
-            if abs(passed - ahead) <= self._doubt(passed):
+            if abs(passed - ahead) <= self._address_conflict(passed):
                 return ahead
             if passed > half:
                 return -WINDOW  # it began again, or another one did
@@ -129,9 +129,9 @@ class _Stream:
     def _began_again(self, number: int, forward: int, passed: int) -> bool:
         """Tell a reboot from a loss where both would give such a number; 8 bits are few."""
         return (number < self.highest & 0xFF and forward > _IN_ORDER and number <= passed + 2
-                and bool(self.period_ns) and abs(forward - passed) > self._doubt(passed))
+                and bool(self.period_ns) and abs(forward - passed) > self._address_conflict(passed))
 
-    def _doubt(self, passed: int) -> int:
+    def _address_conflict(self, passed: int) -> int:
         """Return how wrong a number is that the time says: a period is known to some packets."""
         return 4 + 3 * passed // max(1, self.highest - self.anchors[0][0])
 
@@ -139,7 +139,7 @@ class _Stream:
         self.lost += ahead - 1
         self.highest += ahead
         self.seen = (self.seen << ahead | 1) & _ALL if ahead < WINDOW else 1
-        self.heard_ns = now_ns
+        self.last_ns = now_ns
         self._mark(self.highest, fingerprint, now_ns)
         anchors = self.anchors
         settled = len(anchors) > _SETTLED
@@ -211,7 +211,7 @@ class SequenceAccount:
         self._repeat = -1
         self._repeat_ns = 0
 
-    def take(self, number: int, fingerprint: int, now_ns: int, renewed: bool = False) -> int:
+    def add(self, number: int, fingerprint: int, now_ns: int, renewed: bool = False) -> int:
         """
         Count a packet.
 
@@ -223,10 +223,10 @@ class SequenceAccount:
         number &= (1 << self.bits) - 1
         main = self._main
         if main is not None and renewed and (
-                self._other is None or now_ns - self._other.heard_ns > LATE_NS):
+                self._other is None or now_ns - self._other.last_ns > LATE_NS):
             self._repeated = 0
             self.received += 1
-            self._switch(_Stream(number, self.bits, fingerprint, now_ns, main.heard_ns))
+            self._switch(_Stream(number, self.bits, fingerprint, now_ns, main.last_ns))
             return NEW
         if main is None:
             self._main = _Stream(number, self.bits, fingerprint, now_ns, self._since_ns)
@@ -273,7 +273,7 @@ class SequenceAccount:
 
     def _offer_others(self, main: _Stream, number: int, fingerprint: int, now_ns: int) -> int:
         other, candidate = self._other, self._candidate
-        if other is not None and now_ns - other.heard_ns > max(LATE_NS, 4 * other.period_ns):
+        if other is not None and now_ns - other.last_ns > max(LATE_NS, 4 * other.period_ns):
             self._close(other)
         elif other is not None:
             found = other.offer(number, fingerprint, now_ns, _GOES_ON)
@@ -289,7 +289,7 @@ class SequenceAccount:
                 self._switch(candidate)
                 return found
             self.strays += 1
-        self._candidate = _Stream(number, self.bits, fingerprint, now_ns, main.heard_ns)
+        self._candidate = _Stream(number, self.bits, fingerprint, now_ns, main.last_ns)
         return NEW
 
     def _claim(self, main: _Stream, candidate: _Stream, now_ns: int) -> None:
@@ -344,11 +344,11 @@ class SequenceAccount:
         self.duplicates += 1
         # Copies come soon; and after a wrap small numbers are large ones.
         if self._repeated < _REPEATED or number + 1 - _REPEATED > _REPEATED or (
-                now_ns - main.heard_ns < (_REPEATED + 1) * main.period_ns
+                now_ns - main.last_ns < (_REPEATED + 1) * main.period_ns
                 or main.highest >> self.bits):
             return DUPLICATE
         again = _Stream(number + 1 - _REPEATED, self.bits, fingerprint,
-                        now_ns - (_REPEATED - 1) * main.period_ns, main.heard_ns)
+                        now_ns - (_REPEATED - 1) * main.period_ns, main.last_ns)
         for each in range(number + 2 - _REPEATED, number + 1):
             again.offer(each, fingerprint, now_ns)
         self.duplicates -= _REPEATED

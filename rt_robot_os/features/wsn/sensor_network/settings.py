@@ -24,12 +24,12 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.schema import Field
 from rt_robot_os.features.wsn.battery_life import ALKALINE
 from rt_robot_os.features.wsn.battery_life import Curve
-from rt_robot_os.features.wsn.sensor_network.watch import Limits
+from rt_robot_os.features.wsn.sensor_network.watch import NetworkLimits
 from rt_robot_os.features.wsn.sensor_packets import PACKET_SETTINGS
 from rt_robot_os.messages.survey import HIGHEST_ID
 from rt_robot_os.messages.survey import MOST_NODES
 
-_LIMITS: Final = Limits()
+_LIMITS: Final = NetworkLimits()
 
 SETTINGS: Final = (
     Field('packets_topics', list, ['wsn/packets/alarm', 'wsn/packets/vital', 'wsn/packets/rest'],
@@ -57,9 +57,9 @@ SETTINGS: Final = (
 )
 
 
-def limits_from(settings: Mapping[str, Any]) -> Limits:
+def limits_from(settings: Mapping[str, Any]) -> NetworkLimits:
     """Return what counts as trouble."""
-    return Limits(settings['silent_periods'], settings['silent_s'], settings['delivery_min'],
+    return NetworkLimits(settings['silent_periods'], settings['silent_s'], settings['delivery_min'],
                   settings['battery_low_v'], settings['days_low'])
 
 

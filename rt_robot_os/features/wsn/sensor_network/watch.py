@@ -30,9 +30,9 @@ from rt_robot_os.features.wsn.sensor_network.node import NetworkNode
 from rt_robot_os.messages.network_rows import NodeState
 
 #: Troubles that are told at once, at most; the rest are counted.
-MOST_TOLD: Final = 5
+MOST_REPORTED: Final = 5
 # How long something that happened once is told.
-_TOLD_NS: Final = 60 * NS_PER_S
+_EVENT_NS: Final = 60 * NS_PER_S
 # Below so many packets a share says little.
 _ENOUGH: Final = 10
 # The place of a node is estimated anew so often, in rounds.
@@ -40,7 +40,7 @@ _PLACE_ROUNDS: Final = 10
 
 
 @dataclass
-class Limits:
+class NetworkLimits:
     """
     What counts as trouble.
 
@@ -76,22 +76,22 @@ class NetworkWatch:
     """
     Look after a network.
 
-    :ivar limits: see :class:`Limits`; may be changed at any time.
+    :ivar limits: see :class:`NetworkLimits`; may be changed at any time.
     :ivar troubles: of the last round, the worst first.
     :ivar silent: how many nodes are silent now; so are ``weak``, ``good`` and ``unheard``.
     """
 
-    def __init__(self, model: NetworkModel, limits: Limits | None = None) -> None:
-        self.limits = limits or Limits()
+    def __init__(self, model: NetworkModel, limits: NetworkLimits | None = None) -> None:
+        self.limits = limits or NetworkLimits()
         self.troubles: tuple[Trouble, ...] = ()
         self.good = self.weak = self.silent = self.unheard = 0
         self._model = model
         self._rounds = 0
         self._since_ns = -1
         self._counts: dict[int, tuple[int, int]] = {}
-        self._happened: dict[tuple[str, int], tuple[int, str]] = {}
+        self._events: dict[tuple[str, int], tuple[int, str]] = {}
 
-    def look(self, now_ns: int) -> None:
+    def evaluate(self, now_ns: int) -> None:
         """Judge every node."""
         model = self._model
         found: list[Trouble] = []
@@ -102,19 +102,19 @@ class NetworkWatch:
         for node in model.nodes.values():
             if self._rounds % _PLACE_ROUNDS == node.id % _PLACE_ROUNDS and not node.surveyed:
                 node.place = node.links.place(now_ns) or node.place
-            self._happenings(node, now_ns)
-            node.state, own = self._judge(node, now_ns)
+            self._note_events(node, now_ns)
+            node.state, own = self._evaluate_node(node, now_ns)
             states[node.state] += 1
             found += own
         self._counts = {number: each for number, each in self._counts.items()
                         if number in model.nodes}
-        self._happened = {key: each for key, each in self._happened.items()
-                          if now_ns - each[0] <= _TOLD_NS and key[1] in model.nodes}
+        self._events = {key: each for key, each in self._events.items()
+                          if now_ns - each[0] <= _EVENT_NS and key[1] in model.nodes}
         found += (Trouble(kind, number, text)
-                  for (kind, number), (_, text) in self._happened.items())
+                  for (kind, number), (_, text) in self._events.items())
         if self._since_ns < 0:
             self._since_ns = now_ns
-        found += self._whole(now_ns)
+        found += self._evaluate_network(now_ns)
         self._rounds += 1
         self.good, self.weak = states[NodeState.GOOD], states[NodeState.WEAK]
         self.silent, self.unheard = states[NodeState.SILENT], states[NodeState.UNHEARD]
@@ -122,14 +122,14 @@ class NetworkWatch:
 
     def warning(self) -> str:
         """Return the troubles as one text; empty when there are none."""
-        told = [each.text for each in self.troubles[:MOST_TOLD]]
-        if len(self.troubles) > MOST_TOLD:
-            told.append(f'and {len(self.troubles) - MOST_TOLD} more')
+        told = [each.text for each in self.troubles[:MOST_REPORTED]]
+        if len(self.troubles) > MOST_REPORTED:
+            told.append(f'and {len(self.troubles) - MOST_REPORTED} more')
         return '; '.join(told)
 
     # ---- one node ----------------------------------------------------------------------------
 
-    def _judge(self, node: NetworkNode, now_ns: int) -> tuple[NodeState, list[Trouble]]:
+    def _evaluate_node(self, node: NetworkNode, now_ns: int) -> tuple[NodeState, list[Trouble]]:
         name, limits = name_of(node), self.limits
         found: list[Trouble] = []
         state = NodeState.GOOD
@@ -151,36 +151,36 @@ class NetworkWatch:
             state = NodeState.WEAK
         if node.in_loop:
             state = NodeState.DOUBTFUL
-        if (doubt := self._doubt(node, now_ns)) is not None:
+        if (doubt := self._address_conflict(node, now_ns)) is not None:
             state = NodeState.DOUBTFUL
             found.insert(0, doubt)
         if node.asleep:
             return NodeState.ASLEEP, []
         silent_ns = now_ns - node.heard_ns
-        if silent_ns > self._patience_ns(node):
+        if silent_ns > self._silence_ns(node):
             return NodeState.SILENT, [Trouble(
                 'silent', node.id, f'nothing has been heard of {name} for '
                 f'{silent_ns / NS_PER_S:.0f} s: is it on, and within reach of the others?')]
         return state, found
 
-    def _doubt(self, node: NetworkNode, now_ns: int) -> Trouble | None:
+    def _address_conflict(self, node: NetworkNode, now_ns: int) -> Trouble | None:
         account = node.exact
-        if account is not None and account.twins and now_ns - account.twin_ns <= _TOLD_NS:
+        if account is not None and account.twins and now_ns - account.twin_ns <= _EVENT_NS:
             return Trouble('twins', node.id, f'two nodes have the number {node.id} ({node.name}): '
                            'their packets count side by side; give one of them another number')
-        if node.claims_sink_ns >= 0 and now_ns - node.claims_sink_ns <= _TOLD_NS:
+        if node.claims_sink_ns >= 0 and now_ns - node.claims_sink_ns <= _EVENT_NS:
             return Trouble('claims', node.id, f'{name_of(node)} claims to be the sink (its cost '
                            f'is 0), which is {self._model.sink_id}: what goes there is lost')
         return None
 
-    def _patience_ns(self, node: NetworkNode) -> int:
+    def _silence_ns(self, node: NetworkNode) -> int:
         limits = self.limits
         if not node.period_ns:
             return round(10 * limits.silent_s * NS_PER_S)
         return max(round(limits.silent_s * NS_PER_S), round(limits.silent_periods
                                                             * node.period_ns))
 
-    def _happenings(self, node: NetworkNode, now_ns: int) -> None:
+    def _note_events(self, node: NetworkNode, now_ns: int) -> None:
         """Notice reboots and jumps: they are told for a while."""
         account = node.exact
         if account is None:
@@ -191,10 +191,10 @@ class NetworkWatch:
         if before is None or now == before:
             return
         if now[0] > before[0]:
-            self._happened['reboot', node.id] = now_ns, (
+            self._events['reboot', node.id] = now_ns, (
                 f'{name_of(node)} began anew ({now[0]} times so far): look at its battery')
         if now[1] > before[1]:
-            self._happened['jump', node.id] = now_ns, (
+            self._events['jump', node.id] = now_ns, (
                 f'the counter of {name_of(node)} jumped ({now[1]} times so far): what was lost '
                 'there is not known')
 
@@ -225,7 +225,7 @@ class NetworkWatch:
             done.update(way)
         return found
 
-    def _whole(self, now_ns: int) -> list[Trouble]:
+    def _evaluate_network(self, now_ns: int) -> list[Trouble]:
         model = self._model
         counters, found = model.counters, []
         silent_ns = round(self.limits.silent_s * NS_PER_S)

@@ -195,9 +195,9 @@ class Transceiver(Radio):
         now_ns = queue.now_ns
         if self._ack is not None or self._medium.is_busy(self, now_ns):
             self._wait_again()
-        elif mac.second_look_ns:
+        elif mac.second_cca_ns:
             self._event.call = self._look_again
-            queue.at(now_ns + mac.second_look_ns, self._event)
+            queue.at(now_ns + mac.second_cca_ns, self._event)
         else:
             self._transmit(now_ns)
 
