@@ -39,7 +39,7 @@ from rt_robot_os.features.wsn.routing.protocol import Node
 from rt_robot_os.features.wsn.routing.protocol import Router
 from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
 from rt_robot_os.features.wsn.sensor_network.watch import NetworkWatch
-from rt_robot_os.features.wsn.simulator.air import PositionLink
+from rt_robot_os.features.wsn.simulator.air import Link
 from rt_robot_os.features.wsn.simulator.link_medium import LinkMedium
 from rt_robot_os.features.wsn.simulator.mote import Mote
 from rt_robot_os.features.wsn.simulator.mote import Traffic
@@ -66,8 +66,8 @@ class Truth:
         self.is_t1, factory = PROTOCOLS[protocol]
         medium = LinkMedium(TINYOS1 if self.is_t1 else TINYOS2)
         for near, far in ((0, 1), (1, 2), (2, 3), (0, 4), (4, 5), (1, 4)):
-            medium.set_link(near, far, PositionLink(rate, -80, 100))
-            medium.set_link(far, near, PositionLink(rate, -80, 100))
+            medium.set_link(near, far, Link(rate, -80, 100))
+            medium.set_link(far, near, Link(rate, -80, 100))
         self.network = Network(medium, factory, mac=TINYOS1 if self.is_t1 else TINYOS2, seed=seed)
         self.model, self.decoder = NetworkModel(), PacketDecoder()
         self.made: dict[int, list[int]] = defaultdict(list)
@@ -103,7 +103,7 @@ class Truth:
             packet = SerialAm(0, 0, am_type, payload).pack()
         is_new = (life, number) not in self.came[origin]
         self.came[origin].add((life, number))
-        taken = self.model.take(self.decoder.decode(packet), self.network.queue.now_ns)
+        taken = self.model.update(self.decoder.decode(packet), self.network.queue.now_ns)
         assert taken == is_new, (origin, life, number)
         self.copies += not is_new
         self.new += is_new
@@ -181,7 +181,7 @@ def test_a_sink_that_drives_round_finds_nodes_that_nobody_surveyed() -> None:
     network.add(0, (1.0, 1.0, 0.3), is_root=True, power_dbm=-25.0)
     for number, place in places.items():
         network.add(number, place, power_dbm=-25.0, traffic=Traffic(PERIOD_NS, build))
-    network.on_deliver = lambda mote, am_type, payload, origin, application: model.take(
+    network.on_deliver = lambda mote, am_type, payload, origin, application: model.update(
         decoder.decode(TelosMsg(0x7E, am_type, payload).pack()), network.queue.now_ns)
     for second in range(1, 100):
         x = 6.0 + 5.0 * math.cos(0.04 * second)

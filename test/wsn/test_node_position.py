@@ -43,8 +43,9 @@ def test_noisy_links_give_a_place_as_sure_as_it_says() -> None:
     chance, within, errors = random.Random(3), 0, []
     for _ in range(200):
         true = chance.uniform(0, 10), chance.uniform(0, 8)
-        found = estimate([PositionLink(x, y, math.dist((x, y), true) * math.exp(chance.gauss(0, 0.5)))
-                          for x, y in [*ROOM, (3.0, 6.0), (8.0, 5.0)]])
+        found = estimate([
+            PositionLink(x, y, math.dist((x, y), true) * math.exp(chance.gauss(0, 0.5)))
+            for x, y in [*ROOM, (3.0, 6.0), (8.0, 5.0)]])
         assert found is not None
         errors.append(math.dist(found[:2], true))
         within += errors[-1] < 2.5 * found.stddev_m

@@ -163,8 +163,8 @@ def _t1_surge(payload: bytes, draft: Draft) -> None:
         draft.count, draft.count_bits = surge.seq_no, 32
         draft.fields['seq_no'] = surge.seq_no
         if len(data) > SurgeMsg.LAYOUT.size:
-            draft.problem = f'truncated: {len(data)} bytes after the header, SurgeMsg has 10 and ' \
-                            'DataMsg 14'
+            draft.problem = f'truncated: {len(data)} bytes after the header, SurgeMsg has 10 and' \
+                            ' DataMsg 14'
         return
     draft.name = 'data_msg'
     message_type, reading, parent, seq_no, kind, voltage = paper.DataMsg.unpack(data)

@@ -15,8 +15,8 @@
 """
 Neighbour tables of motes of TinyOS 1.x, after the header of their routing.
 
-``DebugPacket`` is sent to the sink. ``RoutePacket`` is the beacon of mica and mica2, in which their
-routing (MINT) reports link qualities to the neighbours.
+``DebugPacket`` is sent to the sink. ``RoutePacket`` is the beacon of mica and mica2, in which
+their routing (MINT) reports link qualities to the neighbours.
 """
 
 from __future__ import annotations
@@ -120,4 +120,5 @@ class RoutePacket(Header, _RoutePacketFields):
         size = self.entries * _RECEIVED.size
         if len(self.data) < size:
             raise ValueError(f'too short: {len(self.data)} bytes for {self.entries} neighbours')
-        return tuple([ReceivedNeighbour(*each) for each in _RECEIVED.iter_unpack(self.data[:size])])
+        return tuple(
+            [ReceivedNeighbour(*each) for each in _RECEIVED.iter_unpack(self.data[:size])])

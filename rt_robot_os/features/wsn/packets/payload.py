@@ -175,8 +175,8 @@ class Payload:
         object.__setattr__(self, '_layouts', layouts)
         object.__setattr__(self, 'size', layouts[0].size)
         if self.size > MOST_BYTES:
-            raise ConfigError([f'payload {self.name!r} has {self.size} bytes: at most {MOST_BYTES} '
-                               'fit into a packet; remove fields'])
+            raise ConfigError([f'payload {self.name!r} has {self.size} bytes: at most {MOST_BYTES}'
+                               ' fit into a packet; remove fields'])
         object.__setattr__(self, 'count_bits', next(
             (_COUNTING_CODES.get(each.code, 0) for each in self.fields
              if each.name == COUNTING_FIELD), 0))

@@ -162,8 +162,8 @@ def _of_mapping(value: Mapping[Any, Any]) -> Payload:
 
 def _field_of_mapping(where: str, item: object) -> PayloadField:
     if not isinstance(item, Mapping):
-        raise ConfigError([f'{where}: the field {item!r} must be a string such as moisture:H, or a '
-                           'mapping with name and code'])
+        raise ConfigError([f'{where}: the field {item!r} must be a string such as moisture:H, or '
+                           'a mapping with name and code'])
     where = f'{where}, field {str(item.get("name", ""))!r}'
     problems = _unknown(where, item, _FIELD_KEYS)
     problems += [f'{where}: {key} is missing' for key in _FIELD_KEYS[:2] if key not in item]

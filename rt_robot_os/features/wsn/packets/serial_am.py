@@ -60,6 +60,6 @@ class SerialAm(NamedTuple):
         if dispatch != DISPATCH_AM:
             raise ValueError(f'its dispatch byte is {dispatch:#04x}, not that of active messages')
         if len(data) != SIZE + length:
-            raise ValueError(f'its length byte is {length}, but the payload has {len(data) - SIZE} '
-                             'bytes')
+            raise ValueError(f'its length byte is {length}, but the payload has {len(data) - SIZE}'
+                             ' bytes')
         return cls(destination, source, am_type, data[SIZE:], group)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Messages of Surge, an application of TinyOS 1.x that sends readings to a sink and executes commands.
+Messages of Surge, an application of TinyOS 1.x that sends readings to a sink and obeys commands.
 
 
 SurgeTelos (telos, micaz) and the original Surge of mica2 differ in their layout.

@@ -70,7 +70,8 @@ def read_trace(path: str | Path) -> list[int]:
         try:
             value = round(float(words[-1]))
         except (OverflowError, ValueError):
-            raise ValueError(f'{path}, line {number}: {line[:40]!r} is not a noise in dBm') from None
+            raise ValueError(
+                f'{path}, line {number}: {line[:40]!r} is not a noise in dBm') from None
         if not -128 <= value <= 0:
             raise ValueError(f'{path}, line {number}: {value} dBm: must be -128 to 0')
         trace.append(value)

@@ -51,8 +51,8 @@ class _Link:
     """
     A neighbour.
 
-    A data transmission counts in the link's window even before the link is mature, and a restart of
-    the estimate does not clear that window: the motes clear it only for a new parent.
+    A data transmission counts in the link's window even before the link is mature, and a restart
+    of the estimate does not clear that window: the motes clear it only for a new parent.
     """
 
     __slots__ = ('acknowledged', 'address', 'etx', 'lost', 'mature', 'pinned', 'quality',

@@ -122,7 +122,8 @@ class _MultiHopLqi(Router):
         return self.root and self._route.parent != NO_PARENT
 
     def _retransmitter(self, finished: Callable[[], None]) -> Retransmitter:
-        return Retransmitter(self._node, lambda: self._route.parent, finished, RETRANSMISSIONS, self.counters)
+        return Retransmitter(self._node, lambda: self._route.parent, finished, RETRANSMISSIONS,
+                             self.counters)
 
     def _packet(self, am_type: int, payload: bytes) -> Packet:
         if self._route.parent == NO_PARENT:
@@ -290,9 +291,9 @@ class MultiHopLqi1(_MultiHopLqi):
     """
     MultiHopLQI of TinyOS 1.x, of SurgeTelos.
 
-    The stack has one message buffer for the radio and the serial line: packets and beacons that are
-    sent meanwhile are lost. Data that are broadcast without a route are ignored by all nodes. A root
-    that treats a copy as a loop loses its route to the serial line.
+    The stack has one message buffer for the radio and the serial line: packets and beacons that
+    are sent meanwhile are lost. Data that are broadcast without a route are ignored by all nodes.
+    A root that treats a copy as a loop loses its route to the serial line.
 
     :param data_am_type: of the application's packets.
     :param serial_baud: of the root's serial line, which blocks the stack; 0: no delay.
