@@ -37,7 +37,7 @@ from rt_robot_os.features.wsn.network_markers import NODES
 from rt_robot_os.features.wsn.packets.decode import PacketDecoder
 from rt_robot_os.features.wsn.packets.framing import FrameReader
 from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
-from rt_robot_os.features.wsn.sensor_network.watch import Limits
+from rt_robot_os.features.wsn.sensor_network.watch import NetworkLimits
 from rt_robot_os.features.wsn.sensor_network.watch import NetworkWatch
 from rt_robot_os.features.wsn.sink.simulated import SimulatedSink
 from rt_robot_os.messages.marker_array import Marker
@@ -69,7 +69,7 @@ class House:
         self.simulated = SimulatedSink('sink', {'period_ms': 2000.0, 'power_dbm': -25.0},
                                        PtyPort('/nowhere'), site=Site(self.world))
         self.model = NetworkModel(self.world.nodes)
-        self.watch = NetworkWatch(self.model, Limits())
+        self.watch = NetworkWatch(self.model, NetworkLimits())
         self.names = {node.id: node.name for node in self.world.nodes} | {0: 'sink'}
         self._reader = FrameReader()
         self._decoder = PacketDecoder('tinyos1')
@@ -86,7 +86,7 @@ class House:
             self.model.sink_at(x, y, 0.4)
             for frame in self._reader.feed(self.simulated.sample(time_s)):
                 self.model.take(self._decoder.decode(frame.packet), now_ns)
-        self.watch.look(now_ns)
+        self.watch.evaluate(now_ns)
 
     def rows(self) -> list[NodeRow]:
         """Return what /wsn/nodes says now."""

@@ -33,12 +33,12 @@ from rt_robot_os.features.wsn.packets.decode import PacketDecoder
 from rt_robot_os.features.wsn.packets.framing import FrameReader
 from rt_robot_os.features.wsn.packets.framing import TINYOS_1
 from rt_robot_os.features.wsn.sink.driver import Sink
-from rt_robot_os.features.wsn.sink.duplicates import Copies
+from rt_robot_os.features.wsn.sink.duplicates import DuplicateFilter
 from rt_robot_os.features.wsn.sink.flow_limit import FlowLimit
 from rt_robot_os.features.wsn.sink.importance import Classifier
 from rt_robot_os.features.wsn.sink.importance import DEFAULT_CLASSES
 from rt_robot_os.features.wsn.sink.importance import DEFAULT_RULES
-from rt_robot_os.features.wsn.sink.packet_header import looker
+from rt_robot_os.features.wsn.sink.packet_header import header_reader
 from rt_robot_os.features.wsn.sink.sorting import Sorting
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
@@ -58,12 +58,12 @@ def frames(harness: Harness) -> Measured:
     harness.prepare(freeze=True)
     decoder = PacketDecoder(TINYOS_1.name)
     sorting = Sorting(
-        looker(TINYOS_1.name, 'telos'), Classifier(DEFAULT_CLASSES, DEFAULT_RULES),
-        Copies(60 * NS_PER_S), FlowLimit(0.0), room=_BATCH, groups=(0x7D,), known_types=(17,),
-        root=0)
+        header_reader(TINYOS_1.name, 'telos'), Classifier(DEFAULT_CLASSES, DEFAULT_RULES),
+        DuplicateFilter(60 * NS_PER_S), FlowLimit(0.0), room=_BATCH, groups=(0x7D,),
+        known_types=(17,), root=0)
     return Measured({
         'decode_ns': _cost(lines, decoder.decode),
-        'sort_ns': _cost(lines, lambda packet: sorting.take(packet, 1))})
+        'sort_ns': _cost(lines, lambda packet: sorting.add(packet, 1))})
 
 
 def _cost(lines: list[bytes], use: Callable[[bytes], object]) -> Any:

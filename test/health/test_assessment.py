@@ -226,7 +226,8 @@ def test_a_message_that_cannot_be_read_is_counted(text: str) -> None:
     ('pulse_per_min', 'the end is not valid after the sign'), (' ', 'it is empty'),
     ('pulse_per_min > 120 for 3 weeks', 'is not a duration'),
     ('pulse_per_min > 120 level bad', 'one of technical, warning'),
-    ('pulse_per_min > 1..2', 'is not a finite number'), ('spo2_percent falling 0 in 10 min', 'above 0'),
+    ('pulse_per_min > 1..2', 'is not a finite number'),
+    ('spo2_percent falling 0 in 10 min', 'above 0'),
     ('spo2_percent falling 4 in 1 s', 'from 30 s to 14 d')])
 def test_a_limit_that_cannot_be_meant_is_refused(limit: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words):

@@ -38,7 +38,7 @@ def drained(begin: float, per_day: float, hours: float, noise_v: float = 0.004) 
     life, chance = BatteryLife(Curve()), random.Random(1)
     for minute in range(round(hours * 60)):
         share = max(0.0, begin - per_day * minute / 1440)
-        life.take(volts_at(share) + chance.gauss(0.0, noise_v), minute * 60 * NS_PER_S)
+        life.add(volts_at(share) + chance.gauss(0.0, noise_v), minute * 60 * NS_PER_S)
     return life
 
 
@@ -56,7 +56,7 @@ def test_nothing_is_told_before_three_hours_or_from_noise() -> None:
 
 def test_new_cells_begin_anew() -> None:
     life = drained(0.2, 0.1, 24.0)
-    life.take(3.2, 86_400 * NS_PER_S)
+    life.add(3.2, 86_400 * NS_PER_S)
     assert math.isnan(life.days_left()) and life.volts == 3.2 and life.share == 1.0
 
 

@@ -307,7 +307,7 @@ def test_a_long_queue_is_told() -> None:
         mote = Mote(rules=CtpRules(congestion=congestion)).with_parent()
         for number in range(8):
             mote.data(number)
-        mote.ctp._routing.tell_at_once()
+        mote.ctp._routing.trigger_immediate_update()
         mote.node.run_binary_ms(128)
         assert [one.options for one in mote.told()] == [options]
 

@@ -113,7 +113,7 @@ def test_a_queue_of_more_than_half_is_told_as_congestion(packets: int, options: 
     mote = Mote(rules=CtpRules(congestion=True)).with_parent()
     for number in range(packets):
         mote.data(number)
-    mote.ctp._routing.tell_at_once()
+    mote.ctp._routing.trigger_immediate_update()
     mote.node.run_binary_ms(128)
     assert [one.options for one in mote.told()] == [options]
 

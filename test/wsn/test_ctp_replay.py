@@ -16,9 +16,9 @@
 """
 The Collection Tree Protocol, step by step against what real motes sent.
 
-Each mote of a recording is replayed alone: our protocol is given what the mote heard and which of
-its packets were acknowledged, and each beacon and data packet that it sends must equal the mote's
-byte for byte: parent, ETX, what it says of its neighbours, and to whom data go.
+Each mote of a recording is replayed alone: our protocol is given what the mote received and which
+of its packets were acknowledged, and each beacon and data packet that it sends must equal the
+mote's byte for byte: parent, ETX, what it says of its neighbours, and to whom data go.
 """
 
 from __future__ import annotations

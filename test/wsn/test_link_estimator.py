@@ -118,7 +118,7 @@ class Links(LinkEstimator):
     def hear(self, address: int, *sequences: int) -> None:
         """Take beacons with these numbers."""
         for sequence in sequences:
-            self.heard(address, sequence & 0xFF, no)
+            self.receive_beacon(address, sequence & 0xFF, no)
 
 
 def test_three_beacons_make_a_link_mature() -> None:
@@ -211,7 +211,7 @@ def test_a_better_neighbour_takes_the_place_of_one_that_is_not_known_yet() -> No
     links = Links()
     for address in range(TABLE_SIZE):
         links.hear(address, *((0, 1, 2) if address != 5 else (0,)))
-    links.heard(99, 0, lambda: True)
+    links.receive_beacon(99, 0, lambda: True)
     assert links.gone == [5]
 
 
@@ -245,7 +245,7 @@ def test_whatever_comes_the_table_keeps_its_bounds(data: st.DataObject) -> None:
         kind = data.draw(st.integers(0, 5))
         who = data.draw(address)
         if kind <= 2:
-            links.heard(who, data.draw(st.integers(0, 255)), lambda: bool(who & 1))
+            links.receive_beacon(who, data.draw(st.integers(0, 255)), lambda: bool(who & 1))
         elif kind == 3:
             links.sent(who, data.draw(st.booleans()))
         elif kind == 4:

@@ -75,7 +75,7 @@ class House:
             settled(Scenario(
                 protocol='multihoplqi', tinyos=int(version), radio=CLEAR, traffic=TrafficSettings(
                     period_ms=PERIOD_MS, payload='data' if version == '1' else 'oscilloscope'))),
-            protocol, STATIONS[station], surroundings=self.world,
+            protocol, STATIONS[station], environment=self.world,
             obstacles=Obstacles(None, 6.0, self._people, 4.0), sink_position=self._sink,
             to_host=self._take, baud=57600)
         self.world.advance(self.now_ns)
@@ -268,7 +268,7 @@ def test_who_stands_between_two_nodes_weakens_their_link() -> None:
     assert obstacles.loss_db(0, 2, 6, 2) == 12.0
     assert obstacles.loss_db(3.0, 0.1, 6, 0) == 12.0, 'who wears a node is not in its way'
     people[0] = (3.0, 2.0)
-    assert obstacles.look() and not obstacles.look()
+    assert obstacles.update() and not obstacles.update()
     assert obstacles.loss_db(0, 2, 6, 2) == 16.0
 
 

@@ -26,7 +26,7 @@ from lqi_recordings import on_air
 from lqi_recordings import rows
 import pytest
 
-from rt_robot_os.features.wsn.cli.decisions import Decisions
+from rt_robot_os.features.wsn.cli.decisions import DecisionReplay
 from rt_robot_os.features.wsn.routing.link_cost import link_cost
 
 #: As firmware numbers the events that its root tells on the serial line.
@@ -43,7 +43,7 @@ def test_cost_by_lqi_as_its_users_published_it(data_dir: Path) -> None:
 
 
 def test_every_decision_in_tossim(data_dir: Path) -> None:
-    log = Decisions()
+    log = DecisionReplay()
     table = rows(data_dir / 'wsn/tossim_multihoplqi_decisions.csv.gz')
     unlike = [row for row in table if not log.explain(row)]
     assert unlike == []

@@ -351,5 +351,5 @@ def test_bytes_of_whatever_kind_raise_nothing(
 
 
 def test_a_period_of_nothing_is_refused() -> None:
-    with pytest.raises(ValueError, match='^beacon_period_ns 0: 1 or more$'):
+    with pytest.raises(ValueError, match='^beacon_period_ns 0: must be 1 or more$'):
         MultiHopLqi2(FakeNode(1), beacon_period_ns=0)

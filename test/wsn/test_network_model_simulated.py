@@ -103,7 +103,7 @@ class Truth:
             packet = SerialAm(0, 0, am_type, payload).pack()
         is_new = (life, number) not in self.came[origin]
         self.came[origin].add((life, number))
-        taken = self.model.take(self.decoder.decode(packet), self.network.queue.now_ns)
+        taken = self.model.update(self.decoder.decode(packet), self.network.queue.now_ns)
         assert taken == is_new, (origin, life, number)
         self.copies += not is_new
         self.new += is_new
@@ -153,11 +153,11 @@ def test_nodes_that_fail_and_begin_again_are_accounted_for(protocol: str) -> Non
 def test_a_node_that_dies_is_silent_and_its_child_has_another_parent() -> None:
     truth = Truth('paper', 1.0)
     truth.network.run_until(60 * S)
-    truth.watch.look(60 * S)
+    truth.watch.evaluate(60 * S)
     assert truth.model.nodes[5].parent == 4 and not truth.watch.troubles
     truth.network.motes[4].kill()
     truth.network.run_until(90 * S)
-    truth.watch.look(90 * S)
+    truth.watch.evaluate(90 * S)
     states = {number: node.state for number, node in truth.model.nodes.items()}
     # 5 had no other way than through 4.
     assert states == {1: NodeState.GOOD, 2: NodeState.GOOD, 3: NodeState.GOOD,
@@ -181,7 +181,7 @@ def test_a_sink_that_drives_round_finds_nodes_that_nobody_surveyed() -> None:
     network.add(0, (1.0, 1.0, 0.3), is_root=True, power_dbm=-25.0)
     for number, place in places.items():
         network.add(number, place, power_dbm=-25.0, traffic=Traffic(PERIOD_NS, build))
-    network.on_deliver = lambda mote, am_type, payload, origin, application: model.take(
+    network.on_deliver = lambda mote, am_type, payload, origin, application: model.update(
         decoder.decode(TelosMsg(0x7E, am_type, payload).pack()), network.queue.now_ns)
     for second in range(1, 100):
         x = 6.0 + 5.0 * math.cos(0.04 * second)
@@ -189,7 +189,7 @@ def test_a_sink_that_drives_round_finds_nodes_that_nobody_surveyed() -> None:
         network.move(0, (x, y, 0.3))
         model.sink_at(x, y)
         network.run_until(second * S)
-        watch.look(second * S)
+        watch.evaluate(second * S)
     errors = []
     for number in (10, 11, 12):
         found = model.nodes[number].place

@@ -42,7 +42,7 @@ def heard_by_the_sink(wsn: Path, name: str) -> NetworkModel:
     model, decoder = NetworkModel(), PacketDecoder('tinyos2')
     for row in table(wsn / f'mspsim_{name}.frames.csv.gz'):
         frame = bytes.fromhex(row['frame_hex_unescaped_with_crc'])
-        model.take(decoder.decode(frame[1:-2]), int(row['t_us']) * 1000)
+        model.update(decoder.decode(frame[1:-2]), int(row['t_us']) * 1000)
     return model
 
 
@@ -68,7 +68,7 @@ def test_the_bytes_of_the_line_give_the_same_as_its_frames(data_dir: Path, name:
     data = (wsn / f'mspsim_{name}.serial.bin').read_bytes()
     rows = iter(table(wsn / f'mspsim_{name}.frames.csv.gz'))
     for frame in reader.feed(data):
-        model.take(decoder.decode(frame.packet), int(next(rows)['t_us']) * 1000)
+        model.update(decoder.decode(frame.packet), int(next(rows)['t_us']) * 1000)
     expected = heard_by_the_sink(wsn, name)
     assert {number: node.summary() for number, node in model.nodes.items()} == {
         number: node.summary() for number, node in expected.nodes.items()}
@@ -101,7 +101,7 @@ def test_a_sniffer_sees_the_parent_of_every_node(data_dir: Path, name: str) -> N
     for row in table(data_dir / 'wsn' / f'mspsim_{name}.air.csv.gz'):
         data = bytes.fromhex(row['mpdu_hex_with_length_byte'])
         packet = decoder.decode_air(data, checked=False)
-        model.take(packet, int(row['t_us']) * 1000)
+        model.update(packet, int(row['t_us']) * 1000)
         if packet.kind == 'data' and packet.destination != 0xFFFF:
             sent.setdefault(packet.source, Counter())[packet.destination] += 1
             if packet.source:

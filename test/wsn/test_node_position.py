@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 from rt_robot_os.features.wsn.sensor_network.node_position import distance_of_lqi
 from rt_robot_os.features.wsn.sensor_network.node_position import estimate
-from rt_robot_os.features.wsn.sensor_network.node_position import Link
+from rt_robot_os.features.wsn.sensor_network.node_position import PositionLink
 from rt_robot_os.features.wsn.sensor_network.node_position import LinkLog
 from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_link_cost
 from rt_robot_os.features.wsn.sensor_network.node_position import MOST_LINKS
@@ -34,7 +34,7 @@ ROOM = [(0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (0.0, 8.0), (5.0, 4.0)]
 
 @pytest.mark.parametrize('factor', [0.5, 1.0, 2.5])
 def test_true_distances_give_the_place_whatever_their_scale(factor: float) -> None:
-    found = estimate([Link(x, y, factor * math.dist((x, y), (7.0, 2.5))) for x, y in ROOM])
+    found = estimate([PositionLink(x, y, factor * math.dist((x, y), (7.0, 2.5))) for x, y in ROOM])
     assert found is not None
     assert math.dist(found[:2], (7.0, 2.5)) < 0.7
 
@@ -43,8 +43,9 @@ def test_noisy_links_give_a_place_as_sure_as_it_says() -> None:
     chance, within, errors = random.Random(3), 0, []
     for _ in range(200):
         true = chance.uniform(0, 10), chance.uniform(0, 8)
-        found = estimate([Link(x, y, math.dist((x, y), true) * math.exp(chance.gauss(0, 0.5)))
-                          for x, y in [*ROOM, (3.0, 6.0), (8.0, 5.0)]])
+        found = estimate([
+            PositionLink(x, y, math.dist((x, y), true) * math.exp(chance.gauss(0, 0.5)))
+            for x, y in [*ROOM, (3.0, 6.0), (8.0, 5.0)]])
         assert found is not None
         errors.append(math.dist(found[:2], true))
         within += errors[-1] < 2.5 * found.stddev_m
@@ -53,7 +54,7 @@ def test_noisy_links_give_a_place_as_sure_as_it_says() -> None:
 
 
 def test_one_link_says_about_where() -> None:
-    found = estimate([Link(3.0, 4.0, 6.0)])
+    found = estimate([PositionLink(3.0, 4.0, 6.0)])
     assert found == (3.0, 4.0, 6.0) and estimate([]) is None
 
 
@@ -71,7 +72,7 @@ def test_a_robot_that_drives_past_finds_a_node() -> None:
 
 
 def test_a_straight_way_does_not_say_on_which_side() -> None:
-    found = estimate([Link(0.5 * step, 1.0, math.dist((0.5 * step, 1.0), (4.0, 3.0)))
+    found = estimate([PositionLink(0.5 * step, 1.0, math.dist((0.5 * step, 1.0), (4.0, 3.0)))
                       for step in range(16)])
     assert found is not None
     assert found.y == pytest.approx(1.0, abs=0.01) and found.stddev_m > 1.5
@@ -117,5 +118,5 @@ def test_a_better_link_is_nearer() -> None:
 @given(st.lists(st.tuples(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4), st.floats(0.1, 1e3)),
                 min_size=1, max_size=32))
 def test_any_links_give_a_finite_place(links: list[tuple[float, float, float]]) -> None:
-    found = estimate([Link(*each) for each in links])
+    found = estimate([PositionLink(*each) for each in links])
     assert found is not None and all(map(math.isfinite, found)) and found.stddev_m > 0.0

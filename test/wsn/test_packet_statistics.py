@@ -24,52 +24,53 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rt_robot_os.features.wsn.simulator.packet_statistics import Gap
-from rt_robot_os.features.wsn.simulator.packet_statistics import Ledger
+from rt_robot_os.features.wsn.simulator.packet_statistics import PacketStatistics
 from rt_robot_os.features.wsn.simulator.pcap import PcapWriter
 
 
 def test_each_packet_counts_once_however_often_it_comes() -> None:
-    ledger = Ledger((1, 2))
-    ledger.made(1, b'a', 100)
-    ledger.made(1, b'b', 200)
-    ledger.made(2, b'a', 300)
-    assert ledger.came(1, b'a', 150)
-    assert not ledger.came(1, b'a', 160)
-    assert not ledger.came(1, b'x', 170)
-    assert not ledger.came(9, b'a', 170)
-    assert (ledger.generated, ledger.delivered) == ({1: 2, 2: 1}, {1: 1, 2: 0})
-    assert (ledger.duplicates, ledger.unknown, list(ledger.latencies_ns)) == (1, 2, [50])
+    statistics = PacketStatistics((1, 2))
+    statistics.add_generated(1, b'a', 100)
+    statistics.add_generated(1, b'b', 200)
+    statistics.add_generated(2, b'a', 300)
+    assert statistics.add_delivered(1, b'a', 150)
+    assert not statistics.add_delivered(1, b'a', 160)
+    assert not statistics.add_delivered(1, b'x', 170)
+    assert not statistics.add_delivered(9, b'a', 170)
+    assert (statistics.generated, statistics.delivered) == ({1: 2, 2: 1}, {1: 1, 2: 0})
+    assert (statistics.duplicates, statistics.unknown) == (1, 2)
+    assert list(statistics.latencies_ns) == [50]
 
 
 def test_a_node_that_boots_again_makes_new_packets() -> None:
-    ledger = Ledger((1,))
-    ledger.made(1, b'0', 0)
-    assert ledger.came(1, b'0', 5)
-    ledger.made(1, b'0', 1000)
-    assert ledger.came(1, b'0', 1005)
-    assert ledger.delivered == {1: 2}
+    statistics = PacketStatistics((1,))
+    statistics.add_generated(1, b'0', 0)
+    assert statistics.add_delivered(1, b'0', 5)
+    statistics.add_generated(1, b'0', 1000)
+    assert statistics.add_delivered(1, b'0', 1005)
+    assert statistics.delivered == {1: 2}
 
 
 def test_gaps_are_losses_in_a_row() -> None:
-    ledger = Ledger((1,))
+    statistics = PacketStatistics((1,))
     for index, came in enumerate('1100100011000'):
-        ledger.made(1, b'%d' % index, 10 * index)
+        statistics.add_generated(1, b'%d' % index, 10 * index)
         if came == '1':
-            ledger.came(1, b'%d' % index, 10 * index + 1)
-    assert ledger.gaps(3, 500) == [Gap(1, 50, 80, 3), Gap(1, 100, 500, 3)]
-    assert len(ledger.gaps(1, 500)) == 3
+            statistics.add_delivered(1, b'%d' % index, 10 * index + 1)
+    assert statistics.gaps(3, 500) == [Gap(1, 50, 80, 3), Gap(1, 100, 500, 3)]
+    assert len(statistics.gaps(1, 500)) == 3
 
 
 @given(st.lists(st.booleans(), max_size=60))
 def test_gaps_and_deliveries_are_all_packets(fates: list[bool]) -> None:
-    ledger = Ledger((1,))
+    statistics = PacketStatistics((1,))
     for index, came in enumerate(fates):
-        ledger.made(1, b'%d' % index, index)
+        statistics.add_generated(1, b'%d' % index, index)
         if came:
-            ledger.came(1, b'%d' % index, index)
-    lost = sum(gap.lost for gap in ledger.gaps(1, len(fates)))
-    assert lost == len(fates) - ledger.delivered[1]
-    assert [took_ns == 0 for _, _, took_ns in ledger.fates()] == fates
+            statistics.add_delivered(1, b'%d' % index, index)
+    lost = sum(gap.lost for gap in statistics.gaps(1, len(fates)))
+    assert lost == len(fates) - statistics.delivered[1]
+    assert [took_ns == 0 for _, _, took_ns in statistics.fates()] == fates
 
 
 def test_a_file_of_frames_is_a_pcap_file() -> None:

@@ -47,7 +47,7 @@ from rt_robot_os.features.wsn.packets.multihop_lqi import MicaMultihopMsg
 from rt_robot_os.features.wsn.packets.multihop_lqi import MultihopMsg
 from rt_robot_os.features.wsn.packets.neighbour_tables import DebugPacket
 from rt_robot_os.features.wsn.packets.neighbour_tables import Estimate
-from rt_robot_os.features.wsn.packets.neighbour_tables import HeardNeighbour
+from rt_robot_os.features.wsn.packets.neighbour_tables import ReceivedNeighbour
 from rt_robot_os.features.wsn.packets.neighbour_tables import RoutePacket
 from rt_robot_os.features.wsn.packets.oscilloscope import Oscilloscope
 from rt_robot_os.features.wsn.packets.oscilloscope import OscopeMsg
@@ -115,7 +115,7 @@ def test_the_battery_as_its_own_quantity_and_a_kind_of_a_later_version() -> None
     battery = PacketDecoder().decode(t1(17, paper.DataMsg(0, 4000, 3, 1, 4, 0).pack()))
     assert battery.readings == pytest.approx({'battery': 4000 / 4096 * 3})
     later = PacketDecoder().decode(t1(17, paper.DataMsg(0, 1, 3, 1, 99, 0).pack()))
-    assert (later.problem, later.readings) == ('there is no kind 99', {})
+    assert (later.problem, later.readings) == ('unknown kind 99', {})
 
 
 def test_the_beacon_of_a_moving_sink() -> None:
@@ -145,7 +145,7 @@ def test_commands_of_both_generations() -> None:
         assert (found.kind, found.fields, found.problem) == (
             'command', {'command': 2, 'value': 2048}, '')
     odd = PacketDecoder().decode(t2(18, SurgeCmdT2(7, 1).pack()))
-    assert odd.problem == 'there is no command 7 of Surge'
+    assert odd.problem == 'unknown command 7 of Surge'
 
 
 def test_tables_of_neighbours_and_the_oscilloscope_of_tinyos_1() -> None:
@@ -164,7 +164,7 @@ def test_tables_of_neighbours_and_the_oscilloscope_of_tinyos_1() -> None:
 def test_mica_tells_of_its_neighbours() -> None:
     body = RoutePacket(2, 1200, 2, bytes.fromhex('0300c8 0400ff')).pack()
     assert RoutePacket.unpack(body).neighbours() == (
-        HeardNeighbour(3, 200), HeardNeighbour(4, 255))
+        ReceivedNeighbour(3, 200), ReceivedNeighbour(4, 255))
     decoder = PacketDecoder('tinyos1', platform='mica')
     packet = MicaMsg(0xFFFF, 250, MicaMultihopMsg(5, 5, 9, 1, body).pack())
     beacon = decoder.decode(packet.pack())
@@ -277,14 +277,14 @@ def test_frames_of_both_generations_on_the_air() -> None:
         two.pack()[-2:].hex())
     raw = PacketDecoder().decode(b'\x02' + two.pack())
     assert (raw.source, raw.kind, raw.problem) == (3, 'beacon', '')
-    with pytest.raises(ValueError, match='128 bytes: on the air it may have 127'):
+    with pytest.raises(ValueError, match='128 bytes: at most 127 on the air'):
         T2Frame(0, 0, 0, bytes(115)).pack()
 
 
 @pytest.mark.parametrize(('frame', 'problem'), [
-    ('', 'too short: 0 bytes, a frame has 6'), ('0602000131a4', 'its length byte says 6, 5 '),
-    ('0503000131a4', 'is of no data and no acknowledgement'),
-    ('0e41cc010000000000000000000000', 'frame control field 0xcc41 has addresses of another form'),
+    ('', 'too short: 0 bytes, a frame has 6'), ('0602000131a4', 'its length byte is 6, but 5 bytes follow'),
+    ('0503000131a4', 'is neither of data nor of an acknowledgement'),
+    ('0e41cc010000000000000000000000', 'frame control field 0xcc41 has an address format other than'),
     ('0d' '418801' '2200' '0000' '0000' '41' '42' '0000', "network byte is 0x41, TinyOS' is 0x3f"),
     ('0541880131a4', 'too short: 6 bytes, a frame with data has 14'),
     ('0502000131a5', 'its frame check sequence is wrong')])
@@ -299,20 +299,20 @@ def test_damaged_frames_from_the_air_are_named(frame: str, problem: str) -> None
 
 @pytest.mark.parametrize(('packet', 'stack', 'problem'), [
     (SURGE[:9], 'tinyos1', 'too short: 9 bytes, the header has 10'),
-    (SURGE[:-1], 'tinyos1', 'its length byte says 20, 19 bytes of payload are there'),
-    (SURGE + b'\0', 'tinyos1', 'its length byte says 20, 21 bytes of payload are there'),
+    (SURGE[:-1], 'tinyos1', 'its length byte is 20, but the payload has 19 bytes'),
+    (SURGE + b'\0', 'tinyos1', 'its length byte is 20, but the payload has 21 bytes'),
     (t1(17, b'abc'), 'tinyos1', 'too short: 3 bytes, SurgeMsg has 10'),
     (TelosMsg(0, 17, b'abc').pack(), 'tinyos1', 'too short: 3 bytes, MultihopMsg has 10'),
-    (t1(250, bytes(8)), 'tinyos1', 'cut: 8 bytes behind the header, a beacon has 6 or 10'),
-    (t1(17, bytes(12)), 'tinyos1', 'cut: 12 bytes behind the header, SurgeMsg has 10 and'),
-    (t1(17, SurgeMsg(9, 0, 0, 0).pack()), 'tinyos1', 'there is no message type 9 of Surge'),
+    (t1(250, bytes(8)), 'tinyos1', 'truncated: 8 bytes after the header, a beacon has 6 or 10'),
+    (t1(17, bytes(12)), 'tinyos1', 'truncated: 12 bytes after the header, SurgeMsg has 10 and'),
+    (t1(17, SurgeMsg(9, 0, 0, 0).pack()), 'tinyos1', 'unknown message type 9 of Surge'),
     (t2(0x73, bytes(11)), 'tinyos2', 'too short: 11 bytes, LqiBeacon has 12'),
     (t2(0x74, bytes(8)), 'tinyos2', 'too short: 8 bytes, LqiData has 9'),
-    (t2(0x93, bytes(9)), 'tinyos2', 'the last of its readings is cut'),
+    (t2(0x93, bytes(9)), 'tinyos2', 'its last reading is truncated'),
     (b'', 'tinyos2', 'too short: 0 bytes, the header has 8'),
     (b'\x07' + bytes(9), 'tinyos2', 'its dispatch byte is 0x07'),
     (b'\x02\x05', 'tinyos2', 'too short: 1 bytes'),
-    (b'nothing of the kind', 'auto', '19 bytes are no packet of TinyOS')])
+    (b'nothing of the kind', 'auto', '19 bytes are not a packet of TinyOS')])
 def test_what_is_wrong_is_named_and_counted(packet: bytes, stack: str, problem: str) -> None:
     decoder = PacketDecoder(stack)
     found = decoder.decode(packet)
@@ -338,7 +338,7 @@ def test_foreign_groups_are_counted_and_give_no_readings() -> None:
                     for group in (0x7D, 0x22))
     assert (ours.problem, ours.readings['pulse_per_min']) == ('', 72.0)
     assert (theirs.problem, theirs.readings, theirs.origin) == (
-        'of the group 0x22, ours is 0x7d', {}, 5)
+        'group 0x22 instead of 0x7d', {}, 5)
     assert decoder.foreign_groups == 1
 
 
@@ -350,7 +350,7 @@ def test_the_platform_is_known_by_the_length() -> None:
     assert decoder.decode(mica).platform == 'mica'
     # One that fits neither is as those before it.
     assert decoder.decode(mica[:-1]).problem == (
-        'its length byte says 12, 11 bytes of payload are there')
+        'its length byte is 12, but the payload has 11 bytes')
     assert decoder.decode(SURGE).platform == 'telos'
     with pytest.raises(ValueError, match="stack 'zigbee' must be one of auto, tinyos1, tinyos2"):
         PacketDecoder('zigbee')

@@ -122,9 +122,9 @@ def test_client_and_server_understand_each_other(stack: str) -> None:
 
 
 @pytest.mark.parametrize(('greeting', 'stack', 'problem'), [
-    (b'SSH-2.0', 'auto', 'no serial forwarder: it began with 53 53; check host and port'),
-    (b'T\x1f', 'auto', 'no serial forwarder: it began with 54 1f'),
-    (b'U ', 'tinyos1', 'speaks tinyos2, not tinyos1: change the stack, or the port')])
+    (b'SSH-2.0', 'auto', 'not a serial forwarder: it started with 53 53; check host and port'),
+    (b'T\x1f', 'auto', 'not a serial forwarder: it started with 54 1f'),
+    (b'U ', 'tinyos1', 'uses tinyos2, not tinyos1: change the stack, or the port')])
 def test_a_server_of_another_kind_is_named(greeting: bytes, stack: str, problem: str) -> None:
     client = ForwarderClient(stack)
     assert client.feed(greeting) == client.feed(b'\x03abc') == []

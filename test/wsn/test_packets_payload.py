@@ -153,18 +153,18 @@ def test_what_is_no_number_is_no_reading() -> None:
     ('soil 1 a', "payload 'soil', field 'a': must be name:code[unit]=quantity"),
     ('soil 1 a:Z', "payload 'soil', field 'a': the code 'Z' must be one of b B h H"),
     ('soil 1 a:0H', "the code '0H' must be one of"),
-    ('soil 1 a:H=temperature,sht', "there is no conversion 'sht': use one of sht1x_temperature"),
+    ('soil 1 a:H=temperature,sht', "unknown conversion 'sht': use one of sht1x_temperature"),
     ('soil 1 a:H=temperature,0', 'scale 0.0 and offset 0.0 must be finite, and the scale not 0'),
     ('soil 1 a:H=temperature,1,x', "field 'a': the offset 'x' must be a number"),
-    ('soil 1 a:H=temperature,sht1x_temperature,2', 'a conversion takes no offset'),
-    ('soil 1 a:H=Wet', "'Wet' is no name of a quantity"),
-    ('soil 1 a:4s=temperature', "the code '4s' gives no number"),
-    ('soil 1 a:H a:H', "field 'a': the field 'a' is there twice; rename one"),
-    ('soil 1 a:H=light b:H=light', "field 'b': the quantity 'light' is there twice"),
+    ('soil 1 a:H=temperature,sht1x_temperature,2', 'a conversion has no offset'),
+    ('soil 1 a:H=Wet', "'Wet' is not a valid name of a quantity"),
+    ('soil 1 a:4s=temperature', "the code '4s' is not a number"),
+    ('soil 1 a:H a:H', "field 'a': the field 'a' is declared twice; rename one"),
+    ('soil 1 a:H=light b:H=light', "field 'b': the quantity 'light' is declared twice"),
     ('soil 1 big', "payload 'soil' has no fields"),
     ('soil 1 big little a:H', "the byte order 'biglittle' must be little or big"),
     ('1soil 1 a:H', "payload '1soil': the name must be a letter"),
-    ('soil 1 a:100Q', "payload 'soil' has 800 bytes: no packet can hold more than 114")])
+    ('soil 1 a:100Q', "payload 'soil' has 800 bytes: at most 114 fit into a packet")])
 def test_a_mistake_names_payload_field_value_and_remedy(text: str, said: str) -> None:
     with pytest.raises(ConfigError) as stop:
         parse_payload(text)
@@ -192,7 +192,7 @@ fields:
 
 
 def test_payloads_that_cannot_be_told_apart_are_refused() -> None:
-    with pytest.raises(ConfigError, match="payload 'soil' is there twice"):
+    with pytest.raises(ConfigError, match="payload 'soil' is declared twice"):
         check_payloads([SOIL, SOIL])
     with pytest.raises(ConfigError, match='both have the AM type 0x42 and 4 bytes'):
         PacketDecoder(payloads=[SOIL, parse_payload('other 0x42 a:I')])

@@ -99,8 +99,8 @@ def test_a_file_of_links_has_no_noise_and_no_places(write) -> None:
     links = write('0 1 1.0 -80 106\n1 0 1.0 -80 106\n', 'two.links.txt')
     move, noise = problems_of(write(
         f'topology: {{links: {links}}}\nfaults: ["move 1 2 3 at 4", "noise 10 at 3 for 2"]\n'))
-    assert 'the nodes of a file of links have no place' in move
-    assert 'let its links change with lines "@ t from to prr rssi lqi"' in noise
+    assert 'the nodes of a links file have no position' in move
+    assert 'change its links with lines "@ t from to prr rssi lqi"' in noise
 
 
 @pytest.mark.parametrize('text, said', [

@@ -113,7 +113,7 @@ def test_a_payload_of_ones_own_gives_readings() -> None:
     ({}, 'dut: nodes_file and nodes are both empty'),
     ({'nodes': ['hall 1 2']}, "dut.nodes: 'hall 1 2': must be: name x y height"),
     ({'nodes': NODES, 'quantities': ['smoke']}, 'no node of the survey measures any of it'),
-    ({'nodes': NODES, 'quantities': ['Smoke']}, 'dut.quantities: .Smoke. is no name'),
+    ({'nodes': NODES, 'quantities': ['Smoke']}, 'dut.quantities: .Smoke. is not a valid name'),
     ({'nodes': NODES, 'payloads': ['soil 0x42']}, 'dut.payloads: payload .soil 0x42.'),
     ({'nodes_file': '/nowhere.yaml'}, 'dut.nodes_file = ./nowhere.yaml.: No such file'),
 ])

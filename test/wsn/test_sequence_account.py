@@ -111,7 +111,7 @@ def test_what_was_lost_repeated_and_begun_again_is_the_truth(
     assume(all(tellable(arrivals, bits)))
     account = SequenceAccount(bits, 0)
     for each in arrivals:
-        account.take(each.number % (1 << bits), hash((each.life, each.number)), each.at_ns)
+        account.add(each.number % (1 << bits), hash((each.life, each.number)), each.at_ns)
     came, again, lost = truth_of(arrivals, first)
     assert (account.received, account.duplicates, account.lost) == (came, again, lost)
     assert account.reboots == len({each.life for each in arrivals}) - 1
@@ -121,7 +121,7 @@ def test_what_was_lost_repeated_and_begun_again_is_the_truth(
 def heard(account: SequenceAccount, numbers: list[int], from_s: float = 0.0, period_s: float = 1.0,
           node: str = '') -> list[int]:
     """Let packets come at a steady rate."""
-    return [account.take(number, hash((node, number)), round((from_s + place * period_s) * 1e9))
+    return [account.add(number, hash((node, number)), round((from_s + place * period_s) * 1e9))
             for place, number in enumerate(numbers, 1)]
 
 
@@ -207,6 +207,6 @@ def test_any_numbers_at_any_time_are_counted(
     now_ns = 0
     for number, fingerprint, passed_ns in packets:
         now_ns += passed_ns
-        account.take(number, fingerprint, now_ns)
+        account.add(number, fingerprint, now_ns)
     assert account.received + account.duplicates == len(packets)
     assert account.lost >= 0 and 0.0 <= account.delivery <= 1.0

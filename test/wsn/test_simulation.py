@@ -110,7 +110,7 @@ def test_noise_for_a_while_costs_packets_then(tmp_path: Path) -> None:
     path.write_text('seconds: 60\nprotocol: ctp\ntopology: {grid: 1x3}\n'
                     'faults: [noise 60 at 20 for 20]\ntraffic: {period_ms: 1000}\n')
     simulation = simulated(path)
-    bad = [made_ns / 1e9 for _, made_ns, took_ns in simulation.ledger.fates()
+    bad = [made_ns / 1e9 for _, made_ns, took_ns in simulation.statistics.fates()
            if not 0 <= took_ns < 1e9]
     during = [at_s for at_s in bad if 15 < at_s < 41]
     assert len(during) > 10

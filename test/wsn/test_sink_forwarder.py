@@ -152,8 +152,8 @@ def test_it_works_with_the_forwarder_of_this_package(sinking: Any) -> None:
 
 
 @pytest.mark.parametrize('greeting, said', [
-    (b'U ', 'the other side speaks tinyos2, not tinyos1'),
-    (b'HT', 'the other side is no serial forwarder')])
+    (b'U ', 'the other side uses tinyos2, not tinyos1'),
+    (b'HT', 'the other side is not a serial forwarder')])
 def test_who_is_no_forwarder_of_ours_is_told(sinking: Any, greeting: bytes, said: str) -> None:
     made = sinking()
     made.far.write(greeting)

@@ -264,7 +264,7 @@ def test_bad_commands_are_told_and_too_many_are_counted(robot: Maker) -> None:
         made.run(0.01)
     assert made.more['bad_commands'] == 5
     assert sent_to_mote(made) == []
-    assert "'dance 5' is no command" in made.logged()
+    assert "'dance 5' is not a command" in made.logged()
     for node in range(15):
         made.say(f'wake {node}')
         made.run(0.005)

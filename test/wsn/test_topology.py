@@ -38,7 +38,7 @@ from rt_robot_os.features.wsn.simulator.scenario import Scenario
 from rt_robot_os.features.wsn.simulator.scenario import SinkSettings
 from rt_robot_os.features.wsn.simulator.scenario import TopologySettings
 from rt_robot_os.features.wsn.simulator.sink_route import read_point
-from rt_robot_os.features.wsn.simulator.sink_route import Way
+from rt_robot_os.features.wsn.simulator.sink_route import SinkRoute
 from rt_robot_os.features.wsn.simulator.topology import make_topology
 from rt_robot_os.features.wsn.simulator.topology import WallCount
 from rt_robot_os.motion.grid_map import GridMap
@@ -153,7 +153,7 @@ def test_each_wall_on_the_way_counts_once() -> None:
 
 
 def test_a_way_is_driven_round_and_round() -> None:
-    way = Way([read_point('0 0'), read_point('2, 0 stay 3'), read_point('2 1')], 0.5, 10.0)
+    way = SinkRoute([read_point('0 0'), read_point('2, 0 stay 3'), read_point('2 1')], 0.5, 10.0)
     assert way.round_s == pytest.approx(4 + 3 + 2 + math.sqrt(5) / 0.5)
     assert [way.at_s(t) for t in (0.0, 10.0, 12.0, 14.0, 17.0)] == [
         (0, 0), (0, 0), (1, 0), (2, 0), (2, 0)]

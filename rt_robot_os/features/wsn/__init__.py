@@ -15,6 +15,6 @@
 """
 Wireless sensor networks: packets, routing, radio, and a simulator of networks of motes.
 
-Pure computation: bytes in, bytes out, and time as a number that is handed in. Drivers, their
-simulated devices, modules and commands are made of it.
+`packets`, `routing`, `radio` and most of `simulator` are pure computation: bytes in, bytes out,
+and time as an argument. The driver of the sink, its simulated device, the modules and the commands use them.
 """

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-How long the battery of a node lasts, from the volts of the last day.
+Estimate of the remaining battery life of a node, from its voltage over the last day.
 
-Volts alone say little: two alkaline cells stand between 2.8 and 2.4 V for most of their life, then
-fall quickly. So volts become the share of the charge that is left, by the curve of the cells, and
-the slope of that share over a day is drawn out to where the radio fails. Bounded; safe in the
-real-time loop.
+The voltage alone is a poor measure: two alkaline cells have between 2.8 and 2.4 V for most of
+their life, then drop quickly. So the discharge curve converts the voltage to the remaining charge,
+and the slope of that over a day is extrapolated to the voltage where the radio fails. Bounded;
+safe in the real-time loop.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from typing import NamedTuple
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.units import NS_PER_S
 
-#: Of two AA alkaline cells under a small load: volts and the share of the charge that is left. The
-#: plateau is where a tenth of a volt is a quarter of the life; below 2.1 V the radio fails.
+#: Of two AA alkaline cells under a small load: volts and remaining share of the charge. On the
+#: plateau a tenth of a volt is a quarter of the life; below 2.1 V the radio fails.
 ALKALINE: Final = ((2.1, 0.0), (2.2, 0.04), (2.3, 0.10), (2.4, 0.20), (2.5, 0.36), (2.6, 0.55),
                    (2.7, 0.72), (2.8, 0.85), (3.0, 0.95), (3.2, 1.0))
 
 _DAY_NS: Final = 24 * 3600 * NS_PER_S
-# A day is kept as the averages of so many spans.
+# Number of intervals of a day; their averages are stored.
 _SPANS: Final = 96
 _SPAN_NS: Final = _DAY_NS // _SPANS
-# A slope over less than this is that of the temperature, not of the charge.
+# Least number of intervals for a slope: a shorter one shows the temperature, not the charge.
 _SHORTEST_SPANS: Final = 12
-# A slope that its own scatter explains is none; so many standard deviations.
+# Least significant slope, in standard deviations.
 _CLEAR: Final = 2.0
 
 
@@ -52,7 +52,7 @@ class Curve:
     """
     The discharge curve of a battery.
 
-    :param points: volts and the share of the charge that is left, both rising.
+    :param points: volts and remaining share of the charge, both rising.
     :raises ConfigError: it does not rise.
     """
 
@@ -65,7 +65,7 @@ class Curve:
                                'of the charge, both rising'])
 
     def share(self, volts: float) -> float:
-        """Return the share of the charge that is left, 0 to 1."""
+        """Return the remaining share of the charge, 0 to 1."""
         place = bisect_left(self._volts, volts)
         if place == 0:
             return self._shares[0]
@@ -77,7 +77,7 @@ class Curve:
 
 
 class _Span(NamedTuple):
-    """The average of the share of the charge in a quarter of an hour."""
+    """The average share of the charge in a quarter of an hour."""
 
     number: int
     share: float
@@ -85,9 +85,9 @@ class _Span(NamedTuple):
 
 class BatteryLife:
     """
-    The volts of one node over a day.
+    The voltage of one node over a day.
 
-    :ivar volts: the last ones, smoothed; NaN before the first.
+    :ivar volts: smoothed; NaN before the first measurement.
     """
 
     __slots__ = ('volts', '_curve', '_spans', '_number', '_sum', '_count', '_days', '_dirty')
@@ -102,13 +102,13 @@ class BatteryLife:
         self._days = math.nan
         self._dirty = False
 
-    def take(self, volts: float, now_ns: int) -> None:
-        """Note a measurement."""
+    def add(self, volts: float, now_ns: int) -> None:
+        """Add a measurement."""
         if volts > self.volts + 0.2:
-            self._spans.clear()  # new cells: the old ones say nothing about them
+            self._spans.clear()  # new cells
             self._number, self._count, self._sum = -1, 0, 0.0
             self.volts = volts
-        # The ADC of a node is noisy by a few mV, and its radio pulls the volts down for a moment.
+        # The ADC has a noise of a few mV, and a transmission lowers the voltage for a moment.
         self.volts = volts if self.volts != self.volts else self.volts + (
             volts - self.volts) / 8
         number = now_ns // _SPAN_NS
@@ -120,15 +120,14 @@ class BatteryLife:
 
     @property
     def share(self) -> float:
-        """Return the share of the charge that is left; NaN when not known."""
+        """Return the remaining share of the charge; NaN when unknown."""
         return self._curve.share(self.volts) if self.volts == self.volts else math.nan
 
     def days_left(self) -> float:
         """
-        Return how many days are left at the rate of the last 24 hours.
+        Return the remaining days at the rate of the last 24 hours.
 
-        :return: NaN while that is not known: less than three hours measured, or nothing that
-            could be told from noise.
+        :return: NaN while unknown: less than three hours of measurements, or no significant slope.
         """
         if self._dirty:
             self._dirty = False
@@ -136,7 +135,7 @@ class BatteryLife:
         return self._days
 
     def _close(self) -> None:
-        """Keep the average of the span that has ended."""
+        """Store the average of the interval that has ended."""
         if self._count:
             self._spans.append(_Span(self._number, self._sum / self._count))
             oldest = self._number - _SPANS

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What modules that read packets of a sink have in common: settings, survey, decoder, bytes."""
+"""Settings, survey, decoder and input of the modules that read packets of a sink."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ ANY_GROUP: Final = -1
 _AUTO: Final = 'auto'
 
 PACKET_SETTINGS: Final = (
-    Field('nodes_file', str, '', 'The survey of the nodes: a YAML file with nodes, such as that '
-          'of a simulated world; each is "name x y height [id N] [quantity ...]"', is_file=True),
-    Field('nodes', list, [], 'More of them, or all, as texts of that kind'),
+    Field('nodes_file', str, '', 'Survey of the nodes: a YAML file with nodes, such as that of '
+          'a simulated world; each is "name x y height [id N] [quantity ...]"', is_file=True),
+    Field('nodes', list, [], 'Further nodes, in the same format'),
     Field('stack', str, _AUTO, 'Generation of TinyOS on the motes, as in the section of the sink; '
-          'auto is what fits each packet best', choices=STACKS),
+          'auto determines it for each packet', choices=STACKS),
     Field('platform', str, _AUTO, 'Family of the motes under TinyOS 1.x', choices=(
         _AUTO, *PLATFORMS)),
-    Field('group', int, ANY_GROUP, 'AM group of the network; packets of others are counted and '
-          f'not used. {ANY_GROUP}: what the sink lets pass', '', ANY_GROUP, 255),
-    Field('payloads', list, [], "Payloads of your own: 'NAME AM_TYPE FIELD ...', a field is "
-          "'name:code[unit]=quantity,scale'; as for the command wsn"),
+    Field('group', int, ANY_GROUP, 'AM group of the network; packets of other groups are counted '
+          f'and not used; {ANY_GROUP}: all that the sink publishes', '', ANY_GROUP, 255),
+    Field('payloads', list, [], "User-defined payloads: 'NAME AM_TYPE FIELD ...', where a field is "
+          "'name:code[unit]=quantity,scale'; see docs/packets.md"),
 )
 
 
 def survey_from(name: str, settings: Mapping[str, Any]) -> tuple[SurveyedNode, ...]:
     """
-    Read the survey that a module's settings name; not for the real-time loop.
+    Read the survey of a module's settings; not for the real-time loop.
 
     :param name: of the module, for errors.
     :raises ConfigError: with every problem.
@@ -67,7 +67,7 @@ def survey_from(name: str, settings: Mapping[str, Any]) -> tuple[SurveyedNode, .
 
 def decoder_from(name: str, settings: Mapping[str, Any]) -> PacketDecoder:
     """
-    Make the decoder that a module's settings describe.
+    Create the decoder for a module's settings.
 
     :raises ConfigError: with every problem of the payloads.
     """
@@ -79,7 +79,7 @@ def decoder_from(name: str, settings: Mapping[str, Any]) -> PacketDecoder:
 
 
 def group_from(settings: Mapping[str, Any]) -> int | None:
-    """Return the AM group of the network; None when all are taken."""
+    """Return the AM group of the network; None for all groups."""
     group = settings['group']
     return None if group == ANY_GROUP else int(group)
 
@@ -104,10 +104,10 @@ class PacketReader:
 
     @property
     def stamp_ns(self) -> int:
-        """Return when the last one came."""
+        """Return the arrival time of the last packet."""
         return self._read.stamp_ns
 
     @property
     def lost(self) -> int:
-        """Return how many were overwritten before they were read."""
+        """Return the number of packets that were overwritten before they were read."""
         return self._read.lost

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The file of sensor nodes that a configuration names."""
+"""Survey files of sensor nodes."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def load_survey(url: str, key: str) -> tuple[SurveyedNode, ...]:
     Read a YAML file with ``nodes:``, such as that of a world; not for the real-time loop.
 
     :param url: a path, ``file://`` or ``package://package/path``.
-    :param key: of the setting that names it, for the errors.
-    :raises ConfigError: it cannot be read; names the file, the place in it and what to do.
+    :param key: key of the setting, for errors.
+    :raises ConfigError: it cannot be read; the text has the file, the position in it and the remedy.
     """
     path, text = read_text_file(url, key, 'a YAML file with nodes')
     return read_survey(text, str(path))

@@ -90,7 +90,7 @@ def test_what_a_program_sends_reaches_the_mote_though_frames_are_lost(capsys: Ca
     with Mote(ignored=1) as mote, forwarding(mote.path, 'tinyos2') as (forwarder, url):
         assert run(['send', url, 'rate', '5', '2000']) == 0
         wait_until(lambda: forwarder.link.acknowledged, 'the acknowledgement')
-    assert 'does not say whether the mote did' in capsys.readouterr().out
+    assert 'does not report whether the mote did' in capsys.readouterr().out
     packet = SerialAm(5, 0, 18, bytes.fromhex('0002 00000800')).pack()
     assert mote.taken == [(0x44, 0x26, packet)] * 2
     assert forwarder.link.resends == 1
@@ -102,7 +102,7 @@ def test_a_program_that_is_none_is_disconnected(capsys: Capture) -> None:
             client.sendall(b'GET / HTTP/1.0\r\n\r\n')
             assert client.recv(2) == b'T!'
             wait_until(lambda: forwarder.clients == 0, 'the disconnection')
-    assert 'no serial forwarder: it began with 47 45' in capsys.readouterr().err
+    assert 'not a serial forwarder: it started with 47 45' in capsys.readouterr().err
 
 
 def test_a_port_that_comes_back_is_opened_again_and_clients_stay(
@@ -172,8 +172,8 @@ def test_the_generation_is_heard_from_the_line(capsys: Capture) -> None:
     (['rate', '5'], 'must be rate NODE MS, such as rate 5 2000'),
     (['rate', '5', 'soon'], "the period 'soon' must be milliseconds from 1"),
     (['sleep', '70000'], "the node '70000' must be a number from 0 to 65535, or all"),
-    (['dance', '5'], 'must begin with one of rate, sleep, wake, focus, unfocus'),
-    ([], 'say what to send'), (['wake', '5', '--am', '1'], 'one of them')])
+    (['dance', '5'], 'must start with one of rate, sleep, wake, focus, unfocus'),
+    ([], 'give one of: a command'), (['wake', '5', '--am', '1'], 'or --packet HEX')])
 def test_a_wrong_command_is_refused_before_the_port_is_opened(
         arguments: list[str], said: str, capsys: Capture) -> None:
     assert run(['send', '/dev/none', *arguments]) == 2

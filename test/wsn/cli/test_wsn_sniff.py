@@ -137,8 +137,8 @@ def test_readings_and_problems_are_in_both(tmp_path: Path, capsys: Capture) -> N
     _, records, err = sniffed(capsys, str(path))
     assert records[0]['readings'] == pytest.approx({'pulse_per_min': 72.0, 'battery': 2.8564},
                                                    abs=1e-4)
-    assert records[1]['problem'] == 'its length byte says 24, 21 bytes of payload are there'
-    assert records[2]['problem'] == 'its protocol byte 0x50 is none of TinyOS'
+    assert records[1]['problem'] == 'its length byte is 24, but the payload has 21 bytes'
+    assert records[2]['problem'] == 'its protocol byte 0x50 is not one of TinyOS'
     assert (records[3]['kind'], records[3]['fields']) == ('ack', {'token': 0x26})
     assert err.startswith('4 packets, 2 with a problem')
     run(['sniff', str(path)])
@@ -165,7 +165,7 @@ def test_payloads_of_ones_own_are_decoded(tmp_path: Path, capsys: Capture) -> No
 
 def test_a_group_of_others_is_named(stream: Path, capsys: Capture) -> None:
     _, records, err = sniffed(capsys, str(stream), '--group', '0x22')
-    assert {each['problem'] for each in records} == {'of the group 0x7d, ours is 0x22'}
+    assert {each['problem'] for each in records} == {'group 0x7d instead of 0x22'}
     assert '  6 of other groups\n' in err
 
 
@@ -233,8 +233,8 @@ def test_a_pcap_of_the_simulator_is_read(
 
 
 @pytest.mark.parametrize(('content', 'code', 'said'), [
-    (pcap('<', 0xA1B2C3D4, 1, []), 1, 'holds no 802.15.4 (link type 1)'),
-    (pcap('<', 0xA1B2C3D4, 195, [bytes(40)])[:-9], 1, 'is cut, or damaged'),
+    (pcap('<', 0xA1B2C3D4, 1, []), 1, 'is not of 802.15.4 (link type 1)'),
+    (pcap('<', 0xA1B2C3D4, 195, [bytes(40)])[:-9], 1, 'is truncated or damaged'),
     (b'\x0a\x0d\x0d\x0a' + bytes(20), 1, 'is a pcapng: convert it'),
     (gzip.compress(frame(0x42, surge(1, 1)) * 9, mtime=0)[:-9], 1, 'cannot be read any further'),
     (gzip.compress(bytes(99), mtime=0)[:12] + b'damaged inside', 1, 'cannot be read any further'),
@@ -306,8 +306,8 @@ def test_a_port_that_goes_away_ends_it_with_the_summary(capsys: Capture) -> None
 
 
 @pytest.mark.parametrize(('sent', 'said'), [
-    ((), 'nothing has come so far: check that the mote runs a base station'),
-    ((bytes(range(100)),), 'bytes come, but no packets: check --baud (57600 under')])
+    ((), 'no bytes have arrived: check that the mote runs a base station'),
+    ((bytes(range(100)),), 'bytes arrive, but no packets: check --baud (57600 under')])
 def test_a_silent_port_is_told_of_once(
         sent: tuple[bytes, ...], said: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
         ) -> None:

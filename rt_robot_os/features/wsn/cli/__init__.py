@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The sensor network at the command line: simulate one, read one, speak with one."""
+"""The program `wsn`: simulate a sensor network, read its packets, send commands to its nodes."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What was heard on a line or on the air, before it is decoded."""
+"""A packet that was received on a line or on the air, before it is decoded."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ FORWARDER: Final = 'forwarder'
 AIR: Final = 'air'
 
 
-class Heard(NamedTuple):
+class CapturedPacket(NamedTuple):
     """
     A packet.
 
     :ivar time_s: since 1970, or of the recording; None when the recording has no times.
     :ivar medium: ``serial``, ``forwarder`` or ``air``.
-    :ivar protocol: P of its frame; -1 when it had none.
+    :ivar protocol: P of its frame; -1 without.
     :ivar token: of its frame; -1 without.
-    :ivar data: a packet without its framing; of the air from the length byte to the checksum.
+    :ivar data: a packet without framing; on the air from the length byte to the checksum.
     """
 
     time_s: float | None

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the program `wsn` does with its command line.
+Command line of the program `wsn`.
 
-Each command is a module beside this one with ``add_to``, which adds its parser and what runs it.
-What takes long to import it imports only then.
+Each command is a module of this folder with ``add_to``, which adds its parser and its function.
+Slow imports happen only in the function.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rt_robot_os.features.wsn.cli import send
 from rt_robot_os.features.wsn.cli import simulate
 from rt_robot_os.features.wsn.cli import sniff
 
-# In the order in which the help names them.
+# In the order of the help.
 _COMMANDS = (simulate, compare, sniff, send, forward)
 
 
@@ -47,11 +47,11 @@ def run(argv: Sequence[str]) -> int:
     """
     parser = argparse.ArgumentParser(
         prog='wsn', allow_abbrev=False, description='A wireless sensor network under TinyOS: '
-        'simulate it, read its packets, speak with its nodes.')
+        'simulate it, read its packets, send commands to its nodes.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for each in _COMMANDS:
         each.add_to(commands)
-    # Words that may stand before, between and behind options are none of argparse's.
+    # argparse cannot parse words before, between and after options.
     arguments, words = parser.parse_known_args(argv)
     arguments.words = words
     if words and (not getattr(arguments, 'takes_words', False)

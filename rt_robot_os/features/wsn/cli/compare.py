@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Simulate what others have simulated or measured, and compare."""
+"""The command `wsn compare`: simulate networks of published runs, and compare the results."""
 
 from __future__ import annotations
 
@@ -44,15 +44,15 @@ if TYPE_CHECKING:
     from rt_robot_os.features.wsn.simulator.results import Results
 
 _EPILOG: Final = """
-FOLDER holds tossim_reference.json with tossim_NAME.topo.txt and noise_NAME.txt.gz,
-mspsim_summary.json with mspsim_NAME.links.txt and mspsim_NAME_PROTOCOL.air.csv.gz, or logs of what
-nodes under MultiHopLQI decided, NAME_decisions.csv.gz; or several of these.
-The exit code is 1 when something differs by more than it may: delivery by 0.03 (0.06 under heavy
-noise) from the mean, or from the one run of firmware by two standard deviations of our seeds;
-frames for each packet that came by 15 %; against firmware, when a node in most of our runs never
-had the parent that it had there at the end, or never said a cost that it said there; of a log,
-when the rules do not give what a row says. A reference of which a file is missing or damaged is
-named and left out; it is 2 when nothing is left.
+FOLDER contains tossim_reference.json with tossim_NAME.topo.txt and noise_NAME.txt.gz,
+mspsim_summary.json with mspsim_NAME.links.txt and mspsim_NAME_PROTOCOL.air.csv.gz, or logs of
+decisions of nodes with MultiHopLQI, NAME_decisions.csv.gz; or several of these.
+The exit code is 1 when a figure differs by more than its limit: delivery by 0.03 (0.06 with heavy
+noise) from the mean, or from the single firmware run by two standard deviations of our seeds;
+frames for each delivered packet by 15 %; against firmware, when in most of our runs a node never
+had its final parent there, or never advertised a cost that it advertised there; for a log, when
+the rules do not give the decision of a row. A reference with a missing or damaged file is reported
+and skipped; the exit code is 2 when none is left.
 """
 
 
@@ -61,14 +61,14 @@ def add_to(commands: Any) -> None:
     parser = commands.add_parser(
         'compare', allow_abbrev=False, epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        help='simulate what TOSSIM and real firmware gave, and compare')
+        help='simulate networks of TOSSIM and of real firmware, and compare')
     parser.add_argument('folder', metavar='FOLDER', type=Path)
     parser.add_argument('--only', metavar='TEXT', default='',
-                        help='only those whose name has all these words, such as "chain7 ctp"')
+                        help='only references with all these words in the name: "chain7 ctp"')
     parser.add_argument('--seeds', metavar='N', type=int, default=0,
-                        help='seeds (default: as many as theirs; 6 against firmware)')
+                        help='seeds (default: as many as in the reference; 6 against firmware)')
     parser.add_argument('--jobs', metavar='N', type=int, default=0,
-                        help='processes at once (default: one a processor)')
+                        help='parallel processes (default: one for each processor)')
     parser.add_argument('--json', action='store_true', help='write the result as JSON')
     parser.set_defaults(run=run)
 
@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
         except ConfigError as error:
             skipped.append(Skipped(path.name, '; '.join(error.problems)))
     if not compared:
-        raise ConfigError([f'{arguments.folder}: nothing can be compared',
+        raise ConfigError([f'{arguments.folder}: no reference can be compared',
                            *(f'{one.name}: {one.why}' for one in skipped)])
     if arguments.json:
         for one in skipped:
@@ -105,10 +105,10 @@ def run(arguments: argparse.Namespace) -> int:
 def _chosen(arguments: argparse.Namespace
             ) -> tuple[list[Reference], list[Path], list[Skipped]]:
     """
-    Find what is to be compared.
+    Find the references.
 
-    :return: references, logs of decisions, and what cannot be read.
-    :raises ConfigError: there is nothing, or nothing with the words of ``--only``.
+    :return: references, logs of decisions, and those that cannot be read.
+    :raises ConfigError: there are none, or none with the words of ``--only``.
     """
     from rt_robot_os.features.wsn.cli.decisions import PATTERN
     from rt_robot_os.features.wsn.cli.references import FIRMWARE_FILE
@@ -121,14 +121,14 @@ def _chosen(arguments: argparse.Namespace
     if not names:
         raise ConfigError([
             f'{folder}: has neither a reference in {TOSSIM_FILE} or {FIRMWARE_FILE} nor a log '
-            f'{PATTERN}' if folder.is_dir() else f'{folder}: is no folder'])
+            f'{PATTERN}' if folder.is_dir() else f'{folder}: is not a folder'])
 
     def wanted(name: str) -> bool:
         return all(word in name for word in words)
 
     if not any(map(wanted, names)):
         raise ConfigError([f'--only {arguments.only!r}: no reference of {folder} has all these '
-                           'words in its name; there are:', *(f'  {name}' for name in names)])
+                           'words in its name, only:', *(f'  {name}' for name in names)])
     return ([one for one in references if wanted(one.name)],
             [path for path in logs if wanted(path.name)],
             [one for one in skipped if wanted(one.name)])
@@ -137,21 +137,21 @@ def _chosen(arguments: argparse.Namespace
 def simulated(references: Sequence[Reference], seeds: int = 0, jobs: int = 0
               ) -> Iterator[tuple[Reference, Sequence[Results]]]:
     """
-    Run what the references have.
+    Simulate the references.
 
-    :param seeds: of each so many at most; 0: all.
+    :param seeds: largest number for each; 0: all.
     :param jobs: see :func:`rt_robot_os.features.wsn.cli.runs.run_each`.
     """
     from rt_robot_os.features.wsn.cli.runs import run_each
     scenarios = [(one.name, scenario) for one in references
                  for scenario in (one.scenarios[:seeds] if seeds else one.scenarios)]
 
-    def told(done: int, whole: int) -> None:
+    def progress(done: int, whole: int) -> None:
         if sys.stderr.isatty():
             print(f'\r{done} of {whole} runs ', end='\n' if done == whole else '',
                   file=sys.stderr, flush=True)
 
-    found = run_each([scenario for _, scenario in scenarios], jobs, told)
+    found = run_each([scenario for _, scenario in scenarios], jobs, progress)
     for one in references:
         yield one, [result for (name, _), result in zip(scenarios, found) if name == one.name]
 
@@ -159,13 +159,13 @@ def simulated(references: Sequence[Reference], seeds: int = 0, jobs: int = 0
 def differences(one: Reference, runs: Sequence[Results]) -> list[Difference]:
     """Compare a reference with our runs of it."""
     deliveries = [run.delivery for run in runs]
-    ours, within, said = statistics.fmean(deliveries), one.delivery_within, ''
+    ours, within, note = statistics.fmean(deliveries), one.delivery_within, ''
     if one.single and len(runs) > 2:
-        # Theirs is one draw; where links are poor, draws differ.
+        # The reference is a single run; with poor links, runs differ.
         within = max(within, 2.0 * statistics.stdev(deliveries))
-        said = ' (2 sigma of ours)' if within > one.delivery_within else ''
+        note = ' (2 sigma of ours)' if within > one.delivery_within else ''
     found = [Difference('delivery', f'{ours:.4f}', f'{one.delivery:.4f}',
-                        abs(ours - one.delivery) <= within, f'{within:.2f}{said}')]
+                        abs(ours - one.delivery) <= within, f'{within:.2f}{note}')]
     if one.frames_per_delivery is not None:
         frames = statistics.fmean(run.per_delivery(
             run.transmissions if one.beacons_count else run.data_transmissions) for run in runs)
@@ -182,25 +182,25 @@ def differences(one: Reference, runs: Sequence[Results]) -> list[Difference]:
 
 
 def _decisions(path: Path) -> Difference:
-    """Explain a log of decisions by our rules: each row must be."""
-    from rt_robot_os.features.wsn.cli.decisions import explained
-    found = explained(path)
+    """Replay a log of decisions with our rules, which must explain each row."""
+    from rt_robot_os.features.wsn.cli.decisions import replay_log
+    found = replay_log(path)
     if not found.rows:
-        raise ConfigError([f'{path}: no row of it can be compared'])
+        raise ConfigError([f'{path}: no row can be compared'])
     allowed = 'nothing'
     if found.unknown:
-        allowed += (f'; the log begins in mid-run: compared from row {found.first} on, without '
-                    f'{found.unknown} rows of nodes whose state was not known yet')
+        allowed += (f'; the log starts in mid-run: compared from row {found.first} on, without '
+                    f'{found.unknown} rows of nodes whose state was unknown')
     return Difference('decisions', str(found.explained), str(found.rows),
                       found.explained == found.rows, allowed)
 
 
 def _parents(theirs: Mapping[int, int], runs: Sequence[Results]) -> Difference:
     """
-    Compare the tree at the end.
+    Compare the final tree.
 
-    Where links are poor it changes all the time, and theirs is one of those that occur: it agrees
-    when each node had that parent in most of our runs.
+    With poor links the tree changes all the time. It agrees when in most of our runs each node had
+    its parent of the reference at some time.
     """
     same = sum({node: run.parents.get(node) for node in theirs} == theirs for run in runs)
     had = sum(all(parent in run.parents_had[node] for node, parent in theirs.items())
@@ -212,16 +212,16 @@ def _parents(theirs: Mapping[int, int], runs: Sequence[Results]) -> Difference:
 
 
 def _costs(theirs: Mapping[int, frozenset[int]], runs: Sequence[Results]) -> Difference:
-    """Compare all costs that beacons said: each of theirs must be one of ours, to the number."""
+    """Compare all costs that beacons note: each of theirs must be one of ours, to the number."""
     ours = {node: frozenset().union(*(run.costs_said.get(node, frozenset()) for run in runs))
             for node in theirs}
     return Difference('beacon costs', _sets(ours), _sets(theirs),
-                      all(said <= ours[node] for node, said in theirs.items()), 'nothing')
+                      all(note <= ours[node] for node, note in theirs.items()), 'nothing')
 
 
 def _sets(values: Mapping[int, frozenset[int]]) -> str:
-    return ' '.join(f'{node}:{"/".join(map(str, sorted(said)))}'
-                    for node, said in sorted(values.items()))
+    return ' '.join(f'{node}:{"/".join(map(str, sorted(note)))}'
+                    for node, note in sorted(values.items()))
 
 
 def _pairs(values: Mapping[int, int | None]) -> str:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What `wsn compare` found, as text that fits a terminal."""
+"""The result of `wsn compare` as text that fits a terminal."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rt_robot_os.features.wsn.cli.references import Skipped
 
-# Longer values stand below each other, on lines of their own.
+# Longer values get lines of their own.
 _SHORT: Final = 10
 _NARROWEST, _WIDEST, _USUAL = 60, 120, 100
 _FORM: Final = '  {:<7}  {:<17}  {:>10}  {:>10}  {}'
@@ -41,7 +41,7 @@ class Difference:
     """
     One figure of one reference.
 
-    :ivar ok: it differs by no more than it may.
+    :ivar ok: the difference is within the limit.
     """
 
     what: str
@@ -59,12 +59,12 @@ def width() -> int:
 def lines(compared: Mapping[str, Sequence[Difference]], skipped: Sequence[Skipped], columns: int
           ) -> Iterator[str]:
     """
-    Write what was compared, then what was not, then the sum.
+    Yield the lines: compared figures, skipped references, the total.
 
     :param compared: figures by the name of their reference.
-    :param columns: no line is longer.
+    :param columns: largest length of a line.
     """
-    yield _FORM.format('', 'figure', 'ours', 'theirs', 'may differ by')
+    yield _FORM.format('', 'figure', 'ours', 'theirs', 'limit')
     for name, found in compared.items():
         yield from _wrapped(name, columns, '')
         for each in found:

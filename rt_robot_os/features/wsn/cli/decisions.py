@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Logs of what nodes under MultiHopLQI decided on each beacon, explained by its rules."""
+"""Replay of logs of decisions of MultiHopLQI nodes, which its rules must explain."""
 
 from __future__ import annotations
 
@@ -34,30 +34,30 @@ from rt_robot_os.features.wsn.packets.multihop_lqi import NO_ROUTE_HOPS
 from rt_robot_os.features.wsn.routing.lqi_route import Decision
 from rt_robot_os.features.wsn.routing.lqi_route import LqiRoute
 
-#: Such files of a folder are logs of decisions.
+#: Names of logs of decisions.
 PATTERN: Final = '*decisions.csv*'
 
-# As the log of TOSSIM names the branches.
+# Names of the branches in the log of TOSSIM.
 _BRANCHES: Final = {Decision.RENEW: 'Not a loop', Decision.LOSE: 'Detected a loop',
                     Decision.CHANGE: 'Not a cycle', Decision.KEEP: 'CYCLE'}
 
 
-# These give a node a parent, which is then the sender of the beacon.
+# Branches in which the sender of the beacon becomes the parent.
 _GIVES_PARENT: Final = (_BRANCHES[Decision.RENEW], _BRANCHES[Decision.CHANGE])
 _RENEWED: Final = _BRANCHES[Decision.RENEW]
 
 Row = Mapping[str, str]
 
 
-class Explained(NamedTuple):
+class ReplayResult(NamedTuple):
     """
-    What the rules made of a log.
+    Result of replaying a log.
 
-    :ivar rows: that were compared.
-    :ivar explained: of these, rows that the rules give.
-    :ivar first: number of the first row that was compared, from 1; 0: there was none.
-    :ivar unknown: rows that were not compared: the log begins in mid-run, and what a node of the
-        row knew before does not follow from the rows above it.
+    :ivar rows: number of compared rows.
+    :ivar explained: number of compared rows that agree with the rules.
+    :ivar first: number of the first compared row, from 1; 0: there was none.
+    :ivar unknown: number of rows that were not compared: the log starts in mid-run, and the state
+        of a node of the row does not follow from the rows above.
     """
 
     rows: int
@@ -66,22 +66,21 @@ class Explained(NamedTuple):
     unknown: int
 
 
-class Decisions:
+class DecisionReplay:
     """
-    A log of what nodes decided, explained row by row.
+    Replay of a log of decisions, row by row.
 
-    A node's state is carried from the row where it heard its last beacon to the next. Between the
-    two it may have lost its route, to a packet that came back: the log has no row for that. What
-    the sender named as its parent is not in the log either; it is what the sender itself had when
-    it advertised such a cost.
+    The state of a node follows from the row of its last beacon. In between it may have lost its
+    route, by a packet that came back, for which the log has no row. The log has no parents of
+    senders either; they follow from the state of the sender when it advertised the cost.
 
-    :param mid_run: the log does not begin when the nodes start. Then the state of a node is
-        unknown up to the first row that gives it a parent; such rows are not compared.
-    :ivar explained: how many rows, by branch and by whether the route had been lost before.
+    :param mid_run: the log does not start with the nodes. Then the state of a node is unknown up
+        to the first row that gives it a parent; such rows are not compared.
+    :ivar explained: number of rows, by branch and by whether the route had been lost before.
     """
 
     def __init__(self, mid_run: bool = False) -> None:
-        """Begin with nodes that know nothing, and the sink."""
+        """Start without routes but that of the sink."""
         self.explained: Counter[tuple[str, bool]] = Counter()
         self._mid_run = mid_run
         self._routes: dict[int, LqiRoute] = {}
@@ -89,55 +88,55 @@ class Decisions:
 
     def explain(self, row: Row) -> bool | None:
         """
-        Tell whether the rules give what the row says; None where that cannot be known.
+        Return whether the rules explain a row; None when the state is unknown.
 
         :raises KeyError: the row lacks a column.
-        :raises ValueError: a number in it is none.
+        :raises ValueError: a number in it cannot be parsed.
         """
         node, sender, cost, lqi = (
             int(row[name]) for name in ('node', 'beacon_from', 'advertised_cost', 'lqi'))
         hops, link, parent_cost = after = tuple(int(row[name]) for name in (
             'hopcount_after', 'linkcost_after', 'parentcost_after'))
-        told = (NO_PARENT, NO_ROUTE_HOPS) if cost == NO_ROUTE_COST else self._advertised.get(
-            (sender, cost))
+        sender_route = (NO_PARENT, NO_ROUTE_HOPS) if cost == NO_ROUTE_COST else (
+            self._advertised.get((sender, cost)))
         if self._mid_run and (node not in self._routes or (
-                told is None and sender not in self._routes and sender)):
+                sender_route is None and sender not in self._routes and sender)):
             self._adopt(row['branch'], node, sender, after)
             return None
-        if told is None:
+        if sender_route is None:
             return False
         fresh = LqiRoute(node, u16_wrap=False)
         for lost, known in enumerate((self._routes.get(node, fresh), fresh)):
             route = copy.copy(known)
-            branch = _BRANCHES[route.heard(sender, told[0], cost, told[1], lqi)]
+            branch = _BRANCHES[route.update(sender, sender_route[0], cost, sender_route[1], lqi)]
             if branch == row['branch'] and (
                     route.hops, route.link, route.parent_cost) == (hops, link, parent_cost):
-                self._know(node, route)
+                self._store(node, route)
                 self.explained[branch, bool(lost)] += 1
                 return True
         return False
 
-    def _know(self, node: int, route: LqiRoute) -> None:
+    def _store(self, node: int, route: LqiRoute) -> None:
         self._routes[node] = route
         self._advertised[node, route.cost] = route.parent, route.hops
 
     def _adopt(self, branch: str, node: int, sender: int, after: tuple[int, ...]) -> None:
-        """Believe what a row says of a node, where it says all."""
+        """Adopt the state of a node from a row, if the row is complete."""
         route = LqiRoute(node, u16_wrap=False)
         if branch in _GIVES_PARENT:
             route.parent = sender
             route.hops, route.link, route.parent_cost = after
         elif (route.hops, route.link, route.parent_cost) != after:
-            return  # it has a parent, and the row does not say which
-        self._know(node, route)
+            return  # the row does not have its parent
+        self._store(node, route)
 
 
-def begins_in_mid_run(rows: Sequence[Row]) -> bool:
+def starts_in_mid_run(rows: Sequence[Row]) -> bool:
     """
-    Tell whether a node has a route that no row of the log gave it.
+    Return whether a node has a route without a row that explains it.
 
     :raises KeyError: a row lacks a column.
-    :raises ValueError: a number in it is none.
+    :raises ValueError: a number in it cannot be parsed.
     """
     seen = {0}
     for row in rows:
@@ -149,24 +148,24 @@ def begins_in_mid_run(rows: Sequence[Row]) -> bool:
     return False
 
 
-def explained(path: Path) -> Explained:
+def replay_log(path: Path) -> ReplayResult:
     """
-    Replay a log, packed (.gz) or not.
+    Replay a log, gzipped (.gz) or not.
 
-    :raises ConfigError: it cannot be read, or is no such log.
+    :raises ConfigError: it cannot be read, or is not a log of decisions.
     """
     found: list[bool | None] = []
     try:
         with gzip.open(path, 'rt') if path.suffix == '.gz' else path.open() as file:
             rows = list(csv.DictReader(file))
-        log = Decisions(begins_in_mid_run(rows))
+        log = DecisionReplay(starts_in_mid_run(rows))
         for row in rows:
             found.append(log.explain(row))
     except (OSError, EOFError, zlib.error) as error:
         raise ConfigError([f'{path}: cannot be read: {error}']) from None
     except (KeyError, TypeError, ValueError, csv.Error) as error:
-        raise ConfigError([f'{path}: row {len(found) + 1} is not of a log of decisions: '
+        raise ConfigError([f'{path}: row {len(found) + 1} is not a row of decisions: '
                            f'{error!r}']) from None
     compared = [index for index, one in enumerate(found, 1) if one is not None]
-    return Explained(len(compared), sum(bool(one) for one in found),
-                     compared[0] if compared else 0, len(found) - len(compared))
+    return ReplayResult(len(compared), sum(bool(one) for one in found),
+                        compared[0] if compared else 0, len(found) - len(compared))

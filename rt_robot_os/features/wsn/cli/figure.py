@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Draws the tree of a simulated network over its map; needs matplotlib, an extra."""
+"""Plot of the routing tree of a simulated network on its map; needs matplotlib, an extra."""
 
 from __future__ import annotations
 
@@ -31,20 +31,21 @@ from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.features.wsn.simulator.gain_medium import GainMedium
 from rt_robot_os.features.wsn.simulator.results import Results
 from rt_robot_os.features.wsn.simulator.simulation import Simulation
+from rt_robot_os.features.wsn.simulator.topology import Topology
 
-_REMEDY: Final = 'no picture: matplotlib is not installed (remedy: pip install matplotlib)'
+_REMEDY: Final = 'no plot: matplotlib is not installed (remedy: pip install matplotlib)'
 _GOOD_DBM, _BAD_DBM = -75.0, -95.0
 _FEW: Final = 60
 _LABELLED: Final = 150
-# More marks than this are pixels also in a vector format, which no program could show otherwise.
+# More marks than this are rasterised, because viewers cannot show that many vectors.
 _VECTORS: Final = 5000
 
 
 def check() -> None:
     """
-    See that a picture can be drawn, before hours are simulated for it.
+    Check that a plot is possible, before a long simulation.
 
-    :raises RtRobotError: it cannot, with the remedy.
+    :raises RtRobotError: it is not, with the remedy.
     """
     if find_spec('matplotlib') is None:
         raise RtRobotError(_REMEDY)
@@ -52,10 +53,10 @@ def check() -> None:
 
 def draw(path: Path, simulation: Simulation, results: Results) -> None:
     """
-    Draw the tree: the colour of a node is its load, that of a link its strength.
+    Draw the tree: the colour of a node is its load, that of a link its signal strength.
 
-    :param path: its ending, such as .png or .svg, says the format.
-    :raises RtRobotError: the format is not known, or there is no matplotlib.
+    :param path: its suffix, such as .png or .svg, determines the format.
+    :raises RtRobotError: the format is unknown, or there is no matplotlib.
     :raises OSError: it cannot be written.
     """
     check()
@@ -71,8 +72,8 @@ def draw(path: Path, simulation: Simulation, results: Results) -> None:
             raise RtRobotError(f'{path}: {error}') from None
 
 
-def places(simulation: Simulation, results: Results) -> Mapping[int, tuple[float, float]]:
-    """Return where each node is drawn: where it is, or else by its hops around the sink."""
+def positions(simulation: Simulation, results: Results) -> Mapping[int, tuple[float, float]]:
+    """Return the position of each node in the plot: its own, or by its hops around the sink."""
     topology = simulation.topology
     if topology.located:
         return {each: mote.position[:2] for each, mote in simulation.network.motes.items()}
@@ -90,8 +91,8 @@ def places(simulation: Simulation, results: Results) -> Mapping[int, tuple[float
 
 
 def _shape(simulation: Simulation, results: Results) -> float:
-    """Return how much wider than high the picture is."""
-    where = np.array(list(places(simulation, results).values()))
+    """Return the aspect ratio of the plot."""
+    where = np.array(list(positions(simulation, results).values()))
     low, high = where.min(0), where.max(0)
     if simulation.topology.walls is not None:
         left, bottom, right, top = simulation.topology.walls.bounds
@@ -102,38 +103,12 @@ def _shape(simulation: Simulation, results: Results) -> float:
 
 def _draw(figure: Any, simulation: Simulation, results: Results) -> None:
     axes, topology = figure.subplots(), simulation.topology
-    where = places(simulation, results)
-    many = len(where) > _FEW
-    if topology.walls is not None:
-        grid = topology.walls
-        left, bottom, right, top = grid.bounds
-        axes.imshow(np.where(grid.occupied_mask(), 0.72, 1.0), cmap='gray', vmin=0.0, vmax=1.0,
-                    origin='lower', extent=(left, right, bottom, top), zorder=0)
-    if topology.way is not None:
-        points = [*topology.way.points, topology.way.points[0]]
-        axes.plot([one.x for one in points], [one.y for one in points], color='#E69F00',
-                  linestyle='--', linewidth=1.2, zorder=1, label='way of the sink')
-    _draw_tree(axes, simulation, results, where, 0.8 if many else 1.8)
-    nodes = [each for each in where if each not in topology.sinks]
-    load = [results.data_by_node.get(each, 0) for each in nodes]
-    dots = axes.scatter([where[each][0] for each in nodes], [where[each][1] for each in nodes],
-                        c=load, cmap='viridis_r', s=14 if many else 90, zorder=3,
-                        edgecolors='black', linewidths=0.3 if many else 0.6, vmin=0,
-                        rasterized=len(where) > _VECTORS)
-    figure.colorbar(dots, ax=axes, label='data frames sent', shrink=0.8,
-                    pad=0.02)
-    axes.scatter(*zip(*(where[each] for each in topology.sinks)), marker='*',
-                 s=160 if many else 260, color='#D55E00', edgecolors='black', linewidths=0.6,
-                 zorder=4, label='sink')
-    dark = [each for each in nodes if not simulation.network.motes[each].is_on]
-    if dark:
-        axes.scatter([where[each][0] for each in dark], [where[each][1] for each in dark],
-                     marker='x', color='#B00000', s=40 if many else 120, zorder=5, label='dead')
+    where = positions(simulation, results)
+    _draw_map(axes, topology)
+    _draw_tree(axes, simulation, results, where, 0.8 if len(where) > _FEW else 1.8)
+    _draw_nodes(axes, simulation, results, where)
     if len(where) <= _LABELLED:
-        for each in nodes:
-            name = topology.places[each].name
-            axes.annotate(str(each) if name == str(each) else f'{each} {name}', where[each],
-                          textcoords='offset points', xytext=(6, 5), fontsize=7, zorder=6)
+        _draw_labels(axes, topology, where)
     axes.set_title(
         f'{results.scenario}: {results.nodes} nodes, {results.protocol}, after '
         f'{results.ended_s:,.0f} s: {100.0 * results.delivery:.2f} % delivered',
@@ -146,6 +121,49 @@ def _draw(figure: Any, simulation: Simulation, results: Results) -> None:
     else:
         axes.set_axis_off()
     axes.legend(loc='upper left', bbox_to_anchor=(0.0, -0.08), ncols=4, frameon=False, fontsize=8)
+
+
+def _draw_map(axes: Any, topology: Topology) -> None:
+    """Draw the walls and the route of the sink."""
+    if topology.walls is not None:
+        grid = topology.walls
+        left, bottom, right, top = grid.bounds
+        axes.imshow(np.where(grid.occupied_mask(), 0.72, 1.0), cmap='gray', vmin=0.0, vmax=1.0,
+                    origin='lower', extent=(left, right, bottom, top), zorder=0)
+    if topology.route is not None:
+        points = [*topology.route.points, topology.route.points[0]]
+        axes.plot([one.x for one in points], [one.y for one in points], color='#E69F00',
+                  linestyle='--', linewidth=1.2, zorder=1, label='route of the sink')
+
+
+def _draw_nodes(axes: Any, simulation: Simulation, results: Results,
+                where: Mapping[int, tuple[float, float]]) -> None:
+    """Draw the nodes with their load, the sinks, and the nodes that are off."""
+    sinks, many = simulation.topology.sinks, len(where) > _FEW
+    nodes = [each for each in where if each not in sinks]
+    load = [results.data_by_node.get(each, 0) for each in nodes]
+    dots = axes.scatter([where[each][0] for each in nodes], [where[each][1] for each in nodes],
+                        c=load, cmap='viridis_r', s=14 if many else 90, zorder=3,
+                        edgecolors='black', linewidths=0.3 if many else 0.6, vmin=0,
+                        rasterized=len(where) > _VECTORS)
+    axes.figure.colorbar(dots, ax=axes, label='data frames sent', shrink=0.8,
+                         pad=0.02)
+    axes.scatter(*zip(*(where[each] for each in sinks)), marker='*',
+                 s=160 if many else 260, color='#D55E00', edgecolors='black', linewidths=0.6,
+                 zorder=4, label='sink')
+    dark = [each for each in nodes if not simulation.network.motes[each].is_on]
+    if dark:
+        axes.scatter([where[each][0] for each in dark], [where[each][1] for each in dark],
+                     marker='x', color='#B00000', s=40 if many else 120, zorder=5, label='dead')
+
+
+def _draw_labels(axes: Any, topology: Topology, where: Mapping[int, tuple[float, float]]
+                 ) -> None:
+    for each, place in topology.places.items():
+        if each in where and each not in topology.sinks:
+            axes.annotate(str(each) if place.name == str(each) else f'{each} {place.name}',
+                          where[each], textcoords='offset points', xytext=(6, 5), fontsize=7,
+                          zorder=6)
 
 
 def _draw_tree(axes: Any, simulation: Simulation, results: Results,
@@ -166,7 +184,7 @@ def _draw_tree(axes: Any, simulation: Simulation, results: Results,
 
 
 def _strength(simulation: Simulation, node: int, parent: int | None) -> float:
-    """Return how strong a node's signal is at its parent, in dBm."""
+    """Return the signal strength of a node at its parent, in dBm."""
     motes = simulation.network.motes
     if parent not in motes:
         return _BAD_DBM

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Share a serial port with other programs, as TinyOS' serial forwarder does."""
+"""The command `wsn forward`: a serial forwarder of TinyOS for a serial port."""
 
 from __future__ import annotations
 
@@ -46,18 +46,18 @@ if TYPE_CHECKING:
 _RETRY_S: Final = 1.0
 _TURN_S: Final = 0.5
 _MOST_READ: Final = 512
-# While so many packets of clients wait for the mote, no more are read.
+# Largest number of waiting packets for the mote; with more, clients are not read.
 _ENOUGH_WAITING: Final = 8
 
 _EPILOG: Final = """
-Programs connect to sf://HOST:PORT; each gets all packets, and what it sends goes to the mote with
+Programs connect to sf://HOST:PORT; each gets all packets, and its packets go to the mote with
 an acknowledgement. Only programs of this machine may connect, unless --listen names another
-address: there is no password, so whoever may connect may send to the nodes.
+address: there is no password, so every program that connects can send to the nodes.
 
   wsn forward /dev/ttyUSB0 --stack tinyos2 --listen 9002
   wsn forward /dev/ttyUSB0 --listen 0.0.0.0:9001
 
-A port that is unplugged is opened again when it is back; clients stay.
+An unplugged port is opened again when it is back; clients stay connected.
 """
 
 
@@ -69,8 +69,8 @@ def add_to(commands: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('port', metavar='PORT', help='a serial port')
     parser.add_argument('--listen', type=_address, metavar='[HOST:]PORT',
-                        help='where programs connect (default: 9002 of this machine with '
-                        '--stack tinyos2, else 9001); port 0 takes a free one')
+                        help='address for programs (default: 9002 of this machine with '
+                        '--stack tinyos2, else 9001); port 0 selects a free one')
     add_stack(parser)
     add_baud(parser)
     parser.set_defaults(run=run)
@@ -80,9 +80,9 @@ class Server:
     """
     The forwarder with its sockets.
 
-    :param forwarder: does what is no input or output.
-    :param listener: takes the clients.
-    :ivar patience_s: a turn waits no longer, so that an end that is asked for comes.
+    :param forwarder: the protocol, without I/O.
+    :param listener: accepts clients.
+    :ivar patience_s: longest wait of a turn, so that signals are handled.
     """
 
     def __init__(self, forwarder: Forwarder, listener: socket.socket, where: str, baud: int
@@ -95,7 +95,7 @@ class Server:
         self._port: Port | None = None
         self._retry_s = 0.0
         self._clients: dict[int, socket.socket] = {}
-        # Of each client, what its socket did not take; the forwarder's own queue is behind it.
+        # Unsent bytes of each client, before those in the queue of the forwarder.
         self._unsent: dict[int, bytes] = {}
 
     def open(self) -> None:  # noqa: A003
@@ -111,7 +111,7 @@ class Server:
         self._port = open_port(self._where, self._baud)
 
     def close(self) -> None:
-        """Let go of all; may be repeated."""
+        """Close all sockets and the port; may be repeated."""
         for number in list(self._clients):
             self._hang_up(number, '')
         self._listener.close()
@@ -119,7 +119,7 @@ class Server:
             self._port.close()
 
     def turn(self) -> None:
-        """Wait for something to do, for a while at most, and do it."""
+        """Wait for input or a deadline, and process it."""
         port, now_s = self._port, time.monotonic()
         if port is None and now_s >= self._retry_s:
             self._open_again()
@@ -175,7 +175,7 @@ class Server:
         number = self._forwarder.connect()
         if number is None:
             warn('wsn', f'{address[0]} was refused: {self._forwarder.clients} programs are '
-                 'connected, and there is no room for more')
+                 'connected, the largest number')
             client.close()
             return
         client.setblocking(False)
@@ -218,10 +218,10 @@ def run(arguments: argparse.Namespace) -> int:
     Forward until Ctrl-C or SIGTERM.
 
     :return: the exit code.
-    :raises RtRobotError: port or address cannot be had.
+    :raises RtRobotError: the port or the address cannot be opened.
     """
     if '://' in arguments.port and arguments.port.startswith('sf:'):
-        raise ConfigError([f'{arguments.port!r} is a serial forwarder already: connect to it'])
+        raise ConfigError([f'{arguments.port!r} is already a serial forwarder: connect to it'])
     stack = arguments.stack
     platform = '' if arguments.platform == AUTO else arguments.platform
     forwarder = Forwarder(stack, platform)
@@ -254,7 +254,7 @@ def _listener(address: tuple[str, int]) -> socket.socket:
         family = socket.AF_INET6 if ':' in host else socket.AF_INET
         return socket.create_server((host or '127.0.0.1', number), family=family, backlog=4)
     except (OSError, OverflowError) as error:
-        raise StartError(f'{host or "127.0.0.1"}:{number} cannot be listened to ({error}): choose '
+        raise StartError(f'cannot listen on {host or "127.0.0.1"}:{number} ({error}): choose '
                          'another port with --listen') from error
 
 

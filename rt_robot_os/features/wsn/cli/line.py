@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A sink that is there now: on a serial port, or behind a serial forwarder.
+A live sink: on a serial port, or behind a serial forwarder.
 
-A port is a path, or an address that serial drivers take as well, such as ``tcp://host:port`` of a
-serial server.
+A port is a path, or an address that serial drivers accept as well, such as ``tcp://host:port`` of
+a serial server.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from typing import Final
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.wsn.cli.captured_packet import CapturedPacket
 from rt_robot_os.features.wsn.cli.captured_packet import FORWARDER
-from rt_robot_os.features.wsn.cli.captured_packet import Heard
 from rt_robot_os.features.wsn.cli.captured_packet import SERIAL
 from rt_robot_os.features.wsn.packets.decode import AUTO
 from rt_robot_os.features.wsn.packets.forwarder import forwarder_address
@@ -46,13 +46,13 @@ from rt_robot_os.features.wsn.packets.framing import TINYOS_2
 from rt_robot_os.features.wsn.packets.serial_link import Link
 from rt_robot_os.features.wsn.packets.serial_link import TRIES
 
-#: Bits a second, unless it is said: of telos under TinyOS 1.x, and of telosb under 2.x.
+#: Default baud rates: of telos under TinyOS 1.x, and of telosb under 2.x.
 BAUD: Final = {TINYOS_1.name: 57_600, TINYOS_2.name: 115_200}
-#: After so long without a packet it is told what to check.
+#: Time without a packet after which a hint is printed.
 SILENCE_S: Final = 10.0
 _PATIENCE_S: Final = 5.0
 _MOST_READ: Final = 65_536
-# Nothing waits for longer, so that an end that is asked for comes.
+# Longest wait, so that signals are handled.
 _TURN_S: Final = 0.5
 
 
@@ -60,7 +60,7 @@ class SinkLine(ABC):
     """
     A sink, to read and to write.
 
-    :ivar reader: of the frames, with the counters of what was rejected.
+    :ivar reader: of the frames, with the counters of rejected ones.
     """
 
     reader: FrameReader
@@ -70,51 +70,51 @@ class SinkLine(ABC):
         """Return what becomes readable."""
 
     @abstractmethod
-    def read(self) -> list[Heard]:
+    def read(self) -> list[CapturedPacket]:
         """
-        Take what is there, without waiting.
+        Return the packets that have arrived, without waiting.
 
-        :raises DeviceError: the other side is gone.
+        :raises DeviceError: the connection is lost.
         """
 
     @abstractmethod
     def write(self) -> float:
         """
-        Write what is due now; return in how many seconds to do so again.
+        Write what is due now; return the seconds until the next write.
 
-        :raises DeviceError: the other side is gone.
+        :raises DeviceError: the connection is lost.
         """
 
     @abstractmethod
-    def told_stack(self) -> str:
-        """Return the generation of TinyOS as the other side has told it; empty when not."""
+    def peer_stack(self) -> str:
+        """Return the generation of TinyOS that the other side reported; empty if it has not."""
 
     @abstractmethod
     def send(self, packet: bytes, stack: str) -> None:
-        """Have a packet of a generation written, see :meth:`outcome`."""
+        """Send a packet of a generation; see :meth:`outcome`."""
 
     @abstractmethod
     def outcome(self) -> str:
-        """Return what became of what was sent: ``acknowledged``, ``lost``, ``sent``, or empty."""
+        """Return the result of sending: ``acknowledged``, ``lost``, ``sent``, or empty."""
 
     @abstractmethod
     def close(self) -> None:
-        """Close it; may be repeated."""
+        """Close the line; may be repeated."""
 
     def wait(self) -> None:
-        """Wait until there may be something to read or to write, for a while at most."""
+        """Wait until the line may be readable or writable, for a limited time."""
         due_s = self.write()
         select.select([self.fileno()], [], [], min(due_s, _TURN_S))
 
 
 class SerialSinkLine(SinkLine):
-    """A mote on a port; what it wants acknowledged is."""
+    """A mote on a port; acknowledges its packets on request."""
 
     def __init__(self, where: str, stack: str, baud: int, tries: int) -> None:
         """
         Open a port.
 
-        :param stack: whose protocol is written; ``auto`` writes TinyOS 1.x's until a frame came.
+        :param stack: of the written protocol; ``auto`` is TinyOS 1.x until the first frame.
         :raises DeviceError: it cannot be opened.
         """
         # Late: `--help` needs none of it.
@@ -129,32 +129,32 @@ class SerialSinkLine(SinkLine):
         """Return what becomes readable."""
         return self._port.fileno()
 
-    def read(self) -> list[Heard]:
-        """Take the packets that are there."""
+    def read(self) -> list[CapturedPacket]:
+        """Return the packets that have arrived."""
         data = self._port.read()
-        found = [Heard(time.time(), SERIAL, each.protocol, each.token, each.packet)
+        found = [CapturedPacket(time.time(), SERIAL, each.protocol, each.token, each.packet)
                  for each in self._link.feed(data)] if data else []
         self.write()
         return found
 
     def write(self) -> float:
-        """Write what is due: acknowledgements, new packets, and those that are tried again."""
+        """Write what is due: acknowledgements, new packets and retransmissions."""
         now_ns = time.monotonic_ns()
         self._port.write(self._link.poll(now_ns))
         due_ns = self._link.next_ns
         return _TURN_S if due_ns is None else max(0.0, (due_ns - now_ns) / NS_PER_S)
 
-    def told_stack(self) -> str:
-        """Return nothing: frames say it, each."""
+    def peer_stack(self) -> str:
+        """Return an empty string: each frame has its generation."""
         return ''
 
     def send(self, packet: bytes, stack: str) -> None:
-        """Have a packet written until it is acknowledged."""
+        """Send a packet until it is acknowledged."""
         self._link.speak(TINYOS_2 if stack == TINYOS_2.name else TINYOS_1)
         self._link.send(packet)
 
     def outcome(self) -> str:
-        """Return what became of a packet."""
+        """Return the result of sending."""
         found = self._link.take_outcomes()
         return '' if not found else 'acknowledged' if found[0].acknowledged else 'lost'
 
@@ -164,16 +164,16 @@ class SerialSinkLine(SinkLine):
 
 
 class ForwarderSinkLine(SinkLine):
-    """A sink behind a serial forwarder, which does not tell what became of a packet."""
+    """A sink behind a serial forwarder, which does not report acknowledgements."""
 
     def __init__(self, where: str, stack: str, platform: str) -> None:
         """
         Connect; waits for some seconds.
 
-        :raises ConfigError: the address is wrong.
-        :raises DeviceError: nobody is there.
+        :raises ConfigError: the address is invalid.
+        :raises DeviceError: the connection failed.
         """
-        self.reader = FrameReader()  # there are no frames, so nothing is counted
+        self.reader = FrameReader()  # unused: there are no frames
         self._where = where
         self._client = ForwarderClient(stack, platform=platform)
         self._sent = ''
@@ -192,8 +192,8 @@ class ForwarderSinkLine(SinkLine):
         """Return what becomes readable."""
         return self._socket.fileno()
 
-    def read(self) -> list[Heard]:
-        """Take the packets that are there."""
+    def read(self) -> list[CapturedPacket]:
+        """Return the packets that have arrived."""
         try:
             data = self._socket.recv(_MOST_READ)
         except BlockingIOError:
@@ -203,7 +203,7 @@ class ForwarderSinkLine(SinkLine):
         if not data:
             raise self._gone('the forwarder closed the connection')
         protocols = {TINYOS_1.name: TINYOS_1.plain, TINYOS_2.name: TINYOS_2.plain}
-        found = [Heard(time.time(), FORWARDER, protocols[self._client.stack], -1, packet)
+        found = [CapturedPacket(time.time(), FORWARDER, protocols[self._client.stack], -1, packet)
                  for packet in self._client.feed(data)]
         if self._client.problem:
             raise DeviceError(f'{self._where}: {self._client.problem}')
@@ -211,7 +211,7 @@ class ForwarderSinkLine(SinkLine):
         return found
 
     def write(self) -> float:
-        """Write what is due: greetings and packets."""
+        """Write what is due: handshake and packets."""
         data = self._client.take_output()
         try:
             if data:
@@ -223,17 +223,17 @@ class ForwarderSinkLine(SinkLine):
             raise self._gone(error.strerror or str(error)) from error
         return _TURN_S
 
-    def told_stack(self) -> str:
-        """Return the forwarder's generation, once it has greeted."""
+    def peer_stack(self) -> str:
+        """Return the forwarder's generation, once the handshake is complete."""
         return self._client.stack if self._client.ready else ''
 
     def send(self, packet: bytes, stack: str) -> None:
-        """Have a packet sent once the forwarder has greeted, which is waited for."""
+        """Wait for the handshake, and send a packet."""
         end_s = time.monotonic() + _PATIENCE_S
         while not self._client.ready:
             if time.monotonic() > end_s:
-                raise DeviceError(f'{self._where} does not greet: check that it is a serial '
-                                  'forwarder, and that its mote sends something')
+                raise DeviceError(f'{self._where} does not complete the handshake: check that it '
+                                  'is a serial forwarder, and that its mote sends packets')
             self.wait()
             self.read()
         self._client.send(packet)
@@ -241,7 +241,7 @@ class ForwarderSinkLine(SinkLine):
         self._sent = 'sent'
 
     def outcome(self) -> str:
-        """Return what became of a packet: the forwarder does not say."""
+        """Return the result of sending: the forwarder reports no acknowledgements."""
         found, self._sent = self._sent, ''
         return found
 
@@ -250,7 +250,7 @@ class ForwarderSinkLine(SinkLine):
         self._socket.close()
 
     def _gone(self, cause: str) -> DeviceError:
-        return DeviceError(f'{self._where} is gone: {cause}')
+        return DeviceError(f'connection to {self._where} lost: {cause}')
 
 
 def open_line(where: str, stack: str = AUTO, platform: str = '', baud: int = 0,
@@ -259,7 +259,7 @@ def open_line(where: str, stack: str = AUTO, platform: str = '', baud: int = 0,
     Open a sink.
 
     :param where: a path, ``sf://host:port``, or an address of a serial server.
-    :param baud: of a serial line; 0 is the usual one of the stack.
+    :param baud: of a serial line; 0 is the default of the stack.
     :raises RtRobotError: it cannot be opened; the message names cause and remedy.
     """
     if where.startswith(SCHEME):
@@ -267,12 +267,13 @@ def open_line(where: str, stack: str = AUTO, platform: str = '', baud: int = 0,
     return SerialSinkLine(where, stack, baud, tries)
 
 
-def listen(line: SinkLine, seconds: float, tell: Callable[[str], object]) -> Iterator[Heard]:
+def listen(line: SinkLine, seconds: float, tell: Callable[[str], object]
+           ) -> Iterator[CapturedPacket]:
     """
-    Give what comes, for some seconds or, with 0, for ever.
+    Yield packets, for some seconds or, with 0, without end.
 
-    :param tell: is told once what to check, when for some time no packet has come.
-    :raises DeviceError: the other side is gone.
+    :param tell: called once with a hint, when no packet has arrived for some time.
+    :raises DeviceError: the connection is lost.
     """
     begun_s = time.monotonic()
     end_s = begun_s + seconds if seconds else float('inf')
@@ -289,7 +290,7 @@ def listen(line: SinkLine, seconds: float, tell: Callable[[str], object]) -> Ite
 
 def _advice(reader: FrameReader) -> str:
     if reader.rejected_bytes + reader.pending_bytes:
-        return ('bytes come, but no packets: check --baud (57600 under TinyOS 1.x on telos and '
+        return ('bytes arrive, but no packets: check --baud (57600 under TinyOS 1.x on telos and '
                 'micaz, 19200 on mica, 115200 under TinyOS 2.x), and that a base station runs')
-    return ('nothing has come so far: check that the mote runs a base station, that nodes are '
+    return ('no bytes have arrived: check that the mote runs a base station, that nodes are '
             'switched on, and that no other program reads the port')

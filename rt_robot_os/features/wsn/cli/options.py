@@ -32,7 +32,7 @@ import yaml
 
 
 def whole_number(least: int, most: int) -> Callable[[str], int]:
-    """Return what reads a number of an argument, in any base that Python writes."""
+    """Return a parser of an integer argument, in any base of Python."""
     def convert(text: str) -> int:
         try:
             value = int(text, 0)
@@ -40,13 +40,13 @@ def whole_number(least: int, most: int) -> Callable[[str], int]:
             value = least - 1
         if not least <= value <= most:
             raise argparse.ArgumentTypeError(
-                f'{text!r}: must be a whole number from {least} to {most}')
+                f'{text!r}: must be an integer from {least} to {most}')
         return value
     return convert
 
 
 def seconds(text: str) -> float:
-    """Read a duration of an argument."""
+    """Parse a duration argument."""
     try:
         value = float(text)
     except ValueError:
@@ -57,12 +57,12 @@ def seconds(text: str) -> float:
 
 
 def add_stack(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say which motes there are."""
+    """Add the options for the kind of motes."""
     parser.add_argument('--stack', choices=STACKS, default=AUTO,
-                        help='generation of TinyOS (default: as the frames say)')
+                        help='generation of TinyOS (default: from the frames)')
     parser.add_argument('--platform', choices=(AUTO, *PLATFORMS), default=AUTO,
                         help='motes under TinyOS 1.x: telos is telos, telosb, tmote and micaz; '
-                        'mica is mica, mica2 and mica2dot (default: as the lengths fit)')
+                        'mica is mica, mica2 and mica2dot (default: by the lengths)')
 
 
 def add_baud(parser: argparse.ArgumentParser) -> None:
@@ -76,8 +76,8 @@ def payloads_of(values: list[str]) -> tuple[Payload, ...]:
     """
     Return the payloads of a command line, and those of installed packages.
 
-    :param values: a text that declares one, or a YAML file with a list of them, each.
-    :raises ConfigError: with all that is wrong.
+    :param values: declarations, or YAML files with a list of them.
+    :raises ConfigError: with every problem.
     """
     found: list[object] = []
     for value in values:
@@ -90,9 +90,9 @@ def _of_file(path: Path) -> list[object]:
         loaded: Any = yaml.safe_load(path.read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError([f'payloads {str(path)!r} cannot be read ({error}): give a YAML file, '
-                           'or a text such as "soil 0x42 moisture:H"']) from error
+                           'or a declaration such as "soil 0x42 moisture:H"']) from error
     except yaml.YAMLError as error:
-        raise ConfigError([f'payloads {str(path)!r} is no YAML: {error}']) from error
+        raise ConfigError([f'payloads {str(path)!r} is not YAML: {error}']) from error
     if isinstance(loaded, dict):
         loaded = loaded.get('payloads')
     if not isinstance(loaded, list):

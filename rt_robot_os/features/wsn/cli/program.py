@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The program `wsn`: simulate a sensor network, read its packets, speak with its nodes.
+The program `wsn`: simulate a sensor network, read its packets, send commands to its nodes.
 
-Run one command; the exit code is 2 for a wrong command line, and nothing is begun then.
+The exit code is 2 for a wrong command line.
 """
 
 from __future__ import annotations

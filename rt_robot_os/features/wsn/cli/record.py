@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Packets as records for programs (JSON) and as lines for people."""
+"""Packets as JSON records for programs, and as lines for people."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.safe_text import safe_line
-from rt_robot_os.features.wsn.cli.captured_packet import Heard
+from rt_robot_os.features.wsn.cli.captured_packet import CapturedPacket
 from rt_robot_os.features.wsn.packets.decode import Packet
 from rt_robot_os.features.wsn.packets.multihop_lqi import NO_PARENT
 from rt_robot_os.features.wsn.packets.multihop_lqi import NO_ROUTE_HOPS
 
-# Of a record, in this order; each is null where the packet does not say it.
+# Fields of a record, in this order; null where the packet does not have them.
 _NUMBERS: Final = {
     'am_type': 'am_type', 'group': 'group', 'destination': 'destination', 'source': 'source',
     'origin': 'origin', 'seqno': 'origin_seqno', 'hops': 'hops', 'parent': 'parent',
@@ -38,14 +38,14 @@ _ALL: Final = 0xFFFF
 _NONE: Final = {'parent': NO_PARENT, 'hops': NO_ROUTE_HOPS}
 
 
-def record_of(heard: Heard, packet: Packet, again: bool) -> dict[str, Any]:
+def record_of(captured: CapturedPacket, packet: Packet, again: bool) -> dict[str, Any]:
     """
-    Make the record of a packet, as ``wsn sniff --json`` writes it.
+    Return the record of a packet for ``wsn sniff --json``.
 
-    :param again: a packet of this origin with this number was there before.
+    :param again: it is a duplicate.
     """
     found: dict[str, Any] = {
-        'time': heard.time_s, 'medium': heard.medium, 'protocol': packet.stack or None,
+        'time': captured.time_s, 'medium': captured.medium, 'protocol': packet.stack or None,
         'platform': packet.platform or None, 'kind': packet.kind, 'name': packet.name or None}
     for key, name in _NUMBERS.items():
         value = getattr(packet, name)
@@ -55,12 +55,12 @@ def record_of(heard: Heard, packet: Packet, again: bool) -> dict[str, Any]:
     found['fields'] = finite(packet.fields)
     found['readings'] = dict(packet.readings)
     found['problem'] = packet.problem or None
-    found['hex'] = heard.data.hex()
+    found['hex'] = captured.data.hex()
     return found
 
 
 def line_of(record: dict[str, Any]) -> str:
-    """Write a record as a line."""
+    """Return a record as a line."""
     time_s = '' if record['time'] is None else f'{record["time"]:.6f}'
     am_type = '    ' if record['am_type'] is None else f'0x{record["am_type"]:02x}'
     name = record['name'] or record['kind']
@@ -82,7 +82,7 @@ def line_of(record: dict[str, Any]) -> str:
 
 
 def finite(value: Any) -> Any:
-    """Return a value without what JSON does not have: infinities and NaN become null."""
+    """Replace infinities and NaN, which JSON does not have, by None."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):
@@ -93,7 +93,7 @@ def finite(value: Any) -> Any:
 
 
 def _number(title: str, value: int) -> str:
-    """Write a number; without a route there is no parent, and no number of hops."""
+    """Return a number as text; without a route there is no parent, and no hop count."""
     return 'none' if value == _NONE.get(title) else str(value)
 
 

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Recorded sensor networks: bytes of a serial line, frames or air as CSV, pcap; also gzipped.
+Reader of recordings: bytes of a serial line, CSV of frames or air, pcap; also gzipped.
 
-What a file is is seen from its first bytes, not from its name.
+The first bytes of a file, not its name, determine its format.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ import zlib
 from rt_robot_os.base.errors import RecordingError
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.wsn.cli.captured_packet import AIR
-from rt_robot_os.features.wsn.cli.captured_packet import Heard
+from rt_robot_os.features.wsn.cli.captured_packet import CapturedPacket
 from rt_robot_os.features.wsn.cli.captured_packet import SERIAL
 from rt_robot_os.features.wsn.packets.framing import FrameReader
 from rt_robot_os.features.wsn.packets.framing import read_content
@@ -57,12 +57,12 @@ _CSV: Final = re.compile(rb'[ -~]*hex[ -~]*\r?\n|[\d.]+,(\d+,)?[0-9A-Fa-f ]+(,[ 
 _US: Final = 1e-6
 
 
-class Recording:
+class PacketRecording:
     """
-    A file; iterating it gives what was heard.
+    A file; iterating it yields its packets.
 
-    :ivar reader: of the frames, with the counters of what was rejected.
-    :ivar bad_lines: lines of a CSV that hold no frame.
+    :ivar reader: of the frames, with the counters of rejected ones.
+    :ivar bad_lines: number of CSV lines without a frame.
     """
 
     def __init__(self, path: str) -> None:
@@ -84,11 +84,11 @@ class Recording:
             raise RecordingError(f'{path} cannot be read: {error.strerror}') from error
         self._file = gzip.GzipFile(fileobj=self._opened) if is_gzip else self._opened
 
-    def __iter__(self) -> Iterator[Heard]:
+    def __iter__(self) -> Iterator[CapturedPacket]:
         """
-        Give what was heard, in order.
+        Yield the packets, in order.
 
-        :raises RecordingError: it cannot be read any further.
+        :raises RecordingError: the rest cannot be read.
         """
         try:
             head = self._file.peek(512)[:512]
@@ -112,19 +112,19 @@ class Recording:
             self._file.close()
             self._opened.close()
 
-    def _line(self) -> Iterator[Heard]:
-        # What is there, however little: a pipe is read as it is written.
+    def _line(self) -> Iterator[CapturedPacket]:
+        # Partial reads, so that a pipe is read as it is written.
         while data := self._file.read1(_CHUNK):
             for each in self.reader.feed(data):
-                yield Heard(None, SERIAL, each.protocol, each.token, each.packet)
+                yield CapturedPacket(None, SERIAL, each.protocol, each.token, each.packet)
         self.reader.reset()
 
-    def _csv(self) -> Iterator[Heard]:
-        # In bytes lines end at any line feed; a NUL is for csv to refuse.
+    def _csv(self) -> Iterator[CapturedPacket]:
+        # Lines of bytes end only at line feeds.
         text: Iterator[str] = (line.decode(errors='replace') for line in self._file)
         first = next(text)
         names = next(csv.reader([first]))
-        if 'hex' not in first:  # no head: it begins with a frame
+        if 'hex' not in first:  # no header: the first line is a frame
             names = ['t_us', 'hex'] if len(names) == 2 else ['t_us', 'source', 'mpdu_hex']
             text = chain([first], text)
         content = next(name for name in names if 'hex' in name)
@@ -138,13 +138,13 @@ class Recording:
             else:
                 yield from self._row(time_s, data, 'mpdu' in content)
 
-    def _row(self, time_s: float, data: bytes, is_air: bool) -> Iterator[Heard]:
+    def _row(self, time_s: float, data: bytes, is_air: bool) -> Iterator[CapturedPacket]:
         when = time_s if math.isfinite(time_s) else None
         if is_air:
-            # Some note the length byte, some do not.
+            # Some recordings lack the length byte.
             if not data or data[0] != len(data) - 1:
                 data = bytes((len(data) & 0xFF,)) + data
-            yield Heard(when, AIR, -1, -1, data)
+            yield CapturedPacket(when, AIR, -1, -1, data)
             return
         found = [read_content(data)] if data[:1] != b'\x7e' else self.reader.feed(data)
         for each in found:
@@ -152,30 +152,31 @@ class Recording:
                 self.reader.rejected_frames += 1
                 self.reader.rejected_bytes += len(data)
             else:
-                yield Heard(when, SERIAL, each.protocol, each.token, each.packet)
+                yield CapturedPacket(when, SERIAL, each.protocol, each.token, each.packet)
 
-    def _pcap(self, order: str, in_ns: bool) -> Iterator[Heard]:
+    def _pcap(self, order: str, in_ns: bool) -> Iterator[CapturedPacket]:
         header = self._file.read(24)
         link = Struct(f'{order}I').unpack(header[20:24])[0] & 0xFFFF if len(header) == 24 else -1
         if link not in (_WITH_FCS, _WITHOUT_FCS, _TAP):
-            raise RecordingError(f'{self.path} holds no 802.15.4 (link type {link}): wanted are '
-                                 f'{_WITH_FCS}, {_WITHOUT_FCS} and {_TAP}')
+            raise RecordingError(f'{self.path} is not of 802.15.4 (link type {link}): must be '
+                                 f'{_WITH_FCS}, {_WITHOUT_FCS} or {_TAP}')
         record = Struct(f'{order}IIII')
         while len(head := self._file.read(record.size)) == record.size:
             seconds, part, size, _ = record.unpack(head)
             data = self._file.read(min(size, _LONGEST_RECORD))
             if size > _LONGEST_RECORD or len(data) < size:
-                raise RecordingError(f'{self.path} is cut, or damaged: a frame of {size} bytes')
+                raise RecordingError(
+                    f'{self.path} is truncated or damaged: a frame of {size} bytes')
             time_s = seconds + part / (NS_PER_S if in_ns else 1_000_000)
             if link == _TAP and len(data) >= 4:
                 data = data[int.from_bytes(data[2:4], 'little'):]
             if link == _WITHOUT_FCS:
                 data += fcs(data)
-            yield Heard(time_s, AIR, -1, -1, bytes((len(data) & 0xFF,)) + data)
+            yield CapturedPacket(time_s, AIR, -1, -1, bytes((len(data) & 0xFF,)) + data)
 
 
 def is_recording(where: str) -> bool:
-    """Return whether it is something to read once, rather than a port or an address."""
+    """Return whether it is a file, not a port or an address."""
     return where == STANDARD_INPUT or '://' not in where and not _is_port(where)
 
 

@@ -14,14 +14,15 @@
 
 
 """
-What TOSSIM and real firmware gave for the same networks, from a folder of references.
+Reference results of TOSSIM and of real firmware, from a folder.
+
 
 ``tossim_reference.json`` is a list of runs: ``variant`` (``lqi32``: MultiHopLQI with beacons each
 32 s; ``ctp``), ``topology`` (of ``tossim_NAME.topo.txt``), ``noise`` (of ``noise_NAME.txt.gz``),
 ``seed``, ``seconds``, ``generated``, ``delivered``, ``transmissions``. ``mspsim_summary.json``
-has, by ``NAME_PROTOCOL``, what real firmware did on emulated motes with the links of
-``mspsim_NAME.links.txt``; the log of the air ``mspsim_NAME_PROTOCOL.air.csv.gz`` beside it says
-when motes began, who their parents were and what their beacons said.
+has, by ``NAME_PROTOCOL``, results of real firmware on emulated motes with the links of
+``mspsim_NAME.links.txt``; the log of the air ``mspsim_NAME_PROTOCOL.air.csv.gz`` has the start
+times of the motes, their parents and their beacons.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ _QUIET_WITHIN, _HEAVY_WITHIN, _FIRMWARE_WITHIN = 0.03, 0.06, 0.03
 _LOUD_DBM, _LOUD_SHARE = -85, 0.02
 _TOSSIM_PERIOD_BINARY_MS: Final = 800.0
 _TOSSIM_PERIOD_NS: Final = round(_TOSSIM_PERIOD_BINARY_MS * BINARY_MS_NS)
-# TOSSIM's motes were booted within a ms, as TinyOS' own scripts do, or within a second.
+# TOSSIM's motes boot within a ms, as in TinyOS' own scripts, or within a second.
 _TOGETHER_S: Final = 0.001
 _WITHIN_S: Final = 1.0
 _READINGS: Final = 5
@@ -76,24 +77,24 @@ _LQI_DATA, _CTP_DATA, _LQI_BEACON = 0x74, 0x71, 0x73
 _BROADCAST: Final = 0xFFFF
 
 
-# What is raised where a file is not such as it should be.
-_MISUNDERSTOOD: Final = (
+# Exceptions of parsing malformed files.
+_MALFORMED: Final = (
     ArithmeticError, AttributeError, EOFError, KeyError, TypeError, ValueError, zlib.error)
 
 
 @dataclass(frozen=True)
 class Reference:
     """
-    One network, and what somebody else's simulation or firmware made of it.
+    One network with its reference result.
 
-    :ivar scenarios: the same for us, one a seed.
-    :ivar delivery: theirs, the mean over the seeds.
-    :ivar delivery_within: how much ours may differ.
-    :ivar frames_per_delivery: theirs; None when it is not to be compared.
-    :ivar beacons_count: beacons are among these frames.
-    :ivar single: theirs is one run.
-    :ivar parents: theirs at the end; empty when not known.
-    :ivar beacon_costs: all costs that their beacons said.
+    :ivar scenarios: of our simulation, one for each seed.
+    :ivar delivery: of the reference, the mean over the seeds.
+    :ivar delivery_within: largest difference of ours.
+    :ivar frames_per_delivery: of the reference; None when it is not compared.
+    :ivar beacons_count: these frames include beacons.
+    :ivar single: the reference is a single run.
+    :ivar parents: final parents of the reference; empty when unknown.
+    :ivar beacon_costs: all costs that beacons of the reference advertised.
     """
 
     name: str
@@ -108,7 +109,7 @@ class Reference:
     beacon_costs: Mapping[int, frozenset[int]] = field(default_factory=dict)
 
 
-#: The name of a reference, and what reads it.
+#: The name of a reference, and its reader.
 Make = tuple[str, Callable[[], Reference]]
 
 
@@ -123,9 +124,8 @@ def read_references(folder: Path, seeds: int = 6) -> tuple[list[Reference], list
     """
     Read all references of a folder.
 
-    :param seeds: of firmware there is one run; we make so many.
-    :return: those that can be compared, and those of which something is missing or is not
-        understood.
+    :param seeds: number of our runs against the single firmware run.
+    :return: those that can be compared, and those with a missing or malformed file.
     """
     found: list[Reference] = []
     skipped: list[Skipped] = []
@@ -138,20 +138,20 @@ def read_references(folder: Path, seeds: int = 6) -> tuple[list[Reference], list
             continue
         try:
             for label, make in makes(json.loads(path.read_text())):
-                why = _why_not(folder, make, found)
+                why = _problem(folder, make, found)
                 if why:
                     skipped.append(Skipped(label, why))
-        except (OSError, *_MISUNDERSTOOD) as error:
+        except (OSError, *_MALFORMED) as error:
             skipped.append(Skipped(name, _reason(path, error)))
     return found, skipped
 
 
-def _why_not(folder: Path, make: Callable[[], Reference], found: list[Reference]) -> str:
+def _problem(folder: Path, make: Callable[[], Reference], found: list[Reference]) -> str:
     try:
         found.append(make())
     except ConfigError as error:
         return '; '.join(error.problems)
-    except (OSError, *_MISUNDERSTOOD) as error:
+    except (OSError, *_MALFORMED) as error:
         return _reason(folder, error)
     return ''
 
@@ -160,7 +160,7 @@ def _reason(path: Path, error: Exception) -> str:
     if isinstance(error, (OSError, EOFError, zlib.error)):
         name = getattr(error, 'filename', None) or path
         return f'{name}: cannot be read: {getattr(error, "strerror", None) or error}'
-    return f'{path}: cannot be understood: {error!r}'
+    return f'{path}: malformed: {error!r}'
 
 
 def _tossim(folder: Path, rows: Sequence[Mapping[str, Any]]) -> Iterator[Make]:
@@ -175,10 +175,10 @@ def _tossim(folder: Path, rows: Sequence[Mapping[str, Any]]) -> Iterator[Make]:
 
 def _tossim_reference(folder: Path, label: str, topology: str, noise: str, variant: str,
                       runs: Sequence[Mapping[str, Any]], boot_spread_s: float) -> Reference:
-    trace = _beside(folder, f'noise_{noise}.txt')
+    trace = _file_in(folder, f'noise_{noise}.txt')
     return Reference(
         label,
-        [tossim_scenario(_beside(folder, f'tossim_{topology}.topo.txt'), trace, variant,
+        [tossim_scenario(_file_in(folder, f'tossim_{topology}.topo.txt'), trace, variant,
                          float(run['seconds']), int(run['seed']), boot_spread_s)
          for run in runs],
         statistics.fmean(run['delivered'] / run['generated'] for run in runs),
@@ -188,27 +188,27 @@ def _tossim_reference(folder: Path, label: str, topology: str, noise: str, varia
 
 def _boot_spread_s(rows: Sequence[Mapping[str, Any]]) -> float:
     """
-    Return within which time the motes of all runs of a file were booted.
+    Return the time within which the motes of all runs of a file booted.
 
-    A mote's first packet comes one period after its boot. Motes that boot together make the same
-    number of packets; of motes that boot within a second, a fifth make one less.
+    The first packet of a mote is one period after its boot. Motes that boot together generate the
+    same number of packets; of motes that boot within a second, a fifth generate one less.
     """
     for run in rows:
         try:
             most = math.ceil(float(run['seconds']) * NS_PER_S / _TOSSIM_PERIOD_NS) - 1
             if int(run['generated']) % most:
                 return _WITHIN_S
-        except _MISUNDERSTOOD:
-            # Such a run is skipped, with the reason, where it would be compared.
+        except _MALFORMED:
+            # Such a run is skipped later, with the reason.
             continue
     return _TOGETHER_S
 
 
-def _beside(folder: Path, name: str) -> str:
+def _file_in(folder: Path, name: str) -> str:
     for path in (folder / name, folder / f'{name}.gz'):
         if path.is_file():
             return str(path)
-    raise ConfigError([f'{folder / name}: there is no such file, packed (.gz) or not'])
+    raise ConfigError([f'{folder / name}: no such file, gzipped (.gz) or not'])
 
 
 def _is_heavy(trace: str) -> bool:
@@ -219,10 +219,10 @@ def _is_heavy(trace: str) -> bool:
 def tossim_scenario(topology: str, noise: str, variant: str, seconds: float = 600.0,
                     seed: int = 1, boot_spread_s: float = _WITHIN_S) -> Scenario:
     """
-    Make the scenario of a TOSSIM run: data every 800 binary ms, the first a period after boot.
+    Return the scenario of a TOSSIM run: data every 800 binary ms, the first a period after boot.
 
-    In a dense network it matters how far apart the motes boot: those that boot together send
-    together from then on, as no clock of TOSSIM drifts.
+    In a dense network the boot times matter: motes that boot together also send together, because
+    TOSSIM's clocks do not drift.
 
     :param variant: ``ctp`` or ``lqiN`` with beacons each N s.
     :raises ValueError: it is neither.
@@ -245,7 +245,7 @@ def tossim_scenario(topology: str, noise: str, variant: str, seconds: float = 60
 
 @dataclass
 class _Air:
-    """What a log of the air says."""
+    """The content of a log of the air."""
 
     first_us: dict[int, int] = field(default_factory=dict)
     parents: dict[int, int] = field(default_factory=dict)
@@ -264,8 +264,8 @@ def _firmware(folder: Path, seeds: int, summary: Mapping[str, Mapping[str, Any]]
 
 def _firmware_reference(folder: Path, label: str, network: str, protocol: str,
                         one: Mapping[str, Any], seeds: int) -> Reference:
-    links = _beside(folder, f'mspsim_{network}.links.txt')
-    air = _air(_beside(folder, f'mspsim_{network}_{protocol}.air.csv'))
+    links = _file_in(folder, f'mspsim_{network}.links.txt')
+    air = _air(_file_in(folder, f'mspsim_{network}_{protocol}.air.csv'))
     generated, delivered = (sum(one[key].values()) for key in ('generated', 'delivered'))
     most = max(one['generated'].values())
     return Reference(
@@ -291,19 +291,19 @@ def _air(path: str) -> _Air:
                     air.parents[node] = frame.destination
                 skipped, origin = (9, 0) if frame.am_type == _LQI_DATA else (8, 4)
                 air.interval = int.from_bytes(data[skipped + 2:skipped + 4], 'big') or 1024
-                # A packet that a node passes on says nothing of its own boot.
+                # A forwarded packet does not show the boot time of the node.
                 if int.from_bytes(data[origin:origin + 2], 'big') == node:
                     air.first_us.setdefault(node, int(row['t_us']))
     return air
 
 
 def _firmware_scenario(links: str, protocol: str, air: _Air, packets: int, seed: int) -> Scenario:
-    """Make the scenario of motes with MultihopOscilloscope: six readings, then a packet."""
+    """Return the scenario of motes with MultihopOscilloscope: six readings, then a packet."""
     interval_s = air.interval / 1024
     first_s = min(air.first_us.values()) / 1e6
     boots_s = {node: max(0.0, first_us / 1e6 - _FIRST_TICKS * interval_s)
                for node, first_us in air.first_us.items()}
-    # It ends half a period after the last packet, or what is a round number then.
+    # It ends half a period after the last packet, rounded up to 10 s.
     end_s = 10.0 * math.ceil((first_s + interval_s * _READINGS * (packets - 0.5)) / 10.0)
     return settled(Scenario(
         name=Path(links).name, seconds=end_s, seed=seed, protocol=protocol, tinyos=2,
@@ -317,7 +317,7 @@ def _firmware_scenario(links: str, protocol: str, air: _Air, packets: int, seed:
 
 
 def _time_unit(links: str, end_s: float) -> str:
-    """Guess in which unit a links file counts: its changes come before the end."""
+    """Guess the time unit of a links file: its changes must precede the end."""
     for unit in ('s', 'ms'):
         changes = read_links(links, unit)[1]
         if not changes or changes[0].at_ns <= end_s * NS_PER_S:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Many simulations: variants of a scenario, each with several seeds, on all processors."""
+"""Parallel simulations: variants of a scenario, each with several seeds."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ class Variant:
 
 def run_one(scenario: Scenario, with_host: bool = False) -> Results:
     """
-    Run a scenario that is settled from beginning to end.
+    Run a complete scenario from start to end.
 
-    :param with_host: let the robot's model of the network count as well.
+    :param with_host: also run the robot's model of the network.
     """
     simulation = Simulation(scenario, make_topology(scenario), with_host=with_host)
     simulation.run()
@@ -65,16 +65,16 @@ def run_one(scenario: Scenario, with_host: bool = False) -> Results:
 
 
 def run_all(variants: Sequence[Variant], seeds: int, jobs: int = 0,
-            told: Callable[[int, int], None] | None = None
+            progress: Callable[[int, int], None] | None = None
             ) -> tuple[Mapping[str, Sequence[Results]], bool]:
     """
-    Run each variant with as many seeds, counted from its own.
+    Run each variant with several seeds, counted from its own.
 
-    :param jobs: processes at once; 0: one a processor.
-    :param told: called with how many are done, and of how many.
-    :return: by label, in the order of the seeds; and whether that is all: after Ctrl-C it is what
-        there was.
-    :raises ConfigError: what the network of one of them is made of cannot be read.
+    :param jobs: parallel processes; 0: one for each processor.
+    :param progress: called with the number of completed runs and of all runs.
+    :return: results by label, in the order of the seeds; and whether they are complete, which they
+        are not after Ctrl-C.
+    :raises ConfigError: a file of a network cannot be read.
     """
     tasks = [replace(variant.scenario, seed=variant.scenario.seed + index)
              for variant in variants for index in range(seeds)]
@@ -83,8 +83,8 @@ def run_all(variants: Sequence[Variant], seeds: int, jobs: int = 0,
     try:
         for index, result in _computed(tasks, jobs, False):
             found[index] = result
-            if told is not None:
-                told(len(found), len(tasks))
+            if progress is not None:
+                progress(len(found), len(tasks))
     except KeyboardInterrupt:
         whole = False
     return {variant.label: runs for place, variant in enumerate(variants) if (runs := [
@@ -93,20 +93,20 @@ def run_all(variants: Sequence[Variant], seeds: int, jobs: int = 0,
 
 
 def run_each(scenarios: Sequence[Scenario], jobs: int = 0,
-             told: Callable[[int, int], None] | None = None, with_host: bool = False
+             progress: Callable[[int, int], None] | None = None, with_host: bool = False
              ) -> list[Results]:
     """
-    Run scenarios that are settled.
+    Run complete scenarios.
 
-    :param jobs: as for :func:`run_all`, and so is ``told``.
+    :param jobs: as for :func:`run_all`, and so is ``progress``.
     :param with_host: as for :func:`run_one`.
-    :return: what each found, in their order.
+    :return: their results, in their order.
     """
     found: dict[int, Results] = {}
     for index, result in _computed(scenarios, jobs, with_host):
         found[index] = result
-        if told is not None:
-            told(len(found), len(scenarios))
+        if progress is not None:
+            progress(len(found), len(scenarios))
     return [found[index] for index in range(len(scenarios))]
 
 
@@ -129,20 +129,19 @@ def _computed(scenarios: Sequence[Scenario], jobs: int, with_host: bool
 
 
 def _leave_ctrl_c() -> None:
-    """Leave it to the parent to end."""
+    """Ignore Ctrl-C: the parent process handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def with_nodes(scenario: Scenario, count: int) -> Scenario:
     """
-    Return the scenario with another number of random nodes, as far apart as before.
+    Return the scenario with another number of random nodes of the same density.
 
     :raises ConfigError: its nodes are not random.
     """
     topology = scenario.topology
     if not topology.random:
-        raise ConfigError([f'{scenario.name}: --sizes needs topology.random, so that there can be '
-                           'more nodes or fewer'])
+        raise ConfigError([f'{scenario.name}: --sizes needs topology.random'])
     scale = math.sqrt(count / topology.random) if not topology.map else 1.0
     return replace(scenario, topology=replace(
         topology, random=count, width_m=topology.width_m * scale,
@@ -151,9 +150,9 @@ def with_nodes(scenario: Scenario, count: int) -> Scenario:
 
 def with_sink(scenario: Scenario, sink: str) -> Scenario:
     """
-    Return the scenario with a sink that stands or drives.
+    Return the scenario with a fixed or a moving sink.
 
-    One that has no way drives around the middle of the area, half as wide and deep.
+    The default route is a rectangle around the middle of the area, half as wide and deep.
 
     :raises ConfigError: there is no area.
     """
@@ -163,7 +162,7 @@ def with_sink(scenario: Scenario, sink: str) -> Scenario:
         return scenario
     topology = scenario.topology
     if not topology.random or topology.map:
-        raise ConfigError([f'{scenario.name}: --sink moving: say on which way, with sink.way'])
+        raise ConfigError([f'{scenario.name}: --sink moving: give its route in sink.way'])
     width, depth = topology.width_m, topology.depth_m
     corners = ((0.25, 0.25), (0.75, 0.25), (0.75, 0.75), (0.25, 0.75))
     return replace(scenario, sink=replace(scenario.sink, way=tuple(
@@ -171,7 +170,7 @@ def with_sink(scenario: Scenario, sink: str) -> Scenario:
 
 
 def with_protocol(scenario: Scenario, protocol: str) -> Scenario:
-    """Return the scenario with another protocol, and what follows from that chosen anew."""
+    """Return the scenario with another protocol, and the defaults that depend on it."""
     if protocol == scenario.protocol:
         return scenario
     tossim = scenario.radio.mac == 'tossim'

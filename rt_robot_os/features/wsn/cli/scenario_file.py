@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Reads the YAML file of a scenario: every problem at once, each with file, line and remedy."""
+"""Reader of the YAML file of a scenario; reports all problems with file, line and remedy."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ _READERS: Final[Mapping[str, Callable[[str], Any]]] = {
 
 def find_scenario(name: str) -> Path:
     """
-    Find a scenario: a file, or the name of one of those of this package, such as ``home12``.
+    Find a scenario: a file, or the name of one of this package, such as ``home12``.
 
-    :raises ConfigError: there is neither.
+    :raises ConfigError: neither exists.
     """
     path = Path(name)
     if path.exists() or path.suffix or len(path.parts) > 1:
@@ -77,18 +77,18 @@ def find_scenario(name: str) -> Path:
             known = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
         except ConfigError:
             known = 'none'
-        raise ConfigError([f'{name}: no such file, and no scenario of this package; those are '
+        raise ConfigError([f'{name}: no such file, and no scenario of this package: '
                            f'{known}']) from None
 
 
 def load_scenario(path: Path, overrides: Mapping[str, Any] | None = None,
                   assignments: Sequence[str] = ()) -> tuple[Scenario, Topology]:
     """
-    Read a scenario and check all that can be checked before it runs, files included.
+    Read a scenario and check it before it runs, files included.
 
-    :param overrides: values that win, by section as in the file.
-    :param assignments: the same as texts, such as ``traffic.period_ms=500``; these win.
-    :return: the scenario with nothing left open, and its topology.
+    :param overrides: values that override the file, by section as in the file.
+    :param assignments: strings such as ``traffic.period_ms=500``, which override both.
+    :return: the complete scenario, and its topology.
     :raises ConfigError: with one line for each problem.
     """
     problems = Problems([str(path), COMMAND_LINE])
@@ -98,12 +98,12 @@ def load_scenario(path: Path, overrides: Mapping[str, Any] | None = None,
     for text in assignments:
         tree = merge(tree, _assigned(text, problems))
     sections = _sections(tree, problems)
-    _check_texts(sections, tree, problems)
+    _check_strings(sections, tree, problems)
     problems.raise_any()
-    scenario = _made(sections)
+    scenario = _build(sections)
     found = list(wrong(scenario))
     for key, remedy in found:
-        _tell(key, remedy, sections, tree, problems)
+        _add_problem(key, remedy, sections, tree, problems)
     if any(key.startswith(('topology', 'sink')) for key, _ in found):
         problems.raise_any()
     scenario = settled(replace(scenario, name=scenario.name or path.stem))
@@ -129,7 +129,7 @@ def _tree(path: Path, problems: Problems) -> Branch:
         problems.add(Origin(str(path)), 'must have the keys of a scenario, such as topology: '
                      '{grid: 4x5}')
         problems.raise_any()
-    assert raw is not None and not isinstance(raw, Leaf)
+        raise AssertionError from None
     _mix_numbers(raw)
     return expand(raw, problems)
 
@@ -151,7 +151,7 @@ def _assigned(text: str, problems: Problems) -> Branch:
 
 
 def _mix_numbers(raw: RawMap) -> None:
-    """Let whole numbers stand beside others in a list: no node of ROS 2 reads a scenario."""
+    """Allow lists with integers and floats, unlike parameters of ROS 2."""
     for index, (key, origin, found) in enumerate(raw.items):
         if isinstance(found, RawMap):
             _mix_numbers(found)
@@ -180,7 +180,7 @@ def _leaf(key: str, tree: Branch) -> Leaf | None:
     return found if isinstance(found, Leaf) else None
 
 
-def _check_texts(sections: Mapping[str, Section], tree: Branch, problems: Problems) -> None:
+def _check_strings(sections: Mapping[str, Section], tree: Branch, problems: Problems) -> None:
     for key, reader in _READERS.items():
         section, _, name = key.rpartition('.')
         leaf = _leaf(key, tree)
@@ -192,7 +192,7 @@ def _check_texts(sections: Mapping[str, Section], tree: Branch, problems: Proble
                 problems.value(origin, key, text, str(error))
 
 
-def _made(sections: Mapping[str, Section]) -> Scenario:
+def _build(sections: Mapping[str, Section]) -> Scenario:
     parts = {name: made(kind, frozen(sections[name].values)) for name, kind in SECTIONS.items()}
     found: Scenario = made(Scenario, frozen(sections[''].values), **parts)
     return found
@@ -205,8 +205,8 @@ def _origin(key: str, sections: Mapping[str, Section], tree: Branch) -> Origin:
     return sections[section].where(name) if section in sections else tree.origin
 
 
-def _tell(key: str, remedy: str, sections: Mapping[str, Section], tree: Branch,
-          problems: Problems) -> None:
+def _add_problem(key: str, remedy: str, sections: Mapping[str, Section], tree: Branch,
+                 problems: Problems) -> None:
     leaf = _leaf(key, tree)
     origin = _origin(key, sections, tree)
     if leaf is None:
@@ -216,7 +216,7 @@ def _tell(key: str, remedy: str, sections: Mapping[str, Section], tree: Branch,
 
 
 def _place(text: str, sections: Mapping[str, Section], tree: Branch) -> Origin:
-    """Find the key that a problem of the topology begins with."""
+    """Find the key at the start of a problem of the topology."""
     key = text.partition(' ')[0].rstrip(':')
     known = {f'{name}.{each.name}' for name, kind in SECTIONS.items() for each in declared(kind)}
     if key in known:
@@ -232,14 +232,14 @@ def _check_ids(scenario: Scenario, topology: Topology, sections: Mapping[str, Se
         try:
             nodes_of(one, topology.places, topology.sinks, Random(0))
             if one.kind == 'move' and not topology.located:
-                raise ValueError('the nodes of a file of links have no place')
+                raise ValueError('the nodes of a links file have no position')
             if one.kind == 'noise' and topology.links is not None:
-                raise ValueError('a file of links has no noise: let its links change with lines '
+                raise ValueError('a links file has no noise: change its links with lines '
                                  '"@ t from to prr rssi lqi"')
         except ValueError as error:
             origin = leaf.item_origin(index) if leaf is not None else tree.origin
             problems.value(origin, 'faults', text, str(error))
     for each in scenario.traffic.sources:
         if each not in topology.places or each in topology.sinks:
-            what = 'is the sink' if each in topology.sinks else 'is no node'
-            _tell('traffic.sources', f'{each} {what}', sections, tree, problems)
+            what = 'is the sink' if each in topology.sinks else 'is not a node'
+            _add_problem('traffic.sources', f'{each} {what}', sections, tree, problems)

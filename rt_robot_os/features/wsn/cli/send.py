@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Send a command to nodes, and wait until the sink has taken it."""
+"""The command `wsn send`: send a command to nodes, and wait for its acknowledgement."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ _WAIT_S: Final = 0.25
 
 _EPILOG: Final = """
 Commands: rate NODE MS, sleep NODE, wake NODE, focus NODE, unfocus NODE; NODE is an address or all.
-They are Surge's. Other packets: --am TYPE --data HEX, or --packet HEX as it is.
+They are Surge's. Other packets: --am TYPE --data HEX, or --packet HEX unmodified.
 
   wsn send /dev/ttyUSB0 --stack tinyos1 rate 5 2000
   wsn send sf://localhost:9002 sleep all
   wsn send /dev/ttyUSB0 --stack tinyos2 --am 0x93 --to all --data 0001020000000000
 
-The exit code is 0 when the mote has acknowledged it, or a serial forwarder has taken it; 1 when
-not, or there is no port; 2 for a wrong command line.
+The exit code is 0 when the mote has acknowledged it, or a serial forwarder has accepted it; 1 when
+not, or without a port; 2 for a wrong command line.
 """
 
 
@@ -83,7 +83,7 @@ def add_to(commands: Any) -> None:
     add_stack(parser)
     add_baud(parser)
     parser.add_argument('--tries', type=whole_number(1, 100), default=TRIES, metavar='N',
-                        help='how often it is written (default: %(default)s)')
+                        help='number of transmissions (default: %(default)s)')
     parser.set_defaults(run=run, takes_words=True)
 
 
@@ -110,19 +110,19 @@ def run(arguments: argparse.Namespace) -> int:
         print(f'acknowledged: {packet.hex()}')
         return OK
     if outcome == 'sent':
-        print(f'{where} has taken it; it does not say whether the mote did: {packet.hex()}')
+        print(f'{where} has accepted it, and does not report whether the mote did: {packet.hex()}')
         return OK
     warn('wsn', f'{where} did not acknowledge {packet.hex()} in {arguments.tries} tries: its '
-         'queue is full, or it runs no base station; check --stack and --baud')
+         'queue is full, or it does not run a base station; check --stack and --baud')
     return FAILED
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    """Refuse before anything is opened."""
+    """Check the arguments before anything is opened."""
     given = [bool(arguments.words), arguments.am is not None, arguments.packet is not None]
     if sum(given) != 1:
-        raise ConfigError(['say what to send: a command such as rate 5 2000, --am TYPE --data '
-                           'HEX, or --packet HEX; one of them'])
+        raise ConfigError(['give one of: a command such as rate 5 2000, --am TYPE --data HEX, or '
+                           '--packet HEX'])
     if arguments.words:
         try:
             parse_command(' '.join(arguments.words))
@@ -146,22 +146,22 @@ def _packet(arguments: argparse.Namespace, stack: str, platform: str) -> bytes:
 
 
 def _stack_of(line: SinkLine, where: str) -> str:
-    """Listen until a packet says which TinyOS it is."""
+    """Listen until a packet shows the generation of TinyOS."""
     begun_s = time.monotonic()
-    told_of_it = False
+    has_hinted = False
     while time.monotonic() < begun_s + _LISTEN_S:
-        if not told_of_it and time.monotonic() > begun_s + _OVER_S:
-            told_of_it = True
-            warn('wsn', f'listening to {where} for a packet that says which TinyOS it is; --stack '
-                 'says it at once')
+        if not has_hinted and time.monotonic() > begun_s + _OVER_S:
+            has_hinted = True
+            warn('wsn', f'listening to {where} for a packet that shows the generation of TinyOS; '
+                 'with --stack this is not needed')
         line.wait()
-        for heard in line.read():
-            if heard.protocol in PROTOCOLS:
-                return PROTOCOLS[heard.protocol].name
-        if told := line.told_stack():
-            return told
-    raise DeviceError(f'{where} sent nothing in {_LISTEN_S:g} s that says which TinyOS it is: '
-                      'give --stack tinyos1 or --stack tinyos2, and check --baud')
+        for captured in line.read():
+            if captured.protocol in PROTOCOLS:
+                return PROTOCOLS[captured.protocol].name
+        if stack := line.peer_stack():
+            return stack
+    raise DeviceError(f'{where} sent no packet in {_LISTEN_S:g} s that shows the generation of '
+                      'TinyOS: give --stack tinyos1 or --stack tinyos2, and check --baud')
 
 
 def _bytes(text: str) -> bytes:
@@ -171,7 +171,7 @@ def _bytes(text: str) -> bytes:
         raise argparse.ArgumentTypeError(f'{text[:40]!r}: must be bytes as hexadecimal digits, '
                                          'such as 0200d007') from None
     if len(data) > _MOST_DATA:
-        raise argparse.ArgumentTypeError(f'{len(data)} bytes: at most {_MOST_DATA} are sent')
+        raise argparse.ArgumentTypeError(f'{len(data)} bytes: at most {_MOST_DATA}')
     return data
 
 

@@ -45,7 +45,7 @@ def write_tables(folder: Path, simulation: Simulation, results: Results) -> None
     _write(folder / LINKS, ('from', 'to', 'prr', 'rssi_dbm', 'lqi'), _links(simulation))
     _write(folder / PACKETS, ('origin', 'made_s', 'latency_ms'), (
         (origin, f'{made_ns / NS_PER_S:.6f}', '' if took_ns < 0 else f'{took_ns / NS_PER_MS:.3f}')
-        for origin, made_ns, took_ns in simulation.ledger.fates()))
+        for origin, made_ns, took_ns in simulation.statistics.fates()))
     _write(folder / TREE, ('time_s', 'node', 'parent', 'cost', 'hops'), (
         (f'{at_ns / NS_PER_S:.3f}', node, '' if parent is None else parent, cost, hops)
         for at_ns, node, parent, cost, hops in simulation.tree))

@@ -33,7 +33,7 @@ from rt_robot_os.base.programs import FAILED
 from rt_robot_os.base.programs import OK
 from rt_robot_os.base.programs import warn
 from rt_robot_os.features.wsn.cli.captured_packet import AIR
-from rt_robot_os.features.wsn.cli.captured_packet import Heard
+from rt_robot_os.features.wsn.cli.captured_packet import CapturedPacket
 from rt_robot_os.features.wsn.cli.line import listen
 from rt_robot_os.features.wsn.cli.line import open_line
 from rt_robot_os.features.wsn.cli.options import add_baud
@@ -44,7 +44,7 @@ from rt_robot_os.features.wsn.cli.options import whole_number
 from rt_robot_os.features.wsn.cli.record import line_of
 from rt_robot_os.features.wsn.cli.record import record_of
 from rt_robot_os.features.wsn.cli.recordings import is_recording
-from rt_robot_os.features.wsn.cli.recordings import Recording
+from rt_robot_os.features.wsn.cli.recordings import PacketRecording
 from rt_robot_os.features.wsn.cli.tally import Tally
 from rt_robot_os.features.wsn.packets.decode import Packet
 from rt_robot_os.features.wsn.packets.decode import PacketDecoder
@@ -104,7 +104,7 @@ class Sniffer:
         """Return how many packets were decoded."""
         return self._decoder.packets
 
-    def run(self, heard: Iterable[Heard], flush: bool) -> None:
+    def run(self, heard: Iterable[CapturedPacket], flush: bool) -> None:
         """Write each packet, a line each."""
         for each in heard:
             packet = self._decode(each)
@@ -120,7 +120,7 @@ class Sniffer:
         for line in self._tally.lines(self._decoder, self._reader):
             print(line, file=sys.stderr)
 
-    def _decode(self, heard: Heard) -> Packet:
+    def _decode(self, heard: CapturedPacket) -> Packet:
         if heard.medium == AIR:
             return self._decoder.decode_air(heard.data)
         return self._decoder.decode_frame(
@@ -137,7 +137,7 @@ def run(arguments: argparse.Namespace) -> int:
     decoder = PacketDecoder(arguments.stack, payloads_of(arguments.payload), arguments.platform,
                             arguments.group)
     if is_recording(arguments.where):
-        with closing(Recording(arguments.where)) as recording:
+        with closing(PacketRecording(arguments.where)) as recording:
             sniffer = Sniffer(arguments, decoder, recording.reader)
             code = _sniff(sniffer, recording, False)
             if recording.bad_lines:
@@ -153,7 +153,7 @@ def run(arguments: argparse.Namespace) -> int:
         return _sniff(sniffer, listen(line, arguments.seconds, partial(warn, 'wsn')), True)
 
 
-def _sniff(sniffer: Sniffer, heard: Iterable[Heard], flush: bool) -> int:
+def _sniff(sniffer: Sniffer, heard: Iterable[CapturedPacket], flush: bool) -> int:
     code, interrupted = OK, False
     try:
         sniffer.run(heard, flush)

@@ -66,7 +66,7 @@ class Origin:
         if packet.count_bits:
             if self.account is None:
                 self.account = SequenceAccount(packet.count_bits, now_ns)
-            again = self.account.take(packet.count, _says(packet), now_ns) == DUPLICATE
+            again = self.account.add(packet.count, _says(packet), now_ns) == DUPLICATE
         else:
             again = self._again(packet)
             number = packet.fields.get('count')
@@ -74,7 +74,7 @@ class Origin:
                 self.is_exact = False
                 if self.account is None:
                     self.account = SequenceAccount(_SKIPPING_BITS, now_ns)
-                self.account.take(number, _says(packet), now_ns)
+                self.account.add(number, _says(packet), now_ns)
         self.copies += again
         return again
 

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The bytes of TinyOS: on the serial line of a sink, and on the air."""
+"""Packets of TinyOS, on the serial line of a sink and on the air."""

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Commands to nodes as texts, and the packets that they become.
+Commands to nodes as strings, and their packets.
 
-The texts are ``rate NODE MS``, ``sleep NODE``, ``wake NODE``, ``focus NODE``, ``unfocus NODE``;
-NODE is an address or ``all``. They become Surge's commands. To focus concerns all nodes: the
-one sends often, the others seldom, so these go to all.
+The strings are ``rate NODE MS``, ``sleep NODE``, ``wake NODE``, ``focus NODE``, ``unfocus NODE``;
+NODE is an address or ``all``. The packets are Surge's commands. Focus is broadcast, because it
+changes all nodes: one sends often, the others seldom.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Command(NamedTuple):
     """
     A command to a node.
 
-    :ivar destination: its address, or that of all.
+    :ivar destination: its address, or the broadcast address.
     :ivar value: the period in 1/1024 s, the address to focus on, or 0.
     """
 
@@ -58,14 +58,14 @@ class Command(NamedTuple):
 
 def parse_command(text: str) -> Command:
     """
-    Read a command.
+    Parse a command.
 
-    :raises ValueError: it is none; the message names what is wrong and what would be right.
+    :raises ValueError: with the problem and the correct form.
     """
     words = text.split()
     command = _WORDS.get(words[0]) if words else None
     if command is None:
-        raise ValueError(f'{text[:40]!r} is no command: it must begin with one of '
+        raise ValueError(f'{text[:40]!r} is not a command: must start with one of '
                          f'{", ".join(_WORDS)}, such as rate 5 2000 or sleep all')
     needed = 3 if command is SurgeType.SET_RATE else 2
     if len(words) != needed:
@@ -83,7 +83,7 @@ def command_packet(command: Command, stack: str, platform: str = '', group: int 
     Return the packet of a command, without framing.
 
     :param stack: ``tinyos1`` or ``tinyos2``.
-    :param platform: of motes under TinyOS 1.x: ``mica`` or what has the radio CC2420.
+    :param platform: of motes under TinyOS 1.x: ``mica``, or others with the radio CC2420.
     :param group: of the network, under TinyOS 1.x.
     """
     destination, kind, value = command

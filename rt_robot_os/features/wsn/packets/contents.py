@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What stands in active messages: a reader for each AM type that this package knows.
+Parsers of the active messages of the built-in AM types.
 
-A reader takes the payload and fills in a :class:`Draft`; it raises ValueError with what is wrong,
-and leaves in the draft what it has read until then.
+A parser reads the payload into a :class:`Draft`; it raises ValueError with the problem, and the
+draft keeps what was read until then.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ COMMAND: Final = 'command'
 ACK: Final = 'ack'
 UNKNOWN: Final = 'unknown'
 
-#: kind of the paper's data packet -> quantity and conversion.
+#: Kind of the paper's data packet -> quantity and conversion.
 READINGS: Final[Mapping[int, tuple[str, Callable[[float], float]]]] = {
     paper.Kind.TEMPERATURE: ('temperature', sht1x_temperature),
     paper.Kind.HUMIDITY: ('humidity', sht1x_humidity),
@@ -85,13 +85,13 @@ READINGS: Final[Mapping[int, tuple[str, Callable[[float], float]]]] = {
 }
 
 
-# Field of a user's own payload -> what it is where no header says it.
+# Field of a custom payload -> attribute of the packet, where no header has it.
 _OF_THE_PACKET: Final = (('origin', 'origin'), ('parent', 'parent'), ('hops', 'hops'),
                          ('seqno', 'origin_seqno'))
 
 
 class Draft:
-    """What is known of a packet while it is read; the names are those of a decoded packet."""
+    """A packet while it is parsed; the attributes are those of a decoded packet."""
 
     __slots__ = ('source', 'origin', 'origin_seqno', 'count', 'count_bits', 'hops', 'parent',
                  'cost', 'kind', 'name', 'fields', 'readings', 'problem')
@@ -110,24 +110,24 @@ Reader = Callable[[bytes, Draft], None]
 
 
 def multihop(payload: bytes, draft: Draft) -> bytes:
-    """Read the header of MultiHopLQI 1.x; return what stands behind it."""
+    """Parse the header of MultiHopLQI 1.x; return the bytes after it."""
     header = MultihopMsg.unpack(payload)
     draft.source, draft.origin, seqno, origin_seqno, draft.hops, data = header
-    # Signed in the header; as a mark of the packet it is a number of 16 bits, and -1 is none.
+    # Signed in the header; here it has 16 bits, and -1 means none.
     draft.origin_seqno = origin_seqno & 0xFFFF
     draft.fields = {'seqno': seqno, 'originseqno': origin_seqno}
     return data
 
 
 def mica_multihop(payload: bytes, draft: Draft) -> bytes:
-    """Read the header that mica and mica2 have; return what stands behind it."""
+    """Parse the header of mica and mica2; return the bytes after it."""
     draft.source, draft.origin, seqno, draft.hops, data = MicaMultihopMsg.unpack(payload)
     draft.fields = {'seqno': seqno}
     return data
 
 
 def read_payload(declared: Payload, data: bytes, big_endian: bool, draft: Draft) -> None:
-    """Read a payload of a user's own."""
+    """Parse a custom payload."""
     draft.kind, draft.name = DATA, declared.name
     fields, draft.readings, draft.problem = declared.read(data, big_endian)
     draft.fields.update(fields)
@@ -150,7 +150,7 @@ def _t1_beacon(payload: bytes, draft: Draft) -> None:
         draft.name = 'least_cost_beacon'
         draft.fields['round'] = draft.origin_seqno
     else:
-        draft.problem = f'cut: {len(data)} bytes behind the header, a beacon has 6 or 10'
+        draft.problem = f'truncated: {len(data)} bytes after the header, a beacon has 6 or 10'
     draft.parent, draft.cost, draft.hops = paper.BeaconMsg.unpack(data)
 
 
@@ -163,8 +163,8 @@ def _t1_surge(payload: bytes, draft: Draft) -> None:
         draft.count, draft.count_bits = surge.seq_no, 32
         draft.fields['seq_no'] = surge.seq_no
         if len(data) > SurgeMsg.LAYOUT.size:
-            draft.problem = f'cut: {len(data)} bytes behind the header, SurgeMsg has 10 and ' \
-                            'DataMsg 14'
+            draft.problem = f'truncated: {len(data)} bytes after the header, SurgeMsg has 10 and' \
+                            ' DataMsg 14'
         return
     draft.name = 'data_msg'
     message_type, reading, parent, seq_no, kind, voltage = paper.DataMsg.unpack(data)
@@ -175,7 +175,7 @@ def _t1_surge(payload: bytes, draft: Draft) -> None:
     if found is not None:
         draft.readings[found[0]] = found[1](reading)
     elif kind != paper.Kind.NONE:
-        draft.problem = f'there is no kind {kind}'
+        draft.problem = f'unknown kind {kind}'
     if voltage and kind != paper.Kind.BATTERY:
         draft.readings['battery'] = battery_volts(voltage)
 
@@ -186,7 +186,7 @@ def _surge(message_type: int, reading: int, parent: int, draft: Draft) -> None:
     if message_type == SurgeType.ROOT_BEACON:
         draft.kind = BEACON
     elif message_type > SurgeType.UNFOCUS:
-        draft.problem = f'there is no message type {message_type} of Surge'
+        draft.problem = f'unknown message type {message_type} of Surge'
     elif message_type:
         draft.kind = COMMAND
 
@@ -200,7 +200,7 @@ def _command(command: int, value: int, draft: Draft) -> None:
     draft.kind, draft.name = COMMAND, 'surge_command'
     draft.fields = {'command': command, 'value': value}
     if not SurgeType.SET_RATE <= command <= SurgeType.UNFOCUS:
-        draft.problem = f'there is no command {command} of Surge'
+        draft.problem = f'unknown command {command} of Surge'
 
 
 def _t1_command(payload: bytes, draft: Draft) -> None:
@@ -254,7 +254,7 @@ def _oscilloscope(payload: bytes, draft: Draft) -> None:
     draft.fields.update(version=version, interval=interval, id=node, count=count,
                         readings=list(message.readings))
     if len(data) % 2:
-        draft.problem = 'the last of its readings is cut'
+        draft.problem = 'its last reading is truncated'
 
 
 def _lqi_beacon(payload: bytes, draft: Draft) -> None:
@@ -282,7 +282,7 @@ def _debug(payload: bytes, draft: Draft) -> None:
 
 
 def lqi_data(payload: bytes, draft: Draft) -> tuple[int, bytes]:
-    """Read the header of MultiHopLQI 2.x; return the application's identifier and bytes."""
+    """Parse the header of MultiHopLQI 2.x; return the application's identifier and bytes."""
     draft.kind, draft.name = DATA, 'multihop_lqi_data'
     draft.origin, seqno, draft.origin_seqno, draft.hops, collect_id, data = (
         LqiData.unpack(payload))
@@ -292,18 +292,18 @@ def lqi_data(payload: bytes, draft: Draft) -> tuple[int, bytes]:
 
 
 def ctp_data(payload: bytes, draft: Draft) -> tuple[int, bytes]:
-    """Read the header of CTP; return the application's identifier and bytes."""
+    """Parse the header of CTP; return the application's identifier and bytes."""
     draft.kind, draft.name = DATA, 'ctp_data'
     options, thl, etx, draft.origin, draft.origin_seqno, collect_id, data = (
         CtpData.unpack(payload))
     draft.count, draft.count_bits, draft.hops = draft.origin_seqno, 8, thl + 1
     if thl == 0:
-        draft.cost = etx  # of who sent it, who has made it as well
+        draft.cost = etx  # of the sender, which is the origin
     draft.fields = {'options': options, 'thl': thl, 'etx': etx, 'collect_id': collect_id}
     return collect_id, data
 
 
-#: AM type -> reader, for motes of TinyOS 1.x with the radio CC2420.
+#: AM type -> parser, for motes of TinyOS 1.x with the radio CC2420.
 TELOS_READERS: Final[Mapping[int, Reader]] = {
     BeaconMsg.AM_TYPE: _t1_beacon, SurgeMsg.AM_TYPE: _t1_surge, SurgeCmd.AM_TYPE: _t1_command,
     DEBUG_PACKET_TYPE: _t1_debug, OscopeMsg.AM_TYPE: _oscope}
@@ -317,6 +317,6 @@ T2_READERS: Final[Mapping[int, Reader]] = {
     LqiBeacon.AM_TYPE: _lqi_beacon, CtpBeacon.AM_TYPE: _ctp_beacon,
     CollectionDebug.AM_TYPE: _debug, LqiDebug.AM_TYPE: _debug,
     Oscilloscope.AM_TYPE: _oscilloscope, SurgeCmdT2.AM_TYPE: _t2_command}
-#: For TinyOS 2.x as well: headers of collection protocols, behind which an application stands.
+#: For TinyOS 2.x: headers of collection protocols, followed by an application's payload.
 T2_COLLECTIONS: Final[Mapping[int, Callable[[bytes, Draft], tuple[int, bytes]]]] = {
     LqiData.AM_TYPE: lqi_data, CtpData.AM_TYPE: ctp_data}

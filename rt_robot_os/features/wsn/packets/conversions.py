@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What the converters and sensors of motes mean, both ways: raw numbers and physical units.
+Conversions between raw numbers of motes and physical units, in both directions.
 
-Of Tmote Sky and TelosB, as Boomerang's Oscilloscope describes them: a 12-bit converter, light
+For Tmote Sky and TelosB, as described by Boomerang's Oscilloscope: a 12-bit converter, light
 sensors of Hamamatsu over 100 kohm, a Sensirion SHT1x. The factors of the light sensors are those
-in common use; none was calibrated.
+in common use, not calibrated.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def sht1x_humidity(raw: float, temperature_deg_c: float = 25.0) -> float:
     """
     Return the relative humidity, 1 at 100 %, of an SHT1x, 12 bits.
 
-    :param temperature_deg_c: at the sensor, which it needs to be exact; at 25 nothing changes.
+    :param temperature_deg_c: at the sensor, for the compensation; none at 25.
     """
     linear = -4.0 + 0.0405 * raw - 2.8e-6 * raw * raw
     return ((temperature_deg_c - 25.0) * (0.01 + 0.00008 * raw) + linear) / 100.0
@@ -59,7 +59,7 @@ def adc_volts(raw: float) -> float:
 
 
 def battery_volts(raw: float) -> float:
-    """Return V of the supply, of which the converter measures the half."""
+    """Return V of the supply; the converter measures half of it."""
     return raw / _STEPS * _SUPPLY_REFERENCE_V
 
 
@@ -69,7 +69,7 @@ def par_illuminance(raw: float) -> float:
 
 
 def tsr_illuminance(raw: float) -> float:
-    """Return lx of the sensor that sees infrared as well (S1087-01)."""
+    """Return lx of the sensor for visible and infrared light (S1087-01)."""
     return adc_volts(raw) / _LIGHT_RESISTANCE_OHM * _TSR_LX_PER_A
 
 
@@ -79,7 +79,7 @@ def centikelvin(raw: float) -> float:
 
 
 def same(raw: float) -> float:
-    """Return the number as it is."""
+    """Return the number unchanged."""
     return float(raw)
 
 
@@ -88,34 +88,34 @@ def _limited(raw: float, most: int) -> int:
 
 
 def sht1x_temperature_raw(deg_c: float) -> int:
-    """Return what an SHT1x would give, 14 bits."""
+    """Return the raw value of an SHT1x, 14 bits."""
     return _limited((deg_c + 39.6) / 0.01, _SHT_MOST_TEMPERATURE)
 
 
 def sht1x_humidity_raw(fraction: float) -> int:
-    """Return what an SHT1x would give at 25 deg C, 12 bits."""
+    """Return the raw value of an SHT1x at 25 deg C, 12 bits."""
     percent = fraction * 100.0
     root = 0.0405 * 0.0405 - 4 * 2.8e-6 * (4.0 + percent)
     return _limited((0.0405 - max(root, 0.0) ** 0.5) / (2 * 2.8e-6), _MOST_ADC)
 
 
 def adc_raw(volts: float) -> int:
-    """Return what the converter would give, 12 bits."""
+    """Return the raw value of the converter, 12 bits."""
     return _limited(volts / _REFERENCE_V * _STEPS, _MOST_ADC)
 
 
 def battery_raw(volts: float) -> int:
-    """Return what the converter would give of a supply."""
+    """Return the raw value of a supply voltage."""
     return _limited(volts / _SUPPLY_REFERENCE_V * _STEPS, _MOST_ADC)
 
 
 def par_illuminance_raw(lx: float) -> int:
-    """Return what the converter would give of the sensor for visible light."""
+    """Return the raw value of the sensor for visible light."""
     return adc_raw(lx / _PAR_LX_PER_A * _LIGHT_RESISTANCE_OHM)
 
 
 def tsr_illuminance_raw(lx: float) -> int:
-    """Return what the converter would give of the sensor that sees infrared as well."""
+    """Return the raw value of the sensor for visible and infrared light."""
     return adc_raw(lx / _TSR_LX_PER_A * _LIGHT_RESISTANCE_OHM)
 
 
@@ -125,17 +125,17 @@ def centikelvin_raw(deg_c: float) -> int:
 
 
 def same_raw(value: float) -> int:
-    """Return the nearest whole number, 16 bits."""
+    """Return the nearest integer, 16 bits."""
     return _limited(value, 0xFFFF)
 
 
 class Conversion(NamedTuple):
     """
-    What a raw number means.
+    A conversion of raw numbers.
 
     :ivar unit: of the result.
-    :ivar convert: makes the result of a raw number.
-    :ivar raw: makes the raw number of a result, within what the sensor can give.
+    :ivar convert: from a raw number to the result.
+    :ivar raw: from a result to the raw number, limited to the range of the sensor.
     """
 
     unit: str
@@ -143,7 +143,7 @@ class Conversion(NamedTuple):
     raw: Callable[[float], int]
 
 
-#: By the names that payloads have for them.
+#: By their names in payloads.
 CONVERSIONS: Final[Mapping[str, Conversion]] = {
     'sht1x_temperature': Conversion('degC', sht1x_temperature, sht1x_temperature_raw),
     'sht1x_humidity': Conversion('1', sht1x_humidity, sht1x_humidity_raw),

@@ -14,7 +14,7 @@
 
 
 """
-The Collection Tree Protocol's packets: beacons with the link estimator's header, and data.
+Packets of the Collection Tree Protocol: beacons with the link estimator's header, and data.
 
 TinyOS 2.x, TEP 123 and 124: big-endian, the payload of an active message.
 """
@@ -26,11 +26,11 @@ from struct import Struct
 from typing import Final
 from typing import NamedTuple
 
-#: Option of either packet: the sender lacks a route, and asks for beacons.
+#: Option of both packets: the sender has no route, and requests beacons.
 PULL: Final = 0x80
-#: Option of either packet: the sender's queue is long.
+#: Option of both packets: the sender's queue is congested.
 CONGESTED: Final = 0x40
-#: As parent: there is none.
+#: As a parent: none.
 NO_PARENT: Final = 0xFFFF
 
 _COUNT_MASK: Final = 0x0F
@@ -44,9 +44,9 @@ _DATA: Final = Struct('>BBHHBB')
 
 class Neighbour(NamedTuple):
     """
-    How well the sender of a beacon hears one of its neighbours.
+    Link quality of a neighbour of the sender of a beacon.
 
-    :ivar quality: of 250 beacons sent, this many came in.
+    :ivar quality: received beacons of 250.
     """
 
     address: int
@@ -54,7 +54,7 @@ class Neighbour(NamedTuple):
 
 
 class BeaconHead(NamedTuple):
-    """What decides about routes in a beacon; the fields are those of ``CtpBeacon``."""
+    """The routing part of a beacon; the fields are those of ``CtpBeacon``."""
 
     sequence: int
     options: int
@@ -73,14 +73,14 @@ class _BeaconFields(NamedTuple):
 
 class CtpBeacon(_BeaconFields):
     """
-    What a node says of its way to the sink, in the link estimator's envelope.
+    The advertised route of a node, in a frame of the link estimator.
 
-    :ivar sequence: of the beacons of this sender, 8 bits; gaps tell what was lost.
-    :ivar options: ``PULL``, ``CONGESTED`` and bits without a meaning.
-    :ivar parent: the next node on the way; the node itself at a root; ``NO_PARENT``.
+    :ivar sequence: of the beacons of this sender, 8 bits; gaps are lost beacons.
+    :ivar options: ``PULL``, ``CONGESTED`` and unused bits.
+    :ivar parent: the next node on the route; the node itself at a root; ``NO_PARENT``.
     :ivar etx: expected transmissions to the sink, in tenths.
-    :ivar neighbours: whom it hears and how well; up to 15.
-    :ivar flags: the header's upper four bits, in place; 0 unless others use them.
+    :ivar neighbours: link qualities of neighbours; up to 15.
+    :ivar flags: the header's upper four bits, in place; usually 0.
     """
 
     __slots__ = ()
@@ -88,13 +88,13 @@ class CtpBeacon(_BeaconFields):
 
     def pack(self) -> bytes:
         """
-        Make the payload of the active message.
+        Return the payload of the active message.
 
-        :raises ValueError: a number has no room in its field, or the neighbours are too many.
+        :raises ValueError: a number does not fit its field, or there are too many neighbours.
         """
         count = len(self.neighbours)
         if count > _COUNT_MASK:
-            raise ValueError(f'{count} neighbours, CtpBeacon has room for {_COUNT_MASK}')
+            raise ValueError(f'{count} neighbours, CtpBeacon has at most {_COUNT_MASK}')
         if self.flags & _COUNT_MASK:
             raise ValueError(f'flags {self.flags:#04x} use bits of the number of neighbours')
         try:
@@ -107,9 +107,9 @@ class CtpBeacon(_BeaconFields):
     @classmethod
     def unpack(cls, data: bytes) -> CtpBeacon:
         """
-        Read the payload of an active message.
+        Parse the payload of an active message.
 
-        :raises ValueError: it is too short, or longer than it says.
+        :raises ValueError: it is too short, or too long for its number of neighbours.
         """
         head = beacon_head(data)
         neighbours = tuple([Neighbour(*one)
@@ -119,9 +119,9 @@ class CtpBeacon(_BeaconFields):
 
 def beacon_head(data: bytes) -> BeaconHead:
     """
-    Read what a router needs of a beacon; the whole is checked, the neighbours are left out.
+    Parse the routing part of a beacon; the whole beacon is checked.
 
-    :raises ValueError: it is too short, or longer than it says.
+    :raises ValueError: it is too short, or too long for its number of neighbours.
     """
     if len(data) < _BEACON.size:
         raise ValueError(f'too short: {len(data)} bytes, CtpBeacon has {_BEACON.size} or more')
@@ -145,14 +145,14 @@ class _DataFields(NamedTuple):
 
 class CtpData(_DataFields):
     """
-    A packet of an application on its way to the sink.
+    A packet of an application for the sink.
 
-    :ivar options: ``PULL``, ``CONGESTED`` and bits without a meaning.
-    :ivar hops: it has gone so far (time has lived, THL).
-    :ivar etx: of the node that sent it last, to the sink, in tenths.
-    :ivar origin: who made it.
+    :ivar options: ``PULL``, ``CONGESTED`` and unused bits.
+    :ivar hops: so far (time has lived, THL).
+    :ivar etx: of the last sender, to the sink, in tenths.
+    :ivar origin: address of the origin.
     :ivar origin_sequence: the origin's number for it, 8 bits.
-    :ivar collect_id: which application it belongs to.
+    :ivar collect_id: identifier of the application.
     :ivar application: the application's bytes.
     """
 
@@ -161,9 +161,9 @@ class CtpData(_DataFields):
 
     def pack(self) -> bytes:
         """
-        Make the payload of the active message.
+        Return the payload of the active message.
 
-        :raises ValueError: a number has no room in its field.
+        :raises ValueError: a number does not fit its field.
         """
         try:
             return _DATA.pack(*self[:6]) + self.application
@@ -173,7 +173,7 @@ class CtpData(_DataFields):
     @classmethod
     def unpack(cls, data: bytes) -> CtpData:
         """
-        Read the payload of an active message.
+        Parse the payload of an active message.
 
         :raises ValueError: it is too short.
         """

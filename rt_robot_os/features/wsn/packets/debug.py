@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What motes tell of their routing on the serial line: free telemetry of a network.
+Debug messages of the routing of motes, on the serial line: telemetry of a network.
 
 CTP and MultiHopLQI of TinyOS 2.x send numbered events; TinyOS 1.x: :mod:`.neighbour_tables`.
 """
@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 from rt_robot_os.features.wsn.packets.message import Message
 
-#: Events by their number; others are called by that.
+#: Names of events by their number.
 EVENTS: Final = {
     0x10: 'message_pool_empty', 0x11: 'send_queue_full', 0x12: 'no_route_to_send',
     0x13: 'radio_off', 0x14: 'radio_busy', 0x15: 'send_done_bad', 0x16: 'queue_entries_empty',
@@ -52,7 +52,7 @@ class _CollectionDebugFields(NamedTuple):
 
 class CollectionDebug(Message, _CollectionDebugFields):
     """
-    An event of the root's or a node's collection protocol, of TinyOS 2.x, big-endian.
+    An event of the collection protocol of a root or a node, of TinyOS 2.x, big-endian.
 
     :ivar event: 0x10 to 0x19 errors, 0x20 to 0x2A forwarding, 0x30 to 0x34 routing.
     :ivar first: of three numbers of 16 bits: forwarding has message, origin, other node.
@@ -65,15 +65,15 @@ class CollectionDebug(Message, _CollectionDebugFields):
 
     @property
     def name(self) -> str:
-        """Return what happened, as a word."""
+        """Return the name of the event."""
         return EVENTS.get(self.event) or f'event_{self.event:#04x}'
 
     @property
     def fields(self) -> dict[str, int]:
-        """Return the numbers by name; routing has another layout than forwarding."""
+        """Return the numbers by name; routing and forwarding have different layouts."""
         found = {'event': self.event, 'seqno': self.seqno}
         if self.event in _ROUTING:
-            # parent u16, hopcount u8, metric u16, a byte without meaning
+            # parent u16, hopcount u8, metric u16, an unused byte
             found['parent'] = self.first
             found['hopcount'] = self.second >> 8
             found['metric'] = (self.second & 0xFF) << 8 | self.third >> 8
@@ -84,7 +84,7 @@ class CollectionDebug(Message, _CollectionDebugFields):
 
 
 class LqiDebug(CollectionDebug):
-    """The same with MultiHopLQI's own AM type."""
+    """The same with the AM type of MultiHopLQI."""
 
     __slots__ = ()
     AM_TYPE = 0x75

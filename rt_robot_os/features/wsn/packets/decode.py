@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a packet says, whatever its generation, its routing and its application.
+Decoder of packets of any generation, routing protocol and application.
 
-:class:`PacketDecoder` takes packets as they stand in frames of the serial line, or frames from the
-air. It never raises; what is wrong is a text in the packet, and is counted.
+:class:`PacketDecoder` decodes packets of serial frames, or frames from the air. It never raises:
+problems are a string in the packet, and are counted.
 """
 
 from __future__ import annotations
@@ -74,26 +74,26 @@ _RAW: Final = bytes((DISPATCH_802_15_4,))
 @dataclass(frozen=True, slots=True)
 class Packet:
     """
-    A packet, as far as it could be read; -1 is what it does not say.
+    A decoded packet; -1 means that it does not have a field.
 
-    :ivar stack: ``tinyos1`` or ``tinyos2``; empty when it could be neither.
+    :ivar stack: ``tinyos1`` or ``tinyos2``; empty when it is neither.
     :ivar platform: ``telos`` or ``mica`` of TinyOS 1.x, else empty.
-    :ivar source: who sent it last.
+    :ivar source: address of the last sender.
     :ivar payload: of the active message.
-    :ivar origin: who made it.
-    :ivar origin_seqno: with ``origin`` it tells packets apart: the same twice is a duplicate.
-    :ivar count: a number that the origin counts up by one with each packet, modulo
-        ``2 ** count_bits``: gaps are losses, and going back is a reboot.
+    :ivar origin: address of the origin.
+    :ivar origin_seqno: identifies the packet together with ``origin``: equal ones are duplicates.
+    :ivar count: sequence number that the origin increments with each packet, modulo
+        ``2 ** count_bits``: gaps are losses, a decrease is a reboot.
     :ivar count_bits: 0 when the packet has no such number.
-    :ivar hops: from the origin to the sink, as the origin thought; of CTP, so far.
-    :ivar parent: of the origin; of a beacon, of who sent it. 0xFFFF is none.
-    :ivar cost: of the way from there, as its routing counts it.
+    :ivar hops: from the origin to the sink, as the origin expected; in CTP, so far.
+    :ivar parent: of the origin; in a beacon, of the sender. 0xFFFF is none.
+    :ivar cost: of the route from there, in the unit of its routing.
     :ivar kind: ``data``, ``beacon``, ``debug``, ``command``, ``ack`` or
         ``unknown``.
-    :ivar name: of the message, such as ``surge``; of a payload of a user's own, its name.
+    :ivar name: of the message, such as ``surge``, or of the custom payload.
     :ivar fields: all numbers as they were sent, by name.
     :ivar readings: by quantity, in the units of :mod:`rt_robot_os.messages.quantities`.
-    :ivar problem: what is wrong with it; empty when nothing is.
+    :ivar problem: empty for a valid packet.
     """
 
     stack: str
@@ -119,27 +119,27 @@ class Packet:
 
 class PacketDecoder:
     """
-    Read packets; safe in the real-time loop: some 10 us each in pure Python.
+    Decodes packets; safe in the real-time loop: about 10 us each in pure Python.
 
-    :ivar packets: all that were given.
-    :ivar problems: those with a problem.
-    :ivar unreadable: of those, the ones whose header could not be read, so that nothing is known.
-    :ivar foreign_groups: those of other groups than ours.
-    :ivar unknown_types: AM type -> packets of a type that nobody has declared.
+    :ivar packets: number of packets.
+    :ivar problems: number of packets with a problem.
+    :ivar unreadable: number of packets with an unreadable header.
+    :ivar foreign_groups: number of packets of other groups.
+    :ivar unknown_types: AM type -> number of packets of an undeclared type.
     """
 
     def __init__(self, stack: str = AUTO, payloads: Iterable[Payload] = (), platform: str = AUTO,
                  group: int | None = None) -> None:
         """
-        Say what comes.
+        Store the kind of packets.
 
-        :param stack: ``tinyos1``, ``tinyos2``, or ``auto``: what fits best, each time.
-        :param payloads: of a user's own; they go before those that are built in.
+        :param stack: ``tinyos1``, ``tinyos2``, or ``auto``: the best match for each packet.
+        :param payloads: custom payloads; they take precedence over built-in ones.
         :param platform: of TinyOS 1.x: ``telos``, ``mica`` or ``auto``.
-        :param group: of our network; others are decoded, counted and named as a problem. None
-            takes all.
-        :raises ValueError: there is no such stack or platform.
-        :raises ConfigError: payloads cannot be told apart.
+        :param group: of the network; packets of others are decoded, counted and have a problem.
+            None accepts all.
+        :raises ValueError: the stack or the platform is unknown.
+        :raises ConfigError: payloads are ambiguous.
         """
         if stack not in STACKS or platform not in (AUTO, TELOS, MICA):
             raise ValueError(f'stack {stack!r} must be one of {", ".join(STACKS)}, platform '
@@ -153,16 +153,16 @@ class PacketDecoder:
         self._platform = platform
         self._seen_platform = TELOS
         self._group = group
-        self._own: dict[int, list[Payload]] = {}
+        self._custom: dict[int, list[Payload]] = {}
         for each in check_payloads(payloads):
-            self._own.setdefault(each.am_type, []).append(each)
+            self._custom.setdefault(each.am_type, []).append(each)
 
     def decode(self, packet: bytes, stack: str = '') -> Packet:
         """
-        Read a packet from the serial line; never raises.
+        Decode a packet from the serial line; never raises.
 
         :param packet: without framing: a TOS_Msg, or an active message with its dispatch byte.
-        :param stack: of this packet, as its frame says; empty is that of the decoder.
+        :param stack: of this packet, from its frame; empty: that of the decoder.
         """
         stack = stack or self._stack
         if stack == AUTO:
@@ -171,19 +171,19 @@ class PacketDecoder:
             return self._decode_t2(packet)
         if stack == TINYOS_1.name:
             return self._decode_t1(packet, self._platform_of(packet))
-        return self._unreadable('', f'{len(packet)} bytes are no packet of TinyOS: no length in '
-                                    'them fits')
+        return self._unreadable('', f'{len(packet)} bytes are not a packet of TinyOS: no length '
+                                    'in them fits')
 
     def decode_frame(self, frame: Frame) -> Packet:
         """
-        Read a frame of the serial line; never raises.
+        Decode a frame of the serial line; never raises.
 
-        :param frame: as a reader gave it; its P says the generation.
+        :param frame: of a frame reader; its P determines the generation.
         """
         known = PROTOCOLS.get(frame.protocol)
         if known is None:
             return self._unreadable(
-                '', f'its protocol byte {frame.protocol:#04x} is none of TinyOS')
+                '', f'its protocol byte {frame.protocol:#04x} is not one of TinyOS')
         if frame.protocol != known.ack:
             return self.decode(frame.packet, known.name)
         self.packets += 1
@@ -191,10 +191,10 @@ class PacketDecoder:
 
     def decode_air(self, data: bytes, checked: bool = True) -> Packet:
         """
-        Read a frame from the air; never raises.
+        Decode a frame from the air; never raises.
 
         :param data: from the length byte to the frame check sequence.
-        :param checked: whether that has to be right; radios put other things in its place.
+        :param checked: whether to verify that; some radios replace it.
         """
         try:
             found = read_frame(data)
@@ -214,7 +214,7 @@ class PacketDecoder:
                           found.source, found.payload, problem)
 
     def counters(self) -> dict[str, int]:
-        """Return what was counted, by name; unknown types are one number."""
+        """Return the counters by name, with the sum of unknown types."""
         return {'packets': self.packets, 'problems': self.problems,
                 'unreadable': self.unreadable, 'foreign_groups': self.foreign_groups,
                 'unknown_types': sum(self.unknown_types.values())}
@@ -232,7 +232,7 @@ class PacketDecoder:
         return ''
 
     def _platform_of(self, packet: bytes) -> str:
-        """Return which motes sent it; one whose length fits neither is as the one before."""
+        """Return the platform of a packet; if its length fits none, that of the last packet."""
         if self._platform != AUTO:
             return self._platform
         self._seen_platform = platform_of(packet) or self._seen_platform
@@ -241,15 +241,15 @@ class PacketDecoder:
     def _decode_t1(self, packet: bytes, platform: str) -> Packet:
         if platform == TELOS:
             if len(packet) < _TELOS_SIZE:
-                return self._unreadable(TINYOS_1.name, _cut(packet, _TELOS_SIZE))
+                return self._unreadable(TINYOS_1.name, _too_short(packet, _TELOS_SIZE))
             length, _, _, _, destination, am_type, group = TELOS_HEADER.unpack_from(packet)
             payload = packet[_TELOS_SIZE:]
         else:
             if len(packet) < _MICA_SIZE:
-                return self._unreadable(TINYOS_1.name, _cut(packet, _MICA_SIZE))
+                return self._unreadable(TINYOS_1.name, _too_short(packet, _MICA_SIZE))
             destination, am_type, group, length = MICA_HEADER.unpack_from(packet)
             payload = packet[_MICA_SIZE:]
-        problem = '' if length == len(payload) else _lies(length, payload)
+        problem = '' if length == len(payload) else _wrong_length(length, payload)
         return self._read(TINYOS_1.name, platform, am_type, group, destination, -1,
                           payload[:length], problem)
 
@@ -257,13 +257,13 @@ class PacketDecoder:
         if packet[:1] == _RAW:
             return self.decode_air(packet[1:], checked=False)
         if len(packet) < _AM_SIZE:
-            return self._unreadable(TINYOS_2.name, _cut(packet, _AM_SIZE))
+            return self._unreadable(TINYOS_2.name, _too_short(packet, _AM_SIZE))
         dispatch, destination, source, length, group, am_type = AM_HEADER.unpack_from(packet)
         if dispatch != DISPATCH_AM:
             return self._unreadable(TINYOS_2.name, f'its dispatch byte is {dispatch:#04x}: '
                                     'neither an active message nor a frame of 802.15.4')
         payload = packet[_AM_SIZE:]
-        problem = '' if length == len(payload) else _lies(length, payload)
+        problem = '' if length == len(payload) else _wrong_length(length, payload)
         return self._read(TINYOS_2.name, '', am_type, group, destination, source,
                           payload[:length], problem)
 
@@ -280,10 +280,10 @@ class PacketDecoder:
             draft.problem = draft.problem or str(error)
         if self._group is not None and group != self._group:
             self.foreign_groups += 1
-            problem = problem or f'of the group {group:#04x}, ours is {self._group:#04x}'
+            problem = problem or f'group {group:#04x} instead of {self._group:#04x}'
         problem = problem or draft.problem
         if problem:
-            draft.readings = {}  # nobody is to act on them
+            draft.readings = {}  # unreliable
             self.problems += 1
         return Packet(
             stack, platform, am_type, group, destination, draft.source, payload, draft.origin,
@@ -293,7 +293,7 @@ class PacketDecoder:
     def _read_t1(self, am_type: int, payload: bytes, platform: str, draft: Draft) -> None:
         header = mica_multihop if platform == MICA else multihop
         readers = MICA_READERS if platform == MICA else TELOS_READERS
-        own = self._own.get(am_type)
+        own = self._custom.get(am_type)
         if own:
             size = (MicaMultihopMsg if platform == MICA else MultihopMsg).LAYOUT.size
             declared = _fitting(own, len(payload), size, am_type in readers)
@@ -310,11 +310,11 @@ class PacketDecoder:
             self._read_application(am_type, payload, draft)
             return
         am_type, payload = collection(payload, draft)
-        if am_type in self._own or am_type in T2_READERS:
+        if am_type in self._custom or am_type in T2_READERS:
             self._read_application(am_type, payload, draft)
 
     def _read_application(self, am_type: int, payload: bytes, draft: Draft) -> None:
-        own = self._own.get(am_type)
+        own = self._custom.get(am_type)
         if own:
             declared = _fitting(own, len(payload), 0, am_type in T2_READERS)
             if declared is not None:
@@ -343,16 +343,16 @@ def _acknowledgement(stack: str, fields: dict[str, int], problem: str) -> Packet
 
 
 def _fitting(own: list[Payload], size: int, header: int, built_in: bool) -> Payload | None:
-    """Return the payload of that size; without one the first, where none is built in."""
+    """Return the payload of that size; else the first one, if none is built in."""
     for each in own:
         if size == each.size + (header if each.routed else 0):
             return each
     return None if built_in else own[0]
 
 
-def _cut(packet: bytes, size: int) -> str:
+def _too_short(packet: bytes, size: int) -> str:
     return f'too short: {len(packet)} bytes, the header has {size}'
 
 
-def _lies(length: int, payload: bytes) -> str:
-    return f'its length byte says {length}, {len(payload)} bytes of payload are there'
+def _wrong_length(length: int, payload: bytes) -> str:
+    return f'its length byte is {length}, but the payload has {len(payload)} bytes'

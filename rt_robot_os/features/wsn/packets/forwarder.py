@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-The serial forwarder's protocol: packets of one sink, shared over TCP; no input or output here.
+The serial forwarder protocol: packets of one sink, shared over TCP; without I/O.
 
-Both sides begin with two bytes: ``T`` and a version (0x20, 0x21) under TinyOS 1.x, ``U`` and 0x20
-under TinyOS 2.x. The smaller version counts; with 0x21 both then send which motes they know, four
-bytes. What follows are packets, each behind its length in one byte, without CRC: TCP has its own.
-
-:class:`ForwarderClient` is what reads ``sf://host:port``, on whatever carries its bytes::
+Both sides start with two bytes: ``T`` and a version (0x20, 0x21) under TinyOS 1.x, ``U`` and 0x20
+under TinyOS 2.x. The smaller version counts; with 0x21 both then send their platform, four bytes.
+Packets follow, each after its length in one byte, without CRC: TCP has its own.
+:class:`ForwarderClient` is the client of ``sf://host:port``, for any byte stream::
 
     client = ForwarderClient()
     socket.sendall(client.take_output())
@@ -40,14 +39,14 @@ from rt_robot_os.features.wsn.packets.tos_msg import TELOS
 
 AUTO: Final = 'auto'
 SCHEME: Final = 'sf://'
-#: The ports that are customary.
+#: Default ports.
 PORTS: Final = {TINYOS_1.name: 9001, TINYOS_2.name: 9002}
 VERSION_PLAIN: Final = 0x20
 VERSION_PLATFORM: Final = 0x21
-#: What stands for motes with version 0x21; others are taken as well.
+#: Platform numbers of version 0x21; others are accepted as well.
 PLATFORM_IDS: Final = {MICA: 1, TELOS: 2}
 LONGEST: Final = 255
-#: Bytes that may wait to be taken; what finds no room is dropped and counted.
+#: Largest number of unsent bytes; further packets are dropped and counted.
 MOST_OUTPUT: Final = 65_536
 
 _LETTERS: Final = {ord('T'): TINYOS_1.name, ord('U'): TINYOS_2.name}
@@ -57,23 +56,23 @@ _PLATFORM_SIZE: Final = 4
 
 class ForwarderEnd:
     """
-    One side of a connection; never raises at what comes, safe in the real-time loop.
+    One side of a connection; never raises on received bytes, safe in the real-time loop.
 
-    :ivar stack: ``tinyos1`` or ``tinyos2``; empty while that is not known.
-    :ivar ready: the greetings are over: packets may come and go.
-    :ivar problem: why this connection is of no use; empty when it is. Connect again.
-    :ivar packets: that came.
-    :ivar sent: packets that were given to be sent.
-    :ivar dropped: packets that found no room, as when nobody takes the output.
-    :ivar rejected_bytes: that were no part of the protocol.
-    :ivar peer_platform: number of the motes that the other side knows; 0 unknown.
+    :ivar stack: ``tinyos1`` or ``tinyos2``; empty while unknown.
+    :ivar ready: the handshake is complete.
+    :ivar problem: why the connection is unusable; empty if it is usable. Connect again.
+    :ivar packets: number of received packets.
+    :ivar sent: number of sent packets.
+    :ivar dropped: number of packets dropped because the output was full.
+    :ivar rejected_bytes: number of received bytes outside the protocol.
+    :ivar peer_platform: platform number of the other side; 0 unknown.
     """
 
     def __init__(self, stack: str, version: int = VERSION_PLATFORM, platform: str = '') -> None:
         """
-        Begin a connection.
+        Start a connection.
 
-        :param stack: of the packets; empty waits for what the other side says.
+        :param stack: of the packets; empty: that of the other side.
         :param version: offered under TinyOS 1.x, 0x20 or 0x21.
         :param platform: of the motes under TinyOS 1.x; empty is unknown.
         """
@@ -95,16 +94,16 @@ class ForwarderEnd:
 
     @property
     def pending_bytes(self) -> int:
-        """Return the number of bytes that wait for the rest of their packet."""
+        """Return the number of bytes of an incomplete packet."""
         return len(self._pending)
 
     @property
     def has_output(self) -> bool:
-        """Return whether bytes wait to be sent."""
+        """Return whether there are unsent bytes."""
         return bool(self._output)
 
     def begin(self, stack: str) -> None:
-        """Greet the other side; does nothing when that was done."""
+        """Start the handshake; does nothing if it has started."""
         if self.stack:
             return
         self.stack = stack
@@ -116,13 +115,13 @@ class ForwarderEnd:
 
     def feed(self, data: bytes) -> list[bytes]:
         """
-        Take the next bytes from the other side.
+        Process the next bytes from the other side.
 
         :return: the packets that they complete, in order.
         """
         self._pending += data
         if not self.ready:
-            self._greet()
+            self._handshake()
             if not self.ready:
                 return []
         found = []
@@ -138,14 +137,13 @@ class ForwarderEnd:
 
     def send(self, packet: bytes) -> bool:
         """
-        Have a packet sent; it waits for the greetings.
+        Queue a packet for sending, after the handshake.
 
-        :return: False when there was no room for it, which is counted.
+        :return: False when it was dropped, which is counted.
         :raises ValueError: it is empty or has more than 255 bytes.
         """
         if not 0 < len(packet) <= LONGEST:
-            raise ValueError(f'a packet of {len(packet)} bytes: a serial forwarder takes 1 to '
-                             f'{LONGEST}')
+            raise ValueError(f'a packet of {len(packet)} bytes: must have 1 to {LONGEST}')
         if not self.ready or len(self._output) + 1 + len(packet) > MOST_OUTPUT:
             self.dropped += 1
             return False
@@ -159,14 +157,14 @@ class ForwarderEnd:
         self._output.clear()
         return found
 
-    def _greet(self) -> None:
+    def _handshake(self) -> None:
         if self.problem:
             self._reject()
             return
         if not self._peer_version:
             if len(self._pending) < _GREETING_SIZE:
                 return
-            wrong = self._take_greeting(self._pending[0], self._pending[1])
+            wrong = self._answer_greeting(self._pending[0], self._pending[1])
             if wrong:
                 self.problem = wrong
                 self._reject()
@@ -179,14 +177,14 @@ class ForwarderEnd:
             self._pending = self._pending[_PLATFORM_SIZE:]
             self.ready = True
 
-    def _take_greeting(self, letter: int, version: int) -> str:
-        """Answer a greeting; return what is wrong with it."""
+    def _answer_greeting(self, letter: int, version: int) -> str:
+        """Answer the first two bytes; return the problem with them."""
         stack = _LETTERS.get(letter)
         if stack is None or version < VERSION_PLAIN:
-            return (f'the other side is no serial forwarder: it began with {letter:02x} '
+            return (f'the other side is not a serial forwarder: it started with {letter:02x} '
                     f'{version:02x}; check host and port')
         if self.stack and stack != self.stack:
-            return (f'the other side speaks {stack}, not {self.stack}: change the stack, or the '
+            return (f'the other side uses {stack}, not {self.stack}: change the stack, or the '
                     'port')
         self.begin(stack)
         self._peer_version = version
@@ -201,28 +199,28 @@ class ForwarderEnd:
 
 class ForwarderClient(ForwarderEnd):
     """
-    A program's side: it reads a sink that is somewhere else, and writes to it.
+    The client side: reads a remote sink, and writes to it.
 
-    The forwarder greets first, so that the generation need not be known.
+    The forwarder starts the handshake, so the generation may be unknown.
     """
 
     def __init__(self, stack: str = AUTO, version: int = VERSION_PLATFORM, platform: str = ''
                  ) -> None:
         """
-        Begin a connection.
+        Start a connection.
 
-        :param stack: ``tinyos1``, ``tinyos2``; ``auto`` takes what the forwarder says.
+        :param stack: ``tinyos1``, ``tinyos2``; ``auto``: that of the forwarder.
         """
         super().__init__('' if stack == AUTO else stack, version, platform)
 
 
 def forwarder_address(text: str, stack: str = AUTO) -> tuple[str, int]:
     """
-    Read ``sf://host:port``; the port may be left out.
+    Parse ``sf://host:port``; the port is optional.
 
-    :param stack: whose customary port is taken then; of ``auto`` TinyOS 1.x's.
+    :param stack: for the default port; that of TinyOS 1.x for ``auto``.
     :return: host and port.
-    :raises ValueError: it is none; the message says what would be right.
+    :raises ValueError: with the correct form.
     """
     wrong = ''
     try:

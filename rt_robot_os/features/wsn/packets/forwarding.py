@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A serial forwarder without input or output: one serial line, several clients.
+A serial forwarder without I/O: one serial line, several clients.
 
-What the mote sends goes to all clients; what a client sends goes to the mote, acknowledged and
-tried again. A client that does not read loses packets, and holds up nobody.
+Packets of the mote go to all clients; packets of clients go to the mote, with acknowledgements and
+retransmissions. A client that does not read loses packets, without blocking others.
 """
 
 from __future__ import annotations
@@ -36,30 +36,30 @@ from rt_robot_os.features.wsn.packets.serial_link import TRIES
 from rt_robot_os.features.wsn.packets.serial_link import WAIT_NS
 
 MOST_CLIENTS: Final = 16
-#: Packets of clients that wait for the mote; while there are any, no more should be read.
+#: Largest queue of packets for the mote; while it is not empty, clients should not be read.
 CAPACITY: Final = 64
 
 
 class Forwarder:
     """
-    The server; times are handed in.
+    The server; times are arguments.
 
     :ivar link: the serial line.
-    :ivar from_mote: packets that came from the mote.
-    :ivar foreign: packets of the other generation than the line's, and frames of none.
-    :ivar too_long: packets that are too long for the clients' protocol, or for a frame.
-    :ivar refused_clients: for which there was no place.
-    :ivar clients_dropped: packets that a client did not get because it did not read.
+    :ivar from_mote: number of packets from the mote.
+    :ivar foreign: number of packets of another generation than the line's, or of none.
+    :ivar too_long: number of packets too long for the clients' protocol, or for a frame.
+    :ivar refused_clients: number of clients beyond the limit.
+    :ivar clients_dropped: number of packets lost by clients that did not read.
     """
 
     def __init__(self, stack: str = AUTO, platform: str = '', version: int = VERSION_PLATFORM,
                  tries: int = TRIES, wait_ns: int = WAIT_NS, most_clients: int = MOST_CLIENTS
                  ) -> None:
         """
-        Begin without clients.
+        Start without clients.
 
-        :param stack: ``tinyos1``, ``tinyos2``; ``auto`` is that of the first frame, and clients
-            wait for it.
+        :param stack: ``tinyos1``, ``tinyos2``; ``auto`` is that of the first frame, for which
+            clients wait.
         :param platform: of the motes, for clients under TinyOS 1.x.
         """
         self.stack = ''
@@ -79,11 +79,11 @@ class Forwarder:
 
     @property
     def clients(self) -> int:
-        """Return how many are connected."""
+        """Return the number of connected clients."""
         return len(self._clients)
 
     def connect(self) -> int | None:
-        """Take a client; return its number, or None when there is no place."""
+        """Add a client; return its number, or None beyond the limit."""
         if len(self._clients) >= self._most_clients:
             self.refused_clients += 1
             return None
@@ -92,16 +92,16 @@ class Forwarder:
         return self._numbers
 
     def disconnect(self, number: int) -> None:
-        """Forget a client; may be repeated."""
+        """Remove a client; may be repeated."""
         client = self._clients.pop(number, None)
         if client is not None:
             self.clients_dropped += client.dropped
 
     def feed_client(self, number: int, data: bytes) -> str:
         """
-        Take bytes from a client.
+        Process bytes of a client.
 
-        :return: why it has to be disconnected; empty when it has not.
+        :return: why it must be disconnected; empty otherwise.
         """
         client = self._clients[number]
         for packet in client.feed(data):
@@ -115,11 +115,11 @@ class Forwarder:
         return client.problem
 
     def take_output(self, number: int) -> bytes:
-        """Return the bytes to send to a client now; what is not taken waits, up to a limit."""
+        """Return the bytes to send to a client now; the queue is bounded."""
         return self._clients[number].take_output()
 
     def feed_mote(self, data: bytes) -> None:
-        """Take bytes from the serial line."""
+        """Process bytes of the serial line."""
         for each in self.link.feed(data):
             known = PROTOCOLS.get(each.protocol)
             if known is not None and not self.stack:
@@ -135,7 +135,7 @@ class Forwarder:
 
     @property
     def next_ns(self) -> int | None:
-        """Return when ``poll_mote`` has something to do: 0 at once, None never."""
+        """Return when ``poll_mote`` is due: 0 immediately, None never."""
         return self.link.next_ns
 
     def _begin(self, stack: str) -> None:

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Frames on the serial line of a mote, as TinyOS 1.x and 2.x have them.
+Frames on the serial line of a mote, of TinyOS 1.x and 2.x.
 
 ``7E P [token] packet CRC 7E``: flags as in RFC 1662; 7E and 7D between them are sent as 7D and the
-byte with bit 5 turned over. The CRC-16 (polynomial 0x1021, begins with 0, low byte first) is over
-what stands before it. P says what it is, see :data:`TINYOS_1` and :data:`TINYOS_2`.
+byte with bit 5 inverted. The CRC-16 (polynomial 0x1021, initial value 0, low byte first) covers
+the bytes before it. P is the type of the frame, see :data:`TINYOS_1` and :data:`TINYOS_2`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from typing import NamedTuple
 FLAG: Final = 0x7E
 ESCAPE: Final = 0x7D
 UNKNOWN_PROTOCOL: Final = 0xFF
-#: Bytes from P to the end of the CRC, not escaped; the hosts of TinyOS take no longer frame.
+#: Bytes from P to the end of the CRC, unescaped; the hosts of TinyOS reject longer frames.
 LONGEST: Final = 256
 SHORTEST: Final = 4
 _LONGEST_ESCAPED: Final = 2 * LONGEST
@@ -42,12 +42,12 @@ _ESCAPED: Final = re.compile(rb'\x7d(.)', re.DOTALL)
 
 class Protocols(NamedTuple):
     """
-    What P is in one generation of TinyOS.
+    Values of P of one generation of TinyOS.
 
-    :ivar name: of the generation, as decoders and settings have it.
-    :ivar ack: one byte follows, the token of the frame that has arrived.
-    :ivar acked: a packet for which an acknowledgement is wanted; a token stands before it.
-    :ivar plain: a packet for which none is wanted.
+    :ivar name: of the generation, in decoders and settings.
+    :ivar ack: an acknowledgement: one byte follows, the token of the received frame.
+    :ivar acked: a packet that requests an acknowledgement, after its token.
+    :ivar plain: a packet without an acknowledgement.
     """
 
     name: str
@@ -68,11 +68,11 @@ class Frame(NamedTuple):
     A valid frame.
 
     :ivar protocol: P.
-    :ivar token: of an acknowledgement, or of a packet that wants one; -1 in others.
-    :ivar packet: what is left: a TOS_Msg, or a dispatch byte and an active message; also what
-        stands behind a P that is none of TinyOS'.
+    :ivar token: of an acknowledgement, or of a packet that requests one; -1 in others.
+    :ivar packet: the content: a TOS_Msg, or a dispatch byte and an active message; also the
+        bytes after an unknown P.
     :ivar end: index just after its closing flag in the chunk that completed it.
-    :ivar size: its bytes on the line; a flag that two frames share is of the first one.
+    :ivar size: its bytes on the line; a flag shared by two frames belongs to the first one.
     """
 
     protocol: int
@@ -84,28 +84,28 @@ class Frame(NamedTuple):
 
 def frame(protocol: int, body: bytes) -> bytes:
     """
-    Write a frame with both flags: a mote of TinyOS 1.x takes no shared one.
+    Return a frame with both flags: a mote of TinyOS 1.x rejects shared ones.
 
     :param protocol: P.
-    :param body: what follows: the packet, behind its token where the protocol has one.
-    :raises ValueError: it is longer than what others read.
+    :param body: the packet, after its token where the protocol has one.
+    :raises ValueError: the frame is too long.
     """
     content = bytes((protocol,)) + body
     if len(content) + 2 > LONGEST:
-        raise ValueError(f'a frame of {len(content) + 2} bytes: more than {LONGEST} are read by '
-                         'nobody; send less at once')
+        raise ValueError(f'a frame of {len(content) + 2} bytes: at most {LONGEST}; send a shorter '
+                         'packet')
     content += crc_hqx(content, 0).to_bytes(2, 'little')
     escaped = content.replace(_ESCAPE, b'\x7d\x5d').replace(_FLAG, b'\x7d\x5e')
     return _FLAG + escaped + _FLAG
 
 
 def unescaped(data: bytes) -> bytes | None:
-    """Return bytes as they were before escaping; None when they end within an escape."""
+    """Return bytes before escaping; None when they end within an escape."""
     count = data.count(_ESCAPE)
     if not count:
         return data
     if count == data.count(b'\x7d\x5d') + data.count(b'\x7d\x5e'):
-        # The usual ones; each 7D begins an escape, so none of the replacements makes another.
+        # The usual ones; each 7D starts an escape, so no replacement creates another.
         return data.replace(b'\x7d\x5e', _FLAG).replace(b'\x7d\x5d', _ESCAPE)
     if _ends_in_escape(data):
         return None
@@ -114,7 +114,7 @@ def unescaped(data: bytes) -> bytes | None:
 
 def read_content(content: bytes, end: int = 0, size: int = 0) -> Frame | None:
     """
-    Check and read a frame without its flags and escapes, from P to the CRC.
+    Check and parse a frame without flags and escapes, from P to the CRC.
 
     :return: None when it is too short, too long, or its CRC is wrong.
     """
@@ -128,24 +128,24 @@ def read_content(content: bytes, end: int = 0, size: int = 0) -> Frame | None:
 
 
 def _ends_in_escape(data: bytes) -> bool:
-    """Return whether the last byte begins an escape; 7D 7D is a whole one."""
+    """Return whether the last byte starts an escape; 7D 7D is a complete one."""
     return (len(data) - len(data.rstrip(_ESCAPE))) % 2 == 1
 
 
 class FrameReader:
     """
-    Find the frames in a stream of bytes, of both generations; safe in the real-time loop.
+    Finds the frames in a byte stream, of both generations; safe in the real-time loop.
 
-    A 7E is always a flag, also behind noise that ends in an escape: it ends what stood before it
-    and begins what follows. Two frames may share one. Where the stream begins, a frame does not
-    need its opening flag; what is no frame there is not counted as a rejected one, since it may
-    be the end of one that was cut.
+    A 7E is always a flag, also after noise that ends in an escape: it ends the bytes before it and
+    starts the next frame. Two frames may share one. At the start of the stream a frame needs no
+    opening flag; an invalid one there is not counted as rejected, because it may be the end of a
+    truncated frame.
 
-    Each byte fed is in a frame, rejected, or pending; flags of an idle line are rejected bytes.
+    Each byte is part of a frame, rejected, or pending; flags of an idle line are rejected bytes.
 
-    :ivar frames: valid frames so far.
-    :ivar rejected_bytes: bytes that belong to no valid frame.
-    :ivar rejected_frames: what stood between two flags and was no frame: a wrong CRC, an escape
+    :ivar frames: number of valid frames.
+    :ivar rejected_bytes: number of bytes outside valid frames.
+    :ivar rejected_frames: number of invalid frames between two flags: a wrong CRC, an escape
         before the closing flag, more than ``LONGEST`` bytes. Fewer than ``SHORTEST`` are not
         counted.
     """
@@ -154,33 +154,33 @@ class FrameReader:
         self.frames = 0
         self.rejected_bytes = 0
         self.rejected_frames = 0
-        # From the flag that belongs to no frame, or from what stands behind one that does.
+        # From a flag outside a frame, or from the byte after the closing flag of a frame.
         self._pending = b''
         self._synced = False
-        self._passing_over = False
+        self._skipping = False
 
     @property
     def pending_bytes(self) -> int:
-        """Return the number of bytes that wait for the rest of their frame."""
+        """Return the number of bytes of an incomplete frame."""
         return len(self._pending)
 
     def reset(self) -> None:
-        """Reject what is pending: the stream starts anew."""
+        """Reject pending bytes: the stream restarts."""
         self.rejected_bytes += len(self._pending)
         self._pending = b''
-        self._synced = self._passing_over = False
+        self._synced = self._skipping = False
 
     def feed(self, data: bytes) -> list[Frame]:
         """
-        Take the next bytes of the stream; never raises.
+        Process the next bytes of the stream; never raises.
 
-        :return: the frames that they complete, in order; the same however the stream is cut.
+        :return: the frames that they complete, in order; independent of the chunks of the stream.
         """
         held = len(self._pending)
         buffer = self._pending + data
         found: list[Frame] = []
         begin = 0
-        # The flag at the beginning of what is pending has been seen before.
+        # The flag at the start of the pending bytes was processed before.
         content = 1 if buffer[:1] == _FLAG else 0
         if content and not held:
             self._note_flag()
@@ -196,10 +196,10 @@ class FrameReader:
             content = flag + 1
             self._note_flag()
             flag = buffer.find(_FLAG, content)
-        if self._passing_over or len(buffer) - content > _LONGEST_ESCAPED:
-            if not self._passing_over and self._synced:
+        if self._skipping or len(buffer) - content > _LONGEST_ESCAPED:
+            if not self._skipping and self._synced:
                 self.rejected_frames += 1
-            self._passing_over = True
+            self._skipping = True
             self.rejected_bytes += len(buffer) - begin
             begin = len(buffer)
         self._pending = buffer[begin:]
@@ -208,11 +208,11 @@ class FrameReader:
 
     def _note_flag(self) -> None:
         self._synced = True
-        self._passing_over = False
+        self._skipping = False
 
     def _frame(self, content: bytes, end: int, size: int) -> Frame | None:
-        """Check and read what stands between two flags."""
-        if not content or self._passing_over:
+        """Check and parse the bytes between two flags."""
+        if not content or self._skipping:
             return None
         body = unescaped(content) if len(content) <= _LONGEST_ESCAPED else None
         if body is not None and len(body) < SHORTEST:

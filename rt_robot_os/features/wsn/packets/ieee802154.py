@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Frames of IEEE 802.15.4 as TinyOS sends them: from the length byte to the frame check sequence.
+Frames of IEEE 802.15.4 of TinyOS: from the length byte to the frame check sequence.
 
-TinyOS 1.x leaves out who sends; TinyOS 2.x adds that and a byte for the network. Addresses are
-little-endian in both, the payload is what the generation has.
+TinyOS 1.x has no source address; TinyOS 2.x has one, and a network byte. Addresses are
+little-endian in both; the byte order of the payload is that of the generation.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rt_robot_os.features.wsn.packets.tos_msg import GROUP
 FCF_ACK: Final = 0x0002
 FCF_T2_DATA: Final = 0x8841
 FCF_T2_DATA_ACK: Final = 0x8861
-#: The bit of a frame control field that asks for an acknowledgement.
+#: The bit of a frame control field that requests an acknowledgement.
 ACK_REQUEST: Final = 0x0020
 #: The network byte of TinyOS' active messages.
 NETWORK: Final = 0x3F
@@ -43,24 +43,24 @@ LONGEST: Final = 127
 _PAN_T1: Final = 0xFFFF
 _KIND_MASK: Final = 0x0007
 _KIND_DATA: Final = 1
-# Form of both addresses, and that the sender's has no PAN of its own.
+# Format of both addresses, and PAN compression.
 _ADDRESSES: Final = 0xCC40
 _FCS_SIZE: Final = 2
 
 _T1: Final = Struct('<BHBHHBB')
 _T2: Final = Struct('<BHBHHHBB')
 _ACK: Final = Struct('<BHB')
-# By what the frame control field says of the addresses.
+# By the address bits of the frame control field.
 _LAYOUTS: Final = {FCF_DATA & _ADDRESSES: _T1, FCF_T2_DATA & _ADDRESSES: _T2}
-# A byte with its bits the other way round.
+# Bytes with reversed bits.
 _MIRRORED: Final = bytes(int(f'{value:08b}'[::-1], 2) for value in range(256))
 
 
 def fcs(data: bytes) -> bytes:
     """
-    Return the frame check sequence of bytes, two, as they go on the air.
+    Return the frame check sequence, two bytes in the order on the air.
 
-    It is the CRC-16 of the serial line with all bits mirrored, so that is used.
+    It is the CRC-16 of the serial line with all bits reversed.
     """
     crc = crc_hqx(data.translate(_MIRRORED), 0)
     return bytes((_MIRRORED[crc >> 8], _MIRRORED[crc & 0xFF]))
@@ -68,7 +68,7 @@ def fcs(data: bytes) -> bytes:
 
 class T1Frame(NamedTuple):
     """
-    A data frame of TinyOS 1.x, which does not say who sends it.
+    A data frame of TinyOS 1.x, without a source address.
 
     :ivar payload: of the active message.
     """
@@ -85,7 +85,7 @@ class T1Frame(NamedTuple):
         """
         Return the bytes, from the length byte to the frame check sequence.
 
-        :raises ValueError: it is longer than a frame may be.
+        :raises ValueError: it is too long for a frame.
         """
         return _whole(_T1.pack(0, self.fcf, self.dsn, self.pan, self.destination, self.am_type,
                                self.group) + self.payload)
@@ -111,7 +111,7 @@ class T2Frame(NamedTuple):
         """
         Return the bytes, from the length byte to the frame check sequence.
 
-        :raises ValueError: it is longer than a frame may be.
+        :raises ValueError: it is too long for a frame.
         """
         return _whole(_T2.pack(0, self.fcf, self.dsn, self.pan, self.destination, self.source,
                                self.network, self.am_type) + self.payload)
@@ -121,7 +121,7 @@ class AckFrame(NamedTuple):
     """
     An acknowledgement, of either generation.
 
-    :ivar dsn: of the frame that has arrived.
+    :ivar dsn: of the received frame.
     """
 
     dsn: int
@@ -136,25 +136,25 @@ AirFrame = T1Frame | T2Frame | AckFrame
 
 def read_frame(data: bytes) -> AirFrame:
     """
-    Read a frame.
+    Parse a frame.
 
-    :param data: from the length byte to the frame check sequence, of which only the room is
-        needed: radios put other things in its place, see :func:`check_sequence_fits`.
-    :raises ValueError: it is cut, not as long as it says, or no frame of TinyOS.
+    :param data: from the length byte to the frame check sequence, which is not verified: some
+        radios replace it, see :func:`check_sequence_fits`.
+    :raises ValueError: it is truncated, has a wrong length, or is not a frame of TinyOS.
     """
     if len(data) < _ACK.size + _FCS_SIZE:
         raise ValueError(f'too short: {len(data)} bytes, a frame has {_ACK.size + _FCS_SIZE}')
     length, fcf, dsn = _ACK.unpack_from(data)
     if length != len(data) - 1:
-        raise ValueError(f'its length byte says {length}, {len(data) - 1} bytes are there')
+        raise ValueError(f'its length byte is {length}, but {len(data) - 1} bytes follow')
     if fcf & _KIND_MASK == FCF_ACK:
         return AckFrame(dsn)
     if fcf & _KIND_MASK != _KIND_DATA:
-        raise ValueError(f'its frame control field {fcf:#06x} is of no data and no '
+        raise ValueError(f'its frame control field {fcf:#06x} is neither of data nor of an '
                          'acknowledgement')
     layout = _LAYOUTS.get(fcf & _ADDRESSES)
     if layout is None:
-        raise ValueError(f'its frame control field {fcf:#06x} has addresses of another form than '
+        raise ValueError(f'its frame control field {fcf:#06x} has an address format other than '
                          "TinyOS'")
     if len(data) < layout.size + _FCS_SIZE:
         raise ValueError(f'too short: {len(data)} bytes, a frame with data has '
@@ -171,13 +171,13 @@ def read_frame(data: bytes) -> AirFrame:
 
 
 def check_sequence_fits(data: bytes) -> bool:
-    """Return whether a frame, as it was on the air, has its frame check sequence right."""
+    """Return whether the frame check sequence of a frame on the air is correct."""
     return fcs(data[1:-_FCS_SIZE]) == data[-_FCS_SIZE:]
 
 
 def _whole(data: bytes) -> bytes:
-    """Put in the length, for which the first byte is the room, and add the check sequence."""
+    """Set the length in the first byte, and append the frame check sequence."""
     body = data[1:] + fcs(data[1:])
     if len(body) > LONGEST:
-        raise ValueError(f'a frame of {len(body)} bytes: on the air it may have {LONGEST}')
+        raise ValueError(f'a frame of {len(body)} bytes: at most {LONGEST} on the air')
     return bytes((len(body),)) + body

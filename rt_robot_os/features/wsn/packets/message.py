@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What makes a tuple of named fields a message that can be packed and read.
+Base classes of messages with named fields that can be packed and unpacked.
 
-A named tuple takes no constants of the class beside its fields; so the fields stand in one of
-their own, and the message is made of both::
+A named tuple cannot have class constants besides its fields, so the fields are in a class of
+their own, and the message inherits from both::
 
     class _SurgeFields(NamedTuple):
         message_type: int
@@ -42,9 +42,9 @@ _Self = TypeVar('_Self', bound='Message')
 
 class Message:
     """
-    A message whose fields fill the start of its bytes; what may follow is not its own.
+    A message whose fields are at the start of its bytes; further bytes are ignored.
 
-    :cvar AM_TYPE: the active message's type; absent where a header stands before several.
+    :cvar AM_TYPE: type of the active message; absent for a header of several types.
     :cvar LAYOUT: of the fields.
     """
 
@@ -59,7 +59,7 @@ class Message:
     @classmethod
     def unpack(cls: type[_Self], data: bytes) -> _Self:
         """
-        Read the bytes.
+        Parse the bytes.
 
         :raises ValueError: there are too few.
         """
@@ -68,7 +68,7 @@ class Message:
 
 
 class Header(Message):
-    """A message whose last field, ``data``, is all that follows the others."""
+    """A message whose last field, ``data``, contains all bytes after the others."""
 
     __slots__ = ()
 
@@ -80,7 +80,7 @@ class Header(Message):
     @classmethod
     def unpack(cls: type[_Self], data: bytes) -> _Self:
         """
-        Read the bytes.
+        Parse the bytes.
 
         :raises ValueError: there are too few.
         """

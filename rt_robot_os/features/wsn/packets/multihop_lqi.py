@@ -15,9 +15,9 @@
 """
 Messages of MultiHopLQI, TinyOS' routing by link quality, of TinyOS 1.x and 2.x.
 
-In TinyOS 1.x a header of 10 bytes stands before the application's payload and before the body of
-a beacon; the first motes, mica and mica2, have one of 7 bytes. All are little-endian. TinyOS 2.x
-counts big-endian; who sent a frame last stands in the frame's own header there.
+In TinyOS 1.x a header of 10 bytes precedes the application's payload and the body of a beacon;
+that of the first motes, mica and mica2, has 7 bytes. All are little-endian. TinyOS 2.x is
+big-endian; the last sender is in the header of the frame.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from typing import NamedTuple
 from rt_robot_os.features.wsn.packets.message import Header
 from rt_robot_os.features.wsn.packets.message import Message
 
-#: What a node without a route names as its parent, its cost and its hops.
+#: Parent, cost and hops of a node without a route.
 NO_PARENT: Final = 0xFFFF
 NO_ROUTE_COST: Final = 0xFFFE
 NO_ROUTE_HOPS: Final = 0xFF
-#: What the root of TinyOS 1.x names as its parent: its serial line.
+#: Parent of the root of TinyOS 1.x: its serial line.
 UART_ADDRESS: Final = 0x007E
 
 
 def signed(number: int) -> int:
-    """Return a counter of 16 bits as the header of TinyOS 1.x has it."""
+    """Return a 16-bit counter as the signed number in the header of TinyOS 1.x."""
     return ((number + 0x8000) & 0xFFFF) - 0x8000
 
 
@@ -53,14 +53,14 @@ class _MultihopMsgFields(NamedTuple):
 
 class MultihopMsg(Header, _MultihopMsgFields):
     """
-    What stands before every multi-hop payload of TinyOS 1.x, whatever its AM type.
+    The header of every multi-hop payload of TinyOS 1.x, of any AM type.
 
-    :ivar source: who sent it last.
-    :ivar origin: who made it.
-    :ivar seqno: counted by who sent it last, signed.
-    :ivar origin_seqno: counted by who made it, signed.
-    :ivar hopcount: from the origin to the sink, as the origin thought.
-    :ivar data: what follows.
+    :ivar source: address of the last sender.
+    :ivar origin: address of the origin.
+    :ivar seqno: counter of the last sender, signed.
+    :ivar origin_seqno: counter of the origin, signed.
+    :ivar hopcount: from the origin to the sink, as the origin expected.
+    :ivar data: the following bytes.
     """
 
     __slots__ = ()
@@ -77,13 +77,13 @@ class _MicaMultihopMsgFields(NamedTuple):
 
 class MicaMultihopMsg(Header, _MicaMultihopMsgFields):
     """
-    The same of mica, mica2 and mica2dot: the origin does not count.
+    The header of mica, mica2 and mica2dot, without a counter of the origin.
 
-    :ivar source: who sent it last.
-    :ivar origin: who made it.
-    :ivar seqno: counted by who sent it last, signed.
-    :ivar hopcount: from the origin to the sink, as the origin thought.
-    :ivar data: what follows.
+    :ivar source: address of the last sender.
+    :ivar origin: address of the origin.
+    :ivar seqno: counter of the last sender, signed.
+    :ivar hopcount: from the origin to the sink, as the origin expected.
+    :ivar data: the following bytes.
     """
 
     __slots__ = ()
@@ -99,12 +99,12 @@ class _BeaconMsgFields(NamedTuple):
 
 class BeaconMsg(Message, _BeaconMsgFields):
     """
-    The body of a beacon of TinyOS 1.x; stands behind a :class:`MultihopMsg`.
+    The body of a beacon of TinyOS 1.x, after a :class:`MultihopMsg`.
 
-    :ivar parent: of who sent it; ``UART_ADDRESS`` at the root, ``NO_PARENT`` without a route.
-    :ivar cost: from who sent it to the root.
-    :ivar hopcount: from who sent it to the root.
-    :ivar timestamp: without meaning, unless the motes synchronise their clocks.
+    :ivar parent: of the sender; ``UART_ADDRESS`` at the root, ``NO_PARENT`` without a route.
+    :ivar cost: from the sender to the root.
+    :ivar hopcount: from the sender to the root.
+    :ivar timestamp: unused, unless the motes synchronise their clocks.
     """
 
     __slots__ = ()
@@ -125,12 +125,12 @@ class LqiBeacon(Message, _LqiBeaconFields):
     """
     A beacon of TinyOS 2.x.
 
-    :ivar origin: who sent it.
+    :ivar origin: address of the sender.
     :ivar seqno: counted with the data packets that the node sends.
-    :ivar origin_seqno: motes leave it 0.
-    :ivar parent: of who sent it; itself at the root, ``NO_PARENT`` without a route.
-    :ivar cost: from who sent it to the root.
-    :ivar hopcount: from who sent it to the root.
+    :ivar origin_seqno: unused, 0.
+    :ivar parent: of the sender; itself at the root, ``NO_PARENT`` without a route.
+    :ivar cost: from the sender to the root.
+    :ivar hopcount: from the sender to the root.
     """
 
     __slots__ = ()
@@ -151,12 +151,12 @@ class LqiData(Header, _LqiDataFields):
     """
     A data packet of TinyOS 2.x.
 
-    :ivar origin: who made it.
-    :ivar seqno: counted by who sent it last.
-    :ivar origin_seqno: counted by who made it.
-    :ivar hopcount: from the origin to the root, as the origin thought.
-    :ivar collect_id: which application it is of.
-    :ivar data: what the application sent.
+    :ivar origin: address of the origin.
+    :ivar seqno: counter of the last sender.
+    :ivar origin_seqno: counter of the origin.
+    :ivar hopcount: from the origin to the root, as the origin expected.
+    :ivar collect_id: identifier of the application.
+    :ivar data: payload of the application.
     """
 
     __slots__ = ()

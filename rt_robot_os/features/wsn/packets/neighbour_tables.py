@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Tables of neighbours, as motes of TinyOS 1.x send them behind the header of their routing.
+Neighbour tables of motes of TinyOS 1.x, after the header of their routing.
 
-``DebugPacket`` goes to the sink. ``RoutePacket`` is the beacon of mica and mica2, whose routing
-(MINT) tells its neighbours how well it hears them.
+``DebugPacket`` is sent to the sink. ``RoutePacket`` is the beacon of mica and mica2, in which
+their routing (MINT) reports link qualities to the neighbours.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from typing import NamedTuple
 
 from rt_robot_os.features.wsn.packets.message import Header
 
-#: Of the radio CC2420's motes the number of neighbours has 16 bits, of mica's 8.
+#: The number of neighbours has 16 bits on motes with the radio CC2420, 8 on mica.
 _COUNTS: Final = {False: Struct('<H'), True: Struct('<B')}
 _ESTIMATE: Final = Struct('<HBB')
-_HEARD: Final = Struct('<HB')
+_RECEIVED: Final = Struct('<HB')
 DEBUG_PACKET_TYPE: Final = 3
 
 
@@ -38,7 +38,7 @@ class Estimate(NamedTuple):
     """
     A neighbour in a table of estimates.
 
-    :ivar quality: how well the node is heard by it, of 255.
+    :ivar quality: of the link from the node to it, of 255.
     """
 
     node: int
@@ -48,7 +48,7 @@ class Estimate(NamedTuple):
 
 class DebugPacket(NamedTuple):
     """
-    The table of neighbours of a node.
+    The neighbour table of a node.
 
     :ivar estimates: the neighbours.
     """
@@ -63,9 +63,9 @@ class DebugPacket(NamedTuple):
     @classmethod
     def unpack(cls, data: bytes, is_mica: bool = False) -> DebugPacket:
         """
-        Read the bytes; mica's have room for more neighbours than there are.
+        Parse the bytes; those of mica have unused entries.
 
-        :raises ValueError: there are too few for what the packet says it has.
+        :raises ValueError: there are too few for the number of neighbours.
         """
         layout = _COUNTS[is_mica]
         if len(data) < layout.size:
@@ -79,9 +79,9 @@ class DebugPacket(NamedTuple):
                           for each in _ESTIMATE.iter_unpack(data[layout.size:size])]))
 
 
-class HeardNeighbour(NamedTuple):
+class ReceivedNeighbour(NamedTuple):
     """
-    A neighbour and how well the sender hears it, of 255.
+    A neighbour and the quality of the link from it to the sender, of 255.
 
     :ivar address: of the neighbour.
     """
@@ -101,9 +101,9 @@ class RoutePacket(Header, _RoutePacketFields):
     """
     The beacon of mica and mica2.
 
-    :ivar parent: of who sent it.
-    :ivar cost: from there to the root, as that routing counts it.
-    :ivar entries: how many neighbours follow.
+    :ivar parent: of the sender.
+    :ivar cost: from the sender to the root, in the unit of MINT.
+    :ivar entries: number of neighbours.
     :ivar data: the neighbours, see :meth:`neighbours`.
     """
 
@@ -111,13 +111,14 @@ class RoutePacket(Header, _RoutePacketFields):
     AM_TYPE = 250
     LAYOUT = Struct('<HHB')
 
-    def neighbours(self) -> tuple[HeardNeighbour, ...]:
+    def neighbours(self) -> tuple[ReceivedNeighbour, ...]:
         """
         Return the neighbours.
 
-        :raises ValueError: there are fewer than the packet says.
+        :raises ValueError: there are fewer than ``entries``.
         """
-        size = self.entries * _HEARD.size
+        size = self.entries * _RECEIVED.size
         if len(self.data) < size:
             raise ValueError(f'too short: {len(self.data)} bytes for {self.entries} neighbours')
-        return tuple([HeardNeighbour(*each) for each in _HEARD.iter_unpack(self.data[:size])])
+        return tuple(
+            [ReceivedNeighbour(*each) for each in _RECEIVED.iter_unpack(self.data[:size])])

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Oscilloscope and MultihopOscilloscope, the applications of TinyOS 2.x that send readings."""
+"""Messages of Oscilloscope and MultihopOscilloscope, applications of TinyOS 2.x."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from rt_robot_os.features.wsn.packets.message import Header
 
-#: How many readings a packet has, in the one and in the other.
+#: Number of readings in a packet of each application.
 READINGS = 10
 MULTIHOP_READINGS = 5
 
@@ -36,14 +36,13 @@ class _OscilloscopeFields(NamedTuple):
 
 class Oscilloscope(Header, _OscilloscopeFields):
     """
-    Some readings of one sensor, big-endian; of both applications.
+    Readings of one sensor, big-endian; of both applications.
 
-    :ivar version: of the interval; nodes take over the highest that they hear.
+    :ivar version: of the interval; nodes adopt the highest that they receive.
     :ivar interval: between two readings, in 1/1024 s.
-    :ivar node: who made it.
-    :ivar number: counts the packets since the node started. Nodes take over a higher one that they
-        hear, so that it is a clock for all of them: it identifies a packet, and what it leaves out
-        is not lost.
+    :ivar node: address of the origin.
+    :ivar number: counts the packets since the node started. Nodes adopt a higher number that they
+        receive, so that it is a common clock: it identifies a packet, but gaps are not losses.
     :ivar data: the readings, see :attr:`readings`.
     """
 
@@ -53,14 +52,14 @@ class Oscilloscope(Header, _OscilloscopeFields):
 
     @property
     def readings(self) -> tuple[int, ...]:
-        """Return the readings, 16 bits each; what is left of an odd number of bytes is not one."""
+        """Return the readings, 16 bits each; an odd last byte is ignored."""
         count = len(self.data) // 2
         return tuple(self.data[2 * at] << 8 | self.data[2 * at + 1] for at in range(count))
 
     @classmethod
     def of(cls, version: int, interval: int, node: int, number: int,
            readings: tuple[int, ...]) -> Oscilloscope:
-        """Make one of readings."""
+        """Return a message with readings."""
         return cls(version, interval, node, number,
                    b''.join(each.to_bytes(2, 'big') for each in readings))
 
@@ -74,11 +73,11 @@ class _OscopeMsgFields(NamedTuple):
 
 class OscopeMsg(Header, _OscopeMsgFields):
     """
-    The same of TinyOS 1.x, little-endian.
+    The message of TinyOS 1.x, little-endian.
 
-    :ivar node: who made it.
+    :ivar node: address of the origin.
     :ivar last_sample: number of the last reading in it.
-    :ivar channel: which sensor.
+    :ivar channel: of the sensor.
     :ivar data: the readings, 16 bits each.
     """
 
@@ -88,6 +87,6 @@ class OscopeMsg(Header, _OscopeMsgFields):
 
     @property
     def readings(self) -> tuple[int, ...]:
-        """Return the readings, 16 bits each; what is left of an odd number of bytes is not one."""
+        """Return the readings, 16 bits each; an odd last byte is ignored."""
         count = len(self.data) // 2
         return tuple(self.data[2 * at] | self.data[2 * at + 1] << 8 for at in range(count))

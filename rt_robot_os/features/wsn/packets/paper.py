@@ -16,15 +16,15 @@
 The two packets of a service robot's sensor network with a moving sink.
 
 *Real-time control architecture using Xenomai for intelligent service robots in USN environments*
-(2009), section 3, gives: TinyOS' SurgeTelos is the basis; ``BeaconMsg`` holds parent, cost and
-hopcount, is made by the sink alone every 4,096 ms, and every node sends it on, adjusted;
+(2009), section 3, specifies: TinyOS' SurgeTelos is the basis; ``BeaconMsg`` has parent, cost and
+hopcount, is originated by the sink alone every 4,096 ms, and every node forwards it, updated;
 ``DataMsg`` carries data to the sink every 800 ms. Section 3 leaves open, and is chosen here:
 
-* both stand behind TinyOS 1.x's header of 10 bytes (:class:`.multihop_lqi.MultihopMsg`), all
+* both follow TinyOS 1.x's header of 10 bytes (:class:`.multihop_lqi.MultihopMsg`), all
   little-endian, with the AM types of SurgeTelos, 250 and 17;
 * in a beacon the header's ``origin`` is the sink and its ``origin_seqno`` the number of the
-  round; ``source`` and ``seqno`` are of the node that sent it on;
-* ``DataMsg`` starts as SurgeTelos' message does, and adds what kind of quantity the reading is and
+  round; ``source`` and ``seqno`` are of the node that forwarded it;
+* ``DataMsg`` starts like SurgeTelos' message, and adds the kind of quantity of the reading and
   the battery's voltage: one packet carries one quantity.
 """
 
@@ -37,18 +37,18 @@ from typing import NamedTuple
 
 from rt_robot_os.features.wsn.packets.message import Message
 
-#: As the motes count time: 1/1024 s.
+#: In the time unit of the motes, 1/1024 s.
 BEACON_PERIOD_BINARY_MS: Final = 4096
 DATA_PERIOD_BINARY_MS: Final = 800
 
 
 class Kind(IntEnum):
-    """What quantity a reading is, and how its number is to be read."""
+    """Quantity and unit of a reading."""
 
     NONE = 0
-    #: As the SHT1x gives it, 14 bits.
+    #: Raw value of the SHT1x, 14 bits.
     TEMPERATURE = 1
-    #: As the SHT1x gives it, 12 bits.
+    #: Raw value of the SHT1x, 12 bits.
     HUMIDITY = 2
     #: Of the light sensor at the 12-bit converter.
     LIGHT = 3
@@ -78,9 +78,9 @@ class Kind(IntEnum):
     OXYGEN = 15
     #: 0 alert, 1 newly confused, 2 answers to a voice, 3 to pain, 4 to nothing.
     CONSCIOUSNESS = 16
-    #: 1 while somebody is there, else 0.
+    #: 1 while a person is there, else 0.
     PRESENCE = 17
-    #: Number of the node that hangs next to a worn one.
+    #: Id of the fixed node nearest to a worn one.
     NEAREST_NODE = 18
 
 
@@ -92,7 +92,7 @@ class _BeaconMsgFields(NamedTuple):
 
 class BeaconMsg(Message, _BeaconMsgFields):
     """
-    The body of a beacon; stands behind a :class:`.multihop_lqi.MultihopMsg`.
+    The body of a beacon, after a :class:`.multihop_lqi.MultihopMsg`.
 
     :ivar parent: of the node that sent it; of the sink, the sink.
     :ivar cost: from the node that sent it to the sink.
@@ -115,14 +115,14 @@ class _DataMsgFields(NamedTuple):
 
 class DataMsg(Message, _DataMsgFields):
     """
-    The body of a data packet; stands behind a :class:`.multihop_lqi.MultihopMsg`.
+    The body of a data packet, after a :class:`.multihop_lqi.MultihopMsg`.
 
     :ivar message_type: 0, a reading, as in SurgeTelos.
-    :ivar reading: the number; ``kind`` says of what.
+    :ivar reading: the number; ``kind`` is its quantity.
     :ivar parent: of the origin, when it made the packet.
-    :ivar seq_no: counted by the origin's application since it started, from 0.
-    :ivar kind: a :class:`Kind`; others are none of this version.
-    :ivar voltage: of the battery, as the 12-bit converter gives it: half of it
+    :ivar seq_no: counter of the origin's application since it started, from 0.
+    :ivar kind: a :class:`Kind`; others are unknown in this version.
+    :ivar voltage: raw value of the battery at the 12-bit converter: half of it
         against 1.5 V, so V = voltage / 4096 * 3.
     """
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Payloads of a user's own, declared in a few lines: a name, an AM type, fields as struct codes.
+Custom payloads, declared in a few lines: a name, an AM type, fields as struct codes.
 
 In Python::
 
@@ -21,8 +21,8 @@ In Python::
         PayloadField('moisture', 'H', '%', quantity='soil_moisture_percent', scale=0.1),
         PayloadField('skin', 'H', quantity='temperature', conversion='sht1x_temperature')))
 
-A package names it in the entry-point group ``rt_robot_os.payloads``; as a text, see
-:mod:`.payload_text`, it stands in a configuration.
+A package registers it in the entry-point group ``rt_robot_os.payloads``; in a configuration it is
+a string, see :mod:`.payload_text`.
 """
 
 from __future__ import annotations
@@ -48,21 +48,21 @@ from rt_robot_os.messages.quantities import quantity
 
 GROUP: Final = 'rt_robot_os.payloads'
 CODES: Final = 'bBhHiIlLqQfd?sx'
-#: The name of the field that counts packets; by its code, how many bits it has.
+#: Name of the field that counts packets, and its bits by its code.
 COUNTING_FIELD: Final = 'seq_no'
 _COUNTING_CODES: Final = {'B': 8, 'H': 16, 'I': 32, 'L': 32}
 _CODE: Final = re.compile(rf'(\d{{0,3}})([{re.escape(CODES)}])', re.ASCII)
 _NAME: Final = re.compile(r'[A-Za-z_][A-Za-z0-9_]{0,63}', re.ASCII)
 _NO_NUMBER: Final = 'sx'
 _HUMIDITY: Final = 'sht1x_humidity'
-#: What a packet of 802.15.4 can hold, and more than any mote's.
+#: Limit of a packet of 802.15.4, above that of any mote.
 MOST_BYTES: Final = 114
 
 Numbers = Mapping[str, Any]
 
 
 class _Plan(NamedTuple):
-    """How a field is read: its values, and what they are a reading of."""
+    """How a field is parsed: its values, and the reading that they are."""
 
     name: str
     values: int
@@ -75,16 +75,17 @@ class PayloadField:
     """
     One field.
 
-    A field called ``origin``, ``seqno``, ``parent`` or ``hops`` is that of the packet, where no
-    header of the routing has it. One called ``seq_no`` without a sign counts the packets of its
-    origin: what is missing is lost.
+
+    A field named ``origin``, ``seqno``, ``parent`` or ``hops`` sets that of the packet, if no
+    header of the routing has it. An unsigned field named ``seq_no`` counts the packets of its
+    origin: gaps are losses.
 
     :ivar code: of Python's struct, standard sizes, such as ``H``; with a count, such as ``5H``, it
-        is a list, of which the last is the reading; ``8s`` is bytes, ``2x`` passes over two.
-    :ivar unit: of the number as it is sent, for people.
-    :ivar quantity: what it is a reading of, such as ``temperature``; empty is of none.
-    :ivar conversion: how the number becomes the quantity, a name of :data:`.CONVERSIONS`.
-    :ivar scale: without a conversion it is ``number * scale + offset``.
+        is a list, of which the last is the reading; ``8s`` is bytes, ``2x`` skips two.
+    :ivar unit: of the sent number, for people.
+    :ivar quantity: of the reading, such as ``temperature``; empty: no reading.
+    :ivar conversion: from the number to the quantity, a name of :data:`.CONVERSIONS`.
+    :ivar scale: without a conversion the reading is ``number * scale + offset``.
     """
 
     name: str
@@ -96,17 +97,16 @@ class PayloadField:
     offset: float = 0.0
 
     def problems(self) -> list[str]:
-        """Return what is wrong with it, a text each that says what would be right."""
+        """Return the problems of the field, each with its remedy."""
         found = []
         if not _NAME.fullmatch(self.name):
-            found.append(f'the name {self.name!r} must be a letter, then letters, digits and _')
+            found.append(f'the name {self.name!r} must be a letter, then letters, digits or _')
         code = _CODE.fullmatch(self.code)
         if not code or code[1] and not 0 < int(code[1]) <= MOST_BYTES:
-            found.append(f'the code {self.code!r} must be one of {" ".join(CODES)}, as of '
-                         'the module struct of Python, with a count before it for several, such '
-                         'as 5H')
+            found.append(f'the code {self.code!r} must be one of {" ".join(CODES)} of Python\'s '
+                         'module struct, with a count before it for several, such as 5H')
         if self.conversion and self.conversion not in CONVERSIONS:
-            found.append(f'there is no conversion {self.conversion!r}: use one of '
+            found.append(f'unknown conversion {self.conversion!r}: use one of '
                          f'{", ".join(CONVERSIONS)}, or scale and offset')
         if not all(map(math.isfinite, (self.scale, self.offset))) or self.scale == 0:
             found.append(f'scale {self.scale} and offset {self.offset} must be finite, and the '
@@ -117,21 +117,20 @@ class PayloadField:
             except ValueError as error:
                 found.append(str(error))
             if code and code[2] in _NO_NUMBER:
-                found.append(f'the code {self.code!r} gives no number, so it cannot be the '
-                             f'quantity {self.quantity!r}: take another code')
+                found.append(f'the code {self.code!r} is not a number, so it cannot be the '
+                             f'quantity {self.quantity!r}: use another code')
         elif self.conversion or (self.scale, self.offset) != (1.0, 0.0):
-            found.append('a conversion, a scale or an offset makes a reading: say of which '
-                         'quantity')
+            found.append('a conversion, a scale or an offset needs a quantity: add one')
         return found
 
 
 class PayloadValues(NamedTuple):
     """
-    What a payload holds.
+    The content of a payload.
 
     :ivar fields: the numbers as they were sent, by field.
     :ivar readings: in the units of :mod:`rt_robot_os.messages.quantities`, by quantity.
-    :ivar problem: what is wrong; empty when nothing is.
+    :ivar problem: empty for a valid payload.
     """
 
     fields: dict[str, Any]
@@ -144,14 +143,14 @@ class Payload:
     """
     The layout of one payload.
 
-    :ivar name: what packets with it are called.
+    :ivar name: of its packets.
     :ivar am_type: of the active message, or the collection's identifier under TinyOS 2.x.
     :ivar fields: in order, without gaps between them.
-    :ivar byte_order: ``''`` as the generation of TinyOS has it, ``little`` or ``big``.
-    :ivar routed: under TinyOS 1.x it stands behind the header of MultiHopLQI.
+    :ivar byte_order: ``''`` for that of the generation of TinyOS, ``little`` or ``big``.
+    :ivar routed: under TinyOS 1.x it follows the header of MultiHopLQI.
     :ivar size: in bytes.
     :ivar count_bits: of the field that counts packets; 0 without one.
-    :raises ConfigError: something is wrong; each line names payload, field, value and remedy.
+    :raises ConfigError: with every problem; each line names payload, field, value and remedy.
     """
 
     name: str
@@ -166,7 +165,7 @@ class Payload:
     _humid: bool = field(init=False, repr=False, compare=False, default=False)
 
     def __post_init__(self) -> None:
-        """Check it, and prepare to read it."""
+        """Check the declaration, and prepare the parser."""
         object.__setattr__(self, 'fields', tuple(self.fields))
         problems = self._problems()
         if problems:
@@ -176,8 +175,8 @@ class Payload:
         object.__setattr__(self, '_layouts', layouts)
         object.__setattr__(self, 'size', layouts[0].size)
         if self.size > MOST_BYTES:
-            raise ConfigError([f'payload {self.name!r} has {self.size} bytes: no packet can hold '
-                               f'more than {MOST_BYTES}; take fields away'])
+            raise ConfigError([f'payload {self.name!r} has {self.size} bytes: at most {MOST_BYTES}'
+                               ' fit into a packet; remove fields'])
         object.__setattr__(self, 'count_bits', next(
             (_COUNTING_CODES.get(each.code, 0) for each in self.fields
              if each.name == COUNTING_FIELD), 0))
@@ -187,9 +186,9 @@ class Payload:
 
     def read(self, data: bytes, big_endian: bool) -> PayloadValues:
         """
-        Read a payload; never raises, safe in the real-time loop.
+        Parse a payload; never raises, safe in the real-time loop.
 
-        :param big_endian: as the generation of TinyOS has it.
+        :param big_endian: byte order of the generation of TinyOS.
         """
         if len(data) < self.size:
             return PayloadValues({}, {}, f'too short: {len(data)} bytes, {self.name} has '
@@ -208,7 +207,7 @@ class Payload:
             values[name] = value.hex() if is_bytes else value
             if wanted is not None:
                 reading = _reading(wanted, value if count == 1 else value[-1])
-                if math.isfinite(reading):  # else the node says that it has none
+                if math.isfinite(reading):  # else the node has no reading
                     readings[wanted.quantity] = reading
         if self._humid and 'temperature' in readings:
             self._compensate(values, readings)
@@ -216,10 +215,10 @@ class Payload:
 
     def pack(self, values: Numbers, big_endian: bool) -> bytes:
         """
-        Make a payload, as a node would.
+        Return a payload, as a node would send it.
 
-        :param values: raw numbers by field; texts are bytes; a field that is missing is 0.
-        :raises ValueError: a value has no room in its field.
+        :param values: raw numbers by field, or bytes; a missing field is 0.
+        :raises ValueError: a value does not fit its field.
         """
         numbers: list[Any] = []
         for name, count, is_bytes, _ in self._plan:
@@ -238,7 +237,7 @@ class Payload:
         return self._layouts[big]
 
     def _compensate(self, values: Numbers, readings: dict[str, float]) -> None:
-        """Let the humidity take the temperature of the same packet into account."""
+        """Compensate the humidity with the temperature of the same packet."""
         for each in self.fields:
             if each.conversion == _HUMIDITY and each.quantity in readings:
                 raw = values[each.name]
@@ -249,13 +248,13 @@ class Payload:
         where = f'payload {self.name!r}'
         found = []
         if not _NAME.fullmatch(self.name):
-            found.append(f'{where}: the name must be a letter, then letters, digits and _')
+            found.append(f'{where}: the name must be a letter, then letters, digits or _')
         if isinstance(self.am_type, bool) or not isinstance(self.am_type, int) or (
                 not 0 <= self.am_type <= 255):
             found.append(f'{where}: the AM type {self.am_type!r} must be a number from 0 to 255')
         if self.byte_order not in ('', 'little', 'big'):
             found.append(f'{where}: the byte order {self.byte_order!r} must be little or big, or '
-                         'left out')
+                         'omitted')
         if not self.fields:
             found.append(f'{where} has no fields: declare at least one')
         seen: set[str] = set()
@@ -264,8 +263,8 @@ class Payload:
             for what, name in (('field', each.name), ('quantity', each.quantity)):
                 key = f'{what} {name}'
                 if name and key in seen and not each.code.endswith('x'):
-                    found.append(f'{where}, field {each.name!r}: the {what} {name!r} is there '
-                                 'twice; rename one')
+                    found.append(f'{where}, field {each.name!r}: the {what} {name!r} is '
+                                 'declared twice; rename one')
                 seen.add(key)
         return found
 
@@ -274,7 +273,7 @@ def installed_payloads() -> tuple[Payload, ...]:
     """
     Return the payloads that other packages add by entry points.
 
-    :raises ConfigError: one cannot be imported, or is none.
+    :raises ConfigError: one cannot be imported, or is not a Payload.
     """
     found = []
     for name, target in sorted(entry_point_targets(GROUP).items()):
@@ -289,20 +288,20 @@ def installed_payloads() -> tuple[Payload, ...]:
 
 def check_payloads(payloads: Iterable[Payload]) -> tuple[Payload, ...]:
     """
-    Check that payloads can be told apart.
+    Check that payloads are distinguishable.
 
-    :raises ConfigError: two have one name, or one AM type and size.
+    :raises ConfigError: two have the same name, or the same AM type and size.
     """
     found = tuple(payloads)
     problems = []
     for at, each in enumerate(found):
         for other in found[:at]:
             if other.name == each.name:
-                problems.append(f'payload {each.name!r} is there twice: rename one')
+                problems.append(f'payload {each.name!r} is declared twice: rename one')
             elif (other.am_type, other.size) == (each.am_type, each.size):
                 problems.append(
                     f'payload {each.name!r} and payload {other.name!r} both have the AM type '
-                    f'{each.am_type:#04x} and {each.size} bytes: nothing tells them apart')
+                    f'{each.am_type:#04x} and {each.size} bytes: they are indistinguishable')
     if problems:
         raise ConfigError(problems)
     return found

@@ -13,15 +13,15 @@
 # limitations under the License.
 
 """
-Payloads as they stand in YAML: a text each, or a mapping.
+Parser of payloads in YAML: each is a string, or a mapping.
 
-A text is ``NAME AM_TYPE FIELD ...``; a field is ``name:code``, then its unit in brackets, then
-``=quantity`` and how that comes from the number: a conversion, or a scale and an offset::
+A string is ``NAME AM_TYPE FIELD ...``; a field is ``name:code``, then its unit in brackets, then
+``=quantity`` with a conversion, or a scale and an offset::
 
     soil 0x42 moisture:H[%]=soil_moisture_percent,0.1 skin:H=temperature,sht1x_temperature
 
-Among the fields may stand the words ``big`` or ``little``, the order of the bytes, and ``plain``:
-no header of the routing stands before it under TinyOS 1.x.
+The words ``big`` or ``little`` among the fields set the byte order, and ``plain`` declares a
+payload without a header of the routing under TinyOS 1.x.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ _FIELD_KEYS: Final = ('name', 'code', 'unit', 'quantity', 'conversion', 'scale',
 
 def parse_payloads(values: Iterable[object]) -> tuple[Payload, ...]:
     """
-    Read payloads as they stand in YAML.
+    Parse payloads in YAML.
 
-    :param values: texts and mappings.
-    :raises ConfigError: with all that is wrong; each line names payload, field, value and remedy.
+    :param values: strings and mappings.
+    :raises ConfigError: with every problem; each line names payload, field, value and remedy.
     """
     found: list[Payload] = []
     problems: list[str] = []
@@ -68,10 +68,10 @@ def parse_payloads(values: Iterable[object]) -> tuple[Payload, ...]:
 
 def known_payloads(values: Iterable[object]) -> tuple[Payload, ...]:
     """
-    Return payloads as they stand in YAML, and those of installed packages.
+    Return payloads in YAML, and those of installed packages.
 
-    :param values: texts and mappings; they stand in for an installed one of the same name.
-    :raises ConfigError: with all that is wrong.
+    :param values: strings and mappings; they override an installed payload of the same name.
+    :raises ConfigError: with every problem.
     """
     found = parse_payloads(values)
     names = {each.name for each in found}
@@ -81,16 +81,16 @@ def known_payloads(values: Iterable[object]) -> tuple[Payload, ...]:
 
 def parse_payload(value: object) -> Payload:
     """
-    Read one payload.
+    Parse one payload.
 
-    :param value: a text, or a mapping with the keys of :class:`.Payload`.
-    :raises ConfigError: with all that is wrong.
+    :param value: a string, or a mapping with the keys of :class:`.Payload`.
+    :raises ConfigError: with every problem.
     """
     if isinstance(value, str):
         return _of_text(value)
     if isinstance(value, Mapping):
         return _of_mapping(value)
-    raise ConfigError([f'payload {value!r}: must be a text such as "{_EXAMPLE}", or a mapping '
+    raise ConfigError([f'payload {value!r}: must be a string such as "{_EXAMPLE}", or a mapping '
                        f'with {", ".join(_KEYS[:3])}'])
 
 
@@ -120,15 +120,15 @@ def _field_of(payload: str, text: str) -> PayloadField:
     if not found:
         raise ConfigError([
             f'payload {payload!r}, field {text!r}: must be name:code[unit]=quantity,conversion or '
-            'name:code[unit]=quantity,scale,offset; unit and quantity may be left out, as in '
+            'name:code[unit]=quantity,scale,offset; unit and quantity are optional, as in '
             'moisture:H'])
     how, offset = found['how'] or '', found['offset'] or '0'
     scale = '1'
     if how and not how[0].isalpha():
         scale, how = how, ''
     elif how and found['offset']:
-        raise ConfigError([f'payload {payload!r}, field {text!r}: a conversion takes no offset; '
-                           'leave it out'])
+        raise ConfigError([f'payload {payload!r}, field {text!r}: a conversion has no offset; '
+                           'remove it'])
     where = f'payload {payload!r}, field {found["name"]!r}'
     return PayloadField(found['name'], found['code'], found['unit'] or '',
                         found['quantity'] or '', how, _float_of(where, 'scale', scale),
@@ -162,8 +162,8 @@ def _of_mapping(value: Mapping[Any, Any]) -> Payload:
 
 def _field_of_mapping(where: str, item: object) -> PayloadField:
     if not isinstance(item, Mapping):
-        raise ConfigError([f'{where}: the field {item!r} must be a text such as moisture:H, or a '
-                           'mapping with name and code'])
+        raise ConfigError([f'{where}: the field {item!r} must be a string such as moisture:H, or '
+                           'a mapping with name and code'])
     where = f'{where}, field {str(item.get("name", ""))!r}'
     problems = _unknown(where, item, _FIELD_KEYS)
     problems += [f'{where}: {key} is missing' for key in _FIELD_KEYS[:2] if key not in item]
@@ -176,7 +176,7 @@ def _field_of_mapping(where: str, item: object) -> PayloadField:
 
 
 def _unknown(where: str, value: Mapping[Any, Any], keys: tuple[str, ...]) -> list[str]:
-    return [f'{where}: there is no key {key!r}; there are {", ".join(keys)}'
+    return [f'{where}: unknown key {key!r}; must be one of {", ".join(keys)}'
             for key in value if key not in keys]
 
 
@@ -196,5 +196,5 @@ def _float_of(where: str, key: str, value: object) -> float:
             raise ValueError
         return float(str(value))
     except ValueError:
-        raise ConfigError([f'{where}: the {key} {value!r} must be a number, or the name of a '
+        raise ConfigError([f'{where}: the {key} {value!r} must be a number; or put the name of a '
                            'conversion before it']) from None

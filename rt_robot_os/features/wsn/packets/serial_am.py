@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The active message of TinyOS 2.x on the serial line: a dispatch byte, 7 bytes, the payload."""
+"""The active message of TinyOS 2.x on the serial line: dispatch byte, header, payload."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from struct import Struct
 from typing import Final
 from typing import NamedTuple
 
-#: Dispatch bytes: what follows is an active message, or a frame of 802.15.4 as it is.
+#: Dispatch bytes: an active message follows, or an unmodified frame of 802.15.4.
 DISPATCH_AM: Final = 0
 DISPATCH_802_15_4: Final = 2
 HEADER: Final = Struct('>BHHBBB')
@@ -33,7 +33,7 @@ class SerialAm(NamedTuple):
 
     :ivar destination: a root mote sends 0xFFFF.
     :ivar source: a root mote sends 0.
-    :ivar group: 0x00 or 0x22, unless the motes were built with another.
+    :ivar group: 0x00 or 0x22 by default.
     """
 
     destination: int
@@ -50,9 +50,9 @@ class SerialAm(NamedTuple):
     @classmethod
     def unpack(cls, data: bytes) -> SerialAm:
         """
-        Read a whole message.
+        Parse a message.
 
-        :raises ValueError: it is none, too short, or not as long as it says.
+        :raises ValueError: it is not an active message, too short, or of a wrong length.
         """
         if len(data) < SIZE:
             raise ValueError(f'too short: {len(data)} bytes, the header of SerialAm has {SIZE}')
@@ -60,6 +60,6 @@ class SerialAm(NamedTuple):
         if dispatch != DISPATCH_AM:
             raise ValueError(f'its dispatch byte is {dispatch:#04x}, not that of active messages')
         if len(data) != SIZE + length:
-            raise ValueError(f'its length byte says {length}, {len(data) - SIZE} bytes of payload '
-                             'are there')
+            raise ValueError(f'its length byte is {length}, but the payload has {len(data) - SIZE}'
+                             ' bytes')
         return cls(destination, source, am_type, data[SIZE:], group)

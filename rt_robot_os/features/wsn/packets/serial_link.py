@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-Writing to a mote with acknowledgements, and acknowledging what it wants acknowledged.
+The serial link to a mote, with acknowledgements in both directions.
 
-A mote takes one frame at a time, and answers with its token when it had room for it: no answer is
-back-pressure, or a lost frame. So a frame is sent again, with the same token, some times.
+A mote accepts one frame at a time, and acknowledges it with its token when it had room: no
+acknowledgement means back-pressure, or a lost frame. So a frame is retransmitted with the same
+token a few times.
 """
 
 from __future__ import annotations
@@ -34,20 +35,20 @@ from rt_robot_os.features.wsn.packets.framing import Protocols
 
 TRIES: Final = 3
 WAIT_NS: Final = 250 * NS_PER_MS
-#: The serial forwarders in C of both generations begin with it.
+#: As in the serial forwarders in C of both generations.
 FIRST_TOKEN: Final = 0x26
-#: Frames that wait to be written; what a base station holds for its radio.
+#: Capacity of the queue, as large as that of a base station for its radio.
 CAPACITY: Final = 12
 _MOST_ANSWERS: Final = 64
 
 
 class Outcome(NamedTuple):
     """
-    What became of a packet.
+    The result of sending a packet.
 
-    :ivar ticket: as :meth:`Link.send` gave it.
-    :ivar acknowledged: the mote has taken it; else nobody knows.
-    :ivar tries: how often it was written.
+    :ivar ticket: returned by :meth:`Link.send`.
+    :ivar acknowledged: the mote has acknowledged it; else its fate is unknown.
+    :ivar tries: number of transmissions.
     """
 
     ticket: int
@@ -58,31 +59,32 @@ class Outcome(NamedTuple):
 
 class Link:
     """
-    The host's end of a serial line; no input or output, and times are handed in.
+    The host's end of a serial line; without I/O, times are arguments.
 
-    ``feed`` takes what has arrived, ``send`` what is to be written; ``poll`` gives the bytes to
+    ``feed`` processes received bytes, ``send`` queues a packet; ``poll`` returns the bytes to
     write now, and is due again at ``next_ns``. Safe in the real-time loop.
 
     :ivar reader: of the frames, with its counters.
-    :ivar acknowledged: packets that the mote has acknowledged.
-    :ivar given_up: packets that it has not, in all tries.
-    :ivar resends: frames that were written again.
-    :ivar refused: packets for which there was no room in the queue.
-    :ivar stray_acks: acknowledgements that nothing waited for, as of a frame written twice.
-    :ivar answered: packets whose acknowledgement the mote wanted, and got.
-    :ivar answers_dropped: the same, not acknowledged: too many came between two polls.
+    :ivar acknowledged: number of packets that the mote has acknowledged.
+    :ivar given_up: number of packets without an acknowledgement in all tries.
+    :ivar resends: number of retransmitted frames.
+    :ivar refused: number of packets that did not fit into the queue.
+    :ivar stray_acks: number of unexpected acknowledgements, as of a frame written twice.
+    :ivar answered: number of packets of the mote that were acknowledged.
+    :ivar answers_dropped: number of packets of the mote that were not, because too many arrived
+        between two polls.
     """
 
     def __init__(self, protocols: Protocols, tries: int = TRIES, wait_ns: int = WAIT_NS,
                  capacity: int = CAPACITY, first_token: int = FIRST_TOKEN) -> None:
         """
-        Begin with nothing to send.
+        Start with an empty queue.
 
-        :param protocols: ``TINYOS_1`` or ``TINYOS_2``: what is written; read are both.
-        :param tries: how often a packet is written before it is given up.
-        :param wait_ns: for its acknowledgement, each time.
-        :param capacity: packets that may wait, the one on its way included.
-        :param first_token: of the first frame; one more with each.
+        :param protocols: ``TINYOS_1`` or ``TINYOS_2`` for writing; both are read.
+        :param tries: largest number of transmissions of a packet.
+        :param wait_ns: timeout of an acknowledgement.
+        :param capacity: of the queue, the packet being sent included.
+        :param first_token: of the first frame; incremented with each.
         """
         self.reader = FrameReader()
         self.acknowledged = 0
@@ -101,42 +103,41 @@ class Link:
         self._waiting: deque[tuple[int, bytes]] = deque()
         self._answers: list[bytes] = []
         self._outcomes: deque[Outcome] = deque(maxlen=4 * capacity)
-        # Of the first that waits: its frame, how often it was written, and until when it waits.
+        # Of the first in the queue: its frame, number of transmissions, and timeout.
         self._written = b''
         self._tried = 0
         self._until_ns = 0
 
     @property
     def waiting(self) -> int:
-        """Return the number of packets that wait, the one on its way included."""
+        """Return the number of queued packets, the one being sent included."""
         return len(self._waiting)
 
     @property
     def has_answers(self) -> bool:
-        """Return whether acknowledgements wait for ``poll`` to give them."""
+        """Return whether ``poll`` has acknowledgements to write."""
         return bool(self._answers)
 
     @property
     def next_ns(self) -> int | None:
-        """Return when ``poll`` has something to do: 0 at once, None never."""
+        """Return when ``poll`` is due: 0 immediately, None never."""
         if self._answers or self._waiting and not self._tried:
             return 0
         return self._until_ns if self._waiting else None
 
     def feed(self, data: bytes) -> list[Frame]:
         """
-        Take the next bytes from the mote; never raises.
+        Process the next bytes from the mote; never raises.
 
-        :return: frames with packets and those with a P of their own; acknowledgements are dealt
-            with here.
+        :return: frames with packets, and those of an unknown P; acknowledgements are handled here.
         """
         return [each for each in self.reader.feed(data) if self.take(each)]
 
     def take(self, read: Frame) -> bool:
         """
-        Take a frame that a reader has read.
+        Process a frame of a reader.
 
-        :return: whether it has a packet, or a P of its own; else it was an acknowledgement.
+        :return: whether it has a packet, or an unknown P; else it was an acknowledgement.
         """
         known = PROTOCOLS.get(read.protocol)
         if known is None or read.protocol == known.plain:
@@ -148,14 +149,14 @@ class Link:
         return True
 
     def speak(self, protocols: Protocols) -> None:
-        """Write as another generation of TinyOS from the next frame on."""
+        """Write in the protocol of another generation of TinyOS from the next frame on."""
         self._protocols = protocols
 
     def send(self, packet: bytes) -> int:
         """
-        Have a packet written, after those that wait.
+        Queue a packet.
 
-        :return: its ticket, 1 and up; 0 when there is no room, which is counted.
+        :return: its ticket, 1 and up; 0 when the queue is full, which is counted.
         :raises ValueError: it is too long for a frame.
         """
         frame(self._protocols.acked, b'\0' + packet)
@@ -168,9 +169,9 @@ class Link:
 
     def poll(self, now_ns: int) -> bytes:
         """
-        Return the bytes to write now; they have to be written whole.
+        Return the bytes to write now; they must be written completely.
 
-        :param now_ns: of a clock that does not go back.
+        :param now_ns: of a monotonic clock.
         """
         found, self._answers = b''.join(self._answers), []
         if not self._waiting or self._tried and now_ns < self._until_ns:
@@ -190,13 +191,13 @@ class Link:
         return found + self._written
 
     def take_outcomes(self) -> list[Outcome]:
-        """Return what became of packets since the last call, in order; the oldest go first."""
+        """Return the results since the last call, in order; the oldest are dropped first."""
         found = list(self._outcomes)
         self._outcomes.clear()
         return found
 
     def reset(self) -> None:
-        """Begin anew, as after the port was opened: what waits is given up, counters stay."""
+        """Restart, as after opening the port: queued packets are dropped, counters stay."""
         self.reader.reset()
         self._answers.clear()
         while self._waiting:
@@ -204,7 +205,7 @@ class Link:
             self._end(False)
 
     def _take_ack(self, protocols: Protocols, token: int) -> None:
-        # A mote acknowledges as it is spoken to, and only that.
+        # A mote acknowledges in the protocol of the frame, and only the current frame.
         if self._tried and protocols is self._protocols and token == self._token:
             self.acknowledged += 1
             self._end(True)

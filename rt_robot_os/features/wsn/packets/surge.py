@@ -13,7 +13,8 @@
 # limitations under the License.
 
 """
-Surge, TinyOS' application that sends readings to a sink and takes commands, of TinyOS 1.x.
+Messages of Surge, an application of TinyOS 1.x that sends readings to a sink and obeys commands.
+
 
 SurgeTelos (telos, micaz) and the original Surge of mica2 differ in their layout.
 """
@@ -28,7 +29,7 @@ from rt_robot_os.features.wsn.packets.message import Message
 
 
 class SurgeType(IntEnum):
-    """What a message of Surge is, or what it commands."""
+    """Type of a message of Surge, or its command."""
 
     READING = 0
     ROOT_BEACON = 1
@@ -48,12 +49,12 @@ class _SurgeMsgFields(NamedTuple):
 
 class SurgeMsg(Message, _SurgeMsgFields):
     """
-    A reading of SurgeTelos; stands behind a :class:`.multihop_lqi.MultihopMsg`.
+    A reading of SurgeTelos, after a :class:`.multihop_lqi.MultihopMsg`.
 
     :ivar message_type: a :class:`SurgeType`.
     :ivar reading: of the converter, 12 bits.
     :ivar parent: of the origin, when it made the packet.
-    :ivar seq_no: counted by the origin's application since it started.
+    :ivar seq_no: counter of the origin's application since it started.
     """
 
     __slots__ = ()
@@ -69,7 +70,7 @@ class _MicaSurgeMsgFields(NamedTuple):
 
 class MicaSurgeMsg(Message, _MicaSurgeMsgFields):
     """
-    A reading of mica2's Surge; stands behind a :class:`.multihop_lqi.MicaMultihopMsg`.
+    A reading of mica2's Surge, after a :class:`.multihop_lqi.MicaMultihopMsg`.
 
     :ivar message_type: a :class:`SurgeType`.
     :ivar reading: of the converter.
@@ -88,10 +89,10 @@ class _SurgeCmdFields(NamedTuple):
 
 class SurgeCmd(Message, _SurgeCmdFields):
     """
-    A command to nodes, as SurgeTelos has it: the value stands in a union of 4 bytes.
+    A command to nodes of SurgeTelos: the value is in a union of 4 bytes.
 
     :ivar command: ``SET_RATE`` and above of :class:`SurgeType`.
-    :ivar value: the new period in 1/1024 s, or the address to focus on; 0 where none is needed.
+    :ivar value: the new period in 1/1024 s, or the address to focus on; else 0.
     """
 
     __slots__ = ()
@@ -100,7 +101,7 @@ class SurgeCmd(Message, _SurgeCmdFields):
 
 
 class SurgeCmdT2(Message, _SurgeCmdFields):
-    """The same for applications under TinyOS 2.x, which count big-endian."""
+    """The same for applications under TinyOS 2.x, big-endian."""
 
     __slots__ = ()
     AM_TYPE = 18

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-TOS_Msg, the active message of TinyOS 1.x on the serial line: of two families of motes.
+TOS_Msg, the active message of TinyOS 1.x on the serial line, for two families of motes.
 
-Little-endian, a header, then as many bytes of payload as one of its bytes says. What the radio
-knows of a packet, such as its LQI, is not sent on the line.
+Little-endian: a header with the length, then the payload. Metadata of the radio, such as the LQI,
+is not sent on the line.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ MICA: Final = 'mica'
 PLATFORMS: Final = (TELOS, MICA)
 
 GROUP: Final = 0x7D
-#: Bytes of payload that motes have room for, unless they were built with other sizes.
+#: Default capacity of motes for payload, in bytes.
 TELOS_MOST_DATA: Final = 28
 MICA_MOST_DATA: Final = 29
 
 TELOS_HEADER: Final = Struct('<BHBHHBB')
 MICA_HEADER: Final = Struct('<HBBB')
-#: The frame control field, as these bytes are read: data, with and without a request to
-#: acknowledge; 16-bit addresses, no address of the sender.
+#: The frame control field in the order of these bytes: data, without and with a request for an
+#: acknowledgement; 16-bit addresses, no source address.
 FCF_DATA: Final = 0x0801
 FCF_DATA_ACK: Final = 0x0821
 _PAN: Final = 0xFFFF
@@ -48,10 +48,10 @@ class TelosMsg(NamedTuple):
     """
     TOS_Msg of motes with the radio CC2420: 10 bytes of header.
 
-    :ivar destination: 0xFFFF all, 0x007E the serial line.
+    :ivar destination: 0xFFFF broadcast, 0x007E the serial line.
     :ivar payload: up to 28 bytes by default, an even number.
     :ivar dsn: sequence number of 802.15.4.
-    :ivar fcf: frame control field; its first byte is called fcfhi.
+    :ivar fcf: frame control field; its first byte is named fcfhi.
     """
 
     destination: int
@@ -70,9 +70,9 @@ class TelosMsg(NamedTuple):
     @classmethod
     def unpack(cls, data: bytes) -> TelosMsg:
         """
-        Read a whole message.
+        Parse a message.
 
-        :raises ValueError: it is too short, or not as long as it says.
+        :raises ValueError: it is too short, or of a wrong length.
         """
         size = TELOS_HEADER.size
         _check(data, size, data[0] if data else 0, 'TelosMsg')
@@ -84,7 +84,7 @@ class MicaMsg(NamedTuple):
     """
     TOS_Msg of mica, mica2 and mica2dot ("avrmote"): 5 bytes of header.
 
-    :ivar destination: 0xFFFF all, 0x007E the serial line.
+    :ivar destination: 0xFFFF broadcast, 0x007E the serial line.
     :ivar payload: up to 29 bytes by default.
     """
 
@@ -101,9 +101,9 @@ class MicaMsg(NamedTuple):
     @classmethod
     def unpack(cls, data: bytes) -> MicaMsg:
         """
-        Read a whole message.
+        Parse a message.
 
-        :raises ValueError: it is too short, or not as long as it says.
+        :raises ValueError: it is too short, or of a wrong length.
         """
         size = MICA_HEADER.size
         _check(data, size, data[4] if len(data) > 4 else 0, 'MicaMsg')
@@ -118,12 +118,12 @@ def is_telos(data: bytes) -> bool:
 
 
 def is_mica(data: bytes) -> bool:
-    """Return whether the length of a packet is that of a mica's."""
+    """Return whether the length of a packet is that of mica."""
     return len(data) >= MICA_HEADER.size and len(data) == data[4] + MICA_HEADER.size
 
 
 def platform_of(data: bytes) -> str:
-    """Return which family of motes a packet seems to be from; empty when of neither."""
+    """Return the probable family of motes of a packet; empty when neither fits."""
     if is_telos(data):
         return TELOS
     return MICA if is_mica(data) else ''
@@ -133,5 +133,5 @@ def _check(data: bytes, size: int, length: int, name: str) -> None:
     if len(data) < size:
         raise ValueError(f'too short: {len(data)} bytes, the header of {name} has {size}')
     if len(data) != size + length:
-        raise ValueError(f'its length byte says {length}, {len(data) - size} bytes of payload '
-                         'are there')
+        raise ValueError(f'its length byte is {length}, but the payload has {len(data) - size} '
+                         'bytes')

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What happens between the antennas of two nodes."""
+"""Models of the radio: CC2420, medium access, noise, path loss."""

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The CC2420, a radio for IEEE 802.15.4 at 2.4 GHz: its timing, what it receives, and how well.
+The CC2420, a radio for IEEE 802.15.4 at 2.4 GHz: timing, reception and LQI.
 
-The chance to receive a frame and the LQI of one that was received are as measured on the chip and
-published with TinyOS.
+The probability of receiving a frame and the LQI of received ones are measurements of the chip that
+were published with TinyOS.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ PHY_HEADER_BYTES: Final = 6
 TURNAROUND_NS: Final = 192_000
 ACK_MPDU_BYTES: Final = 5
 LARGEST_MPDU_BYTES: Final = 127
-#: At least so strong must a signal be to make the channel busy.
+#: Least signal strength of a busy channel.
 CCA_THRESHOLD_DBM: Final = -77.0
 SENSITIVITY_DBM: Final = -95.0
-#: Added to the signed byte that the chip gives, it makes dBm.
+#: Added to the signed RSSI byte of the chip, it gives dBm.
 RSSI_OFFSET: Final = -45
-#: What the chip can send, in dBm, and what that costs in mA; between them it is interpolated.
+#: Transmit powers in dBm and their currents in mA; others are interpolated.
 TRANSMIT_POWERS: Final = (
     (-25.0, 8.5), (-15.0, 9.9), (-10.0, 11.2), (-7.0, 12.5), (-5.0, 13.9), (-3.0, 15.2),
     (-1.0, 16.5), (0.0, 17.4))
 
 _BYTES_OF_PRR: Final = 23
-#: Above it every frame is received, below ``WEAKEST_SNR_DB`` none, to less than one in a million.
+#: Above it every frame is received, below ``WEAKEST_SNR_DB`` none, with an error below 1e-6.
 STRONG_SNR_DB: Final = 8.0
 WEAKEST_SNR_DB: Final = 3.0
 _STEPS_PER_DB: Final = 64
@@ -61,18 +61,18 @@ _SMALLEST_LQI: Final = 40
 _QUANTILES: Final = 128
 _MEAN_GUMBEL: Final = 0.5772
 _SPREAD_GUMBEL: Final = 1.2825
-# Up to the first SNR the spread is even on both sides; from the second on, a few frames are much
-# worse than most, and hardly any much better. A weak link that seems good for once is a parent.
+# Up to the first SNR the distribution is symmetric; from the second on it is skewed: a few frames
+# are much worse than most. It matters, because a node selects a weak link that seems good once.
 _SKEWED_SNR_DB: Final = (4, 6)
 
 
 def air_time_ns(mpdu_bytes: int) -> int:
-    """Return how long a frame is on the air, the header of the physical layer included."""
+    """Return the air time of a frame, the header of the physical layer included."""
     return (PHY_HEADER_BYTES + mpdu_bytes) * BYTE_NS
 
 
 def reception_rate(snr_db: float) -> float:
-    """Return the chance that a frame at this ratio of signal to noise is received."""
+    """Return the probability of receiving a frame at a signal-to-noise ratio."""
     symbol_error = 0.5 * erfc(0.9794 * (snr_db - 2.3851) / sqrt(2))
     return float((1 - symbol_error) ** (2 * _BYTES_OF_PRR))
 
@@ -96,7 +96,7 @@ def is_received(snr_db: float, chance: float) -> bool:
 
 
 def _deviate(snr_db: int, share: float) -> float:
-    """Return what this share of the frames stays below, in standard deviations from the mean."""
+    """Return a quantile of the LQI, in standard deviations from the mean."""
     even = NormalDist().inv_cdf(share)
     skewed = (log(-log(1 - share)) + _MEAN_GUMBEL) / _SPREAD_GUMBEL
     first, last = _SKEWED_SNR_DB
@@ -105,7 +105,7 @@ def _deviate(snr_db: int, share: float) -> float:
 
 
 def _quantiles(snr_db: int) -> tuple[int, ...]:
-    """Return LQIs of equal chance at an SNR."""
+    """Return LQIs of equal probability at an SNR."""
     place = bisect_right(_LQI, (snr_db, 999.0, 0.0))
     low, high = _LQI[max(place - 1, 0)], _LQI[min(place, len(_LQI) - 1)]
     part = 0.0 if high[0] == low[0] else (snr_db - low[0]) / (high[0] - low[0])
@@ -123,7 +123,7 @@ _LAST_LQI: Final = len(_LQIS) - 1
 
 def lqi(snr_db: float, chance: float) -> int:
     """
-    Return the link quality indication of a frame that was received.
+    Return the link quality indication of a received frame.
 
     :param chance: uniform, 0 included and 1 not.
     """
@@ -132,7 +132,7 @@ def lqi(snr_db: float, chance: float) -> int:
 
 
 def transmit_current_ma(power_dbm: float) -> float:
-    """Return what sending at a power costs."""
+    """Return the current of sending at a power."""
     (low, current) = TRANSMIT_POWERS[0]
     if power_dbm <= low:
         return current

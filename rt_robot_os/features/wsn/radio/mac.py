@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-How a mote gets at the channel, and how its frames are acknowledged: CSMA/CA as TinyOS has it.
+Medium access and acknowledgements of TinyOS: CSMA/CA.
 
-A mote waits a random time, listens (clear channel assessment), and sends when it hears nothing;
-else it waits a random time again. The profiles differ in these times and in the acknowledgement.
+A mote waits for a random back-off, assesses the channel (CCA), and sends when it is clear; else it
+waits again. The profiles differ in these times and in the acknowledgement.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from rt_robot_os.features.wsn.radio.cc2420 import TURNAROUND_NS
 
 #: The tick of TinyOS' radio timers: 1/32768 s.
 _JIFFY_NS: Final = 1_000_000_000 / 32_768
-#: TOSSIM counts in symbols, of which it has 65,536 in a second.
+#: The time unit of TOSSIM: 65,536 symbols in a second.
 _SYMBOL_NS: Final = 1_000_000_000 / 65_536
 
 
@@ -40,22 +40,22 @@ class MacProfile(NamedTuple):
     Rules of the medium access.
 
     :ivar name: for scenarios and messages.
-    :ivar version: of TinyOS: 1 or 2; says how frames look.
+    :ivar version: of TinyOS: 1 or 2; determines the format of frames.
     :ivar unit_ns: of the back-offs.
-    :ivar initial: back-off before a frame: the smallest, how many values there are, step.
-    :ivar congestion: the same, when the channel was busy.
-    :ivar second_look_ns: from a clear channel to a second look, so that no acknowledgement is
-        cut off; 0: there is none.
+    :ivar initial: back-off before a frame: minimum, number of values, step.
+    :ivar congestion: the same, after a busy channel.
+    :ivar second_cca_ns: from a clear channel to a second CCA, which avoids interrupting an
+        acknowledgement; 0: none.
     :ivar turnaround_ns: from receiving to sending.
-    :ivar cca_dbm: the channel is busy from here.
-    :ivar overhead_bytes: of a frame beside the payload of the active message.
+    :ivar cca_dbm: threshold of a busy channel.
+    :ivar overhead_bytes: of a frame besides the payload of the active message.
     :ivar ack_delay_ns: from the end of a frame to the start of its acknowledgement.
-    :ivar ack_wait_ns: so long a sender waits for it, from the end of its frame.
-    :ivar ack_air_ns: how long an acknowledgement is on the air.
-    :ivar broadcast_acks: a frame for all that asks for it is acknowledged by all.
+    :ivar ack_wait_ns: timeout of the acknowledgement, from the end of the frame.
+    :ivar ack_air_ns: air time of an acknowledgement.
+    :ivar broadcast_acks: receivers acknowledge broadcast frames that request it.
     :ivar is_tossim: acknowledgements are not on the air but decided at the frame's end; a frame
-        has to be received at its start and at its end; one lost in a thousand is acknowledged.
-    :ivar keeps_cut_off: a frame that is cut off because the mote begins to send stays in the
+        must be received at its start and at its end; one lost frame in a thousand is acknowledged.
+    :ivar keeps_cut_off: a frame whose reception is cut off by a transmission stays in the
         receive FIFO, as on emulated motes with TinyOS 2; see ``simulator/receive_fifo.py``.
     """
 
@@ -64,7 +64,7 @@ class MacProfile(NamedTuple):
     unit_ns: float
     initial: tuple[int, int, int]
     congestion: tuple[int, int, int]
-    second_look_ns: int
+    second_cca_ns: int
     turnaround_ns: int
     cca_dbm: float
     overhead_bytes: int
@@ -76,9 +76,9 @@ class MacProfile(NamedTuple):
     keeps_cut_off: bool = False
 
     def air_time_ns(self, payload_bytes: int, acknowledge: bool) -> int:
-        """Return how long a frame keeps the channel."""
+        """Return how long a frame occupies the channel."""
         if self.is_tossim:
-            # In TOSSIM the channel stays taken for the acknowledgement.
+            # In TOSSIM the channel stays busy for the acknowledgement.
             symbols = _TOSSIM_PREAMBLE + 2 * (payload_bytes + self.overhead_bytes)
             return round((symbols + _TOSSIM_ACK * acknowledge) * _SYMBOL_NS)
         return air_time_ns(payload_bytes + self.overhead_bytes)
@@ -89,17 +89,17 @@ _TOSSIM_ACK: Final = 34
 
 TINYOS1: Final = MacProfile(
     name='tinyos1', version=1, unit_ns=_JIFFY_NS, initial=(10, 16, 10), congestion=(10, 64, 10),
-    second_look_ns=0, turnaround_ns=TURNAROUND_NS, cca_dbm=CCA_THRESHOLD_DBM, overhead_bytes=11,
+    second_cca_ns=0, turnaround_ns=TURNAROUND_NS, cca_dbm=CCA_THRESHOLD_DBM, overhead_bytes=11,
     ack_delay_ns=TURNAROUND_NS, ack_wait_ns=round(75 * _JIFFY_NS),
     ack_air_ns=air_time_ns(ACK_MPDU_BYTES), broadcast_acks=False)
 TINYOS2: Final = MacProfile(
     name='tinyos2', version=2, unit_ns=_JIFFY_NS, initial=(10, 310, 1), congestion=(10, 70, 1),
-    second_look_ns=round(7 * _JIFFY_NS), turnaround_ns=TURNAROUND_NS, cca_dbm=CCA_THRESHOLD_DBM,
+    second_cca_ns=round(7 * _JIFFY_NS), turnaround_ns=TURNAROUND_NS, cca_dbm=CCA_THRESHOLD_DBM,
     overhead_bytes=13, ack_delay_ns=783_000, ack_wait_ns=round(256 * _JIFFY_NS),
     ack_air_ns=air_time_ns(ACK_MPDU_BYTES), broadcast_acks=True)
 TOSSIM: Final = MacProfile(
     name='tossim', version=2, unit_ns=_SYMBOL_NS, initial=(20, 620, 1), congestion=(20, 140, 1),
-    second_look_ns=0, turnaround_ns=round(11 * _SYMBOL_NS), cca_dbm=-72.0, overhead_bytes=9,
+    second_cca_ns=0, turnaround_ns=round(11 * _SYMBOL_NS), cca_dbm=-72.0, overhead_bytes=9,
     ack_delay_ns=0, ack_wait_ns=round(11 * _SYMBOL_NS), ack_air_ns=0, broadcast_acks=False,
     is_tossim=True)
 

@@ -13,12 +13,11 @@
 # limitations under the License.
 
 """
-Noise where a node stands: one value of dBm in each ms.
+Noise at a node: one value in dBm for each ms.
 
-All nodes read one long series, each from a place of its own, so that the noise at any time of any
-node is a look into a list. The series is a recorded trace, or one made from a trace by closest
-pattern matching, which goes on as the trace went on after the same last 20 values; or it is made
-from a few parameters.
+All nodes share one long series, each with its own offset, so that the noise is a list access. The
+series is a recorded trace, a series generated from a trace by closest pattern matching (each value
+follows the same last 20 values as in the trace), or generated from a few parameters.
 """
 
 from __future__ import annotations
@@ -30,10 +29,10 @@ from random import Random
 from typing import Final
 
 NS_PER_SAMPLE: Final = 1_000_000
-#: So many values are made; then they begin anew: 262 s.
+#: Number of values, after which the series repeats: 262 s.
 SERIES_LENGTH: Final = 1 << 18
-#: TOSSIM keeps what each node has learned of a trace, hundreds of bytes a value, so that its runs
-#: learn from the first seconds of a long one only: compare with as much.
+#: TOSSIM stores the patterns of a trace for each node, hundreds of bytes a value, so that its runs
+#: use only the first seconds of a long trace; comparisons use as many.
 TOSSIM_LEARNS: Final = 3000
 
 _HISTORY: Final = 20
@@ -43,7 +42,7 @@ _HIGHEST_DBM: Final = -5
 
 _QUIET_DBM: Final = -97.6
 _QUIET_SPREAD_DB: Final = 0.7
-# Heavy: a wireless LAN near by. Its bursts, and the silence between them, last some ms.
+# Heavy: a wireless LAN near by. Its bursts, and the gaps between them, last some ms.
 _HEAVY_FLOOR_DBM: Final = -92.0
 _HEAVY_FLOOR_SPREAD_DB: Final = 6.0
 _HEAVY_BURST_DBM: Final = -66.0
@@ -54,9 +53,9 @@ _HEAVY_BURST_SAMPLES: Final = 1.5
 
 def read_trace(path: str | Path) -> list[int]:
     """
-    Read a trace: a number of dBm in each line, ``#`` comments and empty lines left out.
+    Read a trace: a number in dBm in each line; ``#`` comments and empty lines are ignored.
 
-    :param path: a text file, or one that ends with ``.gz``.
+    :param path: a text file, or a gzipped one that ends with ``.gz``.
     :raises ValueError: for another line, with its number, or a trace that is too short.
     :raises OSError: when the file cannot be read.
     """
@@ -71,27 +70,28 @@ def read_trace(path: str | Path) -> list[int]:
         try:
             value = round(float(words[-1]))
         except (OverflowError, ValueError):
-            raise ValueError(f'{path}, line {number}: {line[:40]!r} is no noise in dBm') from None
+            raise ValueError(
+                f'{path}, line {number}: {line[:40]!r} is not a noise in dBm') from None
         if not -128 <= value <= 0:
-            raise ValueError(f'{path}, line {number}: {value} dBm is no noise of a radio')
+            raise ValueError(f'{path}, line {number}: {value} dBm: must be -128 to 0')
         trace.append(value)
     if len(trace) <= _HISTORY:
-        raise ValueError(f'{path}: {len(trace)} values, a trace has more than {_HISTORY}')
+        raise ValueError(f'{path}: {len(trace)} values, must be more than {_HISTORY}')
     return trace
 
 
 def closest_pattern(trace: Sequence[int], random: Random,
                     length: int = SERIES_LENGTH) -> list[int]:
     """
-    Make a series like a trace by closest pattern matching (CPM), as TOSSIM does.
+    Generate a series from a trace by closest pattern matching (CPM), as TOSSIM does.
 
     Each value is drawn from those that followed the same pattern in the trace. A pattern is the
-    last 20 values, each to 5 dB. Where a pattern is new, the most frequent one takes its place.
+    last 20 values, each in steps of 5 dB. An unknown pattern is replaced by the most frequent one.
 
     :raises ValueError: for a trace that is too short.
     """
     if len(trace) <= _HISTORY:
-        raise ValueError(f'{len(trace)} values, a trace has more than {_HISTORY}')
+        raise ValueError(f'{len(trace)} values, must be more than {_HISTORY}')
     bins = bytes(_bin(value) for value in trace)
     followers: dict[bytes, list[int]] = {}
     for end in range(_HISTORY, len(trace)):
@@ -113,7 +113,7 @@ def closest_pattern(trace: Sequence[int], random: Random,
 
 
 def _bin(value: int) -> int:
-    """Return the class of 5 dB of a value."""
+    """Return the 5 dB bin of a value."""
     inside = value if _LOWEST_DBM <= value <= _HIGHEST_DBM else _LOWEST_DBM
     return (inside - _LOWEST_DBM) // _BIN_DB + 1
 

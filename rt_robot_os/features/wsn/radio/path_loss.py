@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How much of a signal arrives: distance, walls, shadowing, and fading that changes with time."""
+"""Path loss by distance, walls, shadowing, and fading over time."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-#: ``walls(x1, y1, x2, y2)`` in m: the loss in dB by what stands between two places.
+#: ``walls(x1, y1, x2, y2)`` in m: the loss in dB by obstacles between two positions.
 Walls = Callable[[float, float, float, float], float]
 
 _NEAREST_M: Final = 0.1
@@ -41,10 +41,10 @@ class PathLoss:
 
     :ivar one_metre_db: at 1 m.
     :ivar exponent: 2 in free space, 2.2 to 3 at home.
-    :ivar shadowing_db: standard deviation of what each link has of its own, both ways.
-    :ivar asymmetry_db: standard deviation of the difference of both ways.
-    :ivar fading_db: standard deviation of what changes with time, both ways.
-    :ivar fading_s: so long it takes to change.
+    :ivar shadowing_db: standard deviation of the constant offset of a link, in both directions.
+    :ivar asymmetry_db: standard deviation of the difference of both directions.
+    :ivar fading_db: standard deviation of the change over time, in both directions.
+    :ivar fading_s: time constant of that change.
     :ivar walls: see ``Walls``.
     """
 
@@ -57,12 +57,12 @@ class PathLoss:
     walls: Walls | None = None
 
     def without_walls_db(self, away_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Return the loss over distances, without walls and without what is random."""
+        """Return the loss over distances, without walls and random parts."""
         return self.one_metre_db + 10 * self.exponent * np.log10(np.maximum(away_m, _NEAREST_M))
 
     def range_m(self, budget_db: float) -> float:
         """
-        Return how far a link with this loss may reach, shadowing included.
+        Return the largest length of a link with this loss, shadowing included.
 
         Three standard deviations of shadowing and asymmetry; links beyond do not exist.
         """
@@ -70,7 +70,7 @@ class PathLoss:
         return float(10 ** ((budget_db + random_db - self.one_metre_db) / (10 * self.exponent)))
 
     def shadowing(self, random: Random) -> tuple[float, float]:
-        """Draw what a pair of nodes has of its own, one way and the other, in dB."""
+        """Draw the constant offsets of both directions of a link, in dB."""
         both = random.gauss(0, self.shadowing_db) if self.shadowing_db else 0.0
         half = random.gauss(0, self.asymmetry_db) / 2 if self.asymmetry_db else 0.0
         return both + half, both - half
@@ -78,15 +78,15 @@ class PathLoss:
 
 class Fading:
     """
-    What changes with time, of each pair of nodes: a random walk that returns to zero.
+    Fading of each pair of nodes: a mean-reverting random walk.
 
-    A value is made when it is asked for, from the last one of the pair and the time since.
+    A value is generated on demand, from the last one of the pair and the time since.
     """
 
     __slots__ = ('_spread_db', '_time_ns', '_still_ns', '_random', '_pairs')
 
     def __init__(self, spread_db: float, time_s: float, random: Random) -> None:
-        """:param time_s: after it, 1/e of a value is left."""
+        """:param time_s: time constant."""
         self._spread_db = spread_db
         self._time_ns = time_s * _NS_PER_S
         self._still_ns = self._time_ns / 64
@@ -94,7 +94,7 @@ class Fading:
         self._pairs: dict[int, tuple[int, float]] = {}
 
     def at(self, first: int, second: int, now_ns: int) -> float:
-        """Return the change in dB between two nodes now, the same both ways."""
+        """Return the fading in dB between two nodes now, the same in both directions."""
         pair = first << 32 | second if first < second else second << 32 | first
         before = self._pairs.get(pair)
         if before is None:
@@ -110,6 +110,6 @@ class Fading:
         return value
 
     def forget(self, node: int) -> None:
-        """Drop what is known of a node that is gone."""
+        """Remove the values of a node."""
         for pair in [pair for pair in self._pairs if node in (pair >> 32, pair & 0xFFFFFFFF)]:
             del self._pairs[pair]

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How packets find their way from node to node to the sink."""
+"""Routing protocols of sensor networks: CTP, MultiHopLQI and least cost to a moving sink."""

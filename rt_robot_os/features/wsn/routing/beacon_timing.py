@@ -12,25 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How often a sink that moves begins a round of beacons."""
+"""Period of the beacon rounds of a moving sink."""
 
 from __future__ import annotations
 
 
 class BeaconTiming:
     """
-    How often the sink renews the routes, as its speed asks for.
+    Period of the rounds, by the speed of the sink.
 
-    :param renew_m: a round for each so many metres of the sink's way.
-    :param shortest_ns: between two rounds, however fast the sink is.
-    :param longest_ns: between two rounds when it stands still.
+    :param renew_m: distance that the sink travels between two rounds.
+    :param shortest_ns: least time between two rounds.
+    :param longest_ns: time between two rounds of a sink that does not move.
     """
 
     def __init__(self, renew_m: float = 0.6, shortest_ns: int = 1_000_000_000,
                  longest_ns: int = 16_000_000_000) -> None:
         if not (renew_m > 0 and 0 < shortest_ns <= longest_ns):
             raise ValueError(f'renew_m {renew_m}, shortest_ns {shortest_ns}, longest_ns '
-                             f'{longest_ns}: all positive, and the shortest not the longer')
+                             f'{longest_ns}: must be positive, and shortest_ns at most longest_ns')
         self.renew_m = renew_m
         self.shortest_ns = shortest_ns
         self.longest_ns = longest_ns

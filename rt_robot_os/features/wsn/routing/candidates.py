@@ -13,19 +13,19 @@
 # limitations under the License.
 
 """
-The neighbours that a node may send its data to, as the beacons of the last round showed them.
+The neighbours to which a node may send its data, from the beacons of the last round.
 
-A neighbour's cost is what it advertised: the sum of the links from it to the sink. Whoever has
-advertised less than this node ever did in the round cannot have this node on its way, whatever
-either changes to; so that packets go round in no circle. Others are not used, but for the
-neighbours of the sink: without them nobody would be left to the nodes that the sink drives off.
+The cost of a neighbour is the one it advertised: the sum of the links from it to the sink. A
+neighbour that advertised less than this node ever did in the round cannot route over this node,
+whatever either changes to, so there are no loops. Other neighbours are not used, except those of
+the sink: without them the nodes that the sink drives away from would have none.
 """
 
 from __future__ import annotations
 
 from typing import Final
 
-#: Of neighbours; the dearest is forgotten for a cheaper one.
+#: Largest number of neighbours; a cheaper one replaces the most expensive one.
 MOST: Final = 16
 _NEXT_TO_SINK: Final = 1
 
@@ -39,9 +39,9 @@ class Candidate:
     :ivar cost: from the neighbour to the sink.
     :ivar hops: from the neighbour to the sink.
     :ivar link: cost of the hop to the neighbour.
-    :ivar rssi_dbm: of the beacon; the stronger of two that cost the same is taken.
+    :ivar rssi_dbm: of the beacon; of two with the same cost the stronger is used.
     :ivar failed: it did not acknowledge.
-    :ivar returns: it sends over this node.
+    :ivar returns: it routes over this node.
     """
 
     __slots__ = ('address', 'round_number', 'cost', 'hops', 'link', 'rssi_dbm', 'failed',
@@ -60,15 +60,15 @@ class Candidate:
 
     @property
     def total(self) -> int:
-        """Return the cost of the way to the sink over it."""
+        """Return the cost of the route to the sink over it."""
         return self.cost + self.link
 
 
 class Candidates:
     """
-    The neighbours of which the current round and the one before told.
+    The neighbours with a beacon in the current round or the one before.
 
-    :ivar advertised: the least cost that this node has told others in the round; None before.
+    :ivar advertised: the least cost that this node has advertised in the round; None before.
     """
 
     __slots__ = ('advertised', '_by_address', '_round')
@@ -78,8 +78,8 @@ class Candidates:
         self._by_address: dict[int, Candidate] = {}
         self._round = 0
 
-    def begin(self, round_number: int) -> None:
-        """Begin a round; who was silent in the one that ends is forgotten."""
+    def start_round(self, round_number: int) -> None:
+        """Start a round; neighbours without a beacon in the last one are removed."""
         self._by_address = {address: one for address, one in self._by_address.items()
                             if one.round_number == self._round}
         self._round = round_number
@@ -87,8 +87,8 @@ class Candidates:
         for one in self._by_address.values():
             one.failed = False
 
-    def heard(self, candidate: Candidate) -> None:
-        """Take what a beacon of the round told of its sender."""
+    def update(self, candidate: Candidate) -> None:
+        """Add or update the sender of a beacon of the round."""
         known = self._by_address.get(candidate.address)
         if known is None and len(self._by_address) >= MOST:
             last = max(self._by_address.values(), key=self._rank)
@@ -100,29 +100,29 @@ class Candidates:
         self._by_address[candidate.address] = candidate
 
     def best(self) -> Candidate | None:
-        """Return whom to send to; None when nobody is left."""
+        """Return the neighbour to send to; None if none is usable."""
         usable = [one for one in self._by_address.values()
                   if not (one.failed or one.returns
-                          or self._is_dear(one) and one.hops > _NEXT_TO_SINK)]
+                          or self._may_loop(one) and one.hops > _NEXT_TO_SINK)]
         return min(usable, key=self._rank, default=None)
 
-    def is_dear(self, address: int) -> bool:
-        """Tell whether a neighbour may have this node on its way."""
+    def may_loop(self, address: int) -> bool:
+        """Return whether a neighbour may route over this node."""
         one = self._by_address.get(address)
-        return one is not None and self._is_dear(one)
+        return one is not None and self._may_loop(one)
 
-    def _is_dear(self, one: Candidate) -> bool:
+    def _may_loop(self, one: Candidate) -> bool:
         return self.advertised is not None and one.cost >= self.advertised
 
     def get(self, address: int) -> Candidate | None:
         """Return a neighbour."""
         return self._by_address.get(address)
 
-    def forgive(self) -> None:
-        """Let those be tried again that did not acknowledge."""
+    def retry_failed(self) -> None:
+        """Allow neighbours that did not acknowledge again."""
         for one in self._by_address.values():
             one.failed = False
 
     def _rank(self, one: Candidate) -> tuple[bool, bool, int, int]:
         old = one.round_number != self._round
-        return old, self._is_dear(one), one.total, -one.rssi_dbm
+        return old, self._may_loop(one), one.total, -one.rssi_dbm

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The Collection Tree Protocol (TEP 123) on one node, as TinyOS 2 has it."""
+"""The Collection Tree Protocol (TEP 123) of TinyOS 2 on one node."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ _COUNTERS: Final = ('queue_full', 'own_busy', 'resends', 'given_up', 'loops', 'd
 
 class Ctp(Router):
     """
-    Routing by expected transmissions, over a tree that trickled beacons keep.
+    Routing by expected transmissions, over a tree that beacons with Trickle timing maintain.
 
-    CTP has no count of hops: ``hops`` are as many as the cost would be over perfect links.
+    CTP has no hop count: ``hops`` is the number of perfect links with the same cost.
 
     :param node: that it runs on.
-    :param root: the node is on the sink.
-    :param rules: where implementations differ.
-    :param collect_id: which application the node's packets belong to.
+    :param root: the node is the sink.
+    :param rules: of the implementation.
+    :param collect_id: application of the node's packets.
     """
 
     def __init__(self, node: Node, root: bool = False, rules: CtpRules = CtpRules(),
@@ -67,58 +67,58 @@ class Ctp(Router):
 
     @property
     def beacons(self) -> int:
-        """Beacons sent since the node was made."""
+        """Number of sent beacons."""
         return self._routing.beacons
 
     @property
     def parent_changes(self) -> int:
-        """How often another node became the parent."""
+        """Number of changes of the parent."""
         return self._routing.changes
 
     def start(self) -> None:
-        """Begin, with nothing known."""
-        # One generator for the whole node, as in TinyOS; it begins with the node's address.
+        """Start without a route."""
+        # One generator for the whole node, as in TinyOS; its seed is the node's address.
         random = TinyOsRandom(self._address)
         self._forwarding.clear(random)
         self._routing.start(random)
         self._updated()
 
     def stop(self) -> None:
-        """End; what waits is lost."""
+        """Stop; queued packets are lost."""
         self._routing.stop()
         self._forwarding.clear(TinyOsRandom(self._address))
 
     def receive(self, frame: Received) -> None:
-        """Take a frame for this node or for all; what is none of CTP's is counted."""
+        """Process a frame for this node or a broadcast; frames that are not of CTP are counted."""
         am_type = frame.am_type
         try:
             if am_type == CtpBeacon.AM_TYPE:
                 head = beacon_head(frame.payload)
                 if frame.destination != BROADCAST or not self._is_neighbour(frame.source):
-                    raise ValueError('not from a neighbour to all')
-                self._routing.heard(frame.source, head, frame.lqi)
+                    raise ValueError('not a broadcast of a neighbour')
+                self._routing.receive_beacon(frame.source, head, frame.lqi)
             elif am_type == CtpData.AM_TYPE:
                 data = CtpData.unpack(frame.payload)
-                self._forwarding.received(data._replace(hops=data.hops + 1 & 0xFF))
+                self._forwarding.receive(data._replace(hops=data.hops + 1 & 0xFF))
         except ValueError:
             self.counters['bad_frames'] += 1
 
     def snoops(self, am_type: int, payload: bytes) -> bool:
-        """Return whether such a frame for another node asks for beacons or tells of a queue."""
+        """Return whether such a frame for another node has the pull or the congestion bit."""
         return am_type == CtpData.AM_TYPE and bool(payload) and bool(
             self._congestion or payload[0] & PULL)
 
     def snoop(self, frame: Received) -> None:
-        """Take a frame for another node: it may ask for beacons, or tell of a long queue."""
+        """Process a frame for another node: it may have the pull or the congestion bit."""
         if not self.snoops(frame.am_type, frame.payload):
             return
         try:
-            self._forwarding.overheard(frame.source, CtpData.unpack(frame.payload))
+            self._forwarding.snoop(frame.source, CtpData.unpack(frame.payload))
         except ValueError:
             self.counters['bad_frames'] += 1
 
     def originate(self, application: bytes) -> bool:
-        """Send a packet of the application; False while the one before waits."""
+        """Send a packet of the application; False while the previous one is queued."""
         return self._forwarding.originate(application)
 
     def _is_neighbour(self, source: int) -> bool:

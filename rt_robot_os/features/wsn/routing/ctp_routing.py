@@ -14,13 +14,13 @@
 
 
 """
-Who is the next node on the way to the sink: the routing engine of the Collection Tree Protocol.
+The routing engine of the Collection Tree Protocol: selects the parent.
 
-A node knows the costs that its neighbours tell in beacons, and adds what the link to each costs.
-It leaves its parent for a much better one only, so that the tree is quiet. All sums have 16 bits,
-as on the motes; a link that is not known yet costs 65535, and what is added to that begins at 0
-again: a node whose parent is judged anew believes to be nearer to the sink than its parent is,
-until three more beacons have come in. Real trees have loops from that, and so have these.
+A node adds the cost of the link to the cost that each neighbour advertises. It changes its parent
+only for a much better one, so that the tree is stable. All sums have 16 bits, as on the motes. An
+unknown link costs 65535, and sums with it overflow: a node that restarts the estimate of its
+parent's link believes to be nearer to the sink than its parent, until it has received three more
+beacons. Real trees have loops from that, and so have these.
 """
 
 from __future__ import annotations
@@ -43,21 +43,21 @@ from rt_robot_os.features.wsn.routing.protocol import Node
 from rt_robot_os.features.wsn.routing.tinyos_random import TinyOsRandom
 from rt_robot_os.features.wsn.routing.trickle import Trickle
 
-#: A link that costs as much in tenths is not used.
+#: Cost in tenths from which a link is not used.
 WORST_LINK_ETX: Final = 50
-#: Another parent must be better by more than this.
+#: Least improvement for a change of the parent.
 SWITCH_ETX: Final = 15
-#: A gain of more than this is told at once.
-TELL_ETX: Final = 20
-#: How often a node thinks about its parent without a reason, in 1/1024 s.
+#: An improvement by more than this is advertised immediately.
+IMMEDIATE_UPDATE_ETX: Final = 20
+#: Period of the route update, in 1/1024 s.
 UPDATE_MS: Final = 8192
 
 _TABLE_SIZE: Final = 10
 _NO_ETX: Final = 0xFFFF
 
 
-class _Neighbour:
-    """What a neighbour said of itself."""
+class _TableEntry:
+    """A neighbour in the routing table."""
 
     __slots__ = ('address', 'congested', 'etx', 'parent')
 
@@ -70,16 +70,16 @@ class _Neighbour:
 
 class RoutingEngine:
     """
-    Choose the parent, send beacons and take them.
+    Selects the parent, sends beacons and processes those of neighbours.
 
-    :param root: the node is on the sink.
-    :param route_found: called when there is a way and was none.
+    :param root: the node is the sink.
+    :param route_found: called when there is a route, and was none.
     :param updated: called when the parent or the cost may have changed.
-    :param is_congested: asked for the node's own queue.
+    :param is_congested: returns whether the node's own queue is congested.
     :ivar parent: the next node; the node itself at a root; ``NO_PARENT``.
-    :ivar links: the estimator.
-    :ivar changes: of the parent, counted.
-    :ivar beacons: sent, counted.
+    :ivar links: the link estimator.
+    :ivar changes: number of changes of the parent.
+    :ivar beacons: number of sent beacons.
     """
 
     __slots__ = ('_beacon_sender', '_congested', '_etx', '_is_congested', '_lost', '_node',
@@ -97,50 +97,50 @@ class RoutingEngine:
         self._route_found = route_found
         self._updated = updated
         self._is_congested = is_congested
-        self._forget()
+        self._reset()
         self._trickle = Trickle(node, self._beacon_due, maximum_ms=rules.longest_interval_ms)
         self._timer = node.timer(self.update)
         self._beacon_sender = node.sender(self._beacon_sent)
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         self.parent = self._node.address if self.root else NO_PARENT
         self._etx = 0
         self._congested = False
-        self._table: dict[int, _Neighbour] = {}
+        self._table: dict[int, _TableEntry] = {}
         self._lost = False
         self._sequence = 0
 
     def start(self, random: TinyOsRandom) -> None:
-        """Know nothing, send beacons, and look for a parent."""
-        self._forget()
+        """Start without a route: send beacons, and select a parent."""
+        self._reset()
         self.links.clear(random)
-        self._trickle.begin(random)
+        self._trickle.start(random)
         self._timer.every(int(UPDATE_MS * BINARY_MS_NS))
 
     def stop(self) -> None:
-        """Do no more."""
+        """Stop the timers."""
         self._trickle.stop()
         self._timer.stop()
 
     def etx(self) -> int:
-        """Return the cost to the sink in tenths; without a route what a beacon says then."""
+        """Return the cost to the sink in tenths, as advertised; also without a route."""
         if self.root or self.parent == NO_PARENT:
             return self._etx
         return self._etx + self.links.etx(self.parent) & 0xFFFF
 
-    def tell_at_once(self) -> None:
-        """Something is wrong, or much better: send beacons often again."""
+    def trigger_immediate_update(self) -> None:
+        """Advertise the route soon: reset the Trickle timer."""
         self._trickle.reset()
 
-    def heard(self, source: int, beacon: BeaconHead, lqi: int) -> None:
-        """Take a beacon."""
+    def receive_beacon(self, source: int, beacon: BeaconHead, lqi: int) -> None:
+        """Process a beacon."""
         sequence, options, parent, etx = beacon
-        self.links.heard(source, sequence, lambda: self._is_better(beacon, lqi))
+        self.links.receive_beacon(source, sequence, lambda: self._compare_bit(beacon, lqi))
         if parent != NO_PARENT:
             if etx == 0:
                 self.links.insert(source)
                 self.links.pin(source)
-            self._take(source, parent, etx)
+            self._update_table(source, parent, etx)
             self.neighbour_congested(source, bool(options & CONGESTED))
         if options & PULL:
             self._trickle.reset()
@@ -148,7 +148,7 @@ class RoutingEngine:
             self.update()
 
     def neighbour_congested(self, address: int, congested: bool) -> None:
-        """Take what a neighbour said of its queue."""
+        """Update whether a neighbour is congested."""
         if not self._rules.congestion:
             return
         neighbour = self._table.get(address)
@@ -159,12 +159,12 @@ class RoutingEngine:
             self.update()
 
     def parent_congested(self) -> bool:
-        """Tell whether the parent has said that its queue is long."""
+        """Return whether the parent is congested."""
         neighbour = self._table.get(self.parent)
         return neighbour is not None and neighbour.congested
 
     def update(self) -> None:
-        """Think about the parent."""
+        """Select the parent again."""
         if self.root:
             return
         best, least, current = self._compare()
@@ -177,14 +177,14 @@ class RoutingEngine:
         if found:
             self._route_found()
 
-    def _compare(self) -> tuple[_Neighbour | None, int, int]:
+    def _compare(self) -> tuple[_TableEntry | None, int, int]:
         """Return the best neighbour but the parent, its cost, and the cost over the parent."""
         me = self._node.address
         current = least = _NO_ETX
         best = None
         etx_of = self.links.etx
         for neighbour in self._table.values():
-            # Who has no way, or goes over this node, is none.
+            # Without a route, or with a route over this node, it is not a candidate.
             if neighbour.parent == NO_PARENT or neighbour.parent == me:
                 continue
             link = etx_of(neighbour.address)
@@ -198,28 +198,28 @@ class RoutingEngine:
                 best = neighbour
         return best, least, current
 
-    def _switch(self, best: _Neighbour, least: int, current: int) -> None:
+    def _switch(self, best: _TableEntry, least: int, current: int) -> None:
         self.changes += 1
         self.links.unpin(self.parent)
         self.links.pin(best.address)
-        self.links.forget_data(best.address)
+        self.links.clear_data_window(best.address)
         self.parent = best.address
         self._etx = best.etx
         self._congested = best.congested
         self._node.note('parent', best.address, least)
-        if current - least > TELL_ETX:
+        if current - least > IMMEDIATE_UPDATE_ETX:
             self._trickle.reset()
 
-    def _take(self, source: int, parent: int, etx: int) -> None:
+    def _update_table(self, source: int, parent: int, etx: int) -> None:
         neighbour = self._table.get(source)
         if neighbour is not None:
             neighbour.parent = parent
             neighbour.etx = etx
         elif len(self._table) < _TABLE_SIZE and self.links.etx(source) < WORST_LINK_ETX:
-            self._table[source] = _Neighbour(source, parent, etx)
+            self._table[source] = _TableEntry(source, parent, etx)
 
-    def _is_better(self, beacon: BeaconHead, lqi: int) -> bool:
-        """Tell whether somebody new is worth the place of another in the estimator's table."""
+    def _compare_bit(self, beacon: BeaconHead, lqi: int) -> bool:
+        """Return whether a new neighbour should replace another in the estimator's table."""
         white = self._rules.white_lqi
         if white is None or lqi <= white or beacon.parent == NO_PARENT:
             return False

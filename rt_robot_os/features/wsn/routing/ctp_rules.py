@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What implementations of the Collection Tree Protocol differ in."""
+"""Differences of implementations of the Collection Tree Protocol."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from typing import NamedTuple
 
 class CtpRules(NamedTuple):
     """
-    Rules of CTP; as they stand, those of TinyOS 2.1.2, its last release, on a CC2420.
+    Rules of CTP; the defaults are those of TinyOS 2.1.2, its last release, on a CC2420.
 
-    :ivar white_lqi: a beacon that comes in with more has the white bit: the channel was good.
-        None for a radio that cannot tell, such as TOSSIM's.
-    :ivar root_drops_duplicates: the sink remembers what it has taken. TinyOS' sources do since
-        2014; with its releases the same packet may reach the serial line more than once.
-    :ivar congestion: a node whose queue is half full says so, and its children wait. TEP 123
-        describes it; TinyOS has it switched off.
-    :ivar packet_ms: time unit of the waits between transmissions, in 1/1024 s; 32 on slower
+    :ivar white_lqi: a beacon with a higher LQI has the white bit: the channel was good. None for
+        a radio without LQI, such as TOSSIM's.
+    :ivar root_drops_duplicates: the sink has a duplicate cache. TinyOS' sources have one since
+        2014; with its releases a packet may reach the serial line more than once.
+    :ivar congestion: a node whose queue is half full sets the congestion bit, and its children
+        wait. TEP 123 describes it; TinyOS has it disabled.
+    :ivar packet_ms: time unit of the delays between transmissions, in 1/1024 s; 32 on slower
         radios.
-    :ivar forward_queue: packets of others that a node keeps; one more is its own.
-    :ivar transmissions: of one packet, until it is given up.
-    :ivar longest_interval_ms: between beacons of a node that sees nothing wrong, in 1/1024 s; at
-        a sink that moves it must be short, since nobody else can tell that the sink has come.
-    :ivar sent_cache: packets that a node remembers having passed on.
-    :ivar payload_size: of an active message; beacons tell of as many neighbours as fit.
+    :ivar forward_queue: largest number of forwarded packets in the queue, besides one of its own.
+    :ivar transmissions: largest number for one packet.
+    :ivar longest_interval_ms: longest time between beacons, in 1/1024 s; must be short at a
+        moving sink, because only its beacons show that it has arrived.
+    :ivar sent_cache: size of the cache of sent packets.
+    :ivar payload_size: of an active message; limits the neighbours in a beacon.
     """
 
     white_lqi: int | None = 105
@@ -51,6 +51,6 @@ class CtpRules(NamedTuple):
     payload_size: int = 28
 
 
-#: TinyOS' own simulator, with TinyOS' sources of 2014 and later. It is built for no platform, and
-#: so it has the waits of slow radios.
+#: TinyOS' own simulator, with TinyOS' sources of 2014 and later. It has no platform, and so the
+#: delays of slow radios.
 TOSSIM = CtpRules(white_lqi=None, root_drops_duplicates=True, packet_ms=32)

@@ -27,20 +27,20 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rt_robot_os.features.wsn.routing.protocol import Node
 
-#: Between two tries, drawn evenly; grows with the tries up to so many times.
+#: Uniform delay between two tries; multiplied by the number of tries, up to _MOST_PAUSES.
 _PAUSE_NS: Final = (4_000_000, 12_000_000)
 _MOST_PAUSES: Final = 6
-#: Until the route is asked for again, when there was none.
+#: Delay before the next try without a route.
 _NO_ROUTE_PAUSE_NS: Final = 250_000_000
 
 
-class Waiting(NamedTuple):
+class QueuedPacket(NamedTuple):
     """
     A packet in the queue.
 
     :ivar am_type: of the active message.
     :ivar payload: of the active message.
-    :ivar since_ns: when it came, on the node's clock.
+    :ivar since_ns: when it was queued, on the node's clock.
     """
 
     am_type: int
@@ -50,60 +50,60 @@ class Waiting(NamedTuple):
 
 class DataQueue:
     """
-    Sends the packets in the order in which they came, each until it is acknowledged or too old.
+    FIFO queue of packets; each is sent until it is acknowledged or too old.
 
-    Counted are ``queue_full``, ``resends`` and ``given_up``.
+    Counts ``queue_full``, ``resends`` and ``given_up``.
 
-    :param next_hop: whom to send to now; None when there is no route.
-    :param through: told after each try to whom it went and whether it was acknowledged.
-    :param size: so many packets wait at most.
-    :param lifetime_ns: a packet that is older is given up.
+    :param next_hop: returns the current next hop; None without a route.
+    :param tried: called after each try with the next hop and whether it acknowledged.
+    :param size: largest number of packets.
+    :param lifetime_ns: age at which a packet is dropped.
     """
 
     def __init__(self, node: Node, next_hop: Callable[[], int | None],
-                 through: Callable[[int, bool], None], size: int, lifetime_ns: int,
+                 tried: Callable[[int, bool], None], size: int, lifetime_ns: int,
                  counters: dict[str, int]) -> None:
         self._node = node
         self._next_hop = next_hop
-        self._through = through
+        self._tried = tried
         self._size = size
         self._lifetime_ns = lifetime_ns
         self._counters = counters
-        self._packets: deque[Waiting] = deque()
+        self._packets: deque[QueuedPacket] = deque()
         self._sender = node.sender(self._done)
-        self._timer = node.timer(self.go_on)
+        self._timer = node.timer(self.send_next)
         self._sent_to: int | None = None
         self._tries = 0
         self._pausing = False
 
     def __len__(self) -> int:
-        """Return how many packets wait."""
+        """Return the number of packets."""
         return len(self._packets)
 
     def push(self, am_type: int, payload: bytes) -> bool:
         """
         Send a packet.
 
-        :return: False when there is no room; it is lost.
+        :return: False when the queue is full; the packet is lost.
         """
         if len(self._packets) >= self._size:
             self._count('queue_full')
             return False
-        self._packets.append(Waiting(am_type, payload, self._node.now_ns()))
+        self._packets.append(QueuedPacket(am_type, payload, self._node.now_ns()))
         if not self._pausing:
-            self.go_on()
+            self.send_next()
         return True
 
     def clear(self) -> None:
-        """Forget all packets."""
+        """Remove all packets."""
         self._packets.clear()
         self._timer.stop()
         self._sent_to = None
         self._tries = 0
         self._pausing = False
 
-    def go_on(self) -> None:
-        """Send the next packet, if there is one and a way for it."""
+    def send_next(self) -> None:
+        """Send the next packet, if there is one and a route."""
         if self._sent_to is not None:
             return
         self._pausing = False
@@ -127,11 +127,11 @@ class DataQueue:
         if acknowledged:
             self._packets.popleft()
             self._tries = 0
-            self._through(to, True)
-            self.go_on()
+            self._tried(to, True)
+            self.send_next()
             return
         self._tries += 1
-        self._through(to, False)
+        self._tried(to, False)
         pause_ns = self._node.random.randint(*_PAUSE_NS)
         self._pause(pause_ns * min(self._tries, _MOST_PAUSES))
 

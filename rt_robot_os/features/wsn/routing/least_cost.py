@@ -13,17 +13,18 @@
 # limitations under the License.
 
 """
-The routing of a sensor network whose sink is on a robot, and moves.
+Routing to a moving sink on a robot, by least cost.
 
-Only the sink makes beacons, each with the number of its round. A node that hears one adds the
-cost of the link, takes the cheapest way of the round and sends the beacon on with its own cost,
-after a random delay. An older round never wins, however cheap it was: the sink has moved since.
+Only the sink originates beacons, each with the number of its round. A node that receives one adds
+the cost of the link, selects the cheapest route of the round and forwards the beacon with its own
+cost, after a random delay. A newer round always replaces an older one, whatever the cost: the sink
+has moved since.
 
-What the paper leaves open is how nodes live between two rounds. Here a node keeps the neighbours
-that the round showed it. When the parent acknowledges no longer, the next best takes its place
-among those that cannot have this node on their way; when nobody is left, packets wait for the next
-round. A neighbour that names this node as its parent, or that sends it data while it is
-this node's parent, is not sent to: a packet would come back.
+The paper leaves the time between two rounds open. Here a node stores the neighbours of the round.
+When the parent stops acknowledging, the best of the neighbours that cannot route over this node
+replaces it; if there is none, packets wait for the next round. A neighbour that has this node as
+its parent, or that sends it data while it is this node's parent, is not used: packets would
+return.
 """
 
 from __future__ import annotations
@@ -51,22 +52,22 @@ from rt_robot_os.features.wsn.routing.protocol import Router
 
 #: 4,096 binary ms.
 BEACON_PERIOD_NS: Final = 4_000_000_000
-#: A beacon is sent on after a delay between these, so that neighbours do not all answer at once.
+#: Bounds of the random delay of forwarding a beacon, which avoids collisions.
 RELAY_DELAY_NS: Final = (5_000_000, 50_000_000)
-#: A link that is weaker counts as one of LQI 50: it is at the end of what the radio hears, and
-#: the LQI of a single frame says little there.
+#: A weaker link counts as one of LQI 50: near the sensitivity of the radio the LQI of a single
+#: frame is unreliable.
 WEAKEST_DBM: Final = -92
-#: The parent is left after so many packets in a row without an acknowledgement.
+#: Consecutive packets without an acknowledgement after which the parent is replaced.
 FAILURES: Final = 4
-#: A node corrects what it told in a round when it has become a quarter cheaper, so often.
+#: Largest number of corrections in a round: beacons with a cost lower by a quarter.
 CORRECTIONS: Final = 2
 QUEUE: Final = 24
 LIFETIME_NS: Final = 10_000_000_000
-#: Without a newer round for so many periods, the sink has booted anew and counts from 0.
+#: Periods without a newer round after which an older round number means a reboot of the sink.
 RESTART_PERIODS: Final = 3
 _REMEMBERED_BY_NODES: Final = 128
 _REMEMBERED_BY_SINK: Final = 4096
-#: A packet that comes again so often is dropped.
+#: A packet that returns this often is dropped.
 _MOST_VISITS: Final = 5
 _SINK_START_NS: Final = 500_000_000
 _U16: Final = 0xFFFF
@@ -74,13 +75,13 @@ _U16: Final = 0xFFFF
 
 class LeastCost(Router):
     """
-    Routing by least cost to a sink that moves.
+    Routing by least cost to a moving sink.
 
     :param node: that it runs on.
     :param root: it is the sink.
     :param beacon_period_ns: between two rounds, unless ``timing`` and ``speed`` are given.
-    :param timing: let the period follow the sink's speed.
-    :param speed: the sink's in m/s.
+    :param timing: adapts the period to the sink's speed.
+    :param speed: returns the sink's speed in m/s.
     :param data_am_type: of the application's packets.
     """
 
@@ -89,7 +90,7 @@ class LeastCost(Router):
                  speed: Callable[[], float] | None = None,
                  data_am_type: int = DataMsg.AM_TYPE) -> None:
         if beacon_period_ns < 1:
-            raise ValueError(f'beacon_period_ns {beacon_period_ns}: 1 or more')
+            raise ValueError(f'beacon_period_ns {beacon_period_ns}: must be 1 or more')
         self.root = root
         self.counters = Counter()
         self._node = node
@@ -99,17 +100,17 @@ class LeastCost(Router):
         self._data_am_type = data_am_type
         self._costs = link_costs(u16_wrap=False)
         self._beacon_timer = node.timer(self._beacon_due)
-        self._beacons = node.sender(self._beacon_is_through)
+        self._beacons = node.sender(self._beacon_sent)
         self._queue = DataQueue(node, self._next_hop, self._tried, QUEUE, LIFETIME_NS,
                                 self.counters)
-        self._forget()
+        self._reset()
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         self._candidates = Candidates()
         self._sink: int | None = self._node.address if self.root else None
         self._round = 0
         self._round_ns = 0
-        self._told: int | None = None
+        self._advertised_cost: int | None = None
         self._corrections = 0
         self._relay_planned = False
         self._beacon_waits = False
@@ -124,34 +125,34 @@ class LeastCost(Router):
         self._queue.clear()
 
     def start(self) -> None:
-        """Begin, with nothing known; the sink begins its first round soon."""
-        self._forget()
+        """Start without a route; the sink starts its first round soon."""
+        self._reset()
         if self.root:
             self._beacon_timer.start(self._node.random.randrange(_SINK_START_NS))
 
     def stop(self) -> None:
-        """End: no timer runs, and nothing waits."""
+        """Stop all timers, and clear the queue."""
         self._beacon_timer.stop()
-        self._forget()
+        self._reset()
 
     # Beacons.
 
     def _beacon_due(self) -> None:
-        """Begin a round, or send on the beacon of one."""
+        """Start a round, or forward the beacon of one."""
         if not self.root:
             self._relay_planned = False
             self._choose()
-        elif not self._begins_round():
+        elif not self._start_round_if_due():
             return
         self._send_beacon()
 
-    def _begins_round(self) -> bool:
-        """Begin a round if it is time, and wait for the next one."""
+    def _start_round_if_due(self) -> bool:
+        """Start a round if it is due, and the timer of the next one."""
         timing, speed = self._timing, self._speed
         now_ns = self._node.now_ns()
         pause_ns = self._period_ns
         if timing is not None and speed is not None:
-            # Looked at often, as the sink may drive off at any time.
+            # Evaluated often, because the sink may start to move at any time.
             pause_ns = timing.shortest_ns
             left_ns = self._round_ns + timing.period_ns(speed()) - now_ns
             if self._round and left_ns > 0:
@@ -179,18 +180,18 @@ class LeastCost(Router):
         header = MultihopMsg(address, sink, signed(self._next_seqno()), signed(self._round),
                              self.hops, body)
         if self._beacons.send(BROADCAST, BeaconMsg.AM_TYPE, header.pack(), False):
-            self._told = self.cost
+            self._advertised_cost = self.cost
             if self._candidates.advertised is None or self.cost < self._candidates.advertised:
                 self._candidates.advertised = self.cost
             self.counters['beacons'] += 1
             self._node.note('beacon_sent', parent, self.hops, self.cost)
 
-    def _beacon_is_through(self, acknowledged: bool) -> None:
+    def _beacon_sent(self, acknowledged: bool) -> None:
         if self._beacon_waits:
             self._beacon_waits = False
             self._send_beacon()
 
-    def _heard_beacon(self, header: MultihopMsg, frame: Received) -> None:
+    def _receive_beacon(self, header: MultihopMsg, frame: Received) -> None:
         self.counters['beacons_heard'] += 1
         if self.root or header.source == self._node.address:
             return
@@ -202,16 +203,16 @@ class LeastCost(Router):
         link = self._costs[frame.lqi & 0xFF]
         if frame.rssi_dbm < WEAKEST_DBM:
             link = max(link, self._costs[50])
-        self._candidates.heard(Candidate(
+        self._candidates.update(Candidate(
             header.source, number, beacon.cost, beacon.hopcount, link, frame.rssi_dbm,
             returns=beacon.parent == self._node.address))
-        if self._told is not None:
+        if self._advertised_cost is not None:
             self._correct()
         elif not self._relay_planned:
             self._plan_relay()
 
     def _is_of_the_last_round(self, sink: int, number: int) -> bool:
-        """Tell whether a beacon counts; one of a newer round begins that."""
+        """Return whether a beacon is of the current round; one of a newer round starts that."""
         now_ns = self._node.now_ns()
         if sink == self._sink and number == self._round:
             return True
@@ -223,30 +224,30 @@ class LeastCost(Router):
         self._sink = sink
         self._round = number
         self._round_ns = now_ns
-        self._candidates.begin(number)
-        self._told = None
+        self._candidates.start_round(number)
+        self._advertised_cost = None
         self._corrections = 0
         self.counters['rounds'] += 1
         self._plan_relay()
         return True
 
     def _correct(self) -> None:
-        """Take a way that is cheaper than the one told of in this round, and tell of it."""
+        """Use a cheaper route than the one advertised in this round, and advertise it."""
         best = self._candidates.best()
         if best is None or best.round_number != self._round or best.total >= self.cost:
             return
         self._choose()
-        told = self._told
-        if told is not None and self.cost < told - (told >> 2) and (
+        advertised = self._advertised_cost
+        if advertised is not None and self.cost < advertised - (advertised >> 2) and (
                 self._corrections < CORRECTIONS):
             self._corrections += 1
-            self._told = None
+            self._advertised_cost = None
             self._plan_relay()
 
-    # The way to the sink.
+    # The route to the sink.
 
     def _choose(self) -> None:
-        """Take the best neighbour for the parent."""
+        """Select the best neighbour as the parent."""
         best = self._candidates.best()
         before = self.parent
         if best is None:
@@ -263,12 +264,12 @@ class LeastCost(Router):
                 self.counters['parent_changes'] += 1
                 self._node.note('parent', best.address, self.hops, self.cost)
         if best is not None and len(self._queue):
-            self._queue.go_on()
+            self._queue.send_next()
 
     def _next_hop(self) -> int | None:
         if self.parent is None:
-            # Nobody acknowledged, and there was a pause since: perhaps it was noise.
-            self._candidates.forgive()
+            # No neighbour acknowledged, and there was a pause since: perhaps it was noise.
+            self._candidates.retry_failed()
             self._choose()
         return self.parent
 
@@ -280,9 +281,9 @@ class LeastCost(Router):
             return
         self._failures += 1
         if self._failures >= FAILURES:
-            self._leave(to, 'silent_parents')
+            self._fail_parent(to, 'silent_parents')
 
-    def _leave(self, parent: int, why: str) -> None:
+    def _fail_parent(self, parent: int, why: str) -> None:
         candidate = self._candidates.get(parent)
         if candidate is not None:
             candidate.failed = True
@@ -304,18 +305,18 @@ class LeastCost(Router):
         return self._push(message)
 
     def receive(self, frame: Received) -> None:
-        """Take a beacon or a data packet."""
+        """Process a beacon or a data packet."""
         try:
             message = MultihopMsg.unpack(frame.payload)
             if frame.am_type == BeaconMsg.AM_TYPE:
-                self._heard_beacon(message, frame)
+                self._receive_beacon(message, frame)
             elif frame.am_type == self._data_am_type:
                 if frame.destination == self._node.address:
-                    self._heard_data(message)
+                    self._receive_data(message)
         except ValueError:
             self.counters['malformed'] += 1
 
-    def _heard_data(self, message: MultihopMsg) -> None:
+    def _receive_data(self, message: MultihopMsg) -> None:
         if self.root:
             self._deliver(message)
             return
@@ -330,14 +331,14 @@ class LeastCost(Router):
             return
         parent = self.parent
         if parent is not None and (
-                message.source == parent or visits and self._candidates.is_dear(parent)):
+                message.source == parent or visits and self._candidates.may_loop(parent)):
             self._loop(parent)
         if self._push(message):
             self._duplicates.add(last_hop, now_ns)
             self.counters['forwarded'] += 1
 
     def _loop(self, neighbour: int) -> None:
-        """Leave a parent over which packets come back: each takes the other for nearer."""
+        """Replace a parent over which packets return: each node treats the other as nearer."""
         candidate = self._candidates.get(neighbour)
         if candidate is not None:
             candidate.returns = True
@@ -345,7 +346,7 @@ class LeastCost(Router):
         self._choose()
 
     def _visits(self, message: MultihopMsg, now_ns: int) -> int:
-        """Return how often a packet was here before, and count this time."""
+        """Return how often a packet was received before, and count this time."""
         for visit in range(_MOST_VISITS):
             packet = (visit, message.origin, message.origin_seqno)
             if not self._duplicates.contains(packet, now_ns):
@@ -359,7 +360,7 @@ class LeastCost(Router):
         return self._queue.push(self._data_am_type, sent.pack())
 
     def _deliver(self, message: MultihopMsg) -> None:
-        """Hand a packet to the serial line, once."""
+        """Deliver a packet to the serial line, once."""
         now_ns = self._node.now_ns()
         packet = (message.origin, message.origin_seqno, message.data)
         if self._duplicates.contains(packet, now_ns):

@@ -12,16 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a hop costs, by the link quality indication of the frame that showed the link."""
+"""Cost of a hop, by the link quality indication of a received frame."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 from typing import Final
 
-#: Of the CC2420, which has 7 bits for it.
+#: Of the CC2420, which has 7 bits of LQI.
 LARGEST_LQI: Final = 127
-#: A frame that is hardly received, and one that is received always.
+#: LQI of a frame that is hardly received, and of one that is always received.
 _WORST_LQI: Final = 50
 _BEST_LQI: Final = 110
 _U16: Final = 0xFFFF
@@ -29,18 +29,18 @@ _U16: Final = 0xFFFF
 
 def link_cost(lqi: int, u16_wrap: bool = True) -> int:
     """
-    Return the cost of a hop as MultiHopLQI counts it: about the cube of what LQI lacks.
+    Return the cost of a hop in MultiHopLQI: about the cube of the difference to the best LQI.
 
     125 at LQI 110, 1000 at 90, 8000 at 50.
 
     :param lqi: link quality indication, 0 to 255.
-    :param u16_wrap: count in 16 bits, as the motes do. Below LQI 50 the product overflows there,
-        so that a hopeless link seems as good as a perfect one: 110 at LQI 49. On a computer's 32
-        bits, as in TOSSIM, the same lines of C do not overflow.
-    :raises ValueError: no LQI is such.
+    :param u16_wrap: compute in 16 bits, as the motes do. Below LQI 50 the product overflows, so
+        that an unusable link seems as good as a perfect one: 110 at LQI 49. With 32 bits, as in
+        TOSSIM, the same C code does not overflow.
+    :raises ValueError: the LQI is out of range.
     """
     if not 0 <= lqi <= 0xFF:
-        raise ValueError(f'LQI {lqi}: it is a byte, 0 to 255')
+        raise ValueError(f'LQI {lqi}: must be 0 to 255')
     lacking = _BEST_LQI + 20 - lqi
     if not u16_wrap:
         lacking = max(lacking, 0)

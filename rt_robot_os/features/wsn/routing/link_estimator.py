@@ -14,12 +14,12 @@
 
 
 """
-How many transmissions a packet needs over a link: the four-bit link estimator of CTP.
+The four-bit link estimator of CTP: expected transmissions of a packet over a link.
 
-A link begins with what share of its neighbour's beacons comes in, and goes on with what share of
-the data sent is acknowledged: the former knows one direction only. Both go into one average. The
-table is small; who has no room in it is no neighbour, however near. All numbers have the width
-that the motes give them, because the motes' decisions depend on it.
+The estimate starts with the share of received beacons, and continues with the share of
+acknowledged data: beacons show only one direction. Both go into one average. The table is small; a
+node that is not in it is not a neighbour, however near. All numbers have the width of the motes,
+because the decisions depend on it.
 """
 
 from __future__ import annotations
@@ -31,28 +31,28 @@ from rt_robot_os.features.wsn.packets.ctp import Neighbour
 from rt_robot_os.features.wsn.routing.tinyos_random import TinyOsRandom
 
 TABLE_SIZE: Final = 10
-#: What is said of a link that is not known, in tenths of a transmission.
+#: Cost of an unknown link, in tenths of a transmission.
 UNKNOWN_ETX: Final = 0xFFFF
 #: A perfect link.
 BEST_ETX: Final = 10
-#: A link worse than this makes room for a new one.
+#: A worse link may be evicted for a new one.
 EVICT_ETX: Final = 65
-#: After more beacons lost in a row than this, a link is judged anew.
+#: After more consecutive lost beacons the estimate of a link restarts.
 MOST_LOST: Final = 10
-#: So many beacons, or so many transmissions of data, make one estimate.
+#: Number of beacons, or of data transmissions, for one estimate.
 BEACON_WINDOW: Final = 3
 DATA_WINDOW: Final = 5
-#: Beacons come in to this measure when none is lost.
+#: Quality of a link without lost beacons.
 WHOLE_QUALITY: Final = 250
 _LEAST_QUALITY: Final = 10
 
 
 class _Link:
     """
-    What is known of one neighbour.
+    A neighbour.
 
-    A transmission of data is counted in the link's window even before the link is mature, and a
-    link that is judged anew keeps that window: the motes clear it only for a new parent.
+    A data transmission counts in the link's window even before the link is mature, and a restart
+    of the estimate does not clear that window: the motes clear it only for a new parent.
     """
 
     __slots__ = ('acknowledged', 'address', 'etx', 'lost', 'mature', 'pinned', 'quality',
@@ -85,18 +85,18 @@ class _Link:
         if gap:
             self.lost += gap - 1
         if self.received + self.lost >= BEACON_WINDOW or gap >= BEACON_WINDOW:
-            self._judge_beacons()
+            self._update_beacon_estimate()
 
-    def _judge_beacons(self) -> None:
+    def _update_beacon_estimate(self) -> None:
         share = WHOLE_QUALITY * self.received // (self.received + self.lost)
         if not self.mature:
             self.quality = share
-            self.etx = _of_quality(share)
+            self.etx = _etx_of_quality(share)
             self.mature = True
         self.quality = (9 * self.quality + share) // 10
         self.received = 0
         self.lost = 0
-        self.average(_of_quality(self.quality))
+        self.average(_etx_of_quality(self.quality))
 
     def average(self, etx: int) -> None:
         self.etx = (9 * self.etx + etx) // 10 & 0xFFFF
@@ -112,13 +112,13 @@ class _Link:
             self.sent = 0
             self.acknowledged = 0
         else:
-            # The window stays open, and each further failure makes the link worse at once.
+            # The window stays open, and each further failure raises the cost immediately.
             etx = 10 * self.sent
         self.average(etx)
         return True
 
 
-def _of_quality(quality: int) -> int:
+def _etx_of_quality(quality: int) -> int:
     if quality < _LEAST_QUALITY:
         return UNKNOWN_ETX
     return 2500 // quality
@@ -126,40 +126,40 @@ def _of_quality(quality: int) -> int:
 
 class LinkEstimator:
     """
-    The neighbours' table of one node.
+    The neighbour table of one node.
 
-    :param random: to choose whom to evict.
-    :param evicted: called with the address of a neighbour that has lost its place.
+    :param random: selects the neighbour to evict.
+    :param evicted: called with the address of an evicted neighbour.
     """
 
-    __slots__ = ('_evicted', '_last_told', '_links', '_random', '_table')
+    __slots__ = ('_evicted', '_last_advertised', '_links', '_random', '_table')
 
     def __init__(self, random: TinyOsRandom, evicted: Callable[[int], None]) -> None:
         self._evicted = evicted
         self.clear(random)
 
     def clear(self, random: TinyOsRandom) -> None:
-        """Know nobody, and go on with these random numbers."""
+        """Clear the table, and continue with these random numbers."""
         self._random = random
-        # No place becomes free again: it goes from one neighbour to the next.
+        # Entries are never freed, only replaced.
         self._table: list[_Link] = []
         self._links: dict[int, _Link] = {}
-        self._last_told = 0
+        self._last_advertised = 0
 
     def etx(self, address: int) -> int:
-        """Return what the link to a neighbour costs in tenths; ``UNKNOWN_ETX`` if not known."""
+        """Return the cost of a link in tenths; ``UNKNOWN_ETX`` if unknown."""
         link = self._links.get(address)
         if link is None or not link.mature:
             return UNKNOWN_ETX
         return link.etx
 
-    def heard(self, address: int, sequence: int, better: Callable[[], bool]) -> None:
+    def receive_beacon(self, address: int, sequence: int, better: Callable[[], bool]) -> None:
         """
-        Take that a beacon came in.
+        Process the sequence number of a beacon.
 
         :param sequence: of the beacon, 8 bits.
-        :param better: asked when there is no room: whether the way through this neighbour is
-            better than another's, and the beacon came in so well that the link must be good.
+        :param better: the compare bit, called when the table is full: whether the route over this
+            neighbour is better than another's, and the beacon had the white bit.
         """
         link = self._links.get(address)
         if link is not None:
@@ -171,13 +171,13 @@ class LinkEstimator:
         else:
             worst = self._worst(EVICT_ETX)
             if worst is None and better():
-                worst = self._any_young()
+                worst = self._random_immature()
             if worst is not None:
-                # As on the motes, the beacon that opened the place is not counted.
+                # As on the motes, this beacon is not counted.
                 self._replace(worst, address)
 
     def insert(self, address: int) -> bool:
-        """Make room for a neighbour, even if a good one must go; return whether it is in."""
+        """Insert a neighbour, even in place of a good one; return whether it is in the table."""
         if address in self._links:
             return True
         if len(self._table) < TABLE_SIZE:
@@ -190,28 +190,28 @@ class LinkEstimator:
         return True
 
     def pin(self, address: int) -> None:
-        """Keep a neighbour in the table, whatever comes."""
+        """Protect a neighbour from eviction."""
         link = self._links.get(address)
         if link is not None:
             link.pinned = True
 
     def unpin(self, address: int) -> None:
-        """Let a neighbour go when there is need."""
+        """Allow the eviction of a neighbour."""
         link = self._links.get(address)
         if link is not None:
             link.pinned = False
 
     def sent(self, address: int, acknowledged: bool) -> bool:
         """
-        Take that a data packet was transmitted to a neighbour.
+        Process the result of a data transmission to a neighbour.
 
-        :return: the link's cost may have changed.
+        :return: whether the link's cost may have changed.
         """
         link = self._links.get(address)
         return link is not None and link.transmission(acknowledged)
 
-    def forget_data(self, address: int) -> None:
-        """Begin a new window of data packets: the neighbour has become the parent."""
+    def clear_data_window(self, address: int) -> None:
+        """Start a new window of data packets: the neighbour has become the parent."""
         link = self._links.get(address)
         if link is not None:
             link.sent = 0
@@ -219,22 +219,22 @@ class LinkEstimator:
 
     def footer(self, room: int) -> tuple[Neighbour, ...]:
         """
-        Return what to tell of the neighbours in the next beacon: others each time, in turn.
+        Return the neighbours for the next beacon, in turn.
 
-        :param room: for so many.
+        :param room: largest number of neighbours.
         """
-        told: list[Neighbour] = []
+        advertised: list[Neighbour] = []
         last = 0
         table = self._table
         for step in range(1, TABLE_SIZE + 1):
-            if len(told) >= room:
+            if len(advertised) >= room:
                 break
-            place = (self._last_told + step) % TABLE_SIZE
+            place = (self._last_advertised + step) % TABLE_SIZE
             if place < len(table) and table[place].mature:
-                told.append(Neighbour(table[place].address, table[place].quality))
+                advertised.append(Neighbour(table[place].address, table[place].quality))
                 last = place
-        self._last_told = last
-        return tuple(told)
+        self._last_advertised = last
+        return tuple(advertised)
 
     def _append(self, address: int) -> _Link:
         link = _Link(address)
@@ -258,6 +258,6 @@ class LinkEstimator:
                 etx = link.etx
         return worst if etx >= least_etx else None
 
-    def _any_young(self) -> _Link | None:
+    def _random_immature(self) -> _Link | None:
         young = [link for link in self._table if not link.mature and not link.pinned]
         return young[(self._random.number() & 0xFFFF) % len(young)] if young else None

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a node of MultiHopLQI knows of its way to the root, and how it decides.
+The route of a MultiHopLQI node to the root, and its decisions.
 
-There is no table of neighbours: a node knows its parent, the parent's cost and the link to it, and
-measures what others advertise against that.
+There is no neighbour table: a node stores its parent, the parent's cost and the cost of the link,
+and compares advertised costs with them.
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ from rt_robot_os.features.wsn.packets.multihop_lqi import NO_PARENT
 from rt_robot_os.features.wsn.packets.multihop_lqi import NO_ROUTE_HOPS
 from rt_robot_os.features.wsn.routing.link_cost import link_costs
 
-#: Of the parent and of the link, each, without a route.
+#: Cost of the parent and of the link, each, without a route.
 UNKNOWN_COST: Final = 0x7FFF
-#: A route is lost when the parent was silent for more beacon periods than this.
+#: Beacon periods without a beacon of the parent after which the route is lost.
 SILENT_PERIODS: Final = 8
-#: So many packets are remembered, by who sent them and by who made them.
+#: Size of the two duplicate caches, by sender and by origin.
 REMEMBERED: Final = 4
 _U8: Final = 0xFF
 _U16: Final = 0xFFFF
 
 
 class Decision(Enum):
-    """What a node does about a beacon."""
+    """Decision of a node on a beacon."""
 
-    RENEW = 'the parent told its cost anew'
-    LOSE = 'the parent goes over this node: a loop'
+    RENEW = 'the parent advertised its cost'
+    LOSE = 'the parent routes over this node: a loop'
     CHANGE = 'the sender becomes the parent'
-    KEEP = 'the sender is not a quarter cheaper, or goes over this node'
+    KEEP = 'the sender is not a quarter cheaper, or routes over this node'
 
 
 class LqiRoute:
     """
-    The way to the root.
+    The route to the root.
 
     :ivar parent: ``NO_PARENT`` without a route.
-    :ivar parent_cost: as the parent told it.
+    :ivar parent_cost: as the parent advertised it.
     :ivar link: cost of the hop to the parent.
     :ivar hops: to the root, 8 bits.
 
@@ -71,41 +71,41 @@ class LqiRoute:
 
     @property
     def cost(self) -> int:
-        """Return what the node advertises; 65534 without a route."""
+        """Return the advertised cost; 65534 without a route."""
         return (self.parent_cost + self.link) & _U16
 
     def lose(self) -> None:
-        """Have no route."""
+        """Remove the route."""
         self.parent = NO_PARENT
         self.parent_cost = UNKNOWN_COST
         self.link = UNKNOWN_COST
         self.hops = NO_ROUTE_HOPS
 
-    def heard(self, source: int, parent: int, cost: int, hops: int, lqi: int) -> Decision:
+    def update(self, source: int, parent: int, cost: int, hops: int, lqi: int) -> Decision:
         """
-        Take a beacon.
+        Process a beacon.
 
-        :param source: who sent it.
+        :param source: its sender.
         :param parent: the sender's.
         :param cost: the sender's.
         :param hops: the sender's.
-        :param lqi: with which the beacon came; the link is used in the other direction.
+        :param lqi: of the beacon; data use the link in the other direction.
         """
         if source == self.parent:
             self._silent = 0
             if parent == self._address:
                 self.lose()
                 return Decision.LOSE
-            self._take(source, cost, hops, lqi)
+            self._set_parent(source, cost, hops, lqi)
             return Decision.RENEW
         own = self.parent_cost + self.link
         if cost + self._costs[lqi] < own - (own >> 2) and parent != self._address:
             self._silent = 0
-            self._take(source, cost, hops, lqi)
+            self._set_parent(source, cost, hops, lqi)
             return Decision.CHANGE
         return Decision.KEEP
 
-    def _take(self, source: int, cost: int, hops: int, lqi: int) -> None:
+    def _set_parent(self, source: int, cost: int, hops: int, lqi: int) -> None:
         self.parent = source
         self.parent_cost = cost
         self.link = self._costs[lqi]
@@ -115,7 +115,7 @@ class LqiRoute:
         """
         Count a beacon period of the node's own.
 
-        :return: whether the parent was silent for too long, so that there is no route now.
+        :return: whether the route is lost, because the parent was silent for too long.
         """
         self._silent = (self._silent + 1) & _U8
         if self._silent <= SILENT_PERIODS:
@@ -126,15 +126,15 @@ class LqiRoute:
 
 
 class RecentPackets:
-    """The last packets that a node took to forward, by two numbers each."""
+    """Duplicate cache of the last packets that a node forwarded, by two numbers each."""
 
     __slots__ = ('_pairs',)
 
     def __init__(self) -> None:
         self._pairs: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
 
-    def known(self, node: int, number: int) -> bool:
-        """Tell whether the packet is remembered; remember it when it is not."""
+    def check_and_add(self, node: int, number: int) -> bool:
+        """Return whether the packet is in the cache; add it if it is not."""
         pair = (node, number)
         if pair in self._pairs:
             return True

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-MultiHopLQI, the routing of TinyOS by link quality, as its two versions run on motes.
+MultiHopLQI, TinyOS' routing by link quality, in both of its versions.
 
-All that the motes do is done here as well, also what nobody would wish for: without a route data
-are sent to all, the link is measured in the direction in which data do not go, a parent whose
-beacons come is kept although nothing reaches it, and the cost overflows below LQI 50.
+The implementation reproduces the motes, with their defects: without a route data are broadcast,
+the link is measured against the direction of the data, a parent with received beacons is kept
+although it receives no data, and the cost overflows below LQI 50.
 """
 
 from __future__ import annotations
@@ -43,25 +43,25 @@ from rt_robot_os.features.wsn.routing.protocol import Node
 from rt_robot_os.features.wsn.routing.protocol import Received
 from rt_robot_os.features.wsn.routing.protocol import Router
 from rt_robot_os.features.wsn.routing.retransmission import Packet
-from rt_robot_os.features.wsn.routing.retransmission import Resender
+from rt_robot_os.features.wsn.routing.retransmission import Retransmitter
 from rt_robot_os.features.wsn.routing.tinyos_random import TinyOsRandom
 
-#: 32 s, as TinyOS has it; the network with a moving sink takes 4 s.
+#: 32 s, as in TinyOS; networks with a moving sink use 4 s.
 BEACON_PERIOD_NS: Final = 32_000_000_000
-#: The motes start the timer anew each time, for a tick of 1/1024 s more than the period.
+#: The motes restart the timer each time, for a tick of 1/1024 s more than the period.
 _TICK_NS: Final = round(BINARY_MS_NS)
-#: A packet that is not acknowledged is sent again so often.
-RESENDS: Final = 5
+#: Largest number of retransmissions of a packet.
+RETRANSMISSIONS: Final = 5
 QUEUE: Final = 2
 _U16: Final = 0xFFFF
 
 
 class _MultiHopLqi(Router):
     """
-    What both versions share.
+    The common part of both versions.
 
     :param node: that it runs on.
-    :param root: it is on the sink.
+    :param root: it is the sink.
     :param beacon_period_ns: between two beacons of a node.
     :param u16_wrap: whether the cost overflows as on motes; see :func:`.link_cost.link_cost`.
     """
@@ -70,23 +70,23 @@ class _MultiHopLqi(Router):
                  beacon_period_ns: int = BEACON_PERIOD_NS, *,
                  u16_wrap: bool = True) -> None:
         if beacon_period_ns < 1:
-            raise ValueError(f'beacon_period_ns {beacon_period_ns}: 1 or more')
+            raise ValueError(f'beacon_period_ns {beacon_period_ns}: must be 1 or more')
         self.root = root
         self.counters = Counter()
         self._node = node
         self._period_ns = beacon_period_ns
         self._u16_wrap = u16_wrap
-        self._timer = node.timer(self._timer_ran_down)
+        self._timer = node.timer(self._timer_fired)
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         self._seqno = 0
         self._route = LqiRoute(self._node.address, self._u16_wrap)
         self._recent_by_sender = RecentPackets()
         self._recent_by_origin = RecentPackets()
-        self._show()
+        self._update_attributes()
 
-    def _show(self) -> None:
-        """Tell of the route, in the terms of every protocol."""
+    def _update_attributes(self) -> None:
+        """Update the attributes that all protocols have."""
         route = self._route
         none = route.parent == NO_PARENT
         self.parent = None if none or self.root else route.parent
@@ -94,19 +94,19 @@ class _MultiHopLqi(Router):
         self.hops = 0 if self.root else route.hops
 
     def start(self) -> None:
-        """Begin, with nothing known; the first beacon goes out within a period."""
-        self._forget()
+        """Start without a route; the first beacon is sent within a period."""
+        self._reset()
         self._timer.start(self._first_beacon_ns())
 
     def _first_beacon_ns(self) -> int:
         return self._node.random.randrange(self._period_ns)
 
     def stop(self) -> None:
-        """End: no timer runs, and nothing waits."""
+        """Stop all timers, and clear the queues."""
         self._timer.stop()
-        self._forget()
+        self._reset()
 
-    def _timer_ran_down(self) -> None:
+    def _timer_fired(self) -> None:
         self._timer.start(self._period_ns + _TICK_NS)
         if not self.root and self._route.period_passed():
             self.counters['silent_parents'] += 1
@@ -121,8 +121,9 @@ class _MultiHopLqi(Router):
     def _at_sink(self) -> bool:
         return self.root and self._route.parent != NO_PARENT
 
-    def _resender(self, finished: Callable[[], None]) -> Resender:
-        return Resender(self._node, lambda: self._route.parent, finished, RESENDS, self.counters)
+    def _retransmitter(self, finished: Callable[[], None]) -> Retransmitter:
+        return Retransmitter(self._node, lambda: self._route.parent, finished, RETRANSMISSIONS,
+                             self.counters)
 
     def _packet(self, am_type: int, payload: bytes) -> Packet:
         if self._route.parent == NO_PARENT:
@@ -134,33 +135,33 @@ class _MultiHopLqi(Router):
         self._seqno = (seqno + 1) & _U16
         return seqno
 
-    def _heard_beacon(self, source: int, parent: int, cost: int, hops: int, lqi: int) -> None:
+    def _receive_beacon(self, source: int, parent: int, cost: int, hops: int, lqi: int) -> None:
         self.counters['beacons_heard'] += 1
         self._node.note('beacon_heard', source, 0, cost)
         if self._at_sink:
             return
-        decision = self._route.heard(source, parent, cost, hops, lqi)
+        decision = self._route.update(source, parent, cost, hops, lqi)
         if decision is Decision.KEEP:
             return
         if decision is Decision.LOSE:
             self.counters['loops'] += 1
             self._lost()
             return
-        self._show()
+        self._update_attributes()
         if decision is Decision.CHANGE:
             self.counters['parent_changes'] += 1
             self._node.note('parent', source, self._route.hops, self._route.cost)
 
     def _lost(self) -> None:
-        self._show()
+        self._update_attributes()
         self._node.note('no_parent')
 
     def _may_forward(self, sender: int, seqno: int, origin: int, origin_seqno: int) -> bool:
-        """Tell whether a packet has not been here; one that came back shows a loop."""
-        if self._recent_by_sender.known(sender, seqno):
+        """Return whether a packet is not a duplicate; one that returned shows a loop."""
+        if self._recent_by_sender.check_and_add(sender, seqno):
             self.counters['duplicates'] += 1
             return False
-        if self._recent_by_origin.known(origin, origin_seqno):
+        if self._recent_by_origin.check_and_add(origin, origin_seqno):
             self.counters['loops'] += 1
             self._route.lose()
             self._node.note('loop', origin, origin_seqno)
@@ -173,9 +174,9 @@ class MultiHopLqi2(_MultiHopLqi):
     """
     MultiHopLQI of TinyOS 2.x.
 
-    Own packets, forwarded ones and beacons wait at the radio side by side.
+    Own packets, forwarded ones and beacons have separate senders at the radio.
 
-    :param collect_id: says in each packet which application it is of.
+    :param collect_id: application identifier in each packet.
     """
 
     def __init__(self, node: Node, root: bool = False,
@@ -183,13 +184,13 @@ class MultiHopLqi2(_MultiHopLqi):
                  u16_wrap: bool = True, collect_id: int = 0x93) -> None:
         super().__init__(node, root, beacon_period_ns=beacon_period_ns, u16_wrap=u16_wrap)
         self._collect_id = collect_id
-        self._beacons = node.sender(self._beacon_is_through)
-        self._own = self._resender(lambda: None)
-        self._forwarding = self._resender(self._forward_next)
-        self._forget()
+        self._beacons = node.sender(self._beacon_sent)
+        self._own = self._retransmitter(lambda: None)
+        self._forwarding = self._retransmitter(self._forward_next)
+        self._reset()
 
-    def _forget(self) -> None:
-        super()._forget()
+    def _reset(self) -> None:
+        super()._reset()
         self._origin_seqno = 0
         self._beacon_waits = False
         self._random = TinyOsRandom(self._node.address)
@@ -201,7 +202,7 @@ class MultiHopLqi2(_MultiHopLqi):
             self._route.parent_cost = self._route.link = self._route.hops = 0
 
     def start(self) -> None:
-        """Begin, with nothing known."""
+        """Start without a route."""
         super().start()
         if self.root:
             self._node.note('parent', self._node.address, 0, 0)
@@ -221,13 +222,13 @@ class MultiHopLqi2(_MultiHopLqi):
             self.counters['beacons'] += 1
             self._node.note('beacon_sent', route.parent, 0, route.cost)
 
-    def _beacon_is_through(self, acknowledged: bool) -> None:
+    def _beacon_sent(self, acknowledged: bool) -> None:
         if self._beacon_waits:
             self._beacon_waits = False
             self._send_beacon()
 
     def originate(self, application: bytes) -> bool:
-        """Send a packet of the application; a root sends none, and only one waits at a time."""
+        """Send a packet of the application; not at a root, and one at a time."""
         if self.root or self._own.busy:
             self.counters['no_room'] += 1
             return False
@@ -240,20 +241,20 @@ class MultiHopLqi2(_MultiHopLqi):
         return self._own.send(self._packet(LqiData.AM_TYPE, data.pack()))
 
     def receive(self, frame: Received) -> None:
-        """Take a beacon or a data packet."""
+        """Process a beacon or a data packet."""
         try:
             if frame.am_type == LqiBeacon.AM_TYPE:
                 beacon = LqiBeacon.unpack(frame.payload)
-                self._heard_beacon(frame.source, *beacon[3:], frame.lqi)
+                self._receive_beacon(frame.source, *beacon[3:], frame.lqi)
             elif frame.am_type == LqiData.AM_TYPE:
-                self._heard_data(frame, LqiData.unpack(frame.payload))
+                self._receive_data(frame, LqiData.unpack(frame.payload))
         except ValueError:
             self.counters['malformed'] += 1
 
-    def _heard_data(self, frame: Received, data: LqiData) -> None:
+    def _receive_data(self, frame: Received, data: LqiData) -> None:
         self._node.note('data_heard', data.origin_seqno, data.origin, frame.destination)
         if self.root:
-            # The root hands on all copies: who reads the serial line has to remove them.
+            # The root delivers all copies: the host has to remove duplicates.
             self.counters['delivered'] += 1
             self._node.deliver(frame.am_type, frame.payload, data.origin, data.data)
         elif frame.destination == self._node.address:
@@ -288,14 +289,14 @@ class MultiHopLqi2(_MultiHopLqi):
 
 class MultiHopLqi1(_MultiHopLqi):
     """
-    MultiHopLQI of TinyOS 1.x, as SurgeTelos has it.
+    MultiHopLQI of TinyOS 1.x, of SurgeTelos.
 
-    The stack holds one message, whether it goes to the radio or to the serial line: what is to be
-    sent meanwhile is lost, beacons as well. Data that are sent to all, for want of a route, are
-    taken by nobody. A root that takes a copy for a loop gives up its serial line.
+    The stack has one message buffer for the radio and the serial line: packets and beacons that
+    are sent meanwhile are lost. Data that are broadcast without a route are ignored by all nodes.
+    A root that treats a copy as a loop loses its route to the serial line.
 
     :param data_am_type: of the application's packets.
-    :param serial_baud: of the root's serial line, which holds up the stack; 0 for no time at all.
+    :param serial_baud: of the root's serial line, which blocks the stack; 0: no delay.
     """
 
     def __init__(self, node: Node, root: bool = False,
@@ -306,12 +307,12 @@ class MultiHopLqi1(_MultiHopLqi):
         self._data_am_type = data_am_type
         self._byte_ns = 10 * 1_000_000_000 // serial_baud if serial_baud else 0
         self._serial_busy = False
-        self._serial = node.timer(self._serial_is_through)
-        self._radio = self._resender(lambda: None)
-        self._forget()
+        self._serial = node.timer(self._serial_done)
+        self._radio = self._retransmitter(lambda: None)
+        self._reset()
 
-    def _forget(self) -> None:
-        super()._forget()
+    def _reset(self) -> None:
+        super()._reset()
         self._radio.clear()
         self._serial_busy = False
         self._serial.stop()
@@ -347,15 +348,15 @@ class MultiHopLqi1(_MultiHopLqi):
         self.counters['originated'] += 1
         payload = self._header(self._node.address, seqno, origin_seqno, self._route.hops,
                                application)
-        return self._hand_on(payload, self._node.address, application)
+        return self._pass_on(payload, self._node.address, application)
 
     def receive(self, frame: Received) -> None:
-        """Take a beacon or a data packet."""
+        """Process a beacon or a data packet."""
         try:
             message = MultihopMsg.unpack(frame.payload)
             if frame.am_type == BeaconMsg.AM_TYPE:
                 beacon = BeaconMsg.unpack(message.data)
-                self._heard_beacon(message.source, *beacon[:3], frame.lqi)
+                self._receive_beacon(message.source, *beacon[:3], frame.lqi)
             elif frame.am_type == self._data_am_type:
                 if frame.destination == self._node.address:
                     self._forward(message)
@@ -370,10 +371,10 @@ class MultiHopLqi1(_MultiHopLqi):
         seqno = message.seqno if self._at_sink else self._next_seqno()
         payload = self._header(origin, seqno, message.origin_seqno, message.hopcount,
                                message.data)
-        if self._hand_on(payload, origin, message.data):
+        if self._pass_on(payload, origin, message.data):
             self.counters['forwarded'] += 1
 
-    def _hand_on(self, payload: bytes, origin: int, application: bytes) -> bool:
+    def _pass_on(self, payload: bytes, origin: int, application: bytes) -> bool:
         if self._busy:
             self.counters['stack_busy'] += 1
             return False
@@ -386,9 +387,9 @@ class MultiHopLqi1(_MultiHopLqi):
         self._node.deliver(self._data_am_type, payload, origin, application)
         return True
 
-    def _serial_is_through(self) -> None:
+    def _serial_done(self) -> None:
         self._serial_busy = False
 
 
-#: Two flags, the protocol's byte, the header of 10 bytes and a checksum of two.
+#: Two flags, the protocol byte, the header of 10 bytes and a checksum of two.
 _SERIAL_OVERHEAD_BYTES: Final = 15

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What a routing protocol and the node that it runs on know of each other.
+Interfaces of a routing protocol and of the node that it runs on.
 
-A protocol is driven by calls alone, so that the same code runs in the simulator, under a test and
-against a recorded log. Times are integers in ns on the node's own clock, which drifts. Addresses
-are 16 bits, as on the air.
+A protocol is driven by calls only, so that the same code runs in the simulator, in tests and with
+a recorded log. Times are integers in ns on the node's own clock, which drifts. Addresses have 16
+bits, as on the air.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ BINARY_MS_NS: Final = 1_000_000_000 / 1024
 @dataclass(frozen=True)
 class Received:
     """
-    A frame that the radio took from the air, with a good checksum.
+    A frame that the radio received, with a correct checksum.
 
-    :ivar destination: the node's address, or that of all.
-    :ivar source: who sent it last; -1 where the frame does not say so, as in TinyOS 1.x.
-    :ivar am_type: the number that says what the payload is.
+    :ivar destination: the node's address, or the broadcast address.
+    :ivar source: the last sender; -1 if the frame does not have it, as in TinyOS 1.x.
+    :ivar am_type: type of the payload.
     :ivar payload: of the active message.
-    :ivar lqi: link quality indication, as CC2420 has it: about 50 to 110.
-    :ivar rssi_dbm: strength of the signal.
+    :ivar lqi: link quality indication of the CC2420: about 50 to 110.
+    :ivar rssi_dbm: signal strength.
     """
 
     destination: int
@@ -57,46 +57,46 @@ class Received:
 
 
 class Timer(Protocol):
-    """A timer of a node; it ends with the node's power."""
+    """A timer of a node; it stops with the node's power."""
 
     def start(self, delay_ns: int) -> None:
-        """Run down once from now on; what it did before is forgotten."""
+        """Start as a one-shot timer; replaces an earlier start."""
 
     def every(self, period_ns: int) -> None:
-        """Run down again and again, on a grid of times that begins now."""
+        """Start as a periodic timer, on a grid of times from now on."""
 
     def stop(self) -> None:
-        """Do not run down; may be repeated."""
+        """Stop the timer; may be repeated."""
 
 
 class Sender(Protocol):
     """
-    A place for one frame at the radio of a node; the radio takes turns among its senders.
+    Buffer for one frame at the radio of a node; the radio serves its senders in turn.
 
-    :ivar busy: a frame is on its way; ``done`` has not been called yet.
+    :ivar busy: a frame is being sent; ``done`` has not been called yet.
     """
 
     busy: bool
 
     def send(self, destination: int, am_type: int, payload: bytes, acknowledge: bool) -> bool:
         """
-        Give a frame to the radio.
+        Send a frame.
 
-        :param acknowledge: whether the receivers are to acknowledge it.
+        :param acknowledge: whether to request an acknowledgement.
         :return: False when the sender is busy; then nothing happens.
         """
 
     def rewrite(self, destination: int, payload: bytes) -> None:
         """
-        Change the frame that is on its way, if it has not left the mote's memory yet.
+        Change the frame that is being sent, if it has not left the mote's memory yet.
 
-        In TOSSIM a frame on the air changes too, and counts as acknowledged if that was asked.
+        In TOSSIM a frame on the air changes too, and counts as acknowledged if that was requested.
         """
 
 
 class Node(Protocol):
     """
-    What a protocol has of the node that it runs on.
+    The node, as a protocol uses it.
 
     :ivar address: the node's.
     :ivar random: for delays; seeded.
@@ -109,36 +109,36 @@ class Node(Protocol):
         """Return the time since the node started."""
 
     def timer(self, call: Callable[[], None]) -> Timer:
-        """Make a timer that calls when it has run down."""
+        """Create a timer with its callback."""
 
     def sender(self, done: Callable[[bool], None]) -> Sender:
         """
-        Make a sender.
+        Create a sender.
 
-        :param done: called when the frame is through, with whether it was acknowledged; a frame
-            for which that was not asked never is.
+        :param done: called when the frame has been sent, with whether it was acknowledged; always
+            False without a request.
         """
 
     def deliver(self, am_type: int, payload: bytes, origin: int, application: bytes) -> None:
         """
-        Hand a data packet to the sink's serial line; only the root does that.
+        Deliver a data packet to the sink's serial line; only at the root.
 
         :param payload: of the active message, headers of the protocol included.
-        :param origin: who made the packet.
-        :param application: what the application at the origin gave to be sent.
+        :param origin: address of the origin.
+        :param application: payload of the application at the origin.
         """
 
     def note(self, event: str, *numbers: int) -> None:
-        """Tell of something for logs and pictures, such as ``parent 3``; costs little."""
+        """Record an event for logs and plots, such as ``parent 3``; cheap."""
 
 
 class Router(ABC):
     """
     A protocol on one node.
 
-    :ivar root: it is on the sink.
-    :ivar parent: the next node on the way to the sink; None without a route, at the root as well.
-    :ivar cost: of the whole way as the protocol counts it; 0 at the root.
+    :ivar root: it is the sink.
+    :ivar parent: the next node on the route to the sink; None without a route, and at the root.
+    :ivar cost: of the whole route, in the unit of the protocol; 0 at the root.
     :ivar hops: to the sink.
     :ivar counters: by name, such as ``queue_full``, ``resends``, ``given_up``, ``loops``,
         ``duplicates``.
@@ -152,27 +152,27 @@ class Router(ABC):
 
     @abstractmethod
     def start(self) -> None:
-        """Begin, with nothing known: the node has booted."""
+        """Start without a route: the node has booted."""
 
     @abstractmethod
     def stop(self) -> None:
-        """End: the node has no power; timers stop, queues are empty."""
+        """Stop timers and clear queues: the node has no power."""
 
     @abstractmethod
     def receive(self, frame: Received) -> None:
-        """Take a frame for this node or for all; bytes of whatever kind raise nothing."""
+        """Process a frame for this node or a broadcast; never raises."""
 
     @abstractmethod
     def originate(self, application: bytes) -> bool:
         """
         Send a packet of the application to the sink.
 
-        :return: False when there is no room; the packet is lost, and the application knows.
+        :return: False when there is no room, and the packet is lost.
         """
 
     def snoops(self, am_type: int, payload: bytes) -> bool:
-        """Return whether such a frame for another node means anything to ``snoop``."""
+        """Return whether ``snoop`` uses such a frame for another node."""
         return True
 
     def snoop(self, frame: Received) -> None:
-        """Take a frame for another node; the radio hears all."""
+        """Process a frame for another node."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Send a packet to the parent again and again until it is acknowledged."""
+"""Retransmission of a packet to the parent until it is acknowledged."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from rt_robot_os.features.wsn.routing.protocol import Node
 
 class Packet:
     """
-    A data packet on its way to the sink.
+    A data packet for the sink.
 
-    :ivar destination: the parent when it was chosen, or ``BROADCAST`` without one.
+    :ivar destination: the current parent, or ``BROADCAST`` without one.
     :ivar am_type: of the active message.
     :ivar payload: of the active message.
     """
@@ -39,59 +39,56 @@ class Packet:
         self.payload = payload
 
 
-class Resender:
+class Retransmitter:
     """
-    One packet at a time, as MultiHopLQI sends it: at once again while no acknowledgement comes.
+    Sends one packet at a time, with immediate retransmissions, as MultiHopLQI does.
 
-    :ivar packet: that is on its way; while ``finished`` is called, the one that was.
-
-    :param destination: where a packet goes that is sent again: the parent of that moment.
-    :param finished: called when a packet is through or given up; a new one may be sent then.
-    :param resends: after the first time.
-    :param counters: of the protocol; ``resends`` and ``given_up`` are counted.
+    :ivar packet: that is being sent; during ``finished``, the last one.
+    :param destination: returns the parent for a retransmission.
+    :param finished: called when a packet was acknowledged or dropped; a new one may be sent then.
+    :param retransmissions: largest number for a packet.
+    :param counters: of the protocol; it updates ``resends`` and ``given_up``.
     """
 
-    __slots__ = ('packet', '_counters', '_destination', '_finished', '_resends', '_left',
+    __slots__ = ('packet', '_counters', '_destination', '_finished', '_retransmissions', '_left',
                  '_sender', '_running')
 
     def __init__(self, node: Node, destination: Callable[[], int],
-                 finished: Callable[[], None], resends: int,
+                 finished: Callable[[], None], retransmissions: int,
                  counters: dict[str, int]) -> None:
         self.packet: Packet | None = None
         self._counters = counters
         self._destination = destination
         self._finished = finished
-        self._resends = resends
+        self._retransmissions = retransmissions
         self._left = 0
         self._running = False
         self._sender = node.sender(self._done)
 
     @property
     def busy(self) -> bool:
-        """Tell whether a packet is on its way."""
+        """Return whether a packet is being sent."""
         return self._running
 
     def send(self, packet: Packet) -> bool:
         """
         Send a packet.
 
-        :return: False when the last one is on its way still.
+        :return: False while the previous one is being sent.
         """
         if self._running:
             return False
         self.packet = packet
-        self._left = self._resends
-        self._running = self._transmit()
+        self._left = self._retransmissions
+        self._running = self._transmit(packet)
         return self._running
 
     def clear(self) -> None:
-        """Forget the packet."""
+        """Remove the packet."""
         self.packet = None
         self._running = False
 
-    def _transmit(self) -> bool:
-        packet = self.packet
-        assert packet is not None
+    def _transmit(self, packet: Packet) -> bool:
         return self._sender.send(packet.destination, packet.am_type, packet.payload, True)
 
     def _done(self, acknowledged: bool) -> None:
@@ -103,7 +100,7 @@ class Resender:
                 self._left -= 1
                 packet.destination = self._destination()
                 self._count('resends')
-                if self._transmit():
+                if self._transmit(packet):
                     return
             self._count('given_up')
         self._running = False

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The random numbers of TinyOS 2.x: the minimal standard generator, which begins with the node's id.
+The random numbers of TinyOS 2.x: the minimal standard generator, with the node's id as its seed.
 
-So they are the same each time a node boots. It shows: a node's first MultiHopLQI beacon comes as
-many ms after the node's start in every network, at 16.4 s of 32 s in node 0 and 0.8 s in node 1.
+So they are the same at each boot of a node: its first MultiHopLQI beacon has the same delay after
+the boot in every network, 16.4 s of 32 s in node 0 and 0.8 s in node 1.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class TinyOsRandom:
         self._state = address + 1
 
     def number(self) -> int:
-        """Return the next one, 1 to 2**31 - 2."""
+        """Return the next number, 1 to 2**31 - 2."""
         self._state = state = self._state * _FACTOR % _MODULUS
         return state
 
     def below(self, limit: int) -> int:
-        """Return the next one's remainder."""
+        """Return the next number modulo a limit."""
         return self.number() % limit

@@ -14,10 +14,9 @@
 
 
 """
-When to send the next beacon: often while something is wrong, seldom while nothing is.
+The Trickle timer of the Collection Tree Protocol: beacons are frequent only after a change.
 
-Trickle as the Collection Tree Protocol has it: each interval is twice the last one, and a beacon
-goes at a random time in its second half.
+Each interval is twice the last one, and a beacon is sent at a random time in its second half.
 """
 
 from __future__ import annotations
@@ -36,13 +35,13 @@ MAXIMUM_MS: Final = 512_000
 
 class Trickle:
     """
-    Call once in each interval; an interval lasts twice as long as the one before, up to a bound.
+    Calls once in each interval; an interval is twice as long as the one before, up to a bound.
 
-    :param node: whose timer and random numbers.
-    :param call: to be made. It may call ``reset``.
+    :param node: for its timer and random numbers.
+    :param call: the callback, which may call ``reset``.
     :param minimum_ms: first interval after ``reset`` in 1/1024 s; two or more.
     :param maximum_ms: the bound.
-    :ivar interval_ms: of now.
+    :ivar interval_ms: the current interval.
     """
 
     __slots__ = ('_at_ms', '_call', '_maximum_ms', '_minimum_ms', '_passed', '_random', '_timer',
@@ -59,18 +58,18 @@ class Trickle:
         self._random = TinyOsRandom(node.address)
         self._timer = node.timer(self._expired)
 
-    def begin(self, random: TinyOsRandom) -> None:
-        """Begin after a boot, with the node's new random numbers."""
+    def start(self, random: TinyOsRandom) -> None:
+        """Start after a boot, with the node's new random numbers."""
         self._random = random
         self.reset()
 
     def reset(self) -> None:
-        """Begin with the shortest interval; what was planned is forgotten."""
+        """Restart with the shortest interval."""
         self.interval_ms = self._minimum_ms
         self._choose()
 
     def stop(self) -> None:
-        """Call no more until ``reset``."""
+        """Stop until ``reset``."""
         self._timer.stop()
 
     def _choose(self) -> None:

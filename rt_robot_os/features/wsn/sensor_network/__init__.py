@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The model of a sensor network: its nodes, ways, losses, batteries and places."""
+"""The model of a sensor network: its nodes, routes, losses, batteries and positions."""
 
 from rt_robot_os.features.wsn.sensor_network.module import SensorNetwork
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What came of a network and what could not be used: counted, and named while there is room."""
+"""Counters of the packets of a network, and of those that could not be used."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from dataclasses import dataclass
 import re
 from typing import Final
 
-#: Problems that are named in the statistics, at most.
+#: Largest number of problems that the statistics list.
 NAMED: Final = 8
-# Kinds that are counted each by itself; the rest is in the number of all.
+# Largest number of kinds with a counter of their own; the total includes the others.
 _KEPT: Final = 4 * NAMED
 _DIGITS: Final = re.compile(r'\d+')
 
 
 @dataclass
 class ModelCounters:
-    """What came, and what could not be used."""
+    """Packets received, and those that could not be used."""
 
     packets: int = 0
     data: int = 0
@@ -48,7 +48,7 @@ class ModelCounters:
 
 
 class TypeCounts:
-    """How often each of some numbers came."""
+    """Counters of AM types."""
 
     __slots__ = ('counts',)
 
@@ -56,18 +56,18 @@ class TypeCounts:
         self.counts: Counter[int] = Counter()
 
     def add(self, number: int) -> None:
-        """Count a number; those that have no room are left out."""
+        """Count a number; numbers beyond the limit are ignored."""
         if number in self.counts or len(self.counts) < _KEPT:
             self.counts[number] += 1
 
     def text(self) -> str:
-        """Return all, such as ``0x05:3 0x93:1``."""
+        """Return all counters, such as ``0x05:3 0x93:1``."""
         return ' '.join(f'{each:#04x}:{count}' for each, count in sorted(
             self.counts.copy().items()))
 
 
 class ProblemCounts:
-    """How often each kind of problem came: those that differ in numbers alone are of one kind."""
+    """Counters of problems: texts that differ only in numbers are of one kind."""
 
     __slots__ = ('_counts', '_examples')
 
@@ -83,6 +83,6 @@ class ProblemCounts:
             self._examples[kind] = text
 
     def named(self) -> Mapping[str, int]:
-        """Return the most frequent kinds, each in its last form."""
+        """Return the most frequent kinds, each with its last text."""
         return {self._examples[kind]: count
                 for kind, count in self._counts.copy().most_common(NAMED)}

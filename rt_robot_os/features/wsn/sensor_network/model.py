@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A model of a sensor network, from the packets that come to the sink.
+A model of a sensor network, from the packets that arrive at the sink.
 
-It is fed with decoded packets and times, and keeps of each node where its packets go, what was
-lost of them, its battery and its place. It is told nothing else: no bus, no clock. Everything is
-bounded, nothing raises, and what cannot be used is counted and named. Safe in the real-time loop.
+Its inputs are decoded packets and times; there is no bus and no clock. For each node it keeps its
+route, its losses, its battery and its position. Everything is bounded, nothing raises, and packets
+that cannot be used are counted with their problem. Safe in the real-time loop.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from rt_robot_os.features.wsn.sensor_network.counters import ModelCounters
 from rt_robot_os.features.wsn.sensor_network.counters import ProblemCounts
 from rt_robot_os.features.wsn.sensor_network.counters import TypeCounts
 from rt_robot_os.features.wsn.sensor_network.node import NetworkNode
-from rt_robot_os.features.wsn.sensor_network.node import NOBODY
-from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_beacons
+from rt_robot_os.features.wsn.sensor_network.node import NO_NODE
+from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_beacon_share
 from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_etx
 from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_link_cost
 from rt_robot_os.features.wsn.sensor_network.sequence_account import DUPLICATE
@@ -48,13 +48,13 @@ from rt_robot_os.messages.quantities import QUANTITIES
 from rt_robot_os.messages.survey import HIGHEST_ID
 from rt_robot_os.messages.survey import SurveyedNode
 
-_UART: Final = 0x7E  # in TinyOS 1.x, where no node has this number
-# Of MultiHopLQI and of CTP: from here on it means that there is no route.
+_UART: Final = 0x7E  # in TinyOS 1.x, where no node has this id
+# Costs of MultiHopLQI and CTP from here on mean that there is no route.
 _NO_ROUTE: Final = 0xFFFE
 _MOST_HOPS: Final = 0xFE
-# A cost of a parent that is older than this says nothing about a link of now.
+# A parent's cost older than this does not describe the present link.
 _COST_AGE_NS: Final = 70 * NS_PER_S
-# What a node that somebody wears heard longer ago was heard elsewhere.
+# Links of a wearable node older than this belong to another position.
 _WORN_NS: Final = 20 * NS_PER_S
 _MOST_NEIGHBOURS: Final = 16
 
@@ -63,25 +63,25 @@ class NetworkModel:
     """
     A network of nodes.
 
-    :ivar nodes: by number; the sink is not among them.
+    :ivar nodes: by id, without the sink.
     :ivar counters: see :class:`ModelCounters`.
-    :ivar unknown_types: AM types that nobody has declared.
-    :ivar problems: what was wrong with packets.
-    :ivar sink_place: x, y and z of the sink, in m; NaN while not known.
+    :ivar unknown_types: AM types without a declaration.
+    :ivar problems: problems of packets.
+    :ivar sink_place: x, y and z of the sink in m; NaN while unknown.
     """
 
     def __init__(self, survey: Iterable[SurveyedNode] = (), *, sink_id: int = 0,
                  group: int | None = None, max_nodes: int = 256, since_ns: int = 0,
                  curve: Curve | None = None) -> None:
         """
-        Begin with what was surveyed.
+        Create the surveyed nodes.
 
-        :param sink_id: the number of the sink's own mote.
-        :param group: of our network; packets of others are counted, and nothing else. None takes
-            all.
-        :param max_nodes: that are kept besides those of the survey.
-        :param since_ns: when the first packet could have come.
-        :param curve: of the batteries.
+        :param sink_id: id of the sink's own mote.
+        :param group: of this network; packets of other groups are only counted. None accepts
+            all groups.
+        :param max_nodes: largest number of nodes besides those of the survey.
+        :param since_ns: earliest possible time of the first packet.
+        :param curve: discharge curve of the batteries.
         """
         self.sink_id = sink_id
         self.group = group
@@ -108,14 +108,14 @@ class NetworkModel:
                 node.x, node.y, node.z = each.x, each.y, each.z
             self._surveyed += 1
 
-    # ---- what comes --------------------------------------------------------------------------
+    # ---- input -------------------------------------------------------------------------------
 
-    def take(self, packet: Packet, now_ns: int) -> bool:
+    def update(self, packet: Packet, now_ns: int) -> bool:
         """
-        Learn from a packet; never raises.
+        Update the model with a packet; never raises.
 
-        :return: whether it is new to the application: False for duplicates, and for what is no
-            data.
+        :return: whether it is new to the application: False for duplicates and for packets
+            without data.
         """
         counters = self.counters
         counters.packets += 1
@@ -147,11 +147,11 @@ class NetworkModel:
         return False
 
     def sink_at(self, x: float, y: float, z: float = 0.0) -> None:
-        """Note where the sink is now, in m."""
+        """Set the present position of the sink, in m."""
         self.sink_place = x, y, z
 
     def command(self, text: str) -> None:
-        """Heed what nodes are told: one that shall sleep is not silent."""
+        """Note a command to nodes: a node that is put to sleep is not silent."""
         words = text.split()
         if len(words) < 2:
             return
@@ -165,22 +165,22 @@ class NetworkModel:
                 node.set_period_ns = int(words[2][:9]) * 1_000_000
 
     def node(self, number: int) -> NetworkNode | None:
-        """Return a node; one that is new is made, None when there is no room or no such number."""
+        """Return a node, created if new; None when there is no room or the id is not valid."""
         found = self.nodes.get(number)
         if found is not None or not 0 <= number <= HIGHEST_ID or number == self.sink_id:
             return found
-        if len(self.nodes) - self._surveyed >= self.max_nodes and not self._make_room():
+        if len(self.nodes) - self._surveyed >= self.max_nodes and not self._evict_node():
             self.counters.nodes_refused += 1
             return None
         found = self.nodes[number] = NetworkNode(number, f'node_{number}', self._curve)
         return found
 
     def rows(self, now_ns: int) -> list[NodeRow]:
-        """Return a row for the sink, then one for each node by number."""
+        """Return a row for the sink, then one for each node, sorted by id."""
         x, y, z = self.sink_place
         nan = math.nan
         age_s = nan if self.last_ns < 0 else (now_ns - self.last_ns) / NS_PER_S
-        sink = NodeRow(self.sink_id, x, y, z, 0.0, NOBODY, 0, 0, NodeState.SINK, nan, nan, nan,
+        sink = NodeRow(self.sink_id, x, y, z, 0.0, NO_NODE, 0, 0, NodeState.SINK, nan, nan, nan,
                        nan, 0, 0, 0, 0, age_s)
         return [sink, *(self.nodes[number].row(now_ns) for number in sorted(self.nodes))]
 
@@ -191,15 +191,15 @@ class NetworkModel:
         if node is None:
             self.counters.without_origin += packet.origin < 0
             return packet.origin == self.sink_id
-        node.heard(now_ns)
-        node.data_came(now_ns)
+        node.on_packet(now_ns)
+        node.on_data(now_ns)
         verdict = self._account(node, packet, now_ns)
         if packet.problem:
             return False
-        self._way(node, packet, now_ns)
+        self._learn_route(node, packet, now_ns)
         volts = packet.readings.get('battery')
         if verdict != DUPLICATE and volts is not None and QUANTITIES['battery'].plausible(volts):
-            node.battery.take(volts, now_ns)
+            node.battery.add(volts, now_ns)
         return verdict != DUPLICATE
 
     def _account(self, node: NetworkNode, packet: Packet, now_ns: int) -> int:
@@ -209,37 +209,37 @@ class NetworkModel:
                 account = node.account = SequenceAccount(packet.count_bits, self._since_ns)
             renewed = packet.name == 'oscilloscope' and node.clock_went_back(
                 packet.fields['count'])
-            return account.take(packet.count, _fingerprint(packet), now_ns, renewed)
+            return account.add(packet.count, _fingerprint(packet), now_ns, renewed)
         if packet.origin_seqno >= 0:
             if node.plain is None:
                 node.plain = SequenceAccount(16, now_ns)
-            return node.plain.take(packet.origin_seqno, _fingerprint(packet), now_ns)
+            return node.plain.add(packet.origin_seqno, _fingerprint(packet), now_ns)
         node.unnumbered += 1
         return 0
 
-    def _way(self, node: NetworkNode, packet: Packet, now_ns: int) -> None:
-        """Learn on which way a data packet came."""
+    def _learn_route(self, node: NetworkNode, packet: Packet, now_ns: int) -> None:
+        """Learn the route of a data packet."""
         if packet.parent >= 0:
             self._set_parent(node, packet.parent, now_ns)
         hops = packet.hops
         so_far = packet.am_type == CtpData.AM_TYPE and packet.stack == 'tinyos2'
         if hops >= 0 and (not so_far or packet.destination == self.sink_id):
-            node.hops = hops if 0 < hops <= _MOST_HOPS else NOBODY
+            node.hops = hops if 0 < hops <= _MOST_HOPS else NO_NODE
         source, destination = packet.source, packet.destination
         if source < 0 or source == self.sink_id:
             node.delivered_ns = now_ns
-            return  # the sink's own mote put its number there
+            return  # the sink's own mote put its id there
         sender = node if source == node.id else self.node(source)
         if sender is None:
             return
         if sender is not node:
-            sender.heard(now_ns)
+            sender.on_packet(now_ns)
         if destination <= HIGHEST_ID and not (destination == _UART and packet.stack == 'tinyos1'):
             self._set_parent(sender, destination, now_ns)
         if destination == self.sink_id:
             node.via = source
             node.delivered_ns = now_ns
-        self._near_sink(sender, now_ns)
+        self._note_sink_link(sender, now_ns)
 
     def _beacon(self, packet: Packet, now_ns: int) -> None:
         number = packet.source if packet.source >= 0 else packet.origin
@@ -247,44 +247,44 @@ class NetworkModel:
         if node is None:
             self.counters.without_origin += number < 0
             return
-        node.heard(now_ns)
+        node.on_packet(now_ns)
         self._route(node, packet.parent, packet.hops, packet.cost, now_ns,
                     packet.am_type == CtpBeacon.AM_TYPE and packet.stack == 'tinyos2')
         if node.parent != self.sink_id:
-            self._near_sink(node, now_ns)
+            self._note_sink_link(node, now_ns)
         for each in packet.fields.get('neighbours', ())[:_MOST_NEIGHBOURS]:
             other = self.nodes.get(each['address'])
             if other is not None and other is not node:
-                self._link(node, other, now_ns, lqi_of_beacons(each['quality'] / 250))
+                self._link(node, other, now_ns, lqi_of_beacon_share(each['quality'] / 250))
 
     def _debug(self, packet: Packet, now_ns: int) -> None:
         fields, is_ctp = packet.fields, packet.am_type == CollectionDebug.AM_TYPE
         if packet.origin >= 0 and packet.origin != self.sink_id:
             node = self.node(packet.origin)
             if node is not None:
-                node.heard(now_ns)
+                node.on_packet(now_ns)
                 if packet.name == 'new_parent':
                     self._route(node, packet.parent, packet.hops, packet.cost, now_ns, is_ctp)
             return
         if packet.name == 'received':
-            self._told(fields['message'], fields['origin'], fields['other'], is_ctp, now_ns)
+            self._reported(fields['message'], fields['origin'], fields['other'], is_ctp, now_ns)
         elif packet.name == 'beacon_received':
             node = self.node(fields['parent'])
             if node is not None:
-                node.heard(now_ns)
-                self._near_sink(node, now_ns)
+                node.on_packet(now_ns)
+                self._note_sink_link(node, now_ns)
                 self._cost(node, fields['metric'], now_ns)
         elif packet.name == 'loop':
             self.counters.loops_told += 1
 
-    def _told(self, number: int, origin: int, last: int, is_ctp: bool, now_ns: int) -> None:
-        """Heed the sink's own mote, which tells of each packet that it received."""
+    def _reported(self, number: int, origin: int, last: int, is_ctp: bool, now_ns: int) -> None:
+        """Evaluate a report of the sink's own mote on a packet that it received."""
         node = self.node(origin)
         if node is None:
             return
-        if node.told is None:
-            node.told = SequenceAccount(8 if is_ctp else 16, self._since_ns)
-        node.told.take(number, number, now_ns)
+        if node.sink_account is None:
+            node.sink_account = SequenceAccount(8 if is_ctp else 16, self._since_ns)
+        node.sink_account.add(number, number, now_ns)
         node.delivered_ns = now_ns
         if not is_ctp:
             return
@@ -293,19 +293,19 @@ class NetworkModel:
             self._set_parent(node, self.sink_id, now_ns)
             node.hops = 1
         elif node.parent == self.sink_id:
-            node.parent = node.hops = NOBODY
+            node.parent = node.hops = NO_NODE
 
-    # ---- ways --------------------------------------------------------------------------------
+    # ---- routes ------------------------------------------------------------------------------
 
     def _route(self, node: NetworkNode, parent: int, hops: int, cost: int, now_ns: int,
                is_ctp: bool) -> None:
-        """Learn what a node says of its own route."""
+        """Learn the route that a node reports."""
         if cost == 0 or parent == node.id:
             node.claims_sink_ns = now_ns
             return
-        node.parent = parent if 0 <= parent <= HIGHEST_ID else NOBODY
+        node.parent = parent if 0 <= parent <= HIGHEST_ID else NO_NODE
         node.parent_ns = now_ns
-        node.hops = hops if 0 < hops <= _MOST_HOPS else NOBODY
+        node.hops = hops if 0 < hops <= _MOST_HOPS else NO_NODE
         self._cost(node, cost, now_ns)
         if node.parent < 0 or node.cost < 0:
             return
@@ -321,32 +321,32 @@ class NetworkModel:
                 lqi_of_etx(link / 10) if is_ctp else lqi_of_link_cost(link)))
 
     def _cost(self, node: NetworkNode, cost: int, now_ns: int) -> None:
-        node.cost = cost if 0 < cost < _NO_ROUTE else NOBODY
+        node.cost = cost if 0 < cost < _NO_ROUTE else NO_NODE
         node.cost_ns = now_ns
         if cost == 0:
             node.claims_sink_ns = now_ns
 
     def _set_parent(self, node: NetworkNode, parent: int, now_ns: int) -> None:
         known = 0 <= parent <= HIGHEST_ID and parent != node.id
-        node.parent = parent if known else NOBODY
+        node.parent = parent if known else NO_NODE
         node.parent_ns = now_ns
         if known and not node.surveyed:
             other = self.nodes.get(parent)
             if other is not None or parent == self.sink_id:
                 self._link(node, other, now_ns)
 
-    def _near_sink(self, node: NetworkNode, now_ns: int) -> None:
-        """Note that the sink hears a node; where it is then is a place to estimate from."""
+    def _note_sink_link(self, node: NetworkNode, now_ns: int) -> None:
+        """Note that the sink receives a node; its present position helps to locate the node."""
         if not node.surveyed:
             self._link(node, None, now_ns)
 
     def _link(self, node: NetworkNode, other: NetworkNode | None, now_ns: int,
               lqi: float | None = None) -> None:
         """
-        Learn where nodes are from a link between two.
+        Use a link between two nodes to estimate their positions.
 
         :param other: None for the sink.
-        :param lqi: None where they are only known to hear each other.
+        :param lqi: None where only the existence of the link is known.
         """
         if other is None:
             x, y, _ = self.sink_place
@@ -357,8 +357,8 @@ class NetworkModel:
         elif node.surveyed and not other.surveyed:
             other.links.note(node.id, node.x, node.y, now_ns, lqi)
 
-    def _make_room(self) -> bool:
-        """Forget the node that was heard once, longest ago: a slip in somebody's address."""
+    def _evict_node(self) -> bool:
+        """Remove the node that sent one packet, longest ago: probably a damaged address."""
         once = [node for node in self.nodes.values()
                 if not node.known and node.packets <= 1 and node.heard_ns < self.last_ns]
         if not once:
@@ -369,11 +369,11 @@ class NetworkModel:
 
 
 def _fingerprint(packet: Packet) -> int:
-    """Return what is the same in each copy of a packet, whatever way it came."""
+    """Return a hash that is the same for each copy of a packet, whatever its route."""
     fields = packet.fields
     return hash((packet.name, *((name, value) for name, value in fields.items() if type(
-        value) is int and name not in _ON_THE_WAY), *packet.readings.values()))
+        value) is int and name not in _PER_HOP), *packet.readings.values()))
 
 
-# Numbers in headers that change from hop to hop.
-_ON_THE_WAY: Final = frozenset(('seqno', 'options', 'thl', 'etx'))
+# Fields of headers that change at each hop.
+_PER_HOP: Final = frozenset(('seqno', 'options', 'thl', 'etx'))

@@ -15,8 +15,8 @@
 """
 The model of a sensor network, on the topics of a sink.
 
-What it knows is :class:`rt_robot_os.features.wsn.sensor_network.model.NetworkModel`; here are only
-topics, times and the words of the diagnostics.
+The model is :class:`rt_robot_os.features.wsn.sensor_network.model.NetworkModel`; this module has
+the topics, the times and the texts of the diagnostics.
 """
 
 from __future__ import annotations
@@ -47,17 +47,17 @@ from rt_robot_os.modules.base import Module
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 
-# A round is not worth more of a core.
+# Shortest time between two evaluations.
 _ROUND_NS: Final = NS_PER_S // 5
-# Nodes with a line of their own in the diagnostics.
+# Largest number of nodes with a line of their own in the diagnostics.
 _LINES: Final = 32
 
 
 class SensorNetwork(Module):
     """
-    Model a sensor network from all packets that come to its sink.
+    Model a sensor network from all packets that arrive at its sink.
 
-    Packets release it, and its rate: that of the rounds in which nodes are judged and published.
+    Packets release it, and its rate, at which the nodes are evaluated and published.
     """
 
     pose = Input('', message='geometry_msgs/msg/PoseWithCovarianceStamped', newest=True)
@@ -70,7 +70,7 @@ class SensorNetwork(Module):
         """
         Read the survey.
 
-        :raises ConfigError: it, or something else that is set, cannot be used.
+        :raises ConfigError: the survey or another setting cannot be used.
         """
         super().__init__(name, settings)
         check_topics(name, settings)
@@ -81,12 +81,12 @@ class SensorNetwork(Module):
         self._model: NetworkModel | None = None
         self._watch: NetworkWatch | None = None
         self._next_ns = 0
-        self._told: frozenset[tuple[str, int]] = frozenset()
+        self._reported: frozenset[tuple[str, int]] = frozenset()
 
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic."""
+        """Return whether a port has a topic; the others are unused."""
         return bool(self.topic_of(attribute))
 
     def listed_inputs(self) -> Mapping[str, Input]:
@@ -95,7 +95,7 @@ class SensorNetwork(Module):
                 for topic in self.settings['packets_topics']}
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return the output, with room for all nodes and their names as the label of its rows."""
+        """Return the output, with space for all nodes, and their names as the label of its rows."""
         rows = 1 + len(self._survey) + self.settings['max_nodes']
         label = names_label({each.id: each.token for each in self._survey})
         return tuple(replace(each, tail=WIDTH * rows, fixed={'layout.dim': [{'label': label}]})
@@ -104,7 +104,7 @@ class SensorNetwork(Module):
     # ---- life --------------------------------------------------------------------------------
 
     def configure(self) -> None:
-        """Make the model."""
+        """Create the model."""
         s = self.settings
         now_ns = self.nodes.topic.kernel.now_ns()
         self._readers = [PacketReader(read) for read in self.listed.values()]
@@ -116,12 +116,12 @@ class SensorNetwork(Module):
             self._position = self.pose.topic.layout.packer('pose.pose.position').unpack
 
     def changed(self, name: str) -> None:
-        """Take over a limit."""
+        """Apply a changed limit."""
         if self._watch is not None:
             self._watch.limits = limits_from(self.settings)
 
     def step(self) -> None:
-        """Take what came; judge and publish the nodes when it is time."""
+        """Process new packets; evaluate and publish the nodes when it is time."""
         model, watch = self._model, self._watch
         if model is None or watch is None:
             return
@@ -132,21 +132,21 @@ class SensorNetwork(Module):
         if self.connected('command'):
             while self.command.take():
                 model.command(str(self.command.msg.data))
-        decode, take = self._decoder.decode, model.take
+        decode, update = self._decoder.decode, model.update
         for reader in self._readers:
             while (data := reader.take()) is not None:
-                take(decode(data), reader.stamp_ns)
-        # Not the time that it is: so that a replay gives the same.
+                update(decode(data), reader.stamp_ns)
+        # Not the present time, so that a replay gives the same result.
         now_ns = max(self.job_ns, *(reader.stamp_ns for reader in self._readers))
         if now_ns >= self._next_ns:
-            watch.look(now_ns)
+            watch.evaluate(now_ns)
             self._tell(watch)
             self._publish(model, now_ns)
-            # The next release is a little early or late.
+            # The next release may be a little early or late.
             self._next_ns = now_ns + max(self.period_ns or NS_PER_S, _ROUND_NS) * 7 // 8
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell what is wrong, what came, and how each node is."""
+        """Return the troubles, the counters and the state of each node."""
         model, watch = self._model, self._watch
         if model is None or watch is None:
             return {}
@@ -169,12 +169,12 @@ class SensorNetwork(Module):
     # ---- work --------------------------------------------------------------------------------
 
     def _tell(self, watch: NetworkWatch) -> None:
-        """Log what has come up since the last round."""
-        told = self._told
+        """Log the troubles that are new since the last evaluation."""
+        told = self._reported
         for trouble in watch.troubles:
             if (trouble.kind, trouble.node) not in told:
                 self.log.warn('%s', trouble.text, throttle_s=1.0)
-        self._told = frozenset((each.kind, each.node) for each in watch.troubles)
+        self._reported = frozenset((each.kind, each.node) for each in watch.troubles)
 
     def _publish(self, model: NetworkModel, now_ns: int) -> None:
         self.nodes.msg.data = [number for row in model.rows(now_ns) for number in row]

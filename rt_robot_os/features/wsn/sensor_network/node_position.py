@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Where a node is that nobody surveyed, from how well it hears those whose places are known.
+Position estimate of a node without a survey, from its links to nodes with known positions.
 
-The quality of a link says how far away its other end is, roughly: the path loss of rooms, with
-several dB of walls and furniture. The estimate begins at the centroid, weighted by quality, and is
-drawn by least squares of the logarithms of distances to where it fits best; a factor common to all
-distances is estimated along, so that another transmit power or a richer house does not matter.
-Bounded; safe in the real-time loop at a low rate.
+The quality of a link gives a rough distance: the path loss of rooms, with several dB of walls and
+furniture. The estimate starts at the centroid, weighted by quality, and minimizes the squares of
+the errors of the logarithmic distances. A factor common to all distances is estimated as well,
+which removes the influence of the transmit power and the building. Bounded; safe in the real-time
+loop at a low rate.
 """
 
 from __future__ import annotations
@@ -31,36 +31,36 @@ import math
 from typing import Final
 from typing import NamedTuple
 
-#: Links of one node that are kept; the least recent goes first.
+#: Largest number of links of one node; the least recent is removed first.
 MOST_LINKS: Final = 32
-# Mean LQI of received frames by their signal to noise ratio in dB, as measured on CC2420.
+# Mean LQI of received frames by signal to noise ratio in dB, measured with the CC2420.
 _LQI: Final = (79.0, 84.0, 89.0, 94.0, 97.0, 100.0, 103.0, 104.0, 105.5, 106.6, 107.3)
 _SNR_DB: Final = (2.0, 3.0, 5.0, 7.0, 8.0, 10.0, 11.0, 12.0, 14.0, 17.0, 30.0)
-# What is only known to be heard is a room or two away.
+# LQI for links without a quality: a distance of one or two rooms.
 _HEARD_LQI: Final = 105.0
 _WORST_LQI: Final = 80.0
-# Transmissions a packet, and what LQI they come with.
+# Transmissions per packet, and the corresponding LQI.
 _ETX: Final = ((1.0, 105.0), (1.5, 91.0), (2.0, 88.0), (5.0, 82.0))
-# Indoors: 0 dBm sent, 46 dB lost in the first metre, noise at -96 dBm; walls, which nobody knows
-# here, make the exponent larger than that of a room.
+# Indoors: 0 dBm sent, 46 dB lost in the first metre, noise at -96 dBm; the unknown
+# walls make the exponent larger than that of a room.
 _SNR_AT_1_M_DB: Final = 50.0
 _EXPONENT: Final = 3.5
-# One frame's quality says its distance to a factor of about two.
+# The quality of one frame gives the distance within a factor of about two.
 _LOG_STDDEV: Final = 1.0
-# How far the common factor may be from 1: a factor of three.
+# Standard deviation of the common factor: a factor of three.
 _FACTOR_STDDEV: Final = 1.1
 _NEAREST_M: Final = 0.3
-# More links than this say little more.
+# More links than this improve the estimate only a little.
 _INDEPENDENT: Final = 4.0
 _ROUNDS: Final = 12
 
 
-class Link(NamedTuple):
+class PositionLink(NamedTuple):
     """
-    A link to a known place.
+    A link to a node at a known position.
 
-    :ivar x: of the other end, in m; so is y.
-    :ivar distance_m: as its quality says.
+    :ivar x: of the other end, in m, as is y.
+    :ivar distance_m: derived from its quality.
     """
 
     x: float
@@ -68,12 +68,12 @@ class Link(NamedTuple):
     distance_m: float
 
 
-class Place(NamedTuple):
+class PositionEstimate(NamedTuple):
     """
-    An estimate.
+    An estimate of a position.
 
-    :ivar x: in m; so is y.
-    :ivar stddev_m: how sure it is.
+    :ivar x: in m, as is y.
+    :ivar stddev_m: its standard deviation.
     """
 
     x: float
@@ -82,7 +82,7 @@ class Place(NamedTuple):
 
 
 def distance_of_lqi(lqi: float) -> float:
-    """Return the distance in m that an LQI means indoors."""
+    """Return the distance in m that corresponds to an LQI indoors."""
     if lqi <= _LQI[0]:
         snr = _SNR_DB[0]
     elif lqi >= _LQI[-1]:
@@ -95,26 +95,26 @@ def distance_of_lqi(lqi: float) -> float:
 
 
 def lqi_of_link_cost(cost: int) -> float:
-    """Return the LQI that MultiHopLQI gives this link cost; it saturates at 110."""
+    """Return the LQI to which MultiHopLQI gives this link cost; it saturates at 110."""
     return float(min(110.0, max(50.0, 130.0 - (64.0 * max(cost, 0)) ** (1.0 / 3.0))))
 
 
 def lqi_of_etx(transmissions: float) -> float:
-    """Return the LQI of links that need so many transmissions a packet, as CTP counts them."""
+    """Return the LQI of links with this number of transmissions per packet (CTP's ETX)."""
     for (low, high_lqi), (high, low_lqi) in pairwise(_ETX):
         if transmissions <= high:
             return high_lqi + (low_lqi - high_lqi) * max(0.0, transmissions - low) / (high - low)
     return _ETX[-1][1]
 
 
-def lqi_of_beacons(share: float) -> float:
-    """Return the LQI of links over which this share of beacons comes."""
+def lqi_of_beacon_share(share: float) -> float:
+    """Return the LQI of links that deliver this share of beacons."""
     return _WORST_LQI + (_HEARD_LQI - _WORST_LQI) * max(0.0, min(share, 1.0))
 
 
-def estimate(links: Sequence[Link]) -> Place | None:
+def estimate(links: Sequence[PositionLink]) -> PositionEstimate | None:
     """
-    Return where the node is.
+    Estimate the position of a node.
 
     :return: None without links.
     """
@@ -128,14 +128,14 @@ def estimate(links: Sequence[Link]) -> Place | None:
         w * ((each.x - x) ** 2 + (each.y - y) ** 2) for w, each in zip(weights, links)) / total)
     reach = sum(w * each.distance_m for w, each in zip(weights, links)) / total
     if len(links) < 3 or spread < _NEAREST_M:
-        return Place(x, y, max(spread, reach, _NEAREST_M))
+        return PositionEstimate(x, y, max(spread, reach, _NEAREST_M))
     return _fitted(links, x, y, spread)
 
 
-def _fitted(links: Sequence[Link], x: float, y: float, spread: float) -> Place:
-    """Fit the place, and the common factor of the distances, from the centroid on."""
+def _fitted(links: Sequence[PositionLink], x: float, y: float, spread: float) -> PositionEstimate:
+    """Fit the position and the common factor of the distances, starting at the centroid."""
     from_x, from_y, factor = x, y, 0.0
-    held = 1.0 / (2.0 * spread) ** 2  # the centroid holds it where nothing else does
+    held = 1.0 / (2.0 * spread) ** 2  # a weak prior at the centroid
     weight = 1.0 / _LOG_STDDEV ** 2
     xx = yy = held
     xy = residuals = 0.0
@@ -158,7 +158,7 @@ def _fitted(links: Sequence[Link], x: float, y: float, spread: float) -> Place:
             gy -= weight * ay * error
             gf += weight * error
             residuals += weight * error * error
-        # The factor is solved for in place, so that two unknowns stay.
+        # Eliminate the factor, so that two unknowns remain.
         xx, xy, yy = xx - xf * xf / ff, xy - xf * yf / ff, yy - yf * yf / ff
         gx, gy = gx - xf * gf / ff, gy - yf * gf / ff
         determinant = xx * yy - xy * xy
@@ -170,16 +170,17 @@ def _fitted(links: Sequence[Link], x: float, y: float, spread: float) -> Place:
         if length < 0.01:
             break
     if not math.hypot(x - from_x, y - from_y) <= 3.0 * spread:
-        return Place(from_x, from_y, 2.0 * spread)  # nothing fits: the centroid is what is known
-    # Links side by side go through the same walls.
+        # No convergence: use the centroid.
+        return PositionEstimate(from_x, from_y, 2.0 * spread)
+    # Neighbouring links pass through the same walls.
     worse = max(1.0, math.sqrt(residuals / len(links))) * max(
         1.0, math.sqrt(len(links) / _INDEPENDENT))
-    return _on_its_side(links, Place(x, y, worse * math.sqrt(
+    return _resolve_mirror(links, PositionEstimate(x, y, worse * math.sqrt(
         (xx + yy) / (xx * yy - xy * xy))))
 
 
-def _on_its_side(links: Sequence[Link], found: Place) -> Place:
-    """Return the foot on the line where all known places lie on one: either side fits as well."""
+def _resolve_mirror(links: Sequence[PositionLink], found: PositionEstimate) -> PositionEstimate:
+    """Project onto the line when all known positions lie on one: both sides fit equally."""
     count = len(links)
     x, y = sum(each.x for each in links) / count, sum(each.y for each in links) / count
     xx = sum((each.x - x) ** 2 for each in links) / count
@@ -192,30 +193,30 @@ def _on_its_side(links: Sequence[Link], found: Place) -> Place:
                           + yy * across_y ** 2))
     if 2.0 * width >= abs(beside):
         return found
-    return Place(found.x - beside * across_x, found.y - beside * across_y,
-                 math.hypot(found.stddev_m, beside))
+    return PositionEstimate(found.x - beside * across_x, found.y - beside * across_y,
+                            math.hypot(found.stddev_m, beside))
 
 
 class LinkLog:
     """
-    The links of one node, by who is at the other end; the mean of what was heard of each.
+    The links of one node by their other end, each with its mean quality.
 
-    :ivar age_ns: how long a link counts, for nodes that somebody wears; 0 for ever.
+    :ivar age_ns: age up to which a link is used, for wearable nodes; 0 for no limit.
     """
 
     __slots__ = ('age_ns', '_links', '_noted')
 
     def __init__(self) -> None:
         self.age_ns = 0
-        self._links: dict[Hashable, Link] = {}
+        self._links: dict[Hashable, PositionLink] = {}
         self._noted: dict[Hashable, int] = {}
 
     def note(self, other: Hashable, x: float, y: float, now_ns: int, lqi: float | None = None
              ) -> None:
         """
-        Note how well the node hears, or is heard at, a known place.
+        Note a link between the node and a known position.
 
-        :param lqi: None where it is only known that it is.
+        :param lqi: None where only the existence of the link is known.
         """
         before = self._links.pop(other, None)
         noted_ns = self._noted.pop(other, now_ns)
@@ -224,19 +225,19 @@ class LinkLog:
         if before is not None and self._counts(noted_ns, now_ns):
             if lqi is None:
                 distance_m = before.distance_m
-            # A mean of logarithms: one frame says little.
+            # A mean of logarithms, since one frame is inaccurate.
             distance_m = math.exp(math.log(before.distance_m) + (
                 math.log(distance_m) - math.log(before.distance_m)) / 8)
         elif len(self._links) >= MOST_LINKS:
             oldest = next(iter(self._links))
             del self._links[oldest], self._noted[oldest]
-        self._links[other] = Link(x, y, distance_m)
+        self._links[other] = PositionLink(x, y, distance_m)
 
     def __len__(self) -> int:
         return len(self._links)
 
-    def place(self, now_ns: int) -> Place | None:
-        """Return where the node is; None while nothing says."""
+    def place(self, now_ns: int) -> PositionEstimate | None:
+        """Return the estimated position; None while unknown."""
         return estimate([link for other, link in self._links.items()
                          if self._counts(self._noted[other], now_ns)])
 

@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-What became of the packets that a node sent, by the numbers in those that came.
+Counts received, lost and duplicate packets of a node by their sequence numbers.
 
-A packet that is missing is lost, counted once; one that comes late after all is not. A number that
-came before is a duplicate when it came not long ago and says the same. Numbers that begin again
-are a reboot: two packets have to agree on that, so that a stray one changes nothing. Two sequences
-that both go on are two nodes with one number. Everything is bounded, and safe in the real-time
-loop.
+A missing packet is lost, unless it arrives late. A number that was received recently with the same
+content is a duplicate. Numbers that restart indicate a reboot: two packets have to confirm it, so
+that a single stray one has no effect. Two sequences that continue in parallel are two nodes with
+the same id. Everything is bounded, and safe in the real-time loop.
 """
 
 from __future__ import annotations
@@ -28,26 +27,26 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 
-# So many numbers back it is known which came; a power of two.
+# Size of the receive window, a power of two.
 WINDOW: Final = 64
 _ALL: Final = (1 << WINDOW) - 1
-#: Older than this a number that comes again is no duplicate, and a missing one does not come.
+#: Largest age of the first copy of a duplicate, and of a packet that is late.
 LATE_NS: Final = 30 * NS_PER_S
-# The period of a node is averaged over so many packets; with a few it may be that of a burst.
+# Number of packets over which the period is averaged; a few may be a burst.
 _AVERAGED: Final = 32
 _SETTLED: Final = 8
 _ROUGHLY: Final = 2
-# Numbers may be so much further ahead than the time explains: packets wait on their way.
+# Tolerance of numbers ahead of the time that has passed, since packets wait in queues.
 _AHEAD: Final = {8: 112}
-# Where a counter that begins again may be heard first, without a period that says more.
+# Largest first number after a reboot while the period is unknown.
 _NEAR_0: Final = 16
-# A node that could not send for a while goes on with what waits in its queue.
+# Length of the queue that a node sends after an interruption.
 _IN_ORDER: Final = 4
-# A sequence that seemed to have ended goes on where it was.
+# Largest step of a replaced sequence that continues.
 _GOES_ON: Final = 8
-# A sequence that goes on so often after it was replaced is that of another node.
+# Continuations of a replaced sequence until it is that of another node.
 _TWIN: Final = 3
-# So many repeated numbers in a row, at the period of the node, are a node that began again.
+# Repeated numbers in a row, at the period of the node, until they count as a reboot.
 _REPEATED: Final = 3
 
 NEW: Final = 0
@@ -57,9 +56,9 @@ _FOREIGN: Final = 3
 
 
 class _Stream:
-    """Numbers that follow each other, unwrapped: ``highest`` and ``first`` never wrap."""
+    """A sequence of numbers; ``highest`` and ``first`` are unwrapped."""
 
-    __slots__ = ('bits', 'first', 'highest', 'seen', 'heard_ns', 'began_ns', 'since_ns', 'lost',
+    __slots__ = ('bits', 'first', 'highest', 'seen', 'last_ns', 'began_ns', 'since_ns', 'lost',
                  'period_ns', 'prints', 'times', 'anchors', 'witnessed')
 
     def __init__(self, number: int, bits: int, fingerprint: int, now_ns: int, since_ns: int
@@ -67,8 +66,8 @@ class _Stream:
         self.bits = bits
         self.first = self.highest = number
         self.seen = 1
-        self.heard_ns = self.began_ns = now_ns
-        self.since_ns = since_ns  # nobody listened before, or the node ran on other numbers
+        self.last_ns = self.began_ns = now_ns
+        self.since_ns = since_ns  # start of listening, or the end of another sequence
         self.lost = 0
         self.period_ns = 0
         self.prints = [0] * WINDOW
@@ -78,7 +77,7 @@ class _Stream:
         self._mark(number, fingerprint, now_ns)
 
     def offer(self, number: int, fingerprint: int, now_ns: int, most: int = 1 << 32) -> int:
-        """Take a number if it fits, and is not further ahead than ``most``."""
+        """Add a number if it fits and is not further ahead than ``most``."""
         ahead = self._ahead(number, now_ns)
         if ahead > most:
             return _FOREIGN
@@ -104,21 +103,21 @@ class _Stream:
         return LATE
 
     def lead(self) -> int:
-        """Return how many were lost before the first that came: those since it was listened."""
+        """Return the losses before the first number received, since the start of listening."""
         return self.first if self.period_ns and self.witnessed else 0
 
     def _ahead(self, number: int, now_ns: int) -> int:
-        """Return how far a number is ahead of the highest; after a long silence it has wrapped."""
+        """Return the distance from the highest number; after a long silence it has wrapped."""
         size = 1 << self.bits
         forward = number - self.highest & size - 1
         half = size >> 1
-        passed = (now_ns - self.heard_ns) // self.period_ns if self.period_ns else 0
+        passed = (now_ns - self.last_ns) // self.period_ns if self.period_ns else 0
         if 2 * passed > half and len(self.anchors) > _SETTLED:
             ahead = forward + size * ((passed - forward + half) // size)
-            if abs(passed - ahead) <= self._doubt(passed):
+            if abs(passed - ahead) <= self._tolerance(passed):
                 return ahead
             if passed > half:
-                return -WINDOW  # it began again, or another one did
+                return -WINDOW  # a reboot, of this node or another one
         if forward > half + min(passed, half // 4):
             return forward - size
         if self.bits == 8 and self._began_again(number, forward, passed):
@@ -127,19 +126,19 @@ class _Stream:
             _AHEAD.get(self.bits, WINDOW) + passed + passed // 2) else -WINDOW
 
     def _began_again(self, number: int, forward: int, passed: int) -> bool:
-        """Tell a reboot from a loss where both would give such a number; 8 bits are few."""
+        """Distinguish a reboot from a loss where both explain a number of 8 bits."""
         return (number < self.highest & 0xFF and forward > _IN_ORDER and number <= passed + 2
-                and bool(self.period_ns) and abs(forward - passed) > self._doubt(passed))
+                and bool(self.period_ns) and abs(forward - passed) > self._tolerance(passed))
 
-    def _doubt(self, passed: int) -> int:
-        """Return how wrong a number is that the time says: a period is known to some packets."""
+    def _tolerance(self, passed: int) -> int:
+        """Return the tolerance of a number predicted from the time and the estimated period."""
         return 4 + 3 * passed // max(1, self.highest - self.anchors[0][0])
 
     def _advance(self, ahead: int, fingerprint: int, now_ns: int) -> None:
         self.lost += ahead - 1
         self.highest += ahead
         self.seen = (self.seen << ahead | 1) & _ALL if ahead < WINDOW else 1
-        self.heard_ns = now_ns
+        self.last_ns = now_ns
         self._mark(self.highest, fingerprint, now_ns)
         anchors = self.anchors
         settled = len(anchors) > _SETTLED
@@ -154,7 +153,7 @@ class _Stream:
             self._witness()
 
     def inherit(self, period_ns: int) -> None:
-        """Take over the period of the sequence before until it is known."""
+        """Use the period of the previous sequence until its own is known."""
         if not self.period_ns:
             self.period_ns = period_ns
             self._witness()
@@ -164,7 +163,7 @@ class _Stream:
         self.witnessed = (2 * self.first - 3) * self.period_ns <= 2 * passed_ns
 
     def _next_ns(self, back: int) -> int:
-        """Return when the number came that is the next higher one of those that did."""
+        """Return the arrival time of the next higher number received."""
         higher = self.seen & (1 << back) - 1
         return self.times[self.highest - higher.bit_length() + 1 & WINDOW - 1]
 
@@ -179,16 +178,16 @@ class SequenceAccount:
     The packets of one node.
 
     :param bits: of its counter: 8, 16 or 32.
-    :param since_ns: when somebody began to listen: what the node sent since then and was not
-        heard is lost, if its numbers say that it began after it.
-    :ivar received: packets that came, each counted once.
-    :ivar duplicates: packets that came again.
-    :ivar late: packets that came after later ones.
-    :ivar reboots: times that the numbers began again.
-    :ivar jumps: times that they went on further ahead than the time that had passed explains.
-    :ivar strays: numbers that nothing before or after fits.
-    :ivar twins: two sequences went on side by side: two nodes have this number.
-    :ivar twin_ns: when both were heard last.
+    :param since_ns: start of listening: packets that the node sent since then are lost when they
+        did not arrive, if its numbers show that it started later.
+    :ivar received: packets received, without duplicates.
+    :ivar duplicates: packets received again.
+    :ivar late: packets received after later ones.
+    :ivar reboots: restarts of the numbers.
+    :ivar jumps: steps of the numbers that are larger than the time that had passed explains.
+    :ivar strays: numbers that do not fit any others.
+    :ivar twins: two sequences continued in parallel: two nodes have this id.
+    :ivar twin_ns: time of the last packet that showed it.
     """
 
     __slots__ = ('bits', 'received', 'duplicates', 'late', 'reboots', 'jumps', 'strays', 'twins',
@@ -211,22 +210,22 @@ class SequenceAccount:
         self._repeat = -1
         self._repeat_ns = 0
 
-    def take(self, number: int, fingerprint: int, now_ns: int, renewed: bool = False) -> int:
+    def add(self, number: int, fingerprint: int, now_ns: int, renewed: bool = False) -> int:
         """
         Count a packet.
 
-        :param number: of the packet, from 0; only its lowest ``bits`` count.
-        :param fingerprint: of what the packet says; that of a duplicate is the same.
-        :param renewed: something else in the packet says that the node began again.
+        :param number: of the packet, from 0; only the lowest ``bits`` are used.
+        :param fingerprint: hash of the content, equal for duplicates.
+        :param renewed: another field of the packet shows that the node has rebooted.
         :return: NEW, DUPLICATE or LATE.
         """
         number &= (1 << self.bits) - 1
         main = self._main
         if main is not None and renewed and (
-                self._other is None or now_ns - self._other.heard_ns > LATE_NS):
+                self._other is None or now_ns - self._other.last_ns > LATE_NS):
             self._repeated = 0
             self.received += 1
-            self._switch(_Stream(number, self.bits, fingerprint, now_ns, main.heard_ns))
+            self._switch(_Stream(number, self.bits, fingerprint, now_ns, main.last_ns))
             return NEW
         if main is None:
             self._main = _Stream(number, self.bits, fingerprint, now_ns, self._since_ns)
@@ -251,19 +250,19 @@ class SequenceAccount:
 
     @property
     def lost(self) -> int:
-        """Return how many packets did not come, though numbers before or after them did."""
+        """Return the number of packets lost, according to the numbers received."""
         streams = (self._main, self._other)
         return self._closed_lost + sum(each.lost + each.lead() for each in streams if each)
 
     @property
     def delivery(self) -> float:
-        """Return the share that came; 1 before anything is known."""
+        """Return the share received; 1 before the first packet."""
         sent = self.received + self.lost
         return self.received / sent if sent else 1.0
 
     @property
     def period_ns(self) -> int:
-        """Return the usual time from packet to packet; 0 when not known yet."""
+        """Return the usual time between packets; 0 while unknown."""
         return self._main.period_ns if self._main else 0
 
     @property
@@ -273,7 +272,7 @@ class SequenceAccount:
 
     def _offer_others(self, main: _Stream, number: int, fingerprint: int, now_ns: int) -> int:
         other, candidate = self._other, self._candidate
-        if other is not None and now_ns - other.heard_ns > max(LATE_NS, 4 * other.period_ns):
+        if other is not None and now_ns - other.last_ns > max(LATE_NS, 4 * other.period_ns):
             self._close(other)
         elif other is not None:
             found = other.offer(number, fingerprint, now_ns, _GOES_ON)
@@ -289,18 +288,18 @@ class SequenceAccount:
                 self._switch(candidate)
                 return found
             self.strays += 1
-        self._candidate = _Stream(number, self.bits, fingerprint, now_ns, main.heard_ns)
+        self._candidate = _Stream(number, self.bits, fingerprint, now_ns, main.last_ns)
         return NEW
 
     def _claim(self, main: _Stream, candidate: _Stream, now_ns: int) -> None:
-        """Take back what was doubted, where it fills the gap that has come up now."""
+        """Drop the candidate where it fits the gap that has just been found."""
         number = candidate.first
         if candidate.first == candidate.highest and main.offer(
                 number, candidate.prints[number & WINDOW - 1], now_ns, 0) == LATE:
             self._candidate = None
 
     def _went_on(self, now_ns: int) -> None:
-        """Notice that a sequence that seemed to have ended goes on."""
+        """Note that a replaced sequence continues."""
         self._other_hits += 1
         if self._other_hits >= _TWIN:
             self.twin_ns = now_ns
@@ -309,13 +308,13 @@ class SequenceAccount:
             self.reboots = max(0, self.reboots - 1)
 
     def _switch(self, candidate: _Stream) -> None:
-        """Two packets agree: the node, or another one, goes on from there."""
+        """Continue with the candidate, which two packets have confirmed."""
         main = self._main
         assert main is not None
         self._close(self._other)
         if self._jumped(main, candidate):
             self.jumps += 1
-            candidate.since_ns = candidate.began_ns  # what it passed over was never sent
+            candidate.since_ns = candidate.began_ns  # the numbers between were never sent
         else:
             self.reboots += 1
         candidate.inherit(main.period_ns)
@@ -323,7 +322,7 @@ class SequenceAccount:
         self._other_hits = 0
 
     def _close(self, stream: _Stream | None) -> None:
-        """Keep what is known of a sequence that has ended."""
+        """Keep the losses of a sequence that has ended."""
         if stream is not None:
             self._closed_lost += stream.lost + stream.lead()
         self._other = None
@@ -336,19 +335,19 @@ class SequenceAccount:
         return forward <= size >> 1 and not began_again and candidate.first > _NEAR_0
 
     def _again(self, main: _Stream, number: int, fingerprint: int, now_ns: int) -> int:
-        """Count a duplicate; a node that began again with the same data repeats itself, too."""
+        """Count a duplicate, or detect a reboot after which a node repeats the same data."""
         follows = number == self._repeat + 1 and 2 * (now_ns - self._repeat_ns) > main.period_ns
         if number != self._repeat:
             self._repeated = self._repeated + 1 if follows and main.period_ns else 1
             self._repeat, self._repeat_ns = number, now_ns
         self.duplicates += 1
-        # Copies come soon; and after a wrap small numbers are large ones.
+        # Duplicates arrive soon; and after a wrap small numbers are large ones.
         if self._repeated < _REPEATED or number + 1 - _REPEATED > _REPEATED or (
-                now_ns - main.heard_ns < (_REPEATED + 1) * main.period_ns
+                now_ns - main.last_ns < (_REPEATED + 1) * main.period_ns
                 or main.highest >> self.bits):
             return DUPLICATE
         again = _Stream(number + 1 - _REPEATED, self.bits, fingerprint,
-                        now_ns - (_REPEATED - 1) * main.period_ns, main.heard_ns)
+                        now_ns - (_REPEATED - 1) * main.period_ns, main.last_ns)
         for each in range(number + 2 - _REPEATED, number + 1):
             again.offer(each, fingerprint, now_ns)
         self.duplicates -= _REPEATED

@@ -13,9 +13,10 @@
 # limitations under the License.
 
 """
-What is wrong in a network: a text for each trouble, and the state of each node.
+Evaluates a network: a text for each trouble, and the state of each node.
 
-A round over all nodes, some us each; meant for once a second. Safe in the real-time loop.
+An evaluation takes a few us per node and is intended for once a second. Safe in the real-time
+loop.
 """
 
 from __future__ import annotations
@@ -29,26 +30,27 @@ from rt_robot_os.features.wsn.sensor_network.model import NetworkModel
 from rt_robot_os.features.wsn.sensor_network.node import NetworkNode
 from rt_robot_os.messages.network_rows import NodeState
 
-#: Troubles that are told at once, at most; the rest are counted.
-MOST_TOLD: Final = 5
-# How long something that happened once is told.
-_TOLD_NS: Final = 60 * NS_PER_S
-# Below so many packets a share says little.
+#: Largest number of troubles in the warning; the others are counted.
+MOST_REPORTED: Final = 5
+# How long an event is reported.
+_EVENT_NS: Final = 60 * NS_PER_S
+# Least number of packets for a meaningful share.
 _ENOUGH: Final = 10
-# The place of a node is estimated anew so often, in rounds.
+# Number of evaluations between two position estimates of a node.
 _PLACE_ROUNDS: Final = 10
 
 
 @dataclass
-class Limits:
+class NetworkLimits:
     """
-    What counts as trouble.
+    Limits of the evaluation.
 
-    :ivar silent_periods: so many of a node's own periods without a packet are silence.
-    :ivar silent_s: the same in s, at least; for nodes whose period is not known, ten times that.
-    :ivar delivery: share of packets below which a node is weak.
-    :ivar battery_v: volts below which its battery is nearly empty.
-    :ivar days: days left below which it is, too.
+    :ivar silent_periods: number of a node's own periods without a packet until it is silent.
+    :ivar silent_s: least time in s until it is silent; ten times that while its period is
+        unknown.
+    :ivar delivery: share of packets received below which a node is weak.
+    :ivar battery_v: voltage below which its battery is nearly empty.
+    :ivar days: remaining days below which its battery is nearly empty.
     """
 
     silent_periods: float = 10.0
@@ -60,11 +62,11 @@ class Limits:
 
 class Trouble(NamedTuple):
     """
-    Something that is wrong.
+    A problem of a node or of the network.
 
-    :ivar kind: such as ``silent``; with ``node`` it tells one trouble from another.
-    :ivar node: its number; -1 when it is none of a node.
-    :ivar text: for people.
+    :ivar kind: such as ``silent``; with ``node`` it identifies the trouble.
+    :ivar node: id of the node; -1 for the network.
+    :ivar text: description for the diagnostics.
     """
 
     kind: str
@@ -74,25 +76,25 @@ class Trouble(NamedTuple):
 
 class NetworkWatch:
     """
-    Look after a network.
+    Evaluates the nodes of a network.
 
-    :ivar limits: see :class:`Limits`; may be changed at any time.
-    :ivar troubles: of the last round, the worst first.
-    :ivar silent: how many nodes are silent now; so are ``weak``, ``good`` and ``unheard``.
+    :ivar limits: see :class:`NetworkLimits`; may be changed at any time.
+    :ivar troubles: of the last evaluation.
+    :ivar silent: number of silent nodes, as are ``weak``, ``good`` and ``unheard``.
     """
 
-    def __init__(self, model: NetworkModel, limits: Limits | None = None) -> None:
-        self.limits = limits or Limits()
+    def __init__(self, model: NetworkModel, limits: NetworkLimits | None = None) -> None:
+        self.limits = limits or NetworkLimits()
         self.troubles: tuple[Trouble, ...] = ()
         self.good = self.weak = self.silent = self.unheard = 0
         self._model = model
         self._rounds = 0
         self._since_ns = -1
         self._counts: dict[int, tuple[int, int]] = {}
-        self._happened: dict[tuple[str, int], tuple[int, str]] = {}
+        self._events: dict[tuple[str, int], tuple[int, str]] = {}
 
-    def look(self, now_ns: int) -> None:
-        """Judge every node."""
+    def evaluate(self, now_ns: int) -> None:
+        """Evaluate every node."""
         model = self._model
         found: list[Trouble] = []
         states = dict.fromkeys(NodeState, 0)
@@ -102,19 +104,19 @@ class NetworkWatch:
         for node in model.nodes.values():
             if self._rounds % _PLACE_ROUNDS == node.id % _PLACE_ROUNDS and not node.surveyed:
                 node.place = node.links.place(now_ns) or node.place
-            self._happenings(node, now_ns)
-            node.state, own = self._judge(node, now_ns)
+            self._note_events(node, now_ns)
+            node.state, own = self._evaluate_node(node, now_ns)
             states[node.state] += 1
             found += own
         self._counts = {number: each for number, each in self._counts.items()
                         if number in model.nodes}
-        self._happened = {key: each for key, each in self._happened.items()
-                          if now_ns - each[0] <= _TOLD_NS and key[1] in model.nodes}
+        self._events = {key: each for key, each in self._events.items()
+                        if now_ns - each[0] <= _EVENT_NS and key[1] in model.nodes}
         found += (Trouble(kind, number, text)
-                  for (kind, number), (_, text) in self._happened.items())
+                  for (kind, number), (_, text) in self._events.items())
         if self._since_ns < 0:
             self._since_ns = now_ns
-        found += self._whole(now_ns)
+        found += self._evaluate_network(now_ns)
         self._rounds += 1
         self.good, self.weak = states[NodeState.GOOD], states[NodeState.WEAK]
         self.silent, self.unheard = states[NodeState.SILENT], states[NodeState.UNHEARD]
@@ -122,14 +124,14 @@ class NetworkWatch:
 
     def warning(self) -> str:
         """Return the troubles as one text; empty when there are none."""
-        told = [each.text for each in self.troubles[:MOST_TOLD]]
-        if len(self.troubles) > MOST_TOLD:
-            told.append(f'and {len(self.troubles) - MOST_TOLD} more')
+        told = [each.text for each in self.troubles[:MOST_REPORTED]]
+        if len(self.troubles) > MOST_REPORTED:
+            told.append(f'and {len(self.troubles) - MOST_REPORTED} more')
         return '; '.join(told)
 
     # ---- one node ----------------------------------------------------------------------------
 
-    def _judge(self, node: NetworkNode, now_ns: int) -> tuple[NodeState, list[Trouble]]:
+    def _evaluate_node(self, node: NetworkNode, now_ns: int) -> tuple[NodeState, list[Trouble]]:
         name, limits = name_of(node), self.limits
         found: list[Trouble] = []
         state = NodeState.GOOD
@@ -138,50 +140,50 @@ class NetworkWatch:
         volts = node.battery.volts
         days = node.battery.days_left()
         if volts < limits.battery_v:
-            found.append(Trouble('battery', node.id, f'{name} has {volts:.2f} V left: change its '
-                                                     'battery'))
+            found.append(Trouble('battery', node.id, f'{name} has a battery voltage of {volts:.2f} V: '
+                                                     'change its battery'))
         elif days < limits.days:
-            found.append(Trouble('battery', node.id, f'the battery of {name} lasts {days:.1f} '
-                                                     'days more: change it'))
+            found.append(Trouble('battery', node.id, f'the battery of {name} will be empty in '
+                                                     f'{days:.1f} days: change it'))
         recent = node.recent(now_ns)
         if recent < limits.delivery and node.received + node.lost >= _ENOUGH:
             found.append(Trouble('delivery', node.id, f'{name} loses {100 * (1 - recent):.0f} % '
-                                 'of its packets: its way to the sink is bad, or overloaded'))
+                                 'of its packets: its route to the sink is bad or overloaded'))
         if found:
             state = NodeState.WEAK
         if node.in_loop:
             state = NodeState.DOUBTFUL
-        if (doubt := self._doubt(node, now_ns)) is not None:
+        if (doubt := self._address_conflict(node, now_ns)) is not None:
             state = NodeState.DOUBTFUL
             found.insert(0, doubt)
         if node.asleep:
             return NodeState.ASLEEP, []
         silent_ns = now_ns - node.heard_ns
-        if silent_ns > self._patience_ns(node):
+        if silent_ns > self._silence_ns(node):
             return NodeState.SILENT, [Trouble(
-                'silent', node.id, f'nothing has been heard of {name} for '
-                f'{silent_ns / NS_PER_S:.0f} s: is it on, and within reach of the others?')]
+                'silent', node.id, f'no packet from {name} for {silent_ns / NS_PER_S:.0f} s: check '
+                'that it is on, and within range of the others')]
         return state, found
 
-    def _doubt(self, node: NetworkNode, now_ns: int) -> Trouble | None:
+    def _address_conflict(self, node: NetworkNode, now_ns: int) -> Trouble | None:
         account = node.exact
-        if account is not None and account.twins and now_ns - account.twin_ns <= _TOLD_NS:
-            return Trouble('twins', node.id, f'two nodes have the number {node.id} ({node.name}): '
-                           'their packets count side by side; give one of them another number')
-        if node.claims_sink_ns >= 0 and now_ns - node.claims_sink_ns <= _TOLD_NS:
+        if account is not None and account.twins and now_ns - account.twin_ns <= _EVENT_NS:
+            return Trouble('twins', node.id, f'two nodes have the id {node.id} ({node.name}): '
+                           'their packets have two counters; give one of them another id')
+        if node.claims_sink_ns >= 0 and now_ns - node.claims_sink_ns <= _EVENT_NS:
             return Trouble('claims', node.id, f'{name_of(node)} claims to be the sink (its cost '
-                           f'is 0), which is {self._model.sink_id}: what goes there is lost')
+                           f'is 0), which is {self._model.sink_id}: packets sent to it are lost')
         return None
 
-    def _patience_ns(self, node: NetworkNode) -> int:
+    def _silence_ns(self, node: NetworkNode) -> int:
         limits = self.limits
         if not node.period_ns:
             return round(10 * limits.silent_s * NS_PER_S)
         return max(round(limits.silent_s * NS_PER_S), round(limits.silent_periods
                                                             * node.period_ns))
 
-    def _happenings(self, node: NetworkNode, now_ns: int) -> None:
-        """Notice reboots and jumps: they are told for a while."""
+    def _note_events(self, node: NetworkNode, now_ns: int) -> None:
+        """Note reboots and jumps, which are reported for some time."""
         account = node.exact
         if account is None:
             return
@@ -191,14 +193,14 @@ class NetworkWatch:
         if before is None or now == before:
             return
         if now[0] > before[0]:
-            self._happened['reboot', node.id] = now_ns, (
-                f'{name_of(node)} began anew ({now[0]} times so far): look at its battery')
+            self._events['reboot', node.id] = now_ns, (
+                f'{name_of(node)} rebooted ({now[0]} times so far): check its battery')
         if now[1] > before[1]:
-            self._happened['jump', node.id] = now_ns, (
-                f'the counter of {name_of(node)} jumped ({now[1]} times so far): what was lost '
-                'there is not known')
+            self._events['jump', node.id] = now_ns, (
+                f'the counter of {name_of(node)} jumped ({now[1]} times so far): the losses '
+                'are unknown')
 
-    # ---- the whole ---------------------------------------------------------------------------
+    # ---- the network -------------------------------------------------------------------------
 
     def _loops(self) -> list[Trouble]:
         """Find nodes whose parents lead back to themselves."""
@@ -213,28 +215,28 @@ class NetworkWatch:
             if number in way:
                 ring = list(way)[way[number]:]
                 done.update(way)
-                # What comes from within it shows that parents were only said at different times.
+                # Packets from within it show that the parents were reported at different times.
                 if max(nodes[each].delivered_ns for each in ring) >= min(
                         nodes[each].parent_ns for each in ring):
                     continue
                 for each in ring:
                     nodes[each].in_loop = True
                 told = ' > '.join(map(str, [*ring[:8], '...' if len(ring) > 8 else ring[0]]))
-                found.append(Trouble('loop', min(ring), f'the parents of nodes lead in a circle, '
-                                     f'{told}: what they send does not reach the sink'))
+                found.append(Trouble('loop', min(ring), f'routing loop {told}: the packets of these '
+                                     'nodes do not reach the sink'))
             done.update(way)
         return found
 
-    def _whole(self, now_ns: int) -> list[Trouble]:
+    def _evaluate_network(self, now_ns: int) -> list[Trouble]:
         model = self._model
         counters, found = model.counters, []
         silent_ns = round(self.limits.silent_s * NS_PER_S)
         if not counters.packets and now_ns - self._since_ns >= silent_ns:
-            found.append(Trouble('nothing', -1, 'no packet has come yet: is the sink connected?'))
+            found.append(Trouble('nothing', -1, 'no packet so far: check that the sink is connected'))
         if counters.nodes_refused:
-            found.append(Trouble('refused', -1, f'{counters.nodes_refused} packets came of more '
-                                 f'than max_nodes {model.max_nodes} nodes that nobody surveyed: '
-                                 'set it higher, or set group'))
+            found.append(Trouble('refused', -1, f'{counters.nodes_refused} packets of further nodes '
+                                 'outside the survey are not used: increase max_nodes, '
+                                 f'{model.max_nodes}, or set group'))
         if counters.packets and counters.foreign_groups == counters.packets:
             found.append(Trouble('group', -1, 'every packet is of another group than '
                                  f'{model.group}: set group'))
@@ -242,5 +244,5 @@ class NetworkWatch:
 
 
 def name_of(node: NetworkNode) -> str:
-    """Return what a node is called in texts."""
+    """Return the name of a node for texts."""
     return f'node {node.id}' if not node.known else f'{node.name} (node {node.id})'

@@ -15,8 +15,8 @@
 """
 The readings of sensor nodes, of one class of packets: a topic for each node and quantity.
 
-Each class has a module of its own, with a priority as its class has importance. What no sensor can
-have said is no reading: it is counted, and nothing is published.
+Each class has a module of its own, whose priority corresponds to the importance of the class.
+Implausible values are counted and not published.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from rt_robot_os.features.wsn.sensor_packets import PACKET_SETTINGS
 from rt_robot_os.features.wsn.sensor_packets import PacketReader
 from rt_robot_os.features.wsn.sensor_packets import PACKETS
 from rt_robot_os.features.wsn.sensor_packets import survey_from
-from rt_robot_os.features.wsn.sensor_readings.outputs import Output as ReadingOutput
+from rt_robot_os.features.wsn.sensor_readings.outputs import ReadingOutput
 from rt_robot_os.features.wsn.sensor_readings.outputs import topics_of
 from rt_robot_os.messages.quantities import quantity
 from rt_robot_os.modules.base import Module
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics.ports import Input
 
-# Of those that nobody surveyed so many are counted each by itself, and named.
+# Largest number of nodes outside the survey with a counter of their own.
 _NAMED: Final = 8
 _TOLD_NS: Final = 60 * NS_PER_S
 
@@ -54,14 +54,14 @@ class SensorReadings(Module):
 
     SETTINGS = (
         *PACKET_SETTINGS,
-        Field('prefix', str, 'wsn', 'Beginning of the names of the topics: wsn/hall/temperature'),
-        Field('quantities', list, [], 'What is published, of what the nodes of the survey '
-              'measure: those that come in packets of this class; empty: all'),
+        Field('prefix', str, 'wsn', 'First part of the names of the topics, as in wsn/hall/temperature'),
+        Field('quantities', list, [], 'Quantities to publish, of those of the nodes of the '
+              'survey; empty: all'),
     )
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Read the survey, which says what topics there are.
+        Read the survey, which determines the topics.
 
         :raises ConfigError: it cannot be read, or nothing would be published.
         """
@@ -87,7 +87,7 @@ class SensorReadings(Module):
         return tuple(spec for _, _, spec in self._topics)
 
     def bind(self, bus: Bus, task: Any) -> None:
-        """Connect the input, and the outputs that the survey gives."""
+        """Connect the input, and the outputs according to the survey."""
         super().bind(bus, task)
         for number, each, spec in self._topics:
             self._outputs.setdefault(number, {})[each.name] = ReadingOutput(
@@ -96,7 +96,7 @@ class SensorReadings(Module):
     # ---- life --------------------------------------------------------------------------------
 
     def configure(self) -> None:
-        """Prepare."""
+        """Prepare the reader of the packets."""
         self._reader = PacketReader(self.packets)
 
     def step(self) -> None:
@@ -108,7 +108,7 @@ class SensorReadings(Module):
             self._publish(data, reader.stamp_ns)
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell what came, and what was no reading."""
+        """Return the counters of readings and problems."""
         now_ns = self.kernel.now_ns() if self.kernel else 0
         return {
             'warning': '; '.join(text for since_ns, text in list(self._told.values())
@@ -142,30 +142,31 @@ class SensorReadings(Module):
             else:
                 self._implausible += 1
                 self._tell('implausible', stamp_ns, (
-                    f'{self._names[packet.origin]} says {name} {value:g} {output.quantity.unit}, '
-                    'which no sensor does: it is broken, not worn, or converted wrongly'))
+                    f'{self._names[packet.origin]} reports {name} {value:g} {output.quantity.unit}, '
+                    'which is implausible: the sensor is defective or not worn, or the conversion '
+                    'is wrong'))
 
     def _no_topics_of(self, number: int, stamp_ns: int) -> None:
         if number in self._names:
-            return  # surveyed, and nothing of it is wanted here
+            return  # surveyed, but without a selected quantity
         if number < 0:
             self._without_origin += 1
             return
         self._strangers += 1
         if number in self._strangers_named or len(self._strangers_named) < _NAMED:
             self._strangers_named[number] += 1
-        self._tell('stranger', stamp_ns, f'node {number} sends readings, and nobody surveyed it: '
+        self._tell('stranger', stamp_ns, f'node {number} sends readings but is not in the survey: '
                                          'add it to nodes_file or nodes')
 
     def _not_surveyed(self, number: int, name: str, stamp_ns: int) -> None:
-        """Count a reading that the survey does not say the node has."""
+        """Count a reading of a quantity that the survey does not list for the node."""
         if self._wanted and name not in self._wanted:
             return
         if name == 'battery':
-            return  # comes with everything, and need not be wanted
+            return  # part of every packet
         self._unexpected += 1
         self._tell('unexpected', stamp_ns, f'{self._names[number]} sends {name}, which the survey '
-                                           'does not say: add it to its text')
+                                           'does not list: add it there')
 
     def _tell(self, kind: str, now_ns: int, text: str) -> None:
         self._told[kind] = now_ns, text
@@ -185,7 +186,7 @@ def _checked(name: str, quantities: list[str]) -> list[str]:
 
 def _nothing(name: str, surveyed: bool, settings: Mapping[str, Any]) -> str:
     if not surveyed:
-        return (f'{name}: nodes_file and nodes are both empty: it would publish nothing; give the '
-                'file that has the nodes, or texts such as "hall 3.0 1.5 2.2"')
+        return (f'{name}: nodes_file and nodes are both empty: nothing would be published: set '
+                'nodes_file, or nodes such as "hall 3.0 1.5 2.2"')
     return (f'{name}.quantities = {list(settings["quantities"])}: no node of the survey measures '
-            'any of it: add it to the texts of nodes, such as "bed 2 6 0.8 pulse_per_min"')
+            'any of these: add them to nodes, such as "bed 2 6 0.8 pulse_per_min"')

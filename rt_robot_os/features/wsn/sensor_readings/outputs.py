@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The topics of the readings, and what writes a reading into its message."""
+"""The topics of the readings, and the writers of their messages."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ _DEPTH: Final = 4
 def topics_of(survey: Iterable[SurveyedNode], prefix: str, wanted: Iterable[str]
               ) -> Iterator[tuple[int, Quantity, TopicSpec]]:
     """
-    Say which topics there are: of each node the quantities that it has and that are wanted.
+    Return the topics: for each node the quantities that it has and that are wanted.
 
-    :param prefix: of their names.
+    :param prefix: first part of their names.
     :param wanted: names of quantities; empty for all.
-    :return: the number of the node, its quantity, the topic.
+    :return: the id of the node, its quantity, the topic.
     """
     chosen = frozenset(wanted)
     for node in survey:
@@ -58,12 +58,12 @@ def topics_of(survey: Iterable[SurveyedNode], prefix: str, wanted: Iterable[str]
                                            _DEPTH)
 
 
-class Output:
+class ReadingOutput:
     """
-    A reading's way out.
+    The output of one quantity of a node.
 
-    :ivar quantity: what it is.
-    :ivar write: publishes a reading, with the moment of its arrival in ns; safe in the loop.
+    :ivar quantity: the quantity.
+    :ivar write: publishes a reading with its time of arrival in ns; safe in the loop.
     """
 
     __slots__ = ('quantity', 'write')
@@ -80,7 +80,7 @@ def _writer(each: Quantity, publisher: Publisher) -> Callable[[float, int], None
     field = each.field
     if each.message == HUMIDITY:
         def write_humidity(value: float, stamp_ns: int) -> None:
-            # A wet sensor says a little more than there can be.
+            # A wet sensor reports slightly more than 1.0.
             message.relative_humidity = min(value, 1.0)
             publish(stamp_ns)
         return write_humidity

@@ -59,7 +59,7 @@ class Host:
             packet = TelosMsg(_UART, am_type, payload).pack()
         else:
             packet = SerialAm(self._sink, self._sink, am_type, payload).pack()
-        taken = self.model.take(self._decoder.decode(packet), now_ns)
+        taken = self.model.update(self._decoder.decode(packet), now_ns)
         self.duplicates += taken and not is_new
         self.withheld += is_new and not taken
 

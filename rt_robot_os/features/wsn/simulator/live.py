@@ -44,12 +44,12 @@ from rt_robot_os.features.wsn.simulator.base_station import BaseStation
 from rt_robot_os.features.wsn.simulator.base_station import Outgoing
 from rt_robot_os.features.wsn.simulator.base_station import Station
 from rt_robot_os.features.wsn.simulator.energy import PowerModel
+from rt_robot_os.features.wsn.simulator.live_application import command_router
 from rt_robot_os.features.wsn.simulator.live_application import Flood
 from rt_robot_os.features.wsn.simulator.live_application import NodeApplication
-from rt_robot_os.features.wsn.simulator.live_application import obedient
+from rt_robot_os.features.wsn.simulator.live_readings import Environment
 from rt_robot_os.features.wsn.simulator.live_readings import LiveNode
 from rt_robot_os.features.wsn.simulator.live_readings import NodeReadings
-from rt_robot_os.features.wsn.simulator.live_readings import Surroundings
 from rt_robot_os.features.wsn.simulator.mote import Mote
 from rt_robot_os.features.wsn.simulator.network import Network
 from rt_robot_os.features.wsn.simulator.network import RouterFactory
@@ -95,7 +95,7 @@ class Obstacles:
         self._standing: Sequence[tuple[float, float]] = people()
         self._known: dict[tuple[float, float, float, float], float] = {}
 
-    def look(self) -> bool:
+    def update(self) -> bool:
         """Look where people stand; return whether one has moved enough to change a link."""
         now = self._people()
         moved = any(math.dist(a, b) > _STEP_M for a, b in zip(now, self._standing))
@@ -148,7 +148,7 @@ def _air_and_network(scenario: Scenario, protocol: RouterFactory, obstacles: Obs
         radio.fading_db, radio.fading_s, obstacles.loss_db), noise, mac)
 
     def router(node: Node, is_root: bool) -> Router:
-        return obedient(protocol(node, is_root))
+        return command_router(protocol(node, is_root))
 
     return medium, Network(
         medium, router, mac=mac, seed=scenario.seed, drift_ppm=scenario.drift_ppm or 0.0,
@@ -166,7 +166,7 @@ class LiveNetwork:
     """
 
     def __init__(self, nodes: Sequence[LiveNode], scenario: Scenario, protocol: RouterFactory,
-                 station: Station, *, surroundings: Surroundings, obstacles: Obstacles,
+                 station: Station, *, environment: Environment, obstacles: Obstacles,
                  sink_position: Callable[[], Position], to_host: Callable[[bytes, int], object],
                  baud: int = 0, group: int = -1, root: int = 0, times: float = 1.0,
                  payload: Payload | None = None) -> None:
@@ -206,14 +206,14 @@ class LiveNetwork:
             Oscilloscope.AM_TYPE if payload is None else payload.am_type)
         self._payload = payload or scenario.traffic.payload or 'data'
         for each in self._nodes:
-            self._add(each, scenario, surroundings, random)
+            self._add(each, scenario, environment, random)
         if station.sniffs:
             self._medium.overhears = True
             self._medium.trace = self._heard
-        self.network.at(_LOOK_NS, self._look)
+        self.network.at(_LOOK_NS, self._update_environment)
         self.network.at(_SHADOWS_NS, self._look_at_people)
 
-    def _add(self, node: LiveNode, scenario: Scenario, surroundings: Surroundings, random: Random
+    def _add(self, node: LiveNode, scenario: Scenario, environment: Environment, random: Random
              ) -> None:
         surveyed = node.surveyed
         mote = self.network.add(
@@ -222,7 +222,7 @@ class LiveNetwork:
             used_mah=random.random() * _USED_SHARE * scenario.energy.battery_mah)
         self._applications[surveyed.id] = NodeApplication(
             mote, surveyed.quantities,
-            NodeReadings(node, surroundings, Random(f'{scenario.seed} sensors {surveyed.id}'),
+            NodeReadings(node, environment, Random(f'{scenario.seed} sensors {surveyed.id}'),
                          self._strongest(mote, Random(f'{scenario.seed} nearest {surveyed.id}'))),
             self._payload, scenario.period_ns, self.network.mac.version > 1)
         self._boots[surveyed.id] = 1
@@ -262,7 +262,7 @@ class LiveNetwork:
         self.network.run_until(now_ns - self._offset_ns)
         self.network.latencies_ns.clear()
 
-    def _look(self) -> None:
+    def _update_environment(self) -> None:
         """Follow what has become of the nodes and of the sink."""
         network = self.network
         for node in self._nodes:
@@ -278,7 +278,7 @@ class LiveNetwork:
                 self._applications[number].alarm(before, node.alarms)
             self._follow(mote, node.position_m)
         self._follow(self.root, self._sink_position())
-        network.at(network.queue.now_ns + _LOOK_NS, self._look)
+        network.at(network.queue.now_ns + _LOOK_NS, self._update_environment)
 
     def _follow(self, mote: Mote, position: Position) -> None:
         if mote.position != position and math.dist(mote.position, position) > _STEP_M:
@@ -286,7 +286,7 @@ class LiveNetwork:
 
     def _look_at_people(self) -> None:
         network = self.network
-        if self._obstacles.look():
+        if self._obstacles.update():
             for mote in network.motes.values():
                 network.move(mote.address, mote.position)
         network.at(network.queue.now_ns + _SHADOWS_NS, self._look_at_people)

@@ -90,7 +90,7 @@ class Flooded(Message, _FloodedFields):
     LAYOUT = Struct('<HHHI')
 
 
-class Obedient(Router):
+class CommandRouter(Router):
     """
     A routing protocol that leaves commands to somebody else; all else is the protocol's.
 
@@ -147,7 +147,7 @@ class Obedient(Router):
         return self._router.originate(application)
 
 
-class Snooping(Obedient):
+class SnoopingCommandRouter(CommandRouter):
     """The same of a protocol that wants to hear what is for others."""
 
     def snoop(self, frame: Received) -> None:
@@ -155,16 +155,16 @@ class Snooping(Obedient):
         self._router.snoop(frame)
 
 
-def obedient(router: Router) -> Obedient:
+def command_router(router: Router) -> CommandRouter:
     """Return a protocol that leaves commands alone."""
-    return (Obedient if type(router).snoop is Router.snoop else Snooping)(router)
+    return (CommandRouter if type(router).snoop is Router.snoop else SnoopingCommandRouter)(router)
 
 
 class Flood:
     """
     Commands as they go through the network, on one mote.
 
-    :param mote: that it is on; its router is an :class:`Obedient`.
+    :param mote: that it is on; its router is an :class:`CommandRouter`.
     :param big_endian: of commands that come as they are: that of TinyOS 2.x.
     :param obey: takes commands for this mote.
     """
@@ -179,7 +179,7 @@ class Flood:
         self._number = 0
         self._sender = mote.sender(lambda acknowledged: None)
         self._timer = mote.timer(self._send)
-        if isinstance(mote.router, Obedient):
+        if isinstance(mote.router, CommandRouter):
             mote.router.command = self.take
 
     def begin(self, target: int, payload: bytes) -> bool:

@@ -46,7 +46,7 @@ _HUMIDITY_PER_DEG: Final = -0.025
 _EXCITED_PER_MIN: Final = 25.0
 
 
-class Surroundings(Protocol):
+class Environment(Protocol):
     """What a place is like."""
 
     def temperature_c(self, x: float, y: float) -> float:
@@ -118,16 +118,16 @@ class NodeReadings:
     The sensors of one node.
 
     :param node: whose they are.
-    :param surroundings: what its place is like.
+    :param environment: what its place is like.
     :param random: for noise.
     :param nearest: tells the number of the node whose radio is the strongest here.
     """
 
-    def __init__(self, node: LiveNode, surroundings: Surroundings, random: Random,
+    def __init__(self, node: LiveNode, environment: Environment, random: Random,
                  nearest: Callable[[], int] = lambda: 0) -> None:
         self._node = node
         self._nearest = nearest
-        self._surroundings = surroundings
+        self._environment = environment
         self._random = random
         # Quantity -> when it was looked at, and how far from its mean it was, in deviations.
         self._wandering: dict[str, tuple[float, float]] = {}
@@ -175,7 +175,7 @@ class NodeReadings:
 
     def _temperature_c(self, now_s: float) -> float:
         x, y, _ = self._node.position_m
-        return self._surroundings.temperature_c(x, y) + self._slow('temperature', now_s)
+        return self._environment.temperature_c(x, y) + self._slow('temperature', now_s)
 
     def _humidity(self, now_s: float) -> float:
         fraction = (_HUMIDITY + _HUMIDITY_PER_DEG * (self._temperature_c(now_s) - _AT_DEG_C)
@@ -184,7 +184,7 @@ class NodeReadings:
 
     def _light_lx(self, now_s: float) -> float:
         x, y, _ = self._node.position_m
-        return max(self._surroundings.light_lux(x, y) * self._slow('light', now_s), 0.0)
+        return max(self._environment.light_lux(x, y) * self._slow('light', now_s), 0.0)
 
     def _pulse_per_min(self, now_s: float) -> float:
         excited = _EXCITED_PER_MIN if self._node.alarms else 0.0
@@ -207,7 +207,7 @@ class NodeReadings:
         return 0.0
 
     def _presence(self, now_s: float) -> float:
-        return float(self._surroundings.noticed(*self._node.position_m[:2]))
+        return float(self._environment.noticed(*self._node.position_m[:2]))
 
     def _nearest_node(self, now_s: float) -> float:
         return float(self._nearest())

@@ -34,7 +34,7 @@ from rt_robot_os.features.wsn.simulator.transceiver import Transceiver
 _BILLION = 1_000_000_000
 
 
-class Surroundings(Protocol):
+class MoteNetwork(Protocol):
     """
     What a mote has of its network.
 
@@ -158,7 +158,7 @@ class Mote:
         'queue', '_network', '_timers', '_booted_ns', '_traffic', '_first_timer', '_period_timer',
         '_late_timer')
 
-    def __init__(self, network: Surroundings, address: int, is_root: bool,
+    def __init__(self, network: MoteNetwork, address: int, is_root: bool,
                  position: Position, drift_ppb: int, number: int) -> None:
         """Make a mote that is off; ``Network.add`` does so."""
         self.address = address

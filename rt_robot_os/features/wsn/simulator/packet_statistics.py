@@ -55,7 +55,7 @@ class _Origin:
         self.numbers: dict[bytes, int] = {}
 
 
-class Ledger:
+class PacketStatistics:
     """
     Counts by truth, not by what packets say of themselves.
 
@@ -71,7 +71,7 @@ class Ledger:
         self.unknown = 0
         self.latencies_ns = array('q')
 
-    def made(self, origin: int, application: bytes, now_ns: int) -> None:
+    def add_generated(self, origin: int, application: bytes, now_ns: int) -> None:
         """Note a packet; its bytes must differ from those of the last ones of its origin."""
         one = self._origins[origin]
         numbers = one.numbers
@@ -83,7 +83,7 @@ class Ledger:
         one.took_ns.append(-1)
         one.came.append(0)
 
-    def came(self, origin: int, application: bytes, now_ns: int) -> bool:
+    def add_delivered(self, origin: int, application: bytes, now_ns: int) -> bool:
         """
         Note what the sink got.
 

@@ -41,7 +41,7 @@ from rt_robot_os.features.wsn.simulator.medium import Medium
 from rt_robot_os.features.wsn.simulator.radio_positions import Cell
 from rt_robot_os.features.wsn.simulator.radio_positions import cell_of
 from rt_robot_os.features.wsn.simulator.radio_positions import Numbers
-from rt_robot_os.features.wsn.simulator.radio_positions import RadioPlaces
+from rt_robot_os.features.wsn.simulator.radio_positions import RadioPositions
 from rt_robot_os.features.wsn.simulator.radio_positions import reach_m
 
 # A signal so far below the usual noise is nothing.
@@ -81,7 +81,7 @@ class PathLossMedium(GainMedium):
         self._path_loss = path_loss
         self._audible_dbm = min(self._lowest_dbm, self._median_dbm - _NEGLIGIBLE_DB)
         self._range_m = path_loss.range_m(_STRONGEST_DBM - self._audible_dbm)
-        self.places = RadioPlaces(self._range_m)
+        self.places = RadioPositions(self._range_m)
         self._most_links = most_links
         self._links = 0
         # Radios whose links are stored, and when they last sent; the latest at the end.

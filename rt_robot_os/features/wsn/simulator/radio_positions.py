@@ -45,7 +45,7 @@ def cell_of(position: Position, size_m: float) -> Cell:
     return int(position[0] // size_m), int(position[1] // size_m)
 
 
-class RadioPlaces:
+class RadioPositions:
     """
     The radios of an area: row by row in arrays, and by cell.
 

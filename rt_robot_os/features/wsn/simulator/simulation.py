@@ -56,7 +56,7 @@ from rt_robot_os.features.wsn.simulator.medium import OUTCOMES
 from rt_robot_os.features.wsn.simulator.mote import Mote
 from rt_robot_os.features.wsn.simulator.mote import Traffic
 from rt_robot_os.features.wsn.simulator.network import Network
-from rt_robot_os.features.wsn.simulator.packet_statistics import Ledger
+from rt_robot_os.features.wsn.simulator.packet_statistics import PacketStatistics
 from rt_robot_os.features.wsn.simulator.path_loss_medium import PathLossMedium
 from rt_robot_os.features.wsn.simulator.results import GAP_PACKETS
 from rt_robot_os.features.wsn.simulator.results import latencies_in_ms
@@ -92,7 +92,7 @@ class Simulation:
     :param with_host: let the robot's model of the network count as well.
     :raises ConfigError: the recorded noise cannot be read.
     :ivar network: that runs.
-    :ivar ledger: the truth.
+    :ivar statistics: the truth.
     :ivar tree: how the tree changed, if :meth:`run` is asked to look.
     """
 
@@ -100,7 +100,8 @@ class Simulation:
                  on_frame: OnFrame | None = None, with_host: bool = False) -> None:
         self.scenario = scenario
         self.topology = topology
-        self.ledger = Ledger(each for each in topology.places if each not in topology.sinks)
+        self.statistics = PacketStatistics(
+            each for each in topology.places if each not in topology.sinks)
         self.tree: list[TreeChange] = []
         self._happened: Counter[str] = Counter()
         self._data: Counter[int] = Counter()
@@ -155,11 +156,11 @@ class Simulation:
         scenario = self.scenario
         build = application(scenario.traffic.payload or '', self.topology.places[node].quantities,
                             scenario.period_ns)
-        ledger, network_now = self.ledger, self._now_ns
+        statistics, network_now = self.statistics, self._now_ns
 
         def made(mote: Mote, number: int) -> bytes:
             packet = build(mote, number)
-            ledger.made(node, packet, network_now())
+            statistics.add_generated(node, packet, network_now())
             return packet
 
         return Traffic(scenario.period_ns, made, scenario.start_ns,
@@ -177,7 +178,7 @@ class Simulation:
                 medium.set_link, change.source, change.destination, link))
 
     def _plan_way(self) -> None:
-        way = self.topology.way
+        way = self.topology.route
         if way is None or way.round_s <= 0.0:
             return
         step_ns = round(self.scenario.sink.step_m / self.scenario.sink.speed_m_s * NS_PER_S)
@@ -195,7 +196,7 @@ class Simulation:
 
     def _sink_speed(self) -> float:
         """Return how fast the sink drives, in m/s: over the last second."""
-        way, now_s = self.topology.way, self._now_ns() / NS_PER_S
+        way, now_s = self.topology.route, self._now_ns() / NS_PER_S
         if way is None:
             return 0.0
         return math.dist(way.at_s(now_s), way.at_s(max(0.0, now_s - 1.0)))
@@ -244,7 +245,8 @@ class Simulation:
     def _delivered(self, mote: Mote, am_type: int, payload: bytes, origin: int,
                    packet: bytes) -> None:
         now_ns = self._now_ns()
-        is_new = self.ledger.came(self.network.number_of(origin, mote), packet, now_ns)
+        is_new = self.statistics.add_delivered(
+            self.network.number_of(origin, mote), packet, now_ns)
         if self._host is not None:
             self._host.take(am_type, payload, is_new, now_ns)
 
@@ -296,11 +298,11 @@ class Simulation:
             scenario=scenario.name, protocol=scenario.protocol, seed=scenario.seed,
             seconds=scenario.seconds, ended_s=now_ns / NS_PER_S, nodes=len(self.network.motes),
             sinks=tuple(sorted(sinks)),
-            generated=self.ledger.generated, delivered=self.ledger.delivered,
-            duplicates=self.ledger.duplicates + self.ledger.unknown,
+            generated=self.statistics.generated, delivered=self.statistics.delivered,
+            duplicates=self.statistics.duplicates + self.statistics.unknown,
             data_by_node={each: self._data[each] for each in motes}, beacons=self._beacons,
             acks=sum(mote.radio.sent_acks for mote in self.network.motes.values()),
-            latencies_ms=latencies_in_ms(self.ledger.latencies_ns),
+            latencies_ms=latencies_in_ms(self.statistics.latencies_ns),
             parents={each: self._parent(mote) if each in routed else None
                      for each, mote in motes.items()},
             costs={each: mote.router.cost for each, mote in routed.items()},
@@ -310,7 +312,7 @@ class Simulation:
             parents_had={each: frozenset(had) for each, had in self._parents.items()},
             used_mah={each: self._used_mah(mote, now_ns) for each, mote in motes.items()},
             battery_mah=scenario.energy.battery_mah,
-            gaps=self.ledger.gaps(GAP_PACKETS, now_ns),
+            gaps=self.statistics.gaps(GAP_PACKETS, now_ns),
             beacon_period_s=(0.0 if scenario.protocol == 'ctp'
                              else scenario.beacon_period_ns / NS_PER_S),
             outcomes=dict(zip(OUTCOMES, self.medium.outcomes)), counters=dict(sorted(
@@ -327,7 +329,7 @@ class Simulation:
         # CTP gives no number to what it has no room for, and tells the application.
         unnumbered = self.scenario.protocol == 'ctp'
         return self._host.as_json({
-            each: self.ledger.lost_before_last(each) - (mote.refused if unnumbered else 0)
+            each: self.statistics.lost_before_last(each) - (mote.refused if unnumbered else 0)
             for each, mote in self.network.motes.items() if each not in self.topology.sinks})
 
     @staticmethod

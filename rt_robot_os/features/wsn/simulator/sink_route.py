@@ -29,7 +29,7 @@ from rt_robot_os.features.wsn.simulator.scenario import SinkSettings
 _MOST_POINTS: Final = 10_000
 
 
-class WayPoint(NamedTuple):
+class Waypoint(NamedTuple):
     """Where it drives to, and how long it waits there."""
 
     x: float
@@ -37,7 +37,7 @@ class WayPoint(NamedTuple):
     stay_s: float = 0.0
 
 
-def read_point(text: str) -> WayPoint:
+def read_point(text: str) -> Waypoint:
     """
     Read such as ``3.0 1.5`` or ``3.0 1.5 stay 20``.
 
@@ -54,17 +54,17 @@ def read_point(text: str) -> WayPoint:
         raise ValueError('must be x y, or x y stay SECONDS') from None
     if not all(abs(number) < 1e6 for number in numbers) or min([*numbers[2:], 0.0]) < 0.0:
         raise ValueError('must be numbers below a million, and no time below 0')
-    return WayPoint(*numbers)
+    return Waypoint(*numbers)
 
 
-class Way:
+class SinkRoute:
     """
     A closed polygon, driven at one speed.
 
     :param points: at least one; after the last comes the first again.
     """
 
-    def __init__(self, points: Sequence[WayPoint], speed_m_s: float, start_s: float = 0.0) -> None:
+    def __init__(self, points: Sequence[Waypoint], speed_m_s: float, start_s: float = 0.0) -> None:
         self._points = tuple(points)
         self._speed_m_s = speed_m_s
         self._start_s = start_s
@@ -80,7 +80,7 @@ class Way:
         self.round_s = at_s
 
     @property
-    def points(self) -> Sequence[WayPoint]:
+    def points(self) -> Sequence[Waypoint]:
         """Return the way points."""
         return self._points
 
@@ -98,7 +98,7 @@ class Way:
         return here.x + part * (there.x - here.x), here.y + part * (there.y - here.y)
 
 
-def way_of(sink: SinkSettings) -> Way:
+def sink_route(sink: SinkSettings) -> SinkRoute:
     """
     Make the way of a sink.
 
@@ -112,4 +112,4 @@ def way_of(sink: SinkSettings) -> Way:
             problems.append(f'sink.way = {text!r}: {error}')
     if problems:
         raise ConfigError(problems)
-    return Way(points, sink.speed_m_s, sink.start_s)
+    return SinkRoute(points, sink.speed_m_s, sink.start_s)

@@ -46,8 +46,8 @@ from rt_robot_os.features.wsn.simulator.link_files import read_links
 from rt_robot_os.features.wsn.simulator.scenario import MOST_NODES
 from rt_robot_os.features.wsn.simulator.scenario import MOST_NODES_A_PAN
 from rt_robot_os.features.wsn.simulator.scenario import Scenario
-from rt_robot_os.features.wsn.simulator.sink_route import Way
-from rt_robot_os.features.wsn.simulator.sink_route import way_of
+from rt_robot_os.features.wsn.simulator.sink_route import sink_route
+from rt_robot_os.features.wsn.simulator.sink_route import SinkRoute
 from rt_robot_os.messages.quantities import DEFAULT_QUANTITIES
 from rt_robot_os.messages.survey import read_survey
 from rt_robot_os.messages.survey import survey_of
@@ -57,7 +57,7 @@ _GRID: Final = re.compile(r'\s*(\d{1,5})\s*[xX*]\s*(\d{1,5})\s*', re.ASCII)
 _TRIES: Final = 30
 
 
-class Place(NamedTuple):
+class NodePlacement(NamedTuple):
     """Where a node is, in m in the frame of the map, and what it measures."""
 
     id: int  # noqa: A003
@@ -81,17 +81,17 @@ class Topology:
     :ivar changes: of these, in the order of time.
     :ivar gains: of a TOSSIM topology in dB; None without.
     :ivar walls: the map whose walls are between the nodes; None without.
-    :ivar way: on which the sink drives; None when it stays.
+    :ivar route: the route of the sink; None when it does not move.
     """
 
-    places: Mapping[int, Place]
+    places: Mapping[int, NodePlacement]
     sink: int
     located: bool = True
     links: Links | None = None
     changes: Sequence[LinkChange] = ()
     gains: Gains | None = None
     walls: GridMap | None = field(default=None, repr=False)
-    way: Way | None = None
+    route: SinkRoute | None = None
     pan_nodes: int = 0
 
     @cached_property
@@ -118,7 +118,7 @@ def make_topology(scenario: Scenario) -> Topology:
         ids = {end for pair in gains for end in pair}
         return Topology(_listed(ids, sink, topology.tossim), sink, False, gains=gains)
     walls = GridMap.load(topology.map) if topology.map else None
-    way = way_of(scenario.sink) if scenario.sink.way else None
+    way = sink_route(scenario.sink) if scenario.sink.way else None
     places = _placed(scenario, walls)
     pan_nodes = _pan_nodes(len(places))
     if pan_nodes and sink:
@@ -126,7 +126,7 @@ def make_topology(scenario: Scenario) -> Topology:
                            'nodes, which are several networks'])
     if pan_nodes and topology.random:
         places = _in_strips(places, pan_nodes)
-    return Topology(_with_sink(places, scenario, walls, way), sink, walls=walls, way=way,
+    return Topology(_with_sink(places, scenario, walls, way), sink, walls=walls, route=way,
                     pan_nodes=pan_nodes)
 
 
@@ -136,7 +136,7 @@ def _pan_nodes(count: int) -> int:
     return 0 if networks == 1 else -(-count // networks)
 
 
-def _in_strips(places: Sequence[Place], pan_nodes: int) -> list[Place]:
+def _in_strips(places: Sequence[NodePlacement], pan_nodes: int) -> list[NodePlacement]:
     """Give random nodes ids so that each network is a strip along x, its sink in the middle."""
     ordered = [place._replace(id=index, name=str(index)) for index, place in enumerate(
         sorted(places, key=lambda place: place.y))]
@@ -147,7 +147,7 @@ def _in_strips(places: Sequence[Place], pan_nodes: int) -> list[Place]:
     return ordered
 
 
-def _listed(ids: set[int], sink: int, file: str) -> dict[int, Place]:
+def _listed(ids: set[int], sink: int, file: str) -> dict[int, NodePlacement]:
     if sink not in ids:
         known = ', '.join(map(str, sorted(ids)[:20]))
         raise ConfigError([f'{file}: node {sink}, the sink, has no link: set sink.id to one of '
@@ -155,7 +155,7 @@ def _listed(ids: set[int], sink: int, file: str) -> dict[int, Place]:
     count = len(ids)
     _check_count(count, file)
     # On a circle, so that a picture has something to show.
-    return {each: Place(each, str(each), *_on_circle(index, count), 0.0)
+    return {each: NodePlacement(each, str(each), *_on_circle(index, count), 0.0)
             for index, each in enumerate(sorted(ids))}
 
 
@@ -169,7 +169,7 @@ def _check_count(count: int, what: str) -> None:
         raise ConfigError([f'{what}: {count:,} nodes: there must be from 2 to {MOST_NODES:,}'])
 
 
-def _placed(scenario: Scenario, walls: GridMap | None) -> list[Place]:
+def _placed(scenario: Scenario, walls: GridMap | None) -> list[NodePlacement]:
     topology = scenario.topology
     if topology.grid:
         return list(_grid(scenario))
@@ -178,7 +178,7 @@ def _placed(scenario: Scenario, walls: GridMap | None) -> list[Place]:
     return _surveyed(scenario)
 
 
-def _grid(scenario: Scenario) -> Iterator[Place]:
+def _grid(scenario: Scenario) -> Iterator[NodePlacement]:
     topology, random = scenario.topology, Random(f'{scenario.seed} grid')
     match = _GRID.fullmatch(topology.grid)
     if match is None:
@@ -190,14 +190,14 @@ def _grid(scenario: Scenario) -> Iterator[Place]:
         row, column = divmod(index, columns)
         x, y = (place * topology.spacing_m + _off(topology.jitter_m, random)
                 for place in (column, row))
-        yield Place(index, str(index), x, y, topology.height_m)
+        yield NodePlacement(index, str(index), x, y, topology.height_m)
 
 
 def _off(deviation: float, random: Random) -> float:
     return random.gauss(0.0, deviation) if deviation else 0.0
 
 
-def _random(scenario: Scenario, walls: GridMap | None) -> Iterator[Place]:
+def _random(scenario: Scenario, walls: GridMap | None) -> Iterator[NodePlacement]:
     topology, random = scenario.topology, Random(f'{scenario.seed} places')
     _check_count(topology.random, f'topology.random = {topology.random}')
     low_x, low_y, high_x, high_y = walls.bounds if walls is not None else (
@@ -212,7 +212,7 @@ def _random(scenario: Scenario, walls: GridMap | None) -> Iterator[Place]:
             if (walls is None or walls.free(x, y)) and not taken.near(x, y):
                 break
         taken.add(x, y)
-        yield Place(index, str(index), x, y, topology.height_m)
+        yield NodePlacement(index, str(index), x, y, topology.height_m)
 
 
 class _Taken:
@@ -235,7 +235,7 @@ class _Taken:
                    for other_x, other_y in self._squares.get((column + dx, row + dy), ()))
 
 
-def _surveyed(scenario: Scenario) -> list[Place]:
+def _surveyed(scenario: Scenario) -> list[NodePlacement]:
     topology = scenario.topology
     if topology.nodes:
         nodes = survey_of(topology.nodes, 'topology.nodes')
@@ -243,11 +243,12 @@ def _surveyed(scenario: Scenario) -> list[Place]:
         text = '\n'.join(text for _, text in lines_of(topology.nodes_file))
         nodes = read_survey(text, topology.nodes_file)
     _check_count(len(nodes) + 1, topology.nodes_file or 'topology.nodes')
-    return [Place(each.id, each.name, each.x, each.y, each.z, each.quantities) for each in nodes]
+    return [NodePlacement(each.id, each.name, each.x, each.y, each.z, each.quantities)
+            for each in nodes]
 
 
-def _with_sink(places: Sequence[Place], scenario: Scenario, walls: GridMap | None, way: Way | None
-               ) -> dict[int, Place]:
+def _with_sink(places: Sequence[NodePlacement], scenario: Scenario, walls: GridMap | None,
+               way: SinkRoute | None) -> dict[int, NodePlacement]:
     sink, topology = scenario.sink, scenario.topology
     found = {each.id: each for each in places}
     if sink.id not in found and (topology.grid or topology.random):
@@ -262,7 +263,7 @@ def _with_sink(places: Sequence[Place], scenario: Scenario, walls: GridMap | Non
     if spot:
         height = spot[2] if len(spot) > 2 else (
             found[sink.id].z if sink.id in found else topology.height_m)
-        found[sink.id] = Place(sink.id, 'sink', spot[0], spot[1], height)
+        found[sink.id] = NodePlacement(sink.id, 'sink', spot[0], spot[1], height)
     return dict(sorted(found.items()))
 
 

@@ -124,7 +124,7 @@ class Transceiver(Radio):
         self._waiting: deque[FrameSender] = deque()
         self._sending: FrameSender | None = None
         self._frame: Transmission | None = None
-        self._event = Event(self._look)
+        self._event = Event(self._assess_channel)
         self._ack_event = Event(self._send_ack)
         self._ack: Transmission | None = None
         self._dsn = medium.random.randrange(256)
@@ -186,28 +186,28 @@ class Transceiver(Radio):
         self._sending = sender
         low, count, step = self._mac.initial
         ticks = low + step * int(self._medium.random.random() * count)
-        self._event.call = self._look
+        self._event.call = self._assess_channel
         self._queue.at(self._queue.now_ns + int(ticks * self._mac.unit_ns), self._event)
 
-    def _look(self) -> None:
+    def _assess_channel(self) -> None:
         """Send if the channel is clear, else wait again."""
         mac, queue = self._mac, self._queue
         now_ns = queue.now_ns
         if self._ack is not None or self._medium.is_busy(self, now_ns):
             self._wait_again()
-        elif mac.second_look_ns:
-            self._event.call = self._look_again
-            queue.at(now_ns + mac.second_look_ns, self._event)
+        elif mac.second_cca_ns:
+            self._event.call = self._assess_again
+            queue.at(now_ns + mac.second_cca_ns, self._event)
         else:
             self._transmit(now_ns)
 
     def _wait_again(self) -> None:
         low, count, step = self._mac.congestion
         ticks = low + step * int(self._medium.random.random() * count)
-        self._event.call = self._look
+        self._event.call = self._assess_channel
         self._queue.at(self._queue.now_ns + int(ticks * self._mac.unit_ns), self._event)
 
-    def _look_again(self) -> None:
+    def _assess_again(self) -> None:
         """Send if the channel is still clear."""
         now_ns = self._queue.now_ns
         if self._ack is not None or self._medium.is_busy(self, now_ns):
@@ -320,7 +320,7 @@ class Transceiver(Radio):
             self._fifo = ReceiveFifo()
             self._medium.set_out_of_step(self, True)
         data = bytes_of(frame, self._mac.version)[:count]
-        self._hand_on(self._fifo.cut_off(data, now_ns), None)
+        self._process_arrivals(self._fifo.cut_off(data, now_ns), None)
 
     def store(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
         """Take a frame into the FIFO that is out of step, and what the mote then reads."""
@@ -328,9 +328,9 @@ class Transceiver(Radio):
         assert fifo is not None
         data = in_fifo(bytes_of(frame, self._mac.version), lqi, rssi_dbm)
         self.unread_frames += 1
-        self._hand_on(fifo.complete(frame, data), frame)
+        self._process_arrivals(fifo.complete(frame, data), frame)
 
-    def _hand_on(self, arrivals: list[Arrival], newest: Transmission | None) -> None:
+    def _process_arrivals(self, arrivals: list[Arrival], newest: Transmission | None) -> None:
         """
         Process what the mote reads from a FIFO that is out of step.
 

@@ -17,7 +17,7 @@ The sink of a wireless sensor network: a TinyOS mote on a serial port, or a seri
 
 What nodes send arrives on one line. Each packet is sorted by importance before it is decoded, see
 :mod:`rt_robot_os.features.wsn.sink.importance`; each class is a topic whose readers have
-priorities of their own, and has a bounded queue of its own. Copies of packets are left out.
+priorities of their own, and has a bounded queue of its own. DuplicateFilter of packets are left out.
 
 Commands to nodes are texts on a topic, see :mod:`rt_robot_os.features.wsn.packets.commands`.
 """
@@ -48,14 +48,14 @@ from rt_robot_os.features.wsn.packets.framing import TINYOS_2
 from rt_robot_os.features.wsn.packets.payload import Payload
 from rt_robot_os.features.wsn.packets.payload_text import known_payloads
 from rt_robot_os.features.wsn.packets.tos_msg import platform_of
-from rt_robot_os.features.wsn.sink.duplicates import Copies
+from rt_robot_os.features.wsn.sink.duplicates import DuplicateFilter
 from rt_robot_os.features.wsn.sink.flow_limit import FlowLimit
 from rt_robot_os.features.wsn.sink.importance import Classifier
 from rt_robot_os.features.wsn.sink.line import ForwarderLine
 from rt_robot_os.features.wsn.sink.line import Line
 from rt_robot_os.features.wsn.sink.line import SerialLine
+from rt_robot_os.features.wsn.sink.packet_header import header_reader
 from rt_robot_os.features.wsn.sink.packet_header import KNOWN
-from rt_robot_os.features.wsn.sink.packet_header import looker
 from rt_robot_os.features.wsn.sink.settings import ANY_GROUP
 from rt_robot_os.features.wsn.sink.settings import SINK_SETTINGS
 from rt_robot_os.features.wsn.sink.sorting import CLAIMED
@@ -152,7 +152,7 @@ class Sink(SerialDevice[Frame]):
 
     def write(self, now_ns: int) -> None:
         """
-        Look whether the mote speaks the language that is set; send what could not be sent.
+        PacketHeader whether the mote speaks the language that is set; send what could not be sent.
 
         :raises DeviceError: it does not, or it is gone.
         """
@@ -199,7 +199,7 @@ class Sink(SerialDevice[Frame]):
                 self._other_in_a_row += 1
             return 0
         self._other_in_a_row = 0
-        if not self._sorting.take(frame.packet, arrival_ns):
+        if not self._sorting.add(frame.packet, arrival_ns):
             self._ignored_frames += 1
         return 0
 
@@ -209,7 +209,7 @@ class Sink(SerialDevice[Frame]):
             self._send_output(now_ns)
         if not self._sorting.waiting:
             return 0
-        return self._sorting.hand_on(self._publishers, self._most)
+        return self._sorting.publish(self._publishers, self._most)
 
     @property
     def waiting_bytes(self) -> int:
@@ -323,8 +323,8 @@ def _sorting(name: str, settings: Mapping[str, Any]) -> Sorting:
     stack = settings['stack']
     groups = settings['groups'] or _GROUPS[stack]
     return Sorting(
-        looker(stack, settings['platform'], payloads), classifier,
-        Copies(round(settings['duplicates_s'] * NS_PER_S)),
+        header_reader(stack, settings['platform'], payloads), classifier,
+        DuplicateFilter(round(settings['duplicates_s'] * NS_PER_S)),
         FlowLimit(settings['node_rate_hz']), room=settings['queue'],
         groups=() if ANY_GROUP in groups else groups,
         known_types={*KNOWN[stack], *(each.am_type for each in payloads)}, root=settings['root'])

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Copies of packets that have come already, and what the numbers of an origin tell.
+DuplicateFilter of packets that have come already, and what the numbers of an origin tell.
 
 A packet may come more than once: a relay whose acknowledgement was lost sends it again, a node
 without a route sends to all who hear it, and a sniffer hears every hop. A copy is what says the
@@ -74,7 +74,7 @@ class _Stream:
         self.unexplained = False
 
 
-class Copies:
+class DuplicateFilter:
     """
     Leave out copies, in bounded memory; safe in the loop.
 

@@ -54,7 +54,7 @@ _REMEMBERED: Final = 8192
 _Spans = tuple[tuple[int, int], ...]
 
 
-class Rule(NamedTuple):
+class ImportanceRule(NamedTuple):
     """
     One rule.
 
@@ -78,7 +78,7 @@ def class_problems(classes: Sequence[str]) -> list[str]:
     return problems
 
 
-def parse_rule(text: str, classes: Sequence[str]) -> Rule:
+def parse_rule(text: str, classes: Sequence[str]) -> ImportanceRule:
     """
     Read a rule.
 
@@ -102,7 +102,7 @@ def parse_rule(text: str, classes: Sequence[str]) -> Rule:
         if not values:
             raise ValueError(f'{fact} needs values; it {_FORM}')
         conditions[fact] = tuple(_span(fact, each) for each in values)
-    return Rule(list(classes).index(name), tuple(conditions.items()))
+    return ImportanceRule(list(classes).index(name), tuple(conditions.items()))
 
 
 def _span(fact: str, text: str) -> tuple[int, int]:
@@ -136,7 +136,7 @@ class Classifier:
         :raises ValueError: some are wrong; the message has a line for each problem.
         """
         problems = [f'classes = {list(classes)}: {each}' for each in class_problems(classes)]
-        found: list[Rule] = []
+        found: list[ImportanceRule] = []
         for text in rules if not problems else ():
             try:
                 found.append(parse_rule(text, classes))

@@ -181,7 +181,7 @@ class SimulatedSink(SimulatedDevice):
             station = 'multihop_oscilloscope' + ('_lqi' if scenario.protocol != CTP else '')
         self.live = LiveNetwork(
             nodes, scenario, _protocol(scenario, payload), STATIONS[station],
-            surroundings=_Room() if world is None else world,
+            environment=_Room() if world is None else world,
             obstacles=Obstacles(walls, s['wall_db'], self._people, s['person_db']),
             sink_position=self._position, to_host=self._to_host, baud=self._baud,
             group=s['group'], root=s['root'], times=s['battery_times'],

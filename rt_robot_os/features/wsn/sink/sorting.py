@@ -28,13 +28,13 @@ from typing import Final
 
 from rt_robot_os.devices.device import SamplePublisher
 from rt_robot_os.devices.device import Value
-from rt_robot_os.features.wsn.sink.duplicates import Copies
+from rt_robot_os.features.wsn.sink.duplicates import DuplicateFilter
 from rt_robot_os.features.wsn.sink.flow_limit import FlowLimit
 from rt_robot_os.features.wsn.sink.importance import Classifier
-from rt_robot_os.features.wsn.sink.packet_header import Look
-from rt_robot_os.features.wsn.sink.packet_header import Looker
+from rt_robot_os.features.wsn.sink.packet_header import HeaderReader
 from rt_robot_os.features.wsn.sink.packet_header import LYING
 from rt_robot_os.features.wsn.sink.packet_header import NOT_AM
+from rt_robot_os.features.wsn.sink.packet_header import PacketHeader
 from rt_robot_os.features.wsn.sink.packet_header import TRUNCATED
 
 #: No names of classes.
@@ -64,7 +64,7 @@ class Sorting:
     :ivar sink_resets: times that the sink itself began anew, as its numbers tell.
     """
 
-    def __init__(self, look: Looker, classifier: Classifier, copies: Copies,
+    def __init__(self, look: HeaderReader, classifier: Classifier, copies: DuplicateFilter,
                  limit: FlowLimit, *, room: int, groups: Collection[int],
                  known_types: Collection[int], root: int) -> None:
         """
@@ -112,9 +112,9 @@ class Sorting:
         """Return how often the sink itself began anew, as its numbers tell."""
         return self._root_restarts
 
-    def take(self, packet: bytes, arrival_ns: int) -> bool:
+    def add(self, packet: bytes, arrival_ns: int) -> bool:
         """
-        Look at a packet and put it into the queue of its class.
+        PacketHeader at a packet and put it into the queue of its class.
 
         :return: whether it is one to be handed on.
         """
@@ -149,7 +149,7 @@ class Sorting:
         self._put(place, packet, arrival_ns)
         return True
 
-    def hand_on(self, publishers: Sequence[SamplePublisher], most: int) -> int:
+    def publish(self, publishers: Sequence[SamplePublisher], most: int) -> int:
         """
         Publish what waits, the most important class first and in each the oldest.
 
@@ -194,7 +194,7 @@ class Sorting:
         more = len(ranked) - _TYPES_TOLD
         return f'{told}, {more} more' if more > 0 else told
 
-    def _refuse(self, look: Look, packet: bytes, arrival_ns: int) -> None:
+    def _refuse(self, look: PacketHeader, packet: bytes, arrival_ns: int) -> None:
         self.ignored += 1
         if look.problem == TRUNCATED:
             self.truncated += 1
