@@ -22,5 +22,5 @@ import sys
 
 import pytest
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent / 'drivers')]
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent / 'devices')]
 pytest.register_assert_rewrite('driver_fakes', 'sim_harness')

@@ -197,7 +197,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
     def handle(self, frame: StarGazerFrame, arrival_ns: int) -> int:
         """Handle one sentence; in the loop."""
         if not self.is_set_up():
-            if not self._setup.takes(frame):
+            if not self._setup.handle(frame):
                 self._ignored_frames += 1
             return 0
         if frame.marks:

@@ -115,10 +115,10 @@ class StarGazerSetup:
         if not self._until_ns:  # from now on it only waits
             self._until_ns = now_ns + self._exchange.answer_ns
         if now_ns >= self._until_ns:
-            self._again()
+            self._again(self._exchange)
         return self._byte(now_ns) if self._left else None
 
-    def takes(self, frame: StarGazerFrame) -> bool:
+    def handle(self, frame: StarGazerFrame) -> bool:
         """Handle a sentence if it is the expected answer; return whether it was."""
         wanted = self._exchange
         if wanted is None or frame.kind != wanted.kind:
@@ -139,9 +139,7 @@ class StarGazerSetup:
             self._until_ns = now_ns + self._exchange.answer_ns
         return byte
 
-    def _again(self) -> None:
-        exchange = self._exchange
-        assert exchange is not None
+    def _again(self, exchange: SetupExchange) -> None:
         self._tries += 1
         if self._tries < exchange.tries:
             self._left = exchange.data

@@ -77,9 +77,11 @@ class PeopleModel:
         Apply an event to a person.
 
         :return: the event that ends it, after its duration; None if there is none.
+        :raises KeyError: the name is unknown; :meth:`problem` reports that before.
         """
         person = self.find(what.name)
-        assert person is not None
+        if person is None:
+            raise KeyError(what.name)
         follows: WorldEvent | None = None
         if what.kind == 'person':
             person.stand(*what.numbers)
