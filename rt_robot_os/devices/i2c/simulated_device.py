@@ -151,7 +151,7 @@ class SimulatedChip(Simulated):
 
         :raises OSError: it does not acknowledge.
         """
-        active = self._update(now_ns)
+        active = self.update(now_ns)
         if 'nack' in active or not self._powered:
             raise OSError(errno.EREMOTEIO, os.strerror(errno.EREMOTEIO))
         if 'wrong' in active:
@@ -183,7 +183,7 @@ class SimulatedChip(Simulated):
         self._start_ns = self._now_ns = now_ns
         self._plan.start(now_ns)
 
-    def _update(self, now_ns: int) -> frozenset[str]:
+    def update(self, now_ns: int) -> frozenset[str]:
         """Bring faults and chip up to date."""
         if not self._started:
             self.start(now_ns)
@@ -222,7 +222,7 @@ class SimulatedChip(Simulated):
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
-        self._update(now_ns)
+        self.update(now_ns)
         if self.port.bus.absent(now_ns):
             self.port.unplug()
         else:

@@ -134,7 +134,7 @@ class SimulatedStarGazer(SimulatedDevice):
         self.flash_writes = 0
         self._commands = StarGazerDecoder()
         self._sends = True
-        self._mode = wire.POSITION
+        self.mode = wire.POSITION
         self._byte_ns = -_BYTE_NS
         # When its current procedure ends and is reported; 0 without one.
         self._done_ns = 0
@@ -143,7 +143,7 @@ class SimulatedStarGazer(SimulatedDevice):
 
     def sample(self, time_s: float) -> bytes:
         """Return one sentence, nothing while it is stopped."""
-        said = self._finished(self._start_ns + round(time_s * NS_PER_S))
+        said = self._finished(self.start_ns + round(time_s * NS_PER_S))
         if not self._sends:
             return said
         self._befalls = self._plan.active(self._now_ns)
@@ -152,9 +152,9 @@ class SimulatedStarGazer(SimulatedDevice):
             return said + wire.sentence(wire.NOTICE, 'DeadZone')
         form = self.settings['form']
         if form == OLD:
-            return said + wire.old(marks[0], self._mode)
-        if form == SINGLE or self._mode != wire.POSITION:
-            return said + wire.single(marks[0], self._mode)
+            return said + wire.old(marks[0], self.mode)
+        if form == SINGLE or self.mode != wire.POSITION:
+            return said + wire.single(marks[0], self.mode)
         return said + wire.multi(marks)
 
     def handle_command(self, data: bytes) -> None:
@@ -181,7 +181,7 @@ class SimulatedStarGazer(SimulatedDevice):
         if content in (wire.STOP, wire.START):
             self._sends = content == wire.START
         elif content in (wire.BUILD_MAP, wire.HEIGHT_CALCULATION):
-            self._mode = wire.MAP_BUILDING if content == wire.BUILD_MAP else wire.HEIGHT
+            self.mode = wire.MAP_BUILDING if content == wire.BUILD_MAP else wire.HEIGHT
             self._done_ns = self._now_ns + _PROCEDURE_NS
         elif content == wire.END:
             self.flash_writes += 1
@@ -201,10 +201,10 @@ class SimulatedStarGazer(SimulatedDevice):
             return b''
         self._done_ns = 0
         self._deaf = False
-        self._mode = wire.POSITION
+        self.mode = wire.POSITION
         return wire.sentence(wire.ACKNOWLEDGEMENT, wire.UPDATED)
 
-    def _base_pose(self, time_s: float) -> Pose:
+    def base_pose(self, time_s: float) -> Pose:
         """Return where the robot is."""
         if self.world is not None:
             return self.world.base.pose
@@ -216,7 +216,7 @@ class SimulatedStarGazer(SimulatedDevice):
 
     def _sensor_pose(self, time_s: float) -> Pose:
         ahead, left, _ = self.mounting.position_m
-        return composed(self._base_pose(time_s), (ahead, left, self.mounting.yaw_rad))
+        return composed(self.base_pose(time_s), (ahead, left, self.mounting.yaw_rad))
 
     def _marks(self, x: float, y: float, heading: float) -> list[CeilingMark]:
         """Return the measurements of the marks above it, the nearest first."""
