@@ -287,7 +287,7 @@ class Device(PortOwner, ABC):
         """
         Do longer work, without waiting; called at low priority while the port is open.
 
-        :raises DeviceError: the device has to be reopened.
+        :raises DeviceError: the device must be reopened.
         """
 
     def fileno(self) -> int | None:

@@ -184,7 +184,9 @@ class I2cDevice(Device):
             self.buses.release(bus)
 
     def fileno(self) -> int | None:
-        """Return the descriptor that becomes readable with an answer; None when it is at once."""
+        """
+        Return the descriptor that becomes readable with an answer; None if answers are immediate.
+        """
         return None if self._bus is None else self._bus.connection.fileno()
 
     def read(self, now_ns: int) -> int:

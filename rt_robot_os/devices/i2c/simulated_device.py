@@ -141,7 +141,7 @@ class SimulatedChip(Simulated):
 
     @abstractmethod
     def exchange(self, data: bytes, size: int, now_ns: int) -> bytes:
-        """Take what is written, then give what is read."""
+        """Receive the written bytes, then return the read ones."""
 
     # ---- the bus -----------------------------------------------------------------------------
 
@@ -166,11 +166,11 @@ class SimulatedChip(Simulated):
         return answer
 
     def holds_bus(self, now_ns: int) -> bool:
-        """Return whether it holds the bus, so that nobody can use it."""
+        """Return whether it blocks the bus."""
         return self._started and 'hold' in self._plan.active(now_ns)
 
     def removes_bus(self, now_ns: int) -> bool:
-        """Return whether the bus goes away with it."""
+        """Return whether the bus is gone with it."""
         return self._started and 'vanish' in self._plan.active(now_ns)
 
     def time_s(self, now_ns: int) -> float:
