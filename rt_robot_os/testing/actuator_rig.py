@@ -202,9 +202,7 @@ class ActuatorRig:
         self._wire.plug.unplug()
 
     def close(self) -> None:
-        """
-        Close the device as the core does, let the simulated device receive it, and unplug that.
-        """
+        """Close the device as the core does, pump the simulated device, and unplug it."""
         self.manager.close()
         self.pump()
         self.simulated.close()

@@ -37,9 +37,7 @@ _HEXADECIMAL: Final = re.compile(rb'\*[0-9A-Fa-f]{2}')
 
 
 def not_finite(frame: bytes) -> Iterator[bytes]:
-    """
-    Yield candidates: a frame with NaN or infinity at each position, and its checksum corrected.
-    """
+    """Yield candidates: a frame with NaN or infinity at each position, and a valid checksum."""
     for value in _BINARY:
         for at in range(1, len(frame) - len(value)):
             changed = frame[:at] + value + frame[at + len(value):]

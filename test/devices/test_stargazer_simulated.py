@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Do the StarGazer's driver and its simulated device understand each other, with the vendor's timing.
-"""
+"""The StarGazer's driver with its simulated device, with the vendor's timing."""
 
 from __future__ import annotations
 

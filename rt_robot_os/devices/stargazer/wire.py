@@ -16,7 +16,7 @@
 The sentences of a Hagisonic StarGazer: ``~``, a kind, a content, and a grave accent.
 
 ======  ========  =====================================================
-kind   from     what
+kind    from      what
 ======  ========  =====================================================
 ``#``   host      write a parameter, run a command: ``~#Name|value```
 ``@``   host      read a parameter: ``~@Name```

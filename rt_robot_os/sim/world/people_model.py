@@ -130,9 +130,7 @@ class PeopleModel:
         return max((person.heading + turn * math.pi / 4 for turn in range(4)), key=room)
 
     def in_sight(self, x: float, y: float, there_x: float, there_y: float) -> bool:
-        """
-        Return whether no wall is between two positions, except that which carries the second.
-        """
+        """Return whether no wall is between two positions, except the one at the second."""
         away = math.hypot(there_x - x, there_y - y)
         return self._room_m(x, y, math.atan2(there_y - y, there_x - x)) >= away - _WALL_M
 
