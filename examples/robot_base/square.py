@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Drive a square by the odometry: where it ends beside its beginning says how good that is."""
+"""Drive a square by odometry: the distance of its end from its start is the odometry's error."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ class Square(Module):
         self._x = self._y = self._yaw = 0.0
 
     def step(self) -> None:
-        """Go on with the side or the turn that it is at."""
+        """Continue the current side or turn."""
         if not self.odom.take():
-            return  # no news of the wheels: the mux stops who is silent
+            return  # no new odometry: the mux stops a source that times out
         x, y, yaw = self._pose()
         if self.begin.take():
             self._leg = 0 if self.begin.msg.data else 2 * SIDES
@@ -80,7 +80,7 @@ class Square(Module):
         return pose.position.x, pose.position.y, yaw_of(turn.x, turn.y, turn.z, turn.w)
 
     def _along(self, x: float, y: float, heading: float) -> float:
-        """Return how far it has come on this side."""
+        """Return the travelled distance on this side."""
         return (x - self._x) * math.cos(heading) + (y - self._y) * math.sin(heading)
 
     def _next(self, x: float, y: float) -> None:
@@ -88,7 +88,7 @@ class Square(Module):
         self._x, self._y = x, y
         if self._leg == 2 * SIDES:
             self._move(0.0, 0.0)
-            self.log.info('done: measure where it stands beside its beginning')
+            self.log.info('done: measure its distance from the start')
 
     def _move(self, speed_m_s: float, rate_rad_s: float) -> None:
         self.command.msg.linear.x, self.command.msg.angular.z = speed_m_s, rate_rad_s

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tell colcon and setuptools what is in the package, and rt_robot_os what it adds."""
+"""The content of the package for colcon and setuptools, and its plug-ins for rt_robot_os."""
 
 from glob import glob
 
@@ -36,7 +36,7 @@ setup(
     zip_safe=True,
     maintainer='Your Name',
     maintainer_email='you@example.org',
-    description='A driver and a module for rt_robot_os in a package of their own.',
+    description='A package with a driver and a module for rt_robot_os.',
     license='Apache-2.0',
     entry_points={
         'rt_robot_os.devices': [

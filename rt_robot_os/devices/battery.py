@@ -42,9 +42,7 @@ def battery_settings(*, empty_v: float = 0.0, full_v: float = 0.0) -> tuple[Fiel
 
 
 class BatteryFiller:
-    """
-    Fill in a ``sensor_msgs/msg/BatteryState``; a value that is not measured is NaN.
-    """
+    """Fill in a ``sensor_msgs/msg/BatteryState``; a value that is not measured is NaN."""
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
         """

@@ -268,9 +268,7 @@ class Device(PortOwner, ABC):
         self.safe_state()
 
     def wake_up(self, now_ns: int) -> None:
-        """
-        Handle the end of a gap in which the core was suspended; called after :meth:`rest`.
-        """
+        """Handle the end of a gap in which the core was suspended; called after :meth:`rest`."""
 
     def input_counters(self) -> Mapping[str, Value]:
         """Return the counters of :meth:`receive`, in addition to those of :meth:`statistics`."""
@@ -287,7 +285,7 @@ class Device(PortOwner, ABC):
         """
         Do longer work, without waiting; called at low priority while the port is open.
 
-        :raises DeviceError: the device has to be reopened.
+        :raises DeviceError: the device must be reopened.
         """
 
     def fileno(self) -> int | None:
@@ -312,9 +310,7 @@ class Device(PortOwner, ABC):
         return ''
 
     def silence(self) -> str:
-        """
-        Return what to check when no bytes arrive; called once each time the device goes to FAULT.
-        """
+        """Return what to check when no bytes arrive; called once for each FAULT."""
         return self.IF_SILENT
 
     @classmethod
@@ -346,15 +342,11 @@ class Device(PortOwner, ABC):
         return RunOn()
 
     def opening_s(self) -> float:
-        """
-        Return how long it may send nothing after it was opened, if longer than ``timeout_s``.
-        """
+        """Return how long it may send nothing after opening, if longer than ``timeout_s``."""
         return self.OPENING_S
 
     def quiet_s(self) -> float:
-        """
-        Return how long it may send nothing in normal operation, if longer than ``timeout_s``.
-        """
+        """Return how long it may normally send nothing, if longer than ``timeout_s``."""
         return 0.0
 
     def output_rate_hz(self) -> float:

@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Detect gaps in which nothing ran: the process was stopped or starved, or the machine suspended.
-"""
+"""Detect gaps in which nothing ran: a stopped or starved process, or a suspended machine."""
 
 from __future__ import annotations
 

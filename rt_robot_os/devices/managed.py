@@ -116,9 +116,7 @@ class ManagedDevice:
             self.device.connect(bus, self.task, self.arrival)
 
     def serve_arrival(self) -> None:
-        """
-        Receive, read and publish the bytes that have just arrived; safe in the real-time loop.
-        """
+        """Receive, read and publish bytes that have just arrived; safe in the real-time loop."""
         if self._receives and _is_held(self.task):
             self._stay_at_rest()
         else:
@@ -170,9 +168,7 @@ class ManagedDevice:
         self._alive_ns = self._sample_ns = now_ns
 
     def _receive(self, now_ns: int, polled: bool) -> None:
-        """
-        Let the device process its inputs; if it moves something, not while its other task is held.
-        """
+        """Let the device process its inputs; an actuator not while its other task is held."""
         if self.guards and _is_held(self.arrival):
             self._stay_at_rest()
             return
@@ -253,9 +249,7 @@ class ManagedDevice:
         return max(self._patience_ns(), round(self.device.quiet_s() * NS_PER_S))
 
     def recover(self) -> None:
-        """
-        Close the device if it failed and reopen it if due; may take long, so at low priority.
-        """
+        """Close the device if it failed and reopen it if due; slow, so at low priority."""
         if self.state is DeviceState.FAULT and self._port_open:
             self._close_port()
         # At its end: the device is brought to rest before anything is read.

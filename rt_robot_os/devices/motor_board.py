@@ -405,9 +405,7 @@ class MotorBoard(Actuator, SerialDevice[FrameT]):
         return self._counters(contradicted=self.counters.rejected, more=self.motor_counters())
 
     def motor_counters(self) -> dict[str, Value]:
-        """
-        Return the values for ``/diagnostics``; ``warning`` is the fault that holds the robot.
-        """
+        """Return the values for ``/diagnostics``; ``warning`` is the latched fault."""
         left_rad, right_rad = self.counters.position_rad
         return {
             'warning': self.faults.text, 'motor_faults': max(self._told_bits, 0),

@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-The registry of drivers, by the ``type`` in the configuration: a view of the table of devices.
-"""
+"""The registry of drivers, by ``type`` in the configuration: a view of the table of devices."""
 
 from __future__ import annotations
 

@@ -96,9 +96,7 @@ def of_arrival(declared: Mapping[str, Any], guards: bool) -> dict[str, Any]:
 
 
 def reason_of(error: Exception) -> str:
-    """
-    Return the reason of an error; one that is not a DeviceError is a defect of the driver.
-    """
+    """Return the reason of an error; one that is not a DeviceError is a defect of the driver."""
     if isinstance(error, DeviceError):
         return str(error)
     place = error.__traceback__

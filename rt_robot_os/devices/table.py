@@ -100,9 +100,7 @@ def parts_of(name: str, what: str = '') -> DeviceParts | None:
 
 
 def all_parts() -> Iterator[tuple[str, DeviceParts]]:
-    """
-    Yield all devices and their parts, those of other packages first; broken ones are left out.
-    """
+    """Yield all devices and their parts, those of other packages first; without broken ones."""
     others = entry_point_targets(OLD_DRIVERS, GROUP).keys() - _OWN.keys()
     for name in (*sorted(others), *_OWN):
         try:
@@ -153,9 +151,7 @@ class DeviceRegistry(PluginRegistry[T]):
         return found
 
     def deprecation(self, name: str) -> str:
-        """
-        Return a warning if a name comes from a deprecated entry-point group; otherwise empty.
-        """
+        """Return a warning if a name is from a deprecated entry-point group; otherwise empty."""
         if name in _OWN or name in entry_point_targets(GROUP):
             return ''
         if name not in entry_point_targets(self._old_group):

@@ -96,6 +96,7 @@ class SimulatedDevice(Simulated):
     :cvar KNOWN_FAULTS: its possible faults, and their descriptions.
     :ivar name: for errors.
     :ivar port: its port.
+    :ivar start_ns: time of its start.
     :ivar world: the world that it measures, advanced with each ``pump``; None without a world.
     :ivar site: its world and mounting.
     :ivar mounting: its mounting on the robot.
@@ -132,7 +133,7 @@ class SimulatedDevice(Simulated):
         self._line = LineTiming(self._baud)
         self._started = False
         self._now_ns = 0
-        self._start_ns = 0
+        self.start_ns = 0
         self._grid_ns = 0
         self._index = 0
         self._injected: list[tuple[str, float]] = []
@@ -196,7 +197,7 @@ class SimulatedDevice(Simulated):
         """
         self.port.plug()
         self._started = True
-        self._now_ns = self._start_ns = self._grid_ns = now_ns
+        self._now_ns = self.start_ns = self._grid_ns = now_ns
         self._index = 0
         self._plan.start(now_ns)
         self.check_speed()
@@ -295,7 +296,7 @@ class SimulatedDevice(Simulated):
             elif 'stuck' in active and self._last_sample is not None:
                 content = self._last_sample
             else:
-                content = self._last_sample = self.sample((due_ns - self._start_ns) / NS_PER_S)
+                content = self._last_sample = self.sample((due_ns - self.start_ns) / NS_PER_S)
             if self._line.push(content, due_ns):
                 self._samples += 1
             else:

@@ -74,8 +74,8 @@ class SimulatedMotorBoard(SimulatedDevice):
         else:
             self.base = DriveBase(wheel_radius_m=size[0], wheel_separation_m=size[1])
         self._counts_per_rad = device.get('ticks_per_revolution', self.TICKS) / math.tau
-        self._signs = (-1.0 if device.get('inverted_left') else 1.0,
-                       -1.0 if device.get('inverted_right') else 1.0)
+        self.encoder_signs = (-1.0 if device.get('inverted_left') else 1.0,
+                              -1.0 if device.get('inverted_right') else 1.0)
         self._swapped = bool(device.get('swapped'))
         self._seen: Pair = (0.0, 0.0)
         self._missed: Pair = (0.0, 0.0)
@@ -134,9 +134,9 @@ class SimulatedMotorBoard(SimulatedDevice):
         """Convert values of channels to those of wheels."""
         if self._swapped:
             left, right = right, left
-        return left * self._signs[0], right * self._signs[1]
+        return left * self.encoder_signs[0], right * self.encoder_signs[1]
 
     def _of_channels(self, left: float, right: float) -> Pair:
         """Convert values of wheels to those of channels."""
-        left, right = left * self._signs[0], right * self._signs[1]
+        left, right = left * self.encoder_signs[0], right * self.encoder_signs[1]
         return (right, left) if self._swapped else (left, right)

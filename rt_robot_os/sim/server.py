@@ -144,7 +144,7 @@ class SimServer:
             try:
                 device.pump(now_ns)
             except DeviceError as error:
-                self._report_change(str(error))
+                self._report_problem(str(error))
         return min((d.next_event_ns() for d in self._devices), default=now_ns + NS_PER_S)
 
     def stop(self) -> None:
@@ -167,7 +167,7 @@ class SimServer:
             os.close(self._wake_write)
             self._wake_read = self._wake_write = -1
 
-    def _report_change(self, problem: str) -> None:
+    def _report_problem(self, problem: str) -> None:
         self.problem_count += 1
         if problem != self._last_problem and self._report is not None:
             self._report(problem)

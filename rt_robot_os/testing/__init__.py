@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-What the tests of your own drivers and modules use: no hardware, no waiting.
+Test tools for your own drivers and modules: no hardware, no waiting.
 
-For a driver: :class:`DriverContract`, the suite that every serial driver has to pass (and
-:class:`DecoderContract`, the part of it that needs a decoder only);
-:func:`scripted`, a device whose port gives the bytes of the test; :func:`rig`, a driver and its
-simulated device on a real pty with time in the test's hand. For what moves something:
+For a driver: :class:`DriverContract`, the suite that every serial driver must pass (and
+:class:`DecoderContract`, its part for a decoder alone);
+:func:`scripted`, a device whose port returns the bytes of the test; :func:`rig`, a driver and its
+simulated device on a real pty, with time controlled by the test. For an actuator:
 :class:`ActuatorContract` as well. For a module: :class:`ModuleBench`, a
 kernel on the virtual clock. Needs pytest, and the contracts hypothesis; a robot needs neither.
 """
@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import pytest
 
-# Before they are imported: their asserts then tell the values.
+# Before they are imported: their asserts then show the values.
 pytest.register_assert_rewrite(*(f'{__name__}.{part}' for part in (
     'actuator_contract', 'actuator_rig', 'contract', 'decoder_contract', 'fakes', 'module_bench',
     'rig', 'sample_contract')))

@@ -14,7 +14,7 @@
 
 
 """
-What every actuator on a serial port has to do; its test inherits it.
+The contract of every actuator on a serial port; its test inherits it.
 
     class TestMyWheels(ActuatorContract):
         actuator = MyWheels
@@ -27,8 +27,8 @@ What every actuator on a serial port has to do; its test inherits it.
         def moves(self, simulated):
             return simulated.speed_mm_s != 0
 
-It is that nothing moves unless somebody commands it now; the bytes go over a real pty, time is in
-the test's hand.
+Nothing may move without a current command. The bytes go over a real pty; time is controlled by the
+test.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class ActuatorContract:
 
     :cvar actuator: the driver.
     :cvar simulated: its simulated device. It should have no watchdog of its own, or one longer
-        than ``command_timeout_s``: what stops it here is the driver.
+        than ``command_timeout_s``, because the driver must stop it.
     :cvar speed: a command that moves it, for :meth:`fill`.
     :cvar changes: settings of the driver other than the defaults.
     :cvar sim: settings of the simulated device other than the defaults.
@@ -84,7 +84,7 @@ class ActuatorContract:
 
     @abstractmethod
     def moves(self, simulated: Any) -> bool:
-        """Return whether the simulated device moves, or was last told to."""
+        """Return whether the simulated device moves, or was last commanded to."""
 
     @pytest.fixture
     def rig(self, tmp_path: Path) -> Iterator[ActuatorRig]:
@@ -200,7 +200,7 @@ class ActuatorContract:
         rig.steer(self.speed, only=2)  # before it is opened again
         rig.run(250)
         assert rig.managed.faults >= 1
-        assert not self.moves(rig.simulated), 'it went on by itself, or by an old command'
+        assert not self.moves(rig.simulated), 'it moved by itself, or by an old command'
         self._driving(rig)
 
     @pytest.mark.parametrize('policy', [
@@ -213,11 +213,11 @@ class ActuatorContract:
         rig.hold(policy)
         rig.kernel.run(500 * NS_PER_MS)
         assert not any(moves[40:100])
-        # A restart is over by then; what is held otherwise waits for somebody to re-arm it.
+        # A restart has ended by then; with other policies the task is held until it is re-armed.
         assert any(moves[100:]) == (policy is FailurePolicy.RESTART)
 
     def test_the_safe_state_does_not_block(self, tmp_path: Path) -> None:
-        # Nobody reads the other end: sooner or later it is full.
+        # Nothing reads the other end, so it becomes full.
         port = PtyPort(tmp_path / 'full')
         port.plug()
         device = self.actuator('dut', settings_of(self.actuator, **{
@@ -227,7 +227,7 @@ class ActuatorContract:
             target=lambda: [device.safe_state() for _ in range(30_000)], daemon=True)
         worker.start()
         worker.join(20.0)
-        assert not worker.is_alive(), 'safe_state() waits for the device'
+        assert not worker.is_alive(), 'safe_state() blocks on the device'
         device.close()
         port.unplug()
 
@@ -236,5 +236,5 @@ class ActuatorContract:
     def test_its_command_has_a_type_and_releases_it(self) -> None:
         command = self.actuator.command
         assert Layout.compile(command.message)
-        assert command.wake is True, 'a command is to be carried out when it comes'
+        assert command.wake is True, 'a command must be executed when it arrives'
         assert self.actuator.has_safe_state()

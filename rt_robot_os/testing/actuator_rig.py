@@ -46,11 +46,11 @@ from rt_robot_os.topics import Bus
 POLL_HZ = 50.0
 _LINE_HZ = 1000.0
 _WAIT_S = 5.0
-_FULL = 4095  # more a terminal does not hold for its reader; the rest follows when it reads
+_FULL = 4095  # a terminal buffers no more for its reader; the rest follows when it reads
 
 
 class _Wire:
-    """Counts what goes both ways, since a pty hands over in its own time."""
+    """Counts the bytes in both directions, because a pty delivers them with a delay."""
 
     def __init__(self, link: Path) -> None:
         self.plug = _CountingPty(link)
@@ -65,13 +65,13 @@ class _Wire:
         return _CountingPort(self._port, self)
 
     def driver_has_all(self) -> bool:
-        """Return whether the driver can read, or has read, all that it was sent."""
+        """Return whether the driver can read, or has read, all bytes sent to it."""
         port = self._port
         if port is None or not self.plug.plugged:
             return True
         try:
             unread = unread_bytes(port.fileno())
-        except OSError:  # closed, or the plug of before has gone
+        except OSError:  # closed, or the earlier port is gone
             return True
         sent = self.plug.bytes_sent - self._sent_before
         return unread >= _FULL or port.bytes_read + unread >= sent
@@ -113,15 +113,15 @@ class _CountingPort:
 
 class ActuatorRig:
     """
-    A robot of one actuator, polled at 50 Hz and opened at once.
+    A robot of one actuator, polled at 50 Hz and opened immediately.
 
     :param folder: for the pty's path, such as pytest's ``tmp_path``.
-    :param fill: fills in a command, from a message and a speed in the driver's own unit.
+    :param fill: fills in a command, given a message and a speed in the driver's own unit.
     :param settings: of the driver, other than the defaults.
     :ivar simulated: the simulated device.
     :ivar kernel: on the virtual clock.
     :ivar managed: the device under the manager.
-    :ivar each: called each millisecond, after the device did its work.
+    :ivar each: called each millisecond, after the device was pumped.
     """
 
     def __init__(self, folder: Path, driver: type[Actuator], simulated: type[SimulatedDevice],
@@ -156,16 +156,16 @@ class ActuatorRig:
         self.simulated.pump(self.kernel.now_ns())
 
     def pump(self) -> None:
-        """Let the device take all that was sent to it, and send what is due."""
+        """Let the device read all bytes sent to it, and send what is due."""
         now_ns, wire = self.kernel.now_ns(), self._wire
         self.simulated.pump(now_ns)
         end_s = time.monotonic() + _WAIT_S
         while wire.plug.plugged and wire.plug.received < wire.written:
-            assert time.monotonic() < end_s, 'what the driver sent did not arrive'
+            assert time.monotonic() < end_s, 'bytes of the driver did not arrive'
             select.select([wire.plug.fileno()], [], [], _WAIT_S)
             self.simulated.pump(now_ns)
-        while not wire.driver_has_all():  # on the virtual clock Linux takes no time
-            assert time.monotonic() < end_s, 'what the device sent did not arrive'
+        while not wire.driver_has_all():  # no virtual time passes while Linux delivers them
+            assert time.monotonic() < end_s, 'bytes of the device did not arrive'
             os.sched_yield()
         if self.each is not None:
             self.each()
@@ -179,8 +179,8 @@ class ActuatorRig:
         """
         Publish a command every 20 ms from now on; None: no more.
 
-        :param offset_ns: of its stamp from the present.
-        :param only: so many and no more; -1 for ever.
+        :param offset_ns: of its stamp from now.
+        :param only: number of commands; -1 for no limit.
         """
         self._steer = None if speed is None else (speed, offset_ns, only)
 
@@ -194,17 +194,15 @@ class ActuatorRig:
         assert not self.kernel.failures, str(self.kernel.failures[-1])
 
     def counters(self) -> dict[str, Any]:
-        """Return the counters that ``/diagnostics`` shows."""
+        """Return the counters of ``/diagnostics``."""
         return self.managed.statistics().device.more
 
     def unplug(self) -> None:
-        """Pull the plug; what the device moves goes on moving."""
+        """Unplug it; the device continues to move."""
         self._wire.plug.unplug()
 
     def close(self) -> None:
-        """
-        Close the device as the core does, let the simulated device receive it, and unplug that.
-        """
+        """Close the device as the core does, pump the simulated device, and unplug it."""
         self.manager.close()
         self.pump()
         self.simulated.close()

@@ -14,7 +14,7 @@
 
 
 """
-What every serial driver has to do; a driver's test inherits it.
+The contract of every serial driver; a driver's test inherits it.
 
     class TestMyDriver(DriverContract):
         driver = MyDriver
@@ -62,7 +62,7 @@ class DriverContract(SampleContract):
     """
     The contract; those of the decoder and of the samples are part of it.
 
-    :cvar samples: how many samples the stream makes, on all topics.
+    :cvar samples: number of samples of the stream, on all topics.
     """
 
     samples: ClassVar[int]
@@ -75,7 +75,7 @@ class DriverContract(SampleContract):
 
     @contextmanager
     def scripted(self, chunks: list[bytes], **changes: Any) -> Iterator[tuple[Any, list[Any]]]:
-        """Open the device on a port that gives these chunks, one a read."""
+        """Open the device on a port that returns these chunks, one per read."""
         device = self.driver('dut', settings_of(
             self.driver, **scripted_settings({**self.changes, **changes})))
         publishers = self.publishers(device)
@@ -83,10 +83,10 @@ class DriverContract(SampleContract):
             yield device, publishers
 
     def run(self, chunks: list[bytes]) -> tuple[list[Any], list[Any], Any]:
-        """Return the values, the stamps and the counters that the bytes make."""
+        """Return the values, the stamps and the counters for the bytes."""
         with self.scripted(chunks) as (device, publishers):
             read_all(device, len(chunks))
-            # How much waited for a later job depends on the cuts, as it should.
+            # How many bytes waited for a later job depends on the splits.
             return ([p.values for p in publishers], [p.stamps for p in publishers],
                     replace(device.statistics(), deferred_bytes=0))
 
@@ -125,7 +125,7 @@ class DriverContract(SampleContract):
         check_with_examples(st.lists(piece, max_size=20), self.check_any_bytes, 60)
 
     def check_any_bytes(self, chunks: list[bytes]) -> None:
-        """Feed chunks, and see that every byte is in a frame, rejected or pending."""
+        """Feed chunks, and check that every byte is in a frame, rejected or pending."""
         decoder = self.decoder()
         framed = 0
         for chunk in chunks:
@@ -145,7 +145,7 @@ class DriverContract(SampleContract):
         assert (values, statistics.rejected_bytes) == (joined[0], joined[2].rejected_bytes)
 
     def test_frames_are_dated_back_by_the_bytes_behind_them(self) -> None:
-        # 10 bits a byte at 100 kbaud are 100 us.
+        # 10 bits per byte at 100 kbaud are 100 us.
         with self.scripted([self.stream], baud=100_000) as (device, publishers):
             device.read(10**12)
             stamps = sorted(s for p in publishers for s in p.stamps)
@@ -154,7 +154,7 @@ class DriverContract(SampleContract):
         assert all((s - earliest) % 100_000 == 0 for s in stamps)
 
     def test_stamps_never_go_back(self) -> None:
-        # Read faster than the line is said to be: each chunk would be dated back before the last.
+        # Read faster than the declared line: each chunk would be back-dated before the last.
         with self.scripted([self.stream] * 3, baud=9600) as (device, publishers):
             read_all(device, 3, now_ns=10**12, step_ns=1000)
             for publisher in publishers:
@@ -174,7 +174,7 @@ class DriverContract(SampleContract):
     # --- the contract with the SensorManager ----------------------------------------------------
 
     def make(self, port: str | os.PathLike[str]) -> tuple[Device, list[Any]]:
-        """Make the driver on a port, and what it publishes to."""
+        """Make the driver on a port, and its publishers."""
         device = self.driver('dut', settings_of(
             self.driver, **{**self.changes, 'port': str(port), 'baud': 0}))
         return device, self.publishers(device)

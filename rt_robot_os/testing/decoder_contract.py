@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What every decoder has to do with any bytes; :class:`DriverContract` brings it along."""
+"""The contract of every decoder for any bytes; a part of :class:`DriverContract`."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from rt_robot_os.testing.examples import strategies
 from rt_robot_os.testing.work import costliest_input
 from rt_robot_os.testing.work import steps_per_byte
 
-# No decoder may hold back more than this for what looks like the beginning of a frame.
+# No decoder may keep more bytes than this after a false start.
 MOST_PENDING: Final = 16_384
-# What any bytes may cost, in good ones; and in steps a byte, however cheap those are.
+# Limits of the cost of any bytes: as a multiple of valid ones, and in steps per byte.
 MOST_TIMES_GOOD: Final = 10
 FEW_STEPS: Final = 20
 _FLIPS: Final = (0x01, 0x80, 0xFF)
@@ -40,9 +40,9 @@ _FLIPS: Final = (0x01, 0x80, 0xFF)
 
 class Decoded(NamedTuple):
     """
-    What a decoder made of some bytes.
+    The result of a decoder.
 
-    :ivar places: where each frame stood in the stream, begin and end.
+    :ivar places: position of each frame in the stream, begin and end.
     :ivar pending: bytes.
     """
 
@@ -56,8 +56,8 @@ class DecoderContract:
     """
     The contract of a decoder, without a device.
 
-    :cvar stream: bytes of a few samples with nothing wrong in them, whole frames.
-    :cvar tokens: pieces that make random bytes interesting for the decoder.
+    :cvar stream: valid bytes of a few samples, whole frames.
+    :cvar tokens: pieces of the protocol, mixed with random bytes.
     :cvar pending_limit: the decoder keeps less than this.
     """
 
@@ -75,9 +75,9 @@ class DecoderContract:
 
     def covered(self, frame: bytes) -> Iterable[int]:
         """
-        Return which bytes of a frame its checksum covers; all by default.
+        Return the indices of the bytes that the checksum of a frame covers; all by default.
 
-        A format without a checksum gives none: ``return ()``.
+        For a format without a checksum: ``return ()``.
         """
         return range(len(frame))
 
@@ -95,14 +95,14 @@ class DecoderContract:
                 framed += self.frame_size(frame)
             fed += len(chunk)
             assert decoder.frames == frames + len(places)
-            assert decoder.rejected_bytes >= rejected_bytes, 'a counter went back'
+            assert decoder.rejected_bytes >= rejected_bytes, 'a counter decreased'
             assert framed + decoder.rejected_bytes + decoder.pending_bytes == before + fed
             assert decoder.pending_bytes < self.pending_limit
             rejected_bytes = decoder.rejected_bytes
         return Decoded(places, rejected_bytes, decoder.rejected_frames, decoder.pending_bytes)
 
     def any_chunks(self) -> Any:
-        """Return the strategy of chunks: noise, tokens, good frames and damaged ones."""
+        """Return the strategy of chunks: noise, tokens, valid and damaged frames."""
         st = strategies()
         cut = st.tuples(st.integers(0, len(self.stream)), st.integers(0, len(self.stream)))
         parts = cut.map(lambda at: self.stream[min(at):max(at)])
@@ -162,20 +162,20 @@ class DecoderContract:
     # --- damage ---------------------------------------------------------------------------------
 
     def frames(self) -> list[bytes]:
-        """Return the frames of the stream, each once."""
+        """Return the distinct frames of the stream."""
         return list(dict.fromkeys(
             self.stream[begin:end] for begin, end in self.decode([self.stream]).places))
 
     def test_a_frame_with_a_wrong_byte_is_none(self) -> None:
-        assert self.frames(), 'the stream holds no frame'
+        assert self.frames(), 'the stream contains no frame'
         for frame in self.frames():
             for at in self.covered(frame):
                 for flip in _FLIPS:
                     damaged = frame[:at] + bytes((frame[at] ^ flip,)) + frame[at + 1:]
                     for begin, end in self.decode([damaged + self.stream]).places:
                         assert not begin <= at < end, (
-                            f'{damaged!r} is taken for a frame although its byte {at} is wrong: '
-                            'check the checksum; if it does not cover that byte, say so in '
+                            f'{damaged!r} is accepted as a frame although its byte {at} is wrong: '
+                            'check the checksum; if it does not cover that byte, exclude it in '
                             'covered()')
 
     def test_a_beginning_without_an_end_hides_only_what_follows_at_once(self) -> None:
@@ -187,18 +187,18 @@ class DecoderContract:
                 whole = [place for place in self.decode([data]).places
                          if place[0] >= len(data) - len(self.stream)]
                 assert len(whole) == count, (
-                    f'after {frame[:cut]!r} without its end {len(behind)} good bytes are not '
+                    f'after {frame[:cut]!r} without its end {len(behind)} valid bytes are not '
                     'enough to find the frames again')
 
     def test_no_header_makes_it_wait_for_more_than_its_limit(self) -> None:
         assert self.pending_limit <= MOST_PENDING, (
-            f'a decoder that waits for up to {self.pending_limit} bytes is held up for as many by '
-            f'a beginning that is none: at most {MOST_PENDING}')
+            f'a decoder that waits for up to {self.pending_limit} bytes is delayed by as many '
+            f'after a false start: at most {MOST_PENDING}')
         decoder = self.decoder()
         if isinstance(decoder, FrameDecoder):
             assert decoder.LONGEST <= self.pending_limit, (
-                f'LONGEST is {decoder.LONGEST}: say the length of the longest frame that the '
-                'device sends, and pending_limit accordingly')
+                f'LONGEST is {decoder.LONGEST}: set it to the length of the longest frame of the '
+                'device, and pending_limit accordingly')
         rest = bytes(2 * self.pending_limit)
         for frame in self.frames():
             head = frame[:16]
@@ -213,13 +213,13 @@ class DecoderContract:
         good = steps_per_byte(self.decoder(), self.stream * (size // len(self.stream) + 1))
         frames = self.frames()
         heads = [frame[:cut] for frame in frames[:2] for cut in range(1, 8)]
-        # Half headers, and lengths that reach far.
+        # Partial headers, and large lengths.
         seeds = [*self.tokens, b'\n', b'\x00', *heads, *(frame[:-1] for frame in frames[:4]),
                  *(head + far for head in heads for far in (b'\xff', b'\x07\xff', b'\xff\x07',
                                                             b'\xff\x07\xff'))]
         cost, piece = costliest_input(self.decoder, seeds, size, 40)
         allowed = max(MOST_TIMES_GOOD * good, FEW_STEPS)
         assert cost <= allowed, (
-            f'{piece!r} again and again costs {cost:.0f} steps a byte, good frames {good:.1f}: at '
-            f'most {allowed:.0f}, or a noisy line stops the robot. Look at no byte more often '
-            'than a few times: PATTERN and PartialSums help')
+            f'{piece!r} repeated costs {cost:.0f} steps per byte, valid frames {good:.1f}: at '
+            f'most {allowed:.0f}, or a noisy line stops the robot. Process each byte only a few '
+            'times: PATTERN and PartialSums help')

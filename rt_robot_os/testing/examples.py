@@ -15,7 +15,7 @@
 """
 Many examples for the tests of a contract, made by hypothesis.
 
-It is imported when such a test runs and not before: what else is in this package works without it.
+It is imported only when such a test runs: the rest of this package works without it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def strategies() -> Any:
     """
     Import the strategies of hypothesis.
 
-    :raises RtRobotError: it is missing; the message says how it is installed.
+    :raises RtRobotError: it is missing; the message contains the command to install it.
     """
     text = lacking('this test of the contract', 'hypothesis')
     if text:
@@ -51,7 +51,7 @@ def check_with_examples(strategy: Any, check: Callable[[Any], None], count: int)
     from hypothesis import HealthCheck
     from hypothesis import settings
 
-    # Made here, because hypothesis wants one function for each class that inherits.
+    # Made here, because hypothesis needs a separate function for each subclass.
     @settings(max_examples=count, deadline=None, suppress_health_check=[HealthCheck.too_slow])
     @given(example=strategy)
     def run(example: Any) -> None:

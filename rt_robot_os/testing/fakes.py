@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Test doubles: ports that give the bytes of a test, publishers that keep what they publish."""
+"""Test doubles: ports that return the bytes of a test, publishers that record samples."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from rt_robot_os.modules import Module
 from rt_robot_os.topics import Layout
 
 
-# By type and what is fixed: a suite makes thousands of publishers of a few kinds.
+# By type and fixed fields: a suite makes thousands of publishers of a few kinds.
 _LAYOUTS: dict[tuple[str, str], Layout] = {}
 
 
@@ -46,12 +46,12 @@ def _layout(publication: TopicSpec) -> Layout:
 
 class RecordingPublisher:
     """
-    What the SensorManager hands over, without a kernel: it keeps what was published.
+    The publisher of a driver, without a kernel: it records samples.
 
     :ivar msg: the message to fill in; it keeps its values, as in the robot.
-    :ivar layout: where the fields of the message are.
-    :ivar samples: what was published, each a view with the names of the ROS message.
-    :ivar stamps: their moments in nanoseconds.
+    :ivar layout: the fields of the message.
+    :ivar samples: the published ones, each a view with the names of the ROS message.
+    :ivar stamps: their stamps in nanoseconds.
     :ivar values: their bytes.
     """
 
@@ -72,7 +72,7 @@ class RecordingPublisher:
         self.layout.set_tail_bytes(self._buffer, len(octets))
 
     def publish(self, stamp_ns: int) -> None:
-        """Keep what ``msg`` holds."""
+        """Record the content of ``msg``."""
         copy = self.layout.new_buffer()
         copy[:] = self._buffer
         self.samples.append(self.layout.view(copy))
@@ -81,7 +81,7 @@ class RecordingPublisher:
 
 
 class ScriptedPort:
-    """A port that gives chunks in order, then nothing; for what needs no real pty."""
+    """A port that returns chunks in order, then nothing; for tests without a real pty."""
 
     chunks: Sequence[bytes] = ()
 
@@ -93,7 +93,7 @@ class ScriptedPort:
         self._left = list(self.chunks)
 
     def fileno(self) -> int:
-        """Return a number; nobody waits on it."""
+        """Return a number; nothing waits on it."""
         return 0
 
     def read(self) -> bytes:
@@ -103,7 +103,7 @@ class ScriptedPort:
         return data
 
     def write(self, data: bytes) -> None:
-        """Keep what the driver sends."""
+        """Record the bytes of the driver."""
         self.written.append(data)
 
     def close(self) -> None:
@@ -114,7 +114,7 @@ def settings_of(kind: type[Device] | type[Module], /, **changes: Any) -> dict[st
     """
     Return the default settings of a driver or a module, with changes.
 
-    :raises AssertionError: there is no such setting, or a value may not be used.
+    :raises AssertionError: a setting is unknown, or a value is invalid.
     """
     fields = kind.fields()
     values: dict[str, Any] = {f.name: f.default for f in fields}
@@ -131,7 +131,7 @@ def settings_of(kind: type[Device] | type[Module], /, **changes: Any) -> dict[st
 
 
 def bind(device: Device) -> list[Any]:
-    """Return the device publishers that remember."""
+    """Bind recording publishers to a device, and return them."""
     publishers = [RecordingPublisher(p) for p in device.publications()]
     device.bind(publishers)
     return publishers
@@ -139,8 +139,8 @@ def bind(device: Device) -> list[Any]:
 
 @contextmanager
 def opened(device: Device, chunks: Sequence[bytes]) -> Iterator[None]:
-    """Open a serial device on a port that gives these chunks, one a read."""
-    given: Any = device  # a serial one, whatever its frames
+    """Open a serial device on a port that returns these chunks, one per read."""
+    given: Any = device  # a serial device with any frames
     given.make_port = type('Port', (ScriptedPort,), {'chunks': chunks})
     device.open()
     yield
@@ -151,7 +151,7 @@ def opened(device: Device, chunks: Sequence[bytes]) -> Iterator[None]:
 def scripted(driver: type[Device], chunks: Sequence[bytes], **changes: Any
              ) -> Iterator[tuple[Any, list[Any]]]:
     """
-    Open a serial device whose port gives these chunks, one a read.
+    Open a serial device whose port returns these chunks, one per read.
 
     :param changes: settings other than the defaults.
     :return: the device, and a :class:`RecordingPublisher` for each of its publications.
@@ -163,12 +163,12 @@ def scripted(driver: type[Device], chunks: Sequence[bytes], **changes: Any
 
 
 def scripted_settings(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Add a port to settings: without a speed no frame is dated back."""
+    """Add a port to settings: without a speed no frame is back-dated."""
     return {'port': 'scripted', 'baud': 0, **changes}
 
 
 def read_all(device: Device, chunks: int, now_ns: int = 1_000_000_000, step_ns: int = 0) -> int:
-    """Read as many times as there are chunks, and on while bytes of them wait for a later job."""
+    """Read once per chunk, and further while bytes wait for a later job."""
     serial: Any = device
     samples = 0
     for i in range(chunks):
@@ -179,7 +179,7 @@ def read_all(device: Device, chunks: int, now_ns: int = 1_000_000_000, step_ns: 
 
 
 def wait_readable(device: Device, seconds: float = 5.0) -> None:
-    """Wait until the port has something to read; a pty hands over in its own time."""
+    """Wait until the port has bytes; a pty delivers them with a delay."""
     descriptor = device.fileno()
     assert descriptor is not None
     assert select.select([descriptor], [], [], seconds)[0], 'nothing arrived'
@@ -195,7 +195,7 @@ def read_until(device: Device, bytes_read: int, now_ns: int = 1_000_000_000) -> 
 
 
 def wait_for_device_error(device: Device) -> DeviceError:
-    """Read until the device says that it is gone."""
+    """Read until the device raises DeviceError."""
     with pytest.raises(DeviceError) as caught:
         for _ in range(100):
             wait_readable(device)

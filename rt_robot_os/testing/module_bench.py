@@ -40,15 +40,15 @@ ModuleT = TypeVar('ModuleT', bound=Module)
 
 class ModuleBench:
     """
-    Run modules with inputs from a test, and see what they publish.
+    Run modules with inputs from a test, and read their outputs.
 
     Order: :meth:`topic` for each input, :meth:`add` for each module, :meth:`watch` for each
-    output, :meth:`at` for what comes later, then :meth:`run`.
+    output, :meth:`at` for later events, then :meth:`run`.
 
     :ivar kernel: on the virtual clock.
     :ivar bus: its topics.
-    :ivar mountings: where frames of devices are, for the modules.
-    :ivar run_on: how far the robot goes on in silence, for the modules.
+    :ivar mountings: mountings of the frames of devices, for the modules.
+    :ivar run_on: how far the robot continues without commands, for the modules.
     """
 
     def __init__(self) -> None:
@@ -76,7 +76,7 @@ class ModuleBench:
         """
         Add a module as the core does; it is configured and activated by :meth:`run`.
 
-        :param rate_hz: 0 when only its inputs release it.
+        :param rate_hz: 0 if only its inputs release it.
         :param settings: other than the defaults.
         """
         made = module(name, settings_of(module, **settings))
@@ -93,12 +93,12 @@ class ModuleBench:
         return self.kernel.add_async_task(made.name, made.run, priority=priority)
 
     def watch(self, topic: str) -> Subscription:
-        """Subscribe to a topic; ``take()`` what was published after :meth:`run`."""
+        """Subscribe to a topic; ``take()`` its samples after :meth:`run`."""
         return self.bus.subscribe(topic, 'test')
 
     def at(self, time_s: float, do: Callable[[], object]) -> None:
         """
-        Let something happen once, such as a publication, before the tasks of that moment run.
+        Call a function once, such as a publication, before the tasks of that time run.
 
         :param time_s: since the beginning of the next :meth:`run`.
         """

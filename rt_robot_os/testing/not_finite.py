@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Frames with NaN and infinity, made from good ones.
+Frames with NaN and infinity, made from valid ones.
 
-A format with floating point numbers, or with numbers as text, can say NaN and infinity. Where the
-numbers stand is not known here: every place is tried, with every kind of checksum that is usual,
-and what the decoder takes is a frame.
+A format with floating point numbers, or with numbers as text, can contain NaN and infinity. The
+positions of the numbers are unknown here: every position is tried, with every common kind of
+checksum; candidates that the decoder accepts are frames.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _HEXADECIMAL: Final = re.compile(rb'\*[0-9A-Fa-f]{2}')
 
 
 def not_finite(frame: bytes) -> Iterator[bytes]:
-    """Yield candidates: a frame with NaN or infinity at each place, and its checksum mended."""
+    """Yield candidates: a frame with NaN or infinity at each position, and a valid checksum."""
     for value in _BINARY:
         for at in range(1, len(frame) - len(value)):
             changed = frame[:at] + value + frame[at + len(value):]
@@ -53,7 +53,7 @@ def _binary_mends(frame: bytes, changed: bytes) -> Iterator[bytes]:
     exclusive = last
     for one, other in zip(frame[:-1], body):
         exclusive ^= one ^ other
-    # A sum that is added, one that makes the whole 0, and XOR; then sums of sums.
+    # A sum, one that makes the total 0, and XOR; then sums of sums.
     for check in dict.fromkeys(((last + more) & 0xFF, (last - more) & 0xFF, exclusive)):
         yield body + bytes((check,))
     for begin in (0, 1, 2):
@@ -68,7 +68,7 @@ def _text_mends(changed: bytes) -> Iterator[bytes]:
     yield changed
     found = list(_HEXADECIMAL.finditer(changed))
     if found:
-        # As NMEA has it: XOR of what is between the first character and the asterisk.
+        # As in NMEA: XOR of the characters between the first one and the asterisk.
         at = found[-1].start()
         check = 0
         for byte in changed[1:at]:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A driver and its simulated device on a real pty, with time in the test's hand."""
+"""A driver and its simulated device on a real pty, with time controlled by the test."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Rig:
     A simulated device and the driver that reads it.
 
     :ivar publishers: one for each publication; :class:`rt_robot_os.testing.RecordingPublisher`
-        unless the test brings others.
+        unless the test passes others.
     :ivar now_ns: the time.
     """
 
@@ -57,7 +57,7 @@ class Rig:
         device.open()
 
     def sync(self) -> int:
-        """Let the driver read all that the simulated device has sent."""
+        """Let the driver read all bytes of the simulated device."""
         samples = 0
         port = self.simulated.port
         while self.device.statistics().bytes_read + self._missed < port.bytes_sent:
@@ -83,7 +83,7 @@ class Rig:
         return samples
 
     def reopen(self) -> None:
-        """Open the port anew, as the SensorManager does."""
+        """Reopen the port, as the SensorManager does."""
         self.device.close()
         self.device.open()
         self._missed = self.simulated.port.bytes_sent - self.device.statistics().bytes_read
@@ -100,8 +100,8 @@ def rig(
 
     :param folder: for the pty's path, such as pytest's ``tmp_path``.
     :param sim: settings of the simulated device.
-    :param baud: speed of the line; None is the usual one.
-    :param world: that the simulated device looks at.
+    :param baud: speed of the line; None for the usual one.
+    :param world: the world that the simulated device measures.
     :param settings: of the driver, other than the defaults.
     """
     port = PtyPort(folder / 'device')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a serial driver has to do with good frames and with strange ones; part of the contract."""
+"""The contract of a serial driver for valid and unusual frames; a part of DriverContract."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from rt_robot_os.testing.fakes import ScriptedPort
 from rt_robot_os.testing.fakes import settings_of
 from rt_robot_os.testing.not_finite import not_finite
 
-# Of the fields whose sign has to be shown.
+# Fields whose sign must be tested.
 _AXES: Final = ('x', 'y', 'z', 'latitude', 'longitude')
 _FLOATS: Final[dict[str, Any]] = {'float': np.dtype('<f4'), 'double': np.dtype('<f8')}
 _SLEEPING: Final = (time.sleep, select.select)
@@ -53,16 +53,16 @@ Numbers = dict[str, 'np.ndarray[Any, Any]']
 
 class SampleContract(DecoderContract):
     """
-    The part of :class:`DriverContract` that is about what a frame becomes.
+    The part of :class:`DriverContract` about the samples of a frame.
 
     :cvar driver: the class under test.
     :cvar changes: settings other than the defaults.
-    :cvar vectors: which way each axis points: bytes, and what the last sample has to hold after
-        them, by field, such as ``{'linear_acceleration.z': 9.81}``. There must be one for each
-        axis (x, y, z, latitude, longitude) of what the stream publishes.
-    :cvar unknown: fields in which NaN or infinity says something, such as ``ranges``.
-    :cvar not_finite: frames that hold NaN or infinity; for formats whose checksum is not a usual
-        one. For the usual ones such frames are made from the stream.
+    :cvar vectors: the direction of each axis: bytes, and the expected fields of the last sample
+        after them, such as ``{'linear_acceleration.z': 9.81}``. There must be one for each
+        published axis (x, y, z, latitude, longitude).
+    :cvar unknown: fields in which NaN or infinity has a meaning, such as ``ranges``.
+    :cvar not_finite: frames with NaN or infinity, for formats with an uncommon checksum. For
+        common ones such frames are made from the stream.
     """
 
     driver: ClassVar[type[Any]]
@@ -72,12 +72,12 @@ class SampleContract(DecoderContract):
     not_finite: ClassVar[tuple[bytes, ...]] = ()
 
     def device(self) -> tuple[Any, list[RecordingPublisher]]:
-        """Make the device, and publishers that know the fields of its messages."""
+        """Make the device, and publishers with the fields of its messages."""
         device = self.driver('dut', settings_of(self.driver, **scripted_settings(self.changes)))
         return device, bind(device)
 
     def samples_of(self, *chunks: bytes) -> list[RecordingPublisher]:
-        """Return what the bytes publish."""
+        """Return the samples of the bytes."""
         device, publishers = self.device()
         with opened(device, chunks):
             read_all(device, len(chunks), _START_NS, _STEP_NS)
@@ -100,8 +100,7 @@ class SampleContract(DecoderContract):
                 if name.rpartition('.')[2] in _AXES and value.size == 1
                 and np.isfinite(value).all() and value.any()}
         assert sorted(axes - shown) == [], (
-            'nobody would notice if these had the wrong sign: add bytes and what they mean to '
-            '`vectors`')
+            'no test would detect a wrong sign of these: add bytes and their meaning to `vectors`')
 
     def test_what_is_not_finite_is_no_data(self) -> None:
         good = self.samples_of(self.stream)
@@ -112,15 +111,15 @@ class SampleContract(DecoderContract):
                 bad = [name for name in names if not np.isfinite(sample[name]).all()]
                 assert not bad, (
                     f'{bad[0]} is {sample[bad[0]]} after '
-                    f'{chunks[(stamp_ns - _START_NS) // _STEP_NS]!r}: publish nothing, or add '
-                    'the field to `unknown` if its message says what that means')
+                    f'{chunks[(stamp_ns - _START_NS) // _STEP_NS]!r}: publish nothing, or add the '
+                    'field to `unknown` if its message defines the meaning')
 
     def test_what_came_before_opening_again_changes_nothing(self) -> None:
         fresh = self._published_after(b'')
         for cut in range(1, len(self.stream), len(self.stream) // _MOST_CUTS + 1):
             assert self._published_after(self.stream[:cut]) == fresh, (
-                f'after {self.stream[:cut]!r} and opening again the stream gives other samples: '
-                'forget the stream so far in restart()')
+                f'after {self.stream[:cut]!r} and reopening the stream gives other samples: reset '
+                'the state of the stream in restart()')
 
     def test_nothing_in_the_loop_sleeps(self) -> None:
         noise = random.Random(4).randbytes(300)
@@ -130,18 +129,18 @@ class SampleContract(DecoderContract):
             for number in range(len(chunks)):
                 device.write(_START_NS + number * _STEP_NS)
                 device.read(_START_NS + number * _STEP_NS)
-        assert slept == [], ('the loop must not wait: return, and look at the time in the next '
+        assert slept == [], ('the loop must not block: return, and check the time in the next '
                              'write, read or idle')
 
     def _frames_without_numbers(self) -> Iterator[bytes]:
-        """Yield those of the changed frames that the decoder takes."""
+        """Yield the changed frames that the decoder accepts."""
         for frame in self.frames()[:4]:
             for candidate in not_finite(frame):
                 if self.decode([candidate]).places == [(0, len(candidate))]:
                     yield candidate
 
     def _published_after(self, before: bytes) -> Any:
-        """Open on some bytes, open again on the stream; give what that published and counted."""
+        """Open on some bytes, reopen on the stream; return its samples and counters."""
         device, publishers = self.device()
         with opened(device, [before]):
             read_all(device, 1, _START_NS)
@@ -173,7 +172,7 @@ def _always_finite(publisher: RecordingPublisher, unknown: tuple[str, ...]) -> l
 
 @contextmanager
 def _noting_sleep() -> Iterator[list[str]]:
-    """Note who calls what waits; it is called all the same."""
+    """Record the callers of blocking functions, which are called nevertheless."""
     slept: list[str] = []
 
     def note(frame: FrameType, event: str, function: Any) -> None:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-How much work a decoder does, counted instead of timed: equal bytes give equal numbers.
+The work of a decoder, counted instead of timed: equal bytes give equal numbers.
 
-A step is a line of Python, or eight bytes that were cut out, searched or added up. That is coarse,
-but a decoder that looks at the same bytes again and again shows by factors of a hundred.
+A step is a line of Python, or eight bytes that are sliced, searched or summed. That is coarse, but
+a decoder that processes the same bytes repeatedly differs by factors of a hundred.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from typing import Any
 from typing import Final
 
 _BYTES_PER_STEP: Final = 8
-# As a port gives them.
+# Size of the chunks of a port.
 _CHUNK: Final = 256
 
 
 class Meter:
-    """Counts lines of Python and bytes; the lines of this file do not count."""
+    """Counts lines of Python and bytes, without the lines of this file."""
 
     def __init__(self) -> None:
         self.lines = 0
@@ -48,7 +48,7 @@ class Meter:
         return self.lines + self.bytes / _BYTES_PER_STEP
 
     def trace(self, frame: FrameType, event: str, arg: object) -> Any:
-        """Count what Python does; for ``sys.settrace``."""
+        """Count executed lines; for ``sys.settrace``."""
         if frame.f_code.co_filename == __file__:
             return None
         if event != 'return':
@@ -57,16 +57,16 @@ class Meter:
 
 
 class WatchedBytes(bytes):
-    """Bytes that count what is cut out of them, searched and added up."""
+    """Bytes that count slicing, searching and summing."""
 
     meter: Meter
 
     def __add__(self, other: Any) -> bytes:
-        """Stay watched behind other bytes."""
+        """Stay counted after concatenation behind other bytes."""
         return watched(bytes(self) + other, self.meter)
 
     def __radd__(self, other: bytes) -> bytes:
-        """Stay watched in front of other bytes."""
+        """Stay counted after concatenation before other bytes."""
         return watched(other + bytes(self), self.meter)
 
     def __getitem__(self, index: Any) -> Any:
@@ -77,7 +77,7 @@ class WatchedBytes(bytes):
         return found
 
     def __iter__(self) -> Iterator[int]:
-        """Count all: whoever begins goes on to the end."""
+        """Count all bytes: an iteration usually runs to the end."""
         self.meter.bytes += len(self)
         return bytes.__iter__(self)
 
@@ -95,14 +95,14 @@ class WatchedBytes(bytes):
 
 
 def watched(data: bytes, meter: Meter) -> WatchedBytes:
-    """Return bytes that count what is done with them."""
+    """Return bytes that count the operations on them."""
     made = WatchedBytes(data)
     made.meter = meter
     return made
 
 
 def steps_per_byte(decoder: Any, data: bytes) -> float:
-    """Feed a decoder in chunks and give the steps that a byte costs."""
+    """Feed a decoder in chunks and return the steps per byte."""
     meter = Meter()
     before = sys.gettrace()
     sys.settrace(meter.trace)
@@ -117,13 +117,13 @@ def steps_per_byte(decoder: Any, data: bytes) -> float:
 def costliest_input(decoder: Callable[[], Any], seeds: Sequence[bytes], size: int, rounds: int,
                     ) -> tuple[float, bytes]:
     """
-    Search for the bytes that cost most when they are repeated.
+    Search for the bytes with the highest cost when repeated.
 
-    :param decoder: makes one.
-    :param seeds: where the search begins.
-    :param size: of what is fed each time, in bytes.
-    :param rounds: of changes to the dearest so far.
-    :return: steps a byte, and the bytes that are repeated.
+    :param decoder: makes a decoder.
+    :param seeds: start of the search.
+    :param size: of the input of each run, in bytes.
+    :param rounds: number of changes to the costliest so far.
+    :return: steps per byte, and the repeated bytes.
     """
     chance = random.Random(1)
     alphabet = bytes(sorted(set(b''.join(seeds)) | {0, 0xFF}))
@@ -140,7 +140,7 @@ def costliest_input(decoder: Callable[[], Any], seeds: Sequence[bytes], size: in
 
 
 def _changed(chance: random.Random, piece: bytes, other: bytes, alphabet: bytes) -> bytes:
-    """Return a piece with a byte replaced, put in or taken out, or two of them in a row."""
+    """Return a piece with a byte replaced, inserted or removed, or two pieces in sequence."""
     at = chance.randrange(len(piece))
     byte = bytes((chance.choice(alphabet),))
     return chance.choice((piece[:at] + byte + piece[at + 1:], piece[:at] + byte + piece[at:],

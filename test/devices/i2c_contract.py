@@ -221,7 +221,7 @@ class I2cContract:
             rig.run(1000)
             rig.chip.inject('unplug', 0.0001)
             rig.chip.pump = None
-            rig.chip._update(rig.now_ns)
+            rig.chip.update(rig.now_ns)
             rig.now_ns += MS
             text = rig.run_until_error(1500)
             statistics = rig.device.statistics()
@@ -237,14 +237,14 @@ class I2cContract:
         with self.rig() as rig:
             rig.run(1000)
             rig.chip.inject('hold', 1.0)
-            rig.chip._update(rig.now_ns)
+            rig.chip.update(rig.now_ns)
             assert 'a device holds SDA or SCL low' in rig.run_until_error(500)
 
     def test_a_bus_that_goes_away_is_opened_anew(self) -> None:
         with self.rig() as rig:
             rig.run(1000)
             rig.chip.inject('vanish', 0.2)
-            rig.chip._update(rig.now_ns)
+            rig.chip.update(rig.now_ns)
             assert 'the bus is gone' in rig.run_until_error(500)
             rig.now_ns += S
             rig.device.open()
@@ -255,7 +255,7 @@ class I2cContract:
         with self.rig() as rig:
             rig.run(1000)
             rig.chip.inject('silent', 2.0)
-            rig.chip._update(rig.now_ns)
+            rig.chip.update(rig.now_ns)
             rig.run_until_error(50)
             frames = rig.device.statistics().frames
             rig.run_until_error(1000)

@@ -242,7 +242,7 @@ def test_after_silence_a_fault_lets_it_drive_again(tmp_path: Path) -> None:
 def test_a_motor_that_turns_the_wrong_way_does_not_run_away(tmp_path: Path) -> None:
     with robot(tmp_path) as made:
         made.rig.run(200)
-        made.simulated._signs = -1.0, 1.0
+        made.simulated.encoder_signs = -1.0, 1.0
         told = made.simulated.base.set_duty
         made.simulated.base.set_duty = lambda left, right: told(-left, right)
         made.drive(0.3, 700)
@@ -276,7 +276,7 @@ def test_another_board_in_its_place_moves_nothing(tmp_path: Path) -> None:
         made.stand()
         there = made.samples[-1][1:3]
         made.rig.unplug()
-        made.simulated._zero = -123456, 98765
+        made.simulated.count_offsets = -123456, 98765
         made.rig.run(1000)
         assert made.rig.managed.state is DeviceState.ACTIVE
         assert made.samples[-1][1:3] == there
@@ -293,7 +293,7 @@ def test_a_reset_while_it_drives_moves_nothing(tmp_path: Path, driven_ms: int) -
         assert made.faults & MotorFault.LINE
         made.rig.run(1500)
         assert made.moves(), 'commands go on, so does it'
-        assert made.simulated._gains.p == 30
+        assert made.simulated.gains.p == 30
         made.stand()
         assert made.counters()['counter_resets'] == 1
         assert max(map(abs, made.steps())) < 0.5

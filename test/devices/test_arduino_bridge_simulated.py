@@ -189,7 +189,7 @@ def test_a_reset_forgets_everything() -> None:
     assert board.answers(wire.ENCODERS, 50) == b'', 'it boots'
     board.run(board.now_ns + 1500 * NS_PER_MS)
     assert board.answers(wire.ENCODERS).endswith(b'\r\n')
-    assert abs(board.simulated.ticks[0]) < 60 and board.simulated._gains.p == 20
+    assert abs(board.simulated.ticks[0]) < 60 and board.simulated.gains.p == 20
 
 
 def test_it_moves_the_robot_of_the_world() -> None:

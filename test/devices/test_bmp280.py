@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-The BMP280: the data sheet's example, its modes, and its simulated device against the formula.
-"""
+"""The BMP280: the data sheet's example, its modes, and the simulated one against the formula."""
 
 from __future__ import annotations
 

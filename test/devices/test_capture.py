@@ -211,7 +211,7 @@ def test_pictures_that_do_not_fit_or_are_damaged_are_named(tmp_path: Path) -> No
     with pytest.raises(DeviceError, match='gives 32x24 pixels, not 64x48: set width and height'):
         next(open_camera(values('camera', **SMALL, port=str(tmp_path))).frames())
     (tmp_path / 'p0.png').write_bytes((tmp_path / 'p0.png').read_bytes()[:40])
-    with pytest.raises(DeviceError, match='p0.png is no picture that can be read'):
+    with pytest.raises(DeviceError, match='p0.png is not a readable picture'):
         next(open_camera(values('camera', **SMALL, port=str(tmp_path))).frames())
 
 
@@ -248,7 +248,7 @@ def test_a_video_is_read_by_opencv(tmp_path: Path) -> None:
     assert np.abs(shown[0].pixels.astype(int) - pattern.frame(0)).mean() < 8, 'red is red'
     source.close()
     path.write_bytes(b'RIFF' + bytes(300))
-    with pytest.raises(DeviceError, match='is no video that OpenCV can read'):
+    with pytest.raises(DeviceError, match='is not a video that OpenCV can read'):
         open_camera(settings)
 
 
@@ -281,7 +281,7 @@ def test_another_wav_file_is_named(rate_hz: int, width: int, said: str, tmp_path
     with pytest.raises(DeviceError, match=said):
         open_sound(values('microphone', port=str(path)))
     path.write_bytes(path.read_bytes()[:20])
-    with pytest.raises(DeviceError, match='is no WAV file'):
+    with pytest.raises(DeviceError, match='is not a WAV file'):
         open_sound(values('microphone', port=str(path)))
 
 

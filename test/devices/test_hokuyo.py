@@ -158,7 +158,7 @@ def test_a_refused_scan_is_told() -> None:
 
 
 def test_a_scanner_that_stops_is_told() -> None:
-    with pytest.raises(DeviceError, match='dut: it stopped with status 52: it may be held up'):
+    with pytest.raises(DeviceError, match='dut: it stopped with status 52: it may be blocked'):
         drive([SETUP, scan(1), wire.answer(ECHO, 52), b''])
 
 

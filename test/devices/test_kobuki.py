@@ -104,7 +104,7 @@ def test_it_drives_as_commanded_and_says_so(robot: Any) -> None:
 
 def test_its_counters_wrap_and_its_odometry_does_not(robot: Any) -> None:
     # 65536 ticks are 5.6 m: let the left counter begin before its end, the right one at half.
-    robot.simulated._zero = 1500, 32768 + 1500
+    robot.simulated.count_offsets = 1500, 32768 + 1500
     robot.run(500)
     resets = robot.counters()['counter_resets']
     robot.steer(0.7)
@@ -211,10 +211,10 @@ def test_a_base_that_is_lifted_tells_cliff_and_wheel_drop(robot: Any) -> None:
 def test_a_button_is_told_when_it_is_pressed(robot: Any) -> None:
     robot.run(300)
     robot.take('buttons')
-    core = robot.simulated._core
-    robot.simulated._core = lambda: core()._replace(buttons=4)
+    core = robot.simulated.core_sensors
+    robot.simulated.core_sensors = lambda: core()._replace(buttons=4)
     robot.run(25)
-    robot.simulated._core = core
+    robot.simulated.core_sensors = core
     robot.run(25)
     assert robot.take('buttons') == [4, 0]
 
@@ -223,9 +223,9 @@ def test_a_button_is_told_when_it_is_pressed(robot: Any) -> None:
 
 def test_nothing_is_sent_while_nothing_is_commanded(robot: Any) -> None:
     robot.run(3000)
-    before = robot.simulated._told_ns
+    before = robot.simulated.commanded_ns
     robot.run(1000)
-    assert robot.simulated._told_ns == before, 'it would never stop by itself'
+    assert robot.simulated.commanded_ns == before, 'it would never stop by itself'
     robot.steer(0.2)
     robot.run(500)
     # This computer stands still.
@@ -362,7 +362,7 @@ def test_another_base_in_its_place_is_noticed(robot: Any, monkeypatch: pytest.Mo
     robot.run(20)
     monkeypatch.setattr(
         'rt_robot_os.devices.kobuki.simulated._UNIQUE_ID', struct.pack('<3I', 1, 2, 3))
-    robot.simulated._zero = (4321, -999)
+    robot.simulated.count_offsets = (4321, -999)
     before = robot.device.counters.position_rad
     robot.run(2000)
     assert robot.device.counters.position_rad == pytest.approx(before, abs=0.1)

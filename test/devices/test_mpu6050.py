@@ -93,7 +93,7 @@ def test_si_units_in_every_range(gyro: int, accel: int) -> None:
 def test_the_relatives_are_recognised(model: chip.Model) -> None:
     with i2c_rig(SimulatedMpu6050, Mpu6050, {'model': model.name, 'temperature_c': 41.5}) as rig:
         rig.run(1000)
-        assert rig.device._model is model
+        assert rig.device.model is model
         assert rig.publishers[1].samples[-1].temperature == pytest.approx(41.5, abs=0.01)
         assert (rig.chip.registers[chip.ACCEL_CONFIG_2] != 0) == model.accel_filter
 
@@ -113,7 +113,7 @@ def test_no_sample_is_lost_or_doubled_however_polls_come(step_ms: float) -> None
     with i2c_rig(SimulatedMpu6050, Mpu6050, output_rate_hz=100.0) as rig:
         rig.run(5000, step_ms=step_ms)
         published = len(rig.publishers[0].samples)
-        waiting = len(rig.chip._fifo) // chip.FRAME_SIZE
+        waiting = len(rig.chip.fifo) // chip.FRAME_SIZE
         assert published + waiting == rig.chip.queued > 450
         assert rig.device.statistics().lost_samples == 0
 
@@ -161,10 +161,10 @@ def test_a_fifo_out_of_step_is_noticed_by_the_temperature(cut: int) -> None:
     # 85 degrees are 16480 counts: few other words look like that by chance.
     with i2c_rig(SimulatedMpu6050, Mpu6050, QUIET) as rig:
         rig.run(1000)
-        del rig.chip._fifo[:]
+        del rig.chip.fifo[:]
         rig.now_ns += 100 * MS
-        rig.chip._update(rig.now_ns)
-        del rig.chip._fifo[:cut]
+        rig.chip.update(rig.now_ns)
+        del rig.chip.fifo[:cut]
         rig.run(2000)
         linear = rows(rig, 'linear_acceleration')[-50:]
         if cut % 2:
@@ -193,7 +193,7 @@ def test_another_chip_in_its_place_is_noticed_within_a_second() -> None:
 def test_every_rate_that_the_chip_has_is_taken(divider: int) -> None:
     device: Any = Mpu6050('imu', settings_of(
         Mpu6050, port='x', output_rate_hz=1000 / (divider + 1)))
-    assert device._divider == divider
+    assert device.divider == divider
 
 
 @pytest.mark.parametrize('rate, near', [(300.0, '333.333'), (2.0, '3.90625'), (700.0, '1000')])

@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-The MS5611: the examples of data sheet and note, the second order, commands, simulated device.
-"""
+"""The MS5611: examples of data sheet and note, second order, commands, simulated device."""
 
 from __future__ import annotations
 

@@ -317,7 +317,7 @@ def test_what_cannot_be_is_answered_with_its_problem(tmp_path: Path) -> None:
     made.request(order('picture', 1.0), 0)
     made.close()
     problems = ' '.join(answer['problem'] for answer in told)
-    for part in ('observations_mb', "'dance'", '4 clips', 'it is dark', 'no picture has come'):
+    for part in ('observations_mb', "'dance'", '4 clips', 'it is dark', 'no picture has arrived'):
         assert part in problems
 
 
@@ -461,7 +461,7 @@ def test_a_full_folder_is_told_and_the_camera_goes_on(tmp_path: Path) -> None:
         answer, = camera.answers(1)
         assert 'takes no file' in answer['problem'] and 'file' not in answer
         camera.pictures(2)
-        assert 'no picture could be kept' in camera.device.statistics().more['warning']
+        assert 'no picture could be stored' in camera.device.statistics().more['warning']
     finally:
         camera.device.close()
 

@@ -258,7 +258,7 @@ def test_a_controller_without_the_second_axis_is_told(tmp_path: Path) -> None:
         made.rig.run(1500)
         assert made.rig.managed.faults >= 1
         reasons = [report.text for report in made.rig.reports.since(0)[2]]
-        assert any('it refuses what it is asked (invalid ' in each for each in reasons)
+        assert any('it refuses requests (invalid ' in each for each in reasons)
 
 
 @pytest.mark.parametrize('speed', [math.nan, math.inf, 1e300])

@@ -347,7 +347,7 @@ def test_another_unit_in_its_place_is_noticed(robot: Any) -> None:
     robot.run(1000)
     robot.unplug()
     robot.run(20)
-    robot.simulated.unit._version = b'USB Roboclaw 2x30a v4.1.34\n\x00'
+    robot.simulated.unit.version = b'USB Roboclaw 2x30a v4.1.34\n\x00'
     robot.simulated.unit.offsets = [123456, -99]
     robot.run(1000)
     after = robot.device.counters.position_rad

@@ -13,9 +13,7 @@
 # limitations under the License.
 
 
-"""
-What the motor boards declare of a silent computer, compared with what their simulated devices do.
-"""
+"""The declared motion of motor boards without commands, compared with the simulated boards."""
 
 from __future__ import annotations
 

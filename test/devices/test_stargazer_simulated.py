@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Do the StarGazer's driver and its simulated device understand each other, with the vendor's timing.
-"""
+"""The StarGazer's driver with its simulated device, with the vendor's timing."""
 
 from __future__ import annotations
 
@@ -72,8 +70,8 @@ def errors(made: Rig) -> list[tuple[float, float]]:
     for sample, stamp in zip(made.publishers[0].samples, made.publishers[0].stamps):
         # The sentence took its time on the line; the sample is of the grid before.
         period = round(1e9 / simulated.rate_hz)
-        at = (stamp - simulated._start_ns) // period * period / 1e9
-        x, y, heading = simulated._base_pose(at)
+        at = (stamp - simulated.start_ns) // period * period / 1e9
+        x, y, heading = simulated.base_pose(at)
         pose = sample.pose.pose
         found.append((math.hypot(pose.position.x - x, pose.position.y - y),
                       abs(wrapped(yaw_of(0, 0, pose.orientation.z, pose.orientation.w)
@@ -140,7 +138,7 @@ def test_the_map_is_built_once(tmp_path: Path) -> None:
         assert first > 10
         made.reopen()
         run(made, 5_000)
-        assert made.device.is_set_up() and simulated._mode == 'I'
+        assert made.device.is_set_up() and simulated.mode == 'I'
         # It reports all positions below mark 2 now; a turned reference lets the noise of its
         # angle through, no more.
         assert max(error for error, _ in errors(made)[first // 2:]) < 0.2

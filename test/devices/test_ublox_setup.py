@@ -63,7 +63,7 @@ def test_each_generation_is_set_up(tmp_path: Path, generation: int, found: int) 
 @pytest.mark.parametrize('generation, settings, refused', [
     (10, {'high_precision': True}, 'it refuses NAV-HPPOSLLH: it has no high-precision position: '
      'set high_precision: false'),
-    (10, {'corrections': '/dev/ttyUSB7'}, 'it refuses RTCM 3: it takes no corrections: leave'),
+    (10, {'corrections': '/dev/ttyUSB7'}, 'it refuses RTCM 3: it accepts no corrections: leave'),
     (9, {}, ''), (9, {'high_precision': True}, '')])
 def test_what_a_receiver_does_not_have_is_told(
         tmp_path: Path, generation: int, settings: dict[str, Any], refused: str) -> None:

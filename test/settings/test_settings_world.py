@@ -115,8 +115,8 @@ def test_every_problem_is_told_with_its_line(problems_of: Judge, maps: Path) -> 
     (('file: nowhere.yaml',), 'nowhere.yaml: cannot be read: No such file'),
     (('file: maps/flat.pgm',), 'maps/flat.pgm'),
     (('map: open', 'events: [person bob 1 2 at 3]'), 'no such person; there are none'),
-    (('map: maps/flat.yaml', 'start: [0.01, 0.02, 0.0]'), 'robot.yaml:5: world.start: in the map '
-     'there stands something at 0.01, 0.02: choose a free place from 0, 0 to 0.1, 0.05'),
+    (('map: maps/flat.yaml', 'start: [0.01, 0.02, 0.0]'), 'robot.yaml:5: world.start: '
+     'the map has an obstacle at 0.01, 0.02: choose a free position from 0, 0 to 0.1, 0.05'),
     (('file: [1]',), 'world.file = [1]: must be a string'),
     (('map: 5',), 'world.map = 5: must be a string'),
 ])

@@ -87,10 +87,10 @@ def test_times_are_those_of_the_log_from_the_first_scan_on() -> None:
 
 @pytest.mark.parametrize('lines, message', [
     ([row(1), row(2, columns=700)], 'scan 2 has 700 columns: at least 706 are needed'),
-    ([row(1, changes={30: 'x'})], "scan 1: .*'x'.*: times and distances are whole numbers"),
+    ([row(1, changes={30: 'x'})], "scan 1: .*'x'.*: times and distances are integers"),
     ([row(1, changes={30: '-5'})], 'scan 1: a time or distance is negative'),
     ([row(1, changes={30: '999999'})], 'beyond 262143 mm'),
-    ([row(2), row(1)], 'scan 2: its time 1 us is before'), ([b'\n'], 'the log holds no scan')])
+    ([row(2), row(1)], 'scan 2: its time 1 us is before'), ([b'\n'], 'the log contains no scan')])
 def test_a_log_of_another_format_is_refused(lines: list[bytes], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         by_scan_time(lines)

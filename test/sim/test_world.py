@@ -326,7 +326,7 @@ def test_what_cannot_happen_is_refused(line: str, text: str) -> None:
 
 
 def test_a_robot_cannot_begin_in_a_wall(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match='world.start: in the map there stands something'):
+    with pytest.raises(ConfigError, match='world.start: the map has an obstacle'):
         World(replace(rooms(tmp_path), start=(-0.95, 0.0, 0.0)))
 
 
@@ -340,7 +340,7 @@ def test_from_a_person_who_steps_into_it_the_robot_may_go_away(away: float) -> N
 
 def test_it_is_not_put_into_a_wall(tmp_path: Path) -> None:
     settings = rooms(tmp_path)
-    with pytest.raises(ConfigError, match='world: kidnap: in the map there stands something at 2'):
+    with pytest.raises(ConfigError, match='world: kidnap: the map has an obstacle at 2'):
         World(settings).inject('kidnap 2.2 0.2 0'.split())
     with pytest.raises(ConfigError, match='world.events: kidnap: in the map'):
         World(replace(settings, events=('kidnap 2.2 0.2 0 at 3',)))

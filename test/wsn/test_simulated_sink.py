@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Do the sink's driver and its simulated device understand each other: packets, commands, faults.
-"""
+"""The sink's driver with its simulated device: packets, commands, faults."""
 
 from __future__ import annotations
 

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A driver and a module for rt_robot_os in a package of their own."""
+"""A package with a driver and a module for rt_robot_os."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What our nodes in the garden send: a payload of our own."""
+"""The custom payload of the nodes in the garden."""
 
 from __future__ import annotations
 

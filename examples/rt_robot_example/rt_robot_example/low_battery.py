@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A module that says when the battery is low."""
+"""A module that reports a low battery."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class LowBattery(Module):
     """
     Publish true when the voltage has been below the limit for a while.
 
-    A motor that starts pulls the voltage down for a moment: that alone is no empty battery. Once
-    said, it stays: a battery that rests recovers, but it is not charged.
+    A starting motor lowers the voltage for a moment, which is not an empty battery. Once reported,
+    it remains: the voltage recovers without load, but the battery is not charged.
     """
 
     battery = Input('battery', message='sensor_msgs/msg/BatteryState')
@@ -36,20 +36,20 @@ class LowBattery(Module):
 
     SETTINGS = (
         Field('limit_v', float, 10.5, 'Voltage below which it is low.', 'V', 1.0, 99.0, live=True),
-        Field('hold_s', float, 2.0, 'For so long, before it is said.', 's', 0.0, 60.0, live=True),
+        Field('hold_s', float, 2.0, 'Duration before it is reported.', 's', 0.0, 60.0, live=True),
     )
 
     def activate(self) -> None:
-        """Begin: nothing is known of the battery."""
+        """Start without knowledge of the battery."""
         self._good_ns = 0
         self._seen = False
 
     def changed(self, name: str) -> None:
-        """Judge anew by a new limit."""
+        """Evaluate again with the new limit."""
         self.low.msg.data = False
 
     def step(self) -> None:
-        """Do one job: look at what came since the last one, and say what is known."""
+        """Run one job: process the samples since the last one, and publish the result."""
         while self.battery.take():
             now_ns = self.battery.stamp_ns
             if self.battery.msg.voltage >= self.settings['limit_v'] or not self._seen:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Does the driver understand the gauge, and everything else that may come out of a wire."""
+"""Does the driver decode the gauge, and survive any other bytes on the line?"""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from rt_robot_os.testing import scripted
 
 
 class TestBatteryGauge(DriverContract):
-    """Every split of the stream, any bytes, unplugging: what all drivers have to bear."""
+    """The contract of all drivers: every split of the stream, any bytes, unplugging."""
 
     driver = BatteryGauge
     stream = encode(12.34, 1.2, 73) + encode(11.0, -2.5, 40) + encode(9.9, -10.0, 3)
@@ -67,12 +67,12 @@ def test_a_wrong_checksum_is_counted_and_not_published() -> None:
         assert device.statistics().rejected_frames == 1
 
 
-def test_other_drivers_recognise_its_bytes() -> None:
+def test_other_drivers_identify_its_bytes() -> None:
     assert is_gauge(encode(12.34, 1.2, 73)[5:] + encode(11.0, -2.5, 40))
     assert not is_gauge(b'$GPGSV,1,1,00*79\r\n' * 3)
 
 
-def test_the_simulated_gauge_runs_down(tmp_path: Path) -> None:
+def test_the_simulated_gauge_is_discharged(tmp_path: Path) -> None:
     with rig(tmp_path, SimulatedBatteryGauge, BatteryGauge,
              sim={'period_s': 4.0, 'rate_hz': 10.0}) as test:
         test.run(2000)
@@ -82,7 +82,7 @@ def test_the_simulated_gauge_runs_down(tmp_path: Path) -> None:
     assert voltages[-1] == pytest.approx(9.6, abs=0.1)
 
 
-def test_it_finds_its_way_out_of_garbage_on_the_line(tmp_path: Path) -> None:
+def test_it_resynchronises_after_garbage_on_the_line(tmp_path: Path) -> None:
     with rig(tmp_path, SimulatedBatteryGauge, BatteryGauge,
              sim={'faults': ['garbage at 0.5 for 0.5']}) as test:
         test.run(2000)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Is what a node in the garden sends read as it was meant; without a node and without a port."""
+"""Are packets of a garden node decoded correctly? Without a node and without a port."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from rt_robot_example.garden import SOIL
 from rt_robot_os.features.wsn.packets.decode import PacketDecoder
 from rt_robot_os.features.wsn.packets.serial_am import SerialAm
 
-# As `wsn sniff --json` has shown it under "hex".
-HEARD = bytes.fromhex('00ffff00070a00420007000100e719320eb6')
+# From "hex" of `wsn sniff --json`.
+RECEIVED = bytes.fromhex('00ffff00070a00420007000100e719320eb6')
 
 
-def test_a_packet_that_was_heard_is_read() -> None:
-    found = PacketDecoder(payloads=[SOIL]).decode(HEARD)
+def test_a_received_packet_is_decoded() -> None:
+    found = PacketDecoder(payloads=[SOIL]).decode(RECEIVED)
     assert (found.name, found.origin, found.origin_seqno, found.problem) == ('soil', 7, 1, '')
     assert found.readings == pytest.approx(
         {'soil_moisture_percent': 23.1, 'temperature': 24.9, 'battery': 2.759}, abs=0.001)
 
 
-def test_what_a_node_makes_is_what_is_read() -> None:
+def test_an_encoded_packet_is_decoded() -> None:
     values = {'origin': 7, 'seqno': 2, 'moisture': 1000, 'air': 6450, 'supply': 3766}
     packet = SerialAm(0xFFFF, 7, SOIL.am_type, SOIL.pack(values, big_endian=True)).pack()
     assert PacketDecoder(payloads=[SOIL]).decode(packet).fields == values
 
 
-def test_a_packet_that_is_cut_has_no_readings() -> None:
-    found = PacketDecoder(payloads=[SOIL]).decode(HEARD[:-2], stack='tinyos2')
+def test_a_truncated_packet_has_no_readings() -> None:
+    found = PacketDecoder(payloads=[SOIL]).decode(RECEIVED[:-2], stack='tinyos2')
     assert found.readings == {}
     assert found.problem == 'its length byte says 10, 8 bytes of payload are there'

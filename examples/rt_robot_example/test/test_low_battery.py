@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Is a low battery told, and only that; on the virtual clock, so that nobody waits."""
+"""Is a low battery reported, and only that? On the virtual clock, without waiting."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from rt_robot_os.testing import ModuleBench
 BATTERY = ('battery', 'sensor_msgs/msg/BatteryState')
 
 
-def told(voltages: list[float], **settings: float) -> list[bool]:
-    """Give what the module says after each of some readings, one a second."""
+def published(voltages: list[float], **settings: float) -> list[bool]:
+    """Return what the module publishes after each of some readings, one per second."""
     with ModuleBench() as bench:
         gauge = bench.topic(*BATTERY)
         bench.add(LowBattery, rate_hz=1.0, **settings)
@@ -41,16 +41,16 @@ def told(voltages: list[float], **settings: float) -> list[bool]:
         return found
 
 
-def test_nothing_is_said_before_the_first_reading() -> None:
-    assert told([]) == []
+def test_nothing_is_published_before_the_first_reading() -> None:
+    assert published([]) == []
 
 
-def test_a_dip_is_no_empty_battery() -> None:
-    assert told([12.0, 9.0, 9.0, 12.0, 9.0], hold_s=3.0) == [False] * 5
+def test_a_short_dip_is_not_an_empty_battery() -> None:
+    assert published([12.0, 9.0, 9.0, 12.0, 9.0], hold_s=3.0) == [False] * 5
 
 
-def test_a_battery_that_stays_low_is_told_and_that_remains() -> None:
-    assert told([12.0, 9.0, 9.0, 9.0, 12.0], hold_s=2.0) == [False, False, True, True, True]
+def test_a_battery_that_stays_low_is_reported_and_that_remains() -> None:
+    assert published([12.0, 9.0, 9.0, 9.0, 12.0], hold_s=2.0) == [False, False, True, True, True]
 
 
 def test_the_limit_changes_while_it_runs() -> None:

@@ -57,7 +57,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
     def prepare(self) -> None:
         """Switch it on."""
         super().prepare()
-        self._zero = 0, 0
+        self.count_offsets = 0, 0
         self._auto_stop_ns = round(self.device.get('auto_stop_s', _AUTO_STOP_S) * NS_PER_S)
         self._boot_until_ns = 0
         self._off = False
@@ -66,14 +66,14 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
     def _boot(self) -> None:
         self._parser = Parser()
         self._loops = WheelLoop(), WheelLoop()
-        self._gains = Gains()
+        self.gains = Gains()
         self._busy_until_ns = 0
         self._buffer = b''
         self._missed_rounds = 0
         self._commanded_ns = 0
         self.moving = False
         self.pwm = 0, 0
-        self._zero = self.counts()
+        self.count_offsets = self.counts()
 
     def pump(self, now_ns: int) -> None:
         """
@@ -88,7 +88,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
         if off or self._off:
             self._boot_until_ns = now_ns + round(self.settings['boot_s'] * NS_PER_S)
         if now_ns <= self._boot_until_ns:
-            self._zero = self.counts()
+            self.count_offsets = self.counts()
         self._off = off
         if now_ns - self._commanded_ns > self._auto_stop_ns and now_ns >= self._busy_until_ns:
             self._set_pwm(0, 0)
@@ -99,7 +99,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
     def ticks(self) -> tuple[int, int]:
         """Return its counts since power-on, or since a command to reset them."""
         left, right = self.counts()
-        return left - self._zero[0], right - self._zero[1]
+        return left - self.count_offsets[0], right - self.count_offsets[1]
 
     def handle_command(self, data: bytes) -> None:
         """Execute commands; while a sonar blocks it they wait."""
@@ -113,7 +113,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
 
     def sample(self, time_s: float) -> bytes:
         """Run one round of the control loop; it sends nothing by itself."""
-        now_ns = self._start_ns + round(time_s * NS_PER_S)
+        now_ns = self.start_ns + round(time_s * NS_PER_S)
         if self._is_down():
             return b''
         if now_ns < self._busy_until_ns:
@@ -142,11 +142,11 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
             self._commanded_ns = now_ns
             self._drive(command, number(first), number(second))
         elif command == 'r':
-            self._zero = self.counts()
+            self.count_offsets = self.counts()
             self._reset_loops()
         elif command == 'u':
             p, d, i, scale, *_ = [*map(number, first.split(b':')), 0, 0, 0, 0]
-            self._gains = Gains(p, d, i, scale or 1)
+            self.gains = Gains(p, d, i, scale or 1)
         elif command == 'b':
             return b'57600'
         elif command == 'p':
@@ -186,7 +186,7 @@ class SimulatedArduinoBridge(SimulatedMotorBoard):
         """
         ticks = self.ticks
         if self.moving:
-            left, right = (loop.step(count, self._gains)
+            left, right = (loop.step(count, self.gains)
                            for loop, count in zip(self._loops, ticks))
             self._set_pwm(left, right)
         elif any(loop.input for loop in self._loops):

@@ -60,7 +60,7 @@ _TRIMMING: Final = struct.Struct('<HhhHhhhhhhhh')
 
 
 class Bmp280Trimming(NamedTuple):
-    """The factory trimming of one chip, as it is stored."""
+    """The factory trimming of one chip, as stored."""
 
     t1: int
     t2: int

@@ -57,7 +57,7 @@ _FACTORS: Final = (2.0**8, 2.0**-30, 2.0**-48, 2.0**-20, 2.0**-29, 2.0**-32, 2.0
 
 
 class Bmp388Trimming(NamedTuple):
-    """The factory trimming of one chip, as it is stored."""
+    """The factory trimming of one chip, as stored."""
 
     t1: int
     t2: int

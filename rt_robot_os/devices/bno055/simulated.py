@@ -13,9 +13,7 @@
 # limitations under the License.
 
 
-"""
-A simulated BNO055 on its UART: registers that are read and written; it sends nothing by itself.
-"""
+"""A simulated BNO055 on its UART: registers that are read and written, sent only on request."""
 
 from __future__ import annotations
 

@@ -113,9 +113,7 @@ def _cells(place: Floats, first_m: float, count: int) -> Any:
 
 
 def _plan() -> npt.NDArray[np.uint8]:
-    """
-    Return the index of the part of ``Clothes`` in each cell, from 1: along the body, and across.
-    """
+    """Return the index of the part of ``Clothes`` in each cell, from 1: along and across."""
     along = (np.arange(round(2 * _HALF_M / _CELL_M)) + 0.5)[:, None] * _CELL_M - _HALF_M
     across = (np.arange(round(_BESIDE_M / _CELL_M)) + 0.5)[None, :] * _CELL_M
     head = ((along - 0.72) / 0.145) ** 2 + (across / 0.10) ** 2 < 1.0

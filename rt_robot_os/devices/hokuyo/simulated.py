@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 from typing import Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +33,9 @@ from rt_robot_os.devices.hokuyo import wire
 from rt_robot_os.sim import world
 from rt_robot_os.sim.device import common_settings
 from rt_robot_os.sim.device import SimulatedDevice
+
+if TYPE_CHECKING:
+    from rt_robot_os.sim.world.world import World
 
 # First, last and front step, steps per turn, longest distance in mm, turns per minute.
 PRODUCTS: Final = {'URG-04LX': (44, 725, 384, 1024, 5600, 600),
@@ -88,25 +92,25 @@ class SimulatedHokuyo(SimulatedDevice):
         return wire.scan(self._scan, round(time_s * 1000), millimetres.tolist())
 
     def _ranges(self, angles: Ranges, time_s: float) -> Ranges:
-        if self.world is None:
+        world = self.world
+        if world is None:
             return room(angles + self.settings['turn_rad_s'] * time_s)
-        ahead, turning = self.world.base.velocity
+        ahead, turning = world.base.velocity
         if not ahead and not turning:
-            return self._cast(angles, 0.0)
+            return self._cast(world, angles, 0.0)
         # The last ray is measured now, the others before it.
         ages_s = (angles[-1] - angles) / math.tau * (_S_PER_MIN / self._rpm)
         return np.concatenate([
-            self._cast(angles[start:start + _SECTOR],
+            self._cast(world, angles[start:start + _SECTOR],
                        float(ages_s[start:start + _SECTOR].mean()))
             for start in range(0, len(angles), _SECTOR)])
 
-    def _cast(self, angles: Ranges, age_s: float) -> Ranges:
+    def _cast(self, world: World, angles: Ranges, age_s: float) -> Ranges:
         """Return the distances that were measured some time ago."""
-        assert self.world is not None
-        x, y, yaw = self.world.pose_of(self.mounting, age_s)
+        x, y, yaw = world.pose_of(self.mounting, age_s)
         upside_down = abs(self.mounting.rotation_rad[0]) > math.pi / 2
-        return self.world.cast(x, y, yaw - angles if upside_down else yaw + angles,
-                               self._maximum_mm / 1000, self.mounting.position_m[2])
+        return world.cast(x, y, yaw - angles if upside_down else yaw + angles,
+                          self._maximum_mm / 1000, self.mounting.position_m[2])
 
     def handle_command(self, data: bytes) -> None:
         """Answer each command."""

@@ -101,9 +101,7 @@ class I2cConnection(Protocol):
         """
 
     def fileno(self) -> int | None:
-        """
-        Return the descriptor that becomes readable with an answer; None if answers are immediate.
-        """
+        """Return the descriptor that becomes readable with an answer; None for immediate ones."""
 
     def close(self) -> None:
         """Release the bus; does not raise."""

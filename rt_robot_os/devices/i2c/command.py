@@ -134,7 +134,7 @@ def _leave_cpu(parent: int) -> None:
 
 def _serve(port: I2cPort, parent: int, stopped: Sequence[int]) -> None:
     """
-    Serve until a signal comes.
+    Serve until a signal arrives.
 
     :param parent: the core that started it, or 0. With a core, the end of the standard input also
         ends the program.

@@ -184,7 +184,7 @@ class I2cDevice(Device):
             self.buses.release(bus)
 
     def fileno(self) -> int | None:
-        """Return the descriptor that becomes readable with an answer; None when it is at once."""
+        """Return the descriptor that becomes readable with an answer; None for immediate ones."""
         return None if self._bus is None else self._bus.connection.fileno()
 
     def read(self, now_ns: int) -> int:
@@ -315,9 +315,7 @@ class I2cDevice(Device):
             f'{chip} has {ids}: {probably}')
 
     def probably(self) -> Transactions[str]:
-        """
-        Identify the chip by transactions on the bus; return its probable name and the remedy.
-        """
+        """Identify the chip by transactions on the bus; return its probable name and a remedy."""
         for register, names in known_chips().items():
             name = names.get((yield self.fetch(register, 1))[0])
             if name is not None:

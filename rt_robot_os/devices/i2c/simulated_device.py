@@ -141,7 +141,7 @@ class SimulatedChip(Simulated):
 
     @abstractmethod
     def exchange(self, data: bytes, size: int, now_ns: int) -> bytes:
-        """Take what is written, then give what is read."""
+        """Receive the written bytes, then return the read ones."""
 
     # ---- the bus -----------------------------------------------------------------------------
 
@@ -151,7 +151,7 @@ class SimulatedChip(Simulated):
 
         :raises OSError: it does not acknowledge.
         """
-        active = self._update(now_ns)
+        active = self.update(now_ns)
         if 'nack' in active or not self._powered:
             raise OSError(errno.EREMOTEIO, os.strerror(errno.EREMOTEIO))
         if 'wrong' in active:
@@ -166,11 +166,11 @@ class SimulatedChip(Simulated):
         return answer
 
     def holds_bus(self, now_ns: int) -> bool:
-        """Return whether it holds the bus, so that nobody can use it."""
+        """Return whether it blocks the bus."""
         return self._started and 'hold' in self._plan.active(now_ns)
 
     def removes_bus(self, now_ns: int) -> bool:
-        """Return whether the bus goes away with it."""
+        """Return whether the bus is gone with it."""
         return self._started and 'vanish' in self._plan.active(now_ns)
 
     def time_s(self, now_ns: int) -> float:
@@ -183,7 +183,7 @@ class SimulatedChip(Simulated):
         self._start_ns = self._now_ns = now_ns
         self._plan.start(now_ns)
 
-    def _update(self, now_ns: int) -> frozenset[str]:
+    def update(self, now_ns: int) -> frozenset[str]:
         """Bring faults and chip up to date."""
         if not self._started:
             self.start(now_ns)
@@ -222,7 +222,7 @@ class SimulatedChip(Simulated):
 
         :raises DeviceError: the port cannot be made again after a fault.
         """
-        self._update(now_ns)
+        self.update(now_ns)
         if self.port.bus.absent(now_ns):
             self.port.unplug()
         else:

@@ -45,6 +45,8 @@ class SimulatedKobuki(SimulatedMotorBoard):
     A base; it executes the driver's commands, and stops when none arrive.
 
     :ivar told: last commanded linear and angular velocity, or 0 after its own stop.
+    :ivar commanded_ns: time of the last command.
+    :ivar count_offsets: values of the wheels' counters at which it counts zero.
     :ivar outputs: the switched outputs.
     :ivar lifted: it is lifted: its wheels have dropped, its cliff sensors see no floor.
     """
@@ -73,8 +75,8 @@ class SimulatedKobuki(SimulatedMotorBoard):
         self.told = (0.0, 0.0)
         self.outputs = 0x00F0
         self._decoder = KobukiDecoder()
-        self._told_ns = self._power_ns = self._now_ns
-        self._zero = self.counts()
+        self.commanded_ns = self._power_ns = self._now_ns
+        self.count_offsets = self.counts()
         self._extra = False
         self._gyro_number = 0
 
@@ -100,7 +102,7 @@ class SimulatedKobuki(SimulatedMotorBoard):
             order = frame.parts.get(wire.BASE_CONTROL, b'')
             if len(order) == 4:
                 self.told = wire.velocity_of(*struct.unpack('<hh', order))
-                self._told_ns = self._now_ns
+                self.commanded_ns = self._now_ns
                 self._turn()
             switched = frame.parts.get(wire.OUTPUTS, b'')
             if len(switched) == 2:
@@ -117,12 +119,13 @@ class SimulatedKobuki(SimulatedMotorBoard):
         """Return one packet."""
         if not self._has_power:
             return b''
-        if self._now_ns - self._told_ns > _AUTO_STOP_NS and any(self.told):
+        if self._now_ns - self.commanded_ns > _AUTO_STOP_NS and any(self.told):
             self.told = (0.0, 0.0)
             self._turn()
         _, _, heading = self.base.pose
         rate = self.base.velocity[1]
-        parts = [wire.core(self._core()), (wire.DOCK, bytes(3)), wire.inertia(heading, rate),
+        parts = [wire.core(self.core_sensors()), (wire.DOCK, bytes(3)),
+                 wire.inertia(heading, rate),
                  (wire.CLIFF, struct.pack('<3H', *(3 * (0 if self.lifted else 2000,)))),
                  (wire.CURRENT, bytes(2)), self._gyro(rate), (wire.PINS, bytes(16))]
         if self._extra:
@@ -131,10 +134,10 @@ class SimulatedKobuki(SimulatedMotorBoard):
                       (wire.UNIQUE_ID, _UNIQUE_ID)]
         return self.thinned(wire.packet(parts))
 
-    def _core(self) -> CoreSensors:
+    def core_sensors(self) -> CoreSensors:
         time_ms = (self._now_ns - self._power_ns) // (NS_PER_S // 1000)
         left, right = (
-            count - zero & 0xFFFF for count, zero in zip(self.counts(), self._zero))
+            count - zero & 0xFFFF for count, zero in zip(self.counts(), self.count_offsets))
         drops = 3 if self.lifted else 0
         return CoreSensors(
             time_ms & 0xFFFF, self._bumper(), drops, 7 if self.lifted else 0, left, right, 0, 0, 0,

@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-A simulated MaxBotix range finder in the world, or in front of a wall that approaches and recedes.
-"""
+"""A simulated MaxBotix range finder in the world, or in front of a moving wall."""
 
 from __future__ import annotations
 

@@ -85,11 +85,11 @@ class Mpu6050(I2cDevice):
         :raises ConfigError: the chip does not support this rate, or the calibration is invalid.
         """
         super().__init__(name, settings)
-        self._divider = _divider(name, settings['output_rate_hz'])
+        self.divider = _divider(name, settings['output_rate_hz'])
         accel_range, gyro_range = settings['accel_range_g'], settings['gyro_range_deg_s']
         self._registers = (
             (chip.CONFIG, chip.BANDWIDTHS_HZ[settings['bandwidth_hz']]),
-            (chip.RATE_DIVIDER, self._divider),
+            (chip.RATE_DIVIDER, self.divider),
             (chip.GYRO_CONFIG, chip.GYRO_RANGES_DEG_S[gyro_range] << 3),
             (chip.ACCEL_CONFIG, chip.ACCEL_RANGES_G[accel_range] << 3),
         )
@@ -104,7 +104,7 @@ class Mpu6050(I2cDevice):
         self._no_orientation = _diagonal(0.0)
         self._no_orientation[0] = -1.0
         self._with_temperature = bool(settings['temperature_topic'])
-        self._model = chip.MODELS[0x68]
+        self.model = chip.MODELS[0x68]
         self._id = 0
         self._stamp_ns = 0
         self._check_ns = 0
@@ -127,7 +127,7 @@ class Mpu6050(I2cDevice):
         """
         self._id = yield from self.expect_chip(
             chip.WHO_AM_I, tuple(chip.MODELS), 'an MPU-6050, MPU-6500 or MPU-9250')
-        self._model = chip.MODELS[self._id]
+        self.model = chip.MODELS[self._id]
         yield self.put(chip.POWER, chip.POWER_RESET)
 
     def begin(self, now_ns: int) -> int:
@@ -143,7 +143,7 @@ class Mpu6050(I2cDevice):
         """Write the settings and start the FIFO."""
         for register, value in self._registers:
             yield self.put(register, value)
-        if self._model.accel_filter:
+        if self.model.accel_filter:
             yield self.put(chip.ACCEL_CONFIG_2, self._registers[0][1])
         yield self.put(chip.FIFO_ENABLE, chip.FIFO_ALL)
         self._check_ns = now_ns + _CHECK_NS
@@ -162,9 +162,9 @@ class Mpu6050(I2cDevice):
             yield from self._check_chip(now_ns)
         count = int.from_bytes((yield self.fetch(chip.FIFO_COUNT, 2)), 'big')
         now_ns = self.clock_ns()  # the bus may have been busy for a while
-        if count > self._model.fifo_size:
+        if count > self.model.fifo_size:
             return self.reject(f'its FIFO cannot hold the {count} bytes that it reports')
-        if count > self._model.fifo_size - chip.FRAME_SIZE:
+        if count > self.model.fifo_size - chip.FRAME_SIZE:
             # It overflowed: a frame in it is cut, and older than the lost ones.
             self._lost_samples += max(1, (now_ns - self._stamp_ns) // self.period_ns)
             return (yield from self._restart_fifo(now_ns))
@@ -191,7 +191,7 @@ class Mpu6050(I2cDevice):
 
     def _use(self, frame: chip.Frame, stamp_ns: int) -> bool:
         """Publish a frame, unless its temperature is impossible."""
-        model = self._model
+        model = self.model
         temperature_c = frame[3] / model.temperature_scale + model.temperature_zero_c
         if not _COLDEST_C <= temperature_c <= _HOTTEST_C:
             return False

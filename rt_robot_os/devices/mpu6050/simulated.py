@@ -49,6 +49,7 @@ class SimulatedMpu6050(RegisterChip):
     """
     An MPU-6050, MPU-6500 or MPU-9250.
 
+    :ivar fifo: bytes in the FIFO.
     :ivar queued: samples put into the FIFO.
     """
 
@@ -71,7 +72,7 @@ class SimulatedMpu6050(RegisterChip):
         self._inertial = inertial(self.site, self.settings)
         self._id = _IDS[self.settings['model']]
         self._model = chip.MODELS[self._id]
-        self._fifo = bytearray()
+        self.fifo = bytearray()
         self._began_ns = 0
         self._sampled = 0
         self.queued = 0
@@ -81,7 +82,7 @@ class SimulatedMpu6050(RegisterChip):
         super().power_on(now_ns)
         self.registers[chip.WHO_AM_I] = self._id
         self.registers[chip.POWER] = chip.POWER_SLEEP
-        self._fifo.clear()
+        self.fifo.clear()
         self._restart(now_ns)
 
     def write(self, register: int, value: int, now_ns: int) -> None:
@@ -90,7 +91,7 @@ class SimulatedMpu6050(RegisterChip):
             self.power_on(now_ns)
         elif register == chip.USER_CONTROL:
             if value & chip.USER_FIFO_RESET and not value & chip.USER_FIFO:
-                self._fifo.clear()
+                self.fifo.clear()
             self.registers[register] = value & ~chip.USER_FIFO_RESET
         elif register not in (chip.WHO_AM_I, chip.FIFO, chip.FIFO_COUNT, chip.FIFO_COUNT + 1):
             self.registers[register] = value
@@ -101,12 +102,12 @@ class SimulatedMpu6050(RegisterChip):
         """Read a register; reading that of the FIFO removes a byte."""
         if register == chip.FIFO:
             # An empty FIFO returns its last byte again.
-            if self._fifo:
-                self.registers[chip.FIFO] = self._fifo.pop(0)
+            if self.fifo:
+                self.registers[chip.FIFO] = self.fifo.pop(0)
         elif register == chip.FIFO_COUNT:
-            return len(self._fifo) >> 8
+            return len(self.fifo) >> 8
         elif register == chip.FIFO_COUNT + 1:
-            return len(self._fifo) & 0xFF
+            return len(self.fifo) & 0xFF
         return self.registers[register]
 
     def advance(self, now_ns: int) -> None:
@@ -123,7 +124,7 @@ class SimulatedMpu6050(RegisterChip):
             self._sampled += skipped
             if self._queueing():
                 self.queued += skipped
-                self._fifo[:] = bytes(self._model.fifo_size)
+                self.fifo[:] = bytes(self._model.fifo_size)
         while self._sampled < due:
             self._sampled += 1
             self._sample(self.time_s(self._began_ns + self._sampled * period_ns))
@@ -144,9 +145,9 @@ class SimulatedMpu6050(RegisterChip):
         self.registers[chip.DATA:chip.DATA + chip.FRAME_SIZE] = data
         if self._queueing():
             self.queued += 1
-            self._fifo += data
+            self.fifo += data
             # The oldest bytes are dropped, whole frame or not.
-            del self._fifo[:max(0, len(self._fifo) - model.fifo_size)]
+            del self.fifo[:max(0, len(self.fifo) - model.fifo_size)]
 
     def _queueing(self) -> bool:
         return bool(self.registers[chip.USER_CONTROL] & chip.USER_FIFO

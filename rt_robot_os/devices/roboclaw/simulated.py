@@ -120,9 +120,7 @@ class SimulatedRoboClaw(SimulatedMotorBoard):
         self.hold_speeds(self._seen_speed(0, first), self._seen_speed(1, second))
 
     def _seen_speed(self, channel: int, pulses_s: float) -> float:
-        """
-        Return the wheel speed for a commanded one in pulses per second; full if it sees no counts.
-        """
+        """Return the wheel speed for a command in pulses per second; full speed without counts."""
         if pulses_s and self.has_fault(_ENCODERS[channel]):
             return math.copysign(_ALL_RAD_S, pulses_s)
         return pulses_s * self._pulse_rad

@@ -74,7 +74,7 @@ class SimulatedUnit:
         self.currents_a = (0.0, 0.0)
         self.temperature_c = 30.0
         self.counts = (0, 0)
-        self._version = version.encode('ascii', 'replace')[:46] + b'\n\x00'
+        self.version = version.encode('ascii', 'replace')[:46] + b'\n\x00'
         self._old_status = old_status
         self.power_on()
 
@@ -160,7 +160,7 @@ class SimulatedUnit:
         if command == wire.READ_TIMEOUT:
             return bytes((self.timeout_tenths,))
         if command == wire.VERSION:
-            return self._version
+            return self.version
         if command == wire.MAIN_BATTERY:
             return round(self.battery_v / wire.BATTERY_V).to_bytes(2, 'big')
         if command == wire.CURRENTS:

@@ -192,8 +192,7 @@ class RoboClawDecoder(StreamDecoder[RoboClawReply]):
 
     def learn(self) -> bool:
         """
-        Check whether the pending bytes are the shorter status of old firmware; later ones are
-        decoded so.
+        Check whether the pending bytes are the shorter status of old firmware, and remember it.
 
         To be called when no more bytes have arrived for a while: only then is it complete.
         """

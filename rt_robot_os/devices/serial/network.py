@@ -244,7 +244,7 @@ class UdpPort:
         return {'foreign_datagrams': self.foreign_datagrams} if self._listens else {}
 
     def silence(self) -> str:
-        """Return what to check when nothing comes."""
+        """Return what to check when no bytes arrive."""
         if self._listens:
             return (f'nothing arrives at {self._address.text}: check that the device sends to the '
                     'address of this machine and to this port, and firewalls')

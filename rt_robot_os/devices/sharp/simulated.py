@@ -32,9 +32,7 @@ _FARTHEST_M: Final = 20.0
 
 
 class SimulatedSharp(SimulatedRange):
-    """
-    A converter with Sharp range finders on its first channels; wrong below 0.1 m.
-    """
+    """A converter with Sharp range finders on its first channels; wrong below 0.1 m."""
 
     SETTINGS = common_settings(25.0, 1000.0) + wall_settings(0.08, 1.0) + (
         Field('model', str, 'gp2y0a21', 'Model whose fit gives the voltage.',

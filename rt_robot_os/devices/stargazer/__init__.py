@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Hagisonic StarGazer: where a robot is, from marks on the ceiling."""
+"""Hagisonic StarGazer: the pose of a robot, from marks on the ceiling."""
 
 from rt_robot_os.devices.parts import DeviceParts
 from rt_robot_os.devices.parts import Signature

@@ -13,16 +13,17 @@
 # limitations under the License.
 
 """
-Hagisonic StarGazer: a camera that looks at marks on the ceiling and says where it is below them.
+Hagisonic StarGazer: a camera that detects marks on the ceiling and reports its pose below them.
 
-Publishes ``geometry_msgs/msg/PoseWithCovarianceStamped``: where the robot's ``base_link`` is in
-the map. What the device says is first brought from the mark into the map, by ``landmarks``, then
-from the sensor to ``base_link``, by the mounting.
+Publishes ``geometry_msgs/msg/PoseWithCovarianceStamped``: the pose of the robot's ``base_link`` in
+the map. The reported pose is transformed from the mark to the map, by ``landmarks``, then from the
+sensor to ``base_link``, by the mounting.
 
-In a dead zone, where no mark is in sight, nothing is published; that is no fault. A mark that is
-not on the map is counted and named, and so is one that goes on disagreeing with its neighbours.
+In a dead zone, where no mark is in sight, nothing is published; that is not a fault. A mark that
+is not on the map is counted and reported, and so is one that keeps disagreeing with its
+neighbours.
 
-Nothing is sent unless ``configure`` is set; how it is sent is in ``setup.py``.
+Nothing is sent unless ``configure`` is set; ``setup.py`` contains the protocol.
 """
 
 from __future__ import annotations
@@ -57,9 +58,9 @@ from rt_robot_os.motion.landmarks import CeilingLandmark
 from rt_robot_os.motion.landmarks import landmarks_of
 from rt_robot_os.motion.mounting import mounting_of
 
-# With all parameters to be read and written, some of them twice.
+# Duration with all parameters to be read and written, some of them twice.
 _SETUP_S: Final = 40.0
-# Strange numbers that are kept for the diagnosis; digits may have been damaged on the line.
+# Limit of the unknown numbers that are kept for the diagnosis; digits may be damaged on the line.
 _MOST_STRANGERS: Final = 16
 _LEARN_EVERY: Final = 64
 _MAP_MODE: Final = 'Map'
@@ -68,59 +69,67 @@ _MARK_TYPES: Final = ('', 'Home', 'Office', 'HLD1S', 'HLD1L', 'HLD2S', 'HLD2L', 
 
 
 class StarGazer(SerialDevice[StarGazerFrame]):
-    """A localiser that looks at marks on the ceiling."""
+    """A localiser with marks on the ceiling."""
 
     SETTINGS = serial_settings(
         baud=115200, frame_id='stargazer_link', topic='stargazer/pose', rate_hz=20.0,
     ) + (
         Field('map_frame_id', str, 'map', 'Frame of the landmarks and of the pose.'),
-        Field('landmarks', list, (), "Where the marks hang, such as '24706: 1.5, -2.0, 0.0': "
+        Field('landmarks', list, (), "Positions of the marks, such as '24706: 1.5, -2.0, 0.0': "
               'number, x and y in m, yaw in rad. Without any, and without landmarks_file, the '
-              'first mark that it sees is the origin.'),
-        Field('landmarks_file', str, '', 'More of them, from a CSV file (id,x_cm,y_cm,yaw_deg) or '
-              'a YAML file: a path, file:// or package://.', is_file=True),
-        Field('angle_sign', int, -1, 'Sense of its angle: -1 when it counts clockwise, as those '
-              'known do, 1 when it counts counter-clockwise.', choices=(-1, 1)),
+              'first detected mark is the origin.'),
+        Field('landmarks_file', str, '',
+              'Further marks, from a CSV file (id,x_cm,y_cm,yaw_deg) or a YAML file: a path, '
+              'file:// or package://.', is_file=True),
+        Field('angle_sign', int, -1,
+              'Sense of its angle: -1 if it counts clockwise, as all known devices, 1 if it '
+              'counts counter-clockwise.', choices=(-1, 1)),
         Field('angle_offset_rad', float, 0.0, 'Added to its angle after the sign.', 'rad',
               -math.tau, math.tau),
-        Field('position_stddev_m', float, 0.01, 'Standard deviation of the position right below a '
-              'mark.', 'm', 1e-4, 10.0),
-        Field('heading_stddev_rad', float, 0.0175, 'Standard deviation of the heading right below '
-              'a mark.', 'rad', 1e-4, math.pi),
-        Field('tolerance_m', float, 0.3, 'By how much the positions of two marks may differ '
-              'before they contradict each other.', 'm', 0.01, 100.0),
-        Field('tolerance_rad', float, 0.25, 'By how much their headings may differ.', 'rad', 0.01,
+        Field('position_stddev_m', float, 0.01,
+              'Standard deviation of the position directly below a mark.', 'm', 1e-4, 10.0),
+        Field('heading_stddev_rad', float, 0.0175,
+              'Standard deviation of the heading directly below a mark.', 'rad', 1e-4, math.pi),
+        Field('tolerance_m', float, 0.3,
+              'Largest difference of the positions by two marks that agree.', 'm', 0.01, 100.0),
+        Field('tolerance_rad', float, 0.25, 'Largest difference of their headings.', 'rad', 0.01,
               math.pi),
-        Field('latency_s', float, 0.0, 'Time from the picture to the arrival of the sentence, '
-              'taken off the stamp.', 's', 0.0, 1.0),
-        Field('configure', bool, False, 'Set it up at opening as the settings below say, which '
-              'takes some seconds. Off: nothing is sent.'),
-        Field('mark_type', str, '', 'Kind of marks; empty leaves it as it is.',
+        Field('latency_s', float, 0.0,
+              'Time from the picture to the arrival of the sentence, subtracted from the stamp.',
+              's', 0.0, 1.0),
+        Field('configure', bool, False,
+              'Set it up at opening with the settings below, which takes some seconds. Off: '
+              'nothing is sent.'),
+        Field('mark_type', str, '', 'Kind of marks; empty: not changed.',
               choices=_MARK_TYPES),
-        Field('mark_dim', int, 0, 'Size of the marks of an old firmware; 0 leaves it as it is.',
+        Field('mark_dim', int, 0, 'Size of the marks of an old firmware; 0: not changed.',
               minimum=0, maximum=3),
-        Field('mark_mode', str, '', 'Alone: positions are those below each mark. Map: it has '
-              'built a map of its own, and positions are those below reference_id. Empty leaves '
-              'it as it is, which should be Alone.', choices=('', 'Alone', _MAP_MODE)),
-        Field('mark_height_m', float, 0.0, 'Height of the ceiling above it; 0 leaves it as it is.',
+        Field('mark_mode', str, '',
+              'Alone: positions are relative to each mark. Map: it has built its own map, and '
+              'positions are relative to reference_id. Empty: not changed, should be Alone.',
+              choices=('', 'Alone', _MAP_MODE)),
+        Field('mark_height_m', float, 0.0, 'Height of the ceiling above it; 0: not changed.',
               'm', 0.0, 7.0),
-        Field('height_mode', str, '', 'Whether it takes the height as fixed, or measures it, at '
-              'half the rate; empty leaves it as it is.', choices=('', 'fixed', 'automatic')),
-        Field('mark_count', int, 0, 'Number of marks, for map mode; 0 leaves it as it is.',
+        Field('height_mode', str, '',
+              'Whether it uses the fixed height, or measures it, at half the rate; empty: not '
+              'changed.', choices=('', 'fixed', 'automatic')),
+        Field('mark_count', int, 0, 'Number of marks, for map mode; 0: not changed.',
               minimum=0, maximum=9999),
-        Field('reference_id', int, 0, 'The mark that is the origin in map mode; 0 leaves it as it '
-              'is.', minimum=0, maximum=999_999),
-        Field('threshold', int, 0, 'Threshold of brightness; 0 leaves it as it is.', minimum=0,
+        Field('reference_id', int, 0,
+              'The mark that is the origin in map mode; 0: not changed.',
+              minimum=0, maximum=999_999),
+        Field('threshold', int, 0, 'Threshold of brightness; 0: not changed.', minimum=0,
               maximum=255),
-        Field('procedure', str, setup.NO_PROCEDURE, 'What it does once, at the first opening: '
-              'build a map while it is moved from mark to mark, or measure the height of the '
-              'ceiling. Needs configure.', choices=setup.PROCEDURES),
+        Field('procedure', str, setup.NO_PROCEDURE,
+              'Procedure that runs once, at the first opening: build a map while it is moved from '
+              'mark to mark, or measure the height of the ceiling. Needs configure.',
+              choices=setup.PROCEDURES),
     )
-    description = 'Hagisonic StarGazer, a localiser that looks at marks on the ceiling'
+    description = 'Hagisonic StarGazer, a localiser with marks on the ceiling'
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings and read the landmarks; nothing is opened.
+        Store the settings and read the landmarks; nothing is opened.
 
         :raises ConfigError: the landmarks cannot be read, or settings contradict each other.
         """
@@ -167,16 +176,16 @@ class StarGazer(SerialDevice[StarGazerFrame]):
             self.name, setup.parameters_of(self.settings), self._procedure)
 
     def is_set_up(self) -> bool:
-        """Return whether the device has been told to start, if it is to be told."""
+        """Return whether the device was commanded to start, if configured."""
         return self._setup.done or not self.settings['configure']
 
     def opening_s(self) -> float:
-        """Return how long the set-up may take."""
+        """Return the longest duration of the set-up."""
         return _SETUP_S if self.settings['configure'] else 0.0
 
     def write(self, now_ns: int) -> None:
         """
-        Send the byte of the set-up that is due, if any.
+        Send the next byte of the set-up, if due.
 
         :raises DeviceError: the port is gone, or the device does not answer.
         """
@@ -188,7 +197,7 @@ class StarGazer(SerialDevice[StarGazerFrame]):
     def handle(self, frame: StarGazerFrame, arrival_ns: int) -> int:
         """Handle one sentence; in the loop."""
         if not self.is_set_up():
-            if not self._setup.takes(frame):
+            if not self._setup.handle(frame):
                 self._ignored_frames += 1
             return 0
         if frame.marks:
@@ -200,13 +209,13 @@ class StarGazer(SerialDevice[StarGazerFrame]):
             return 0
         if frame.kind == wire.ACKNOWLEDGEMENT and frame.name == wire.UPDATED and self._procedure \
                 != setup.NO_PROCEDURE:
-            self.log.info('%s is done and kept in the device', self._procedure)
+            self.log.info('%s is finished and stored in the device', self._procedure)
             self._procedure = setup.NO_PROCEDURE
         self._ignored_frames += 1
         return 0
 
     def statistics(self) -> DeviceStatistics:
-        """Return the current counters; contradictions are marks that agree on nothing."""
+        """Return the current counters; contradictions are sentences whose marks disagree."""
         more: dict[str, Value] = {
             'landmarks': len(self._landmarks), 'dead_zone': str(self._dead_zone).lower(),
             'dead_zone_sentences': self._dead_zones, 'unknown_marks': self._unknown,
@@ -222,16 +231,16 @@ class StarGazer(SerialDevice[StarGazerFrame]):
         return self._counters(contradicted=self._fuser.contradicted, more=more)
 
     def unused(self) -> str:
-        """Say why no sentence gives a pose."""
+        """Return why no sentence gives a pose."""
         if self._dead_zone:
-            return 'no mark is in sight (dead zone): drive on, or hang more marks'
+            return 'no mark is in sight (dead zone): drive on, or add marks'
         if self._mode == wire.MAP_BUILDING:
-            return 'it builds its map: move it slowly from mark to mark, and rest below each'
+            return 'it builds its map: move it slowly from mark to mark, and stop below each'
         if self._mode == wire.HEIGHT:
             return 'it measures the height of the ceiling: leave it below a mark'
         if self._strangers:
-            return (f'it sees the marks {_listed(self._strangers)}, which are not on the map: add '
-                    'them to landmarks')
+            return (f'it detects the marks {_listed(self._strangers)}, which are not on the map: '
+                    'add them to landmarks')
         return super().unused()
 
     def _measured(self, frame: StarGazerFrame, arrival_ns: int) -> int:
@@ -280,16 +289,15 @@ class StarGazer(SerialDevice[StarGazerFrame]):
         suspects = self._fuser.learn()
         for number in suspects:
             if number not in self._suspects:
-                self.log.warn('mark %d goes on disagreeing with its neighbours: measure where it '
-                              'hangs, and correct landmarks', number)
+                self.log.warn('mark %d keeps disagreeing with its neighbours: measure its '
+                              'position, and correct landmarks', number)
         self._suspects = suspects
 
     def _publish(self, fix: FusedPose, arrival_ns: int) -> None:
         heading = wrapped(fix.yaw - self._mounting_yaw)
         cosine, sine = math.cos(heading), math.sin(heading)
         ahead, left = self._mounting
-        # By how much base_link moves when the heading is wrong, which the lever makes a part of
-        # the position's error.
+        # The lever: by it an error of the heading becomes an error of the position of base_link.
         by_x, by_y = sine * ahead + cosine * left, sine * left - cosine * ahead
         position, turn = self._position_variance / fix.weight, self._heading_variance / fix.weight
         publisher = self._publishers[0]
@@ -314,15 +322,15 @@ def _landmarks(name: str, settings: Mapping[str, Any]) -> dict[int, CeilingLandm
     """
     Read the landmarks of the settings.
 
-    :raises ConfigError: they cannot be read, or one is there twice.
+    :raises ConfigError: they cannot be read, or one is listed twice.
     """
     found = landmarks_of(settings['landmarks'], f'{name}: landmarks')
     if settings['landmarks_file']:
         more = load_landmarks(settings['landmarks_file'], f'{name}: landmarks_file')
         twice = sorted(found.keys() & more.keys())
         if twice:
-            raise ConfigError([f'{name}: landmarks and landmarks_file both say where '
-                               f'{_listed(twice)} hangs: delete one'])
+            raise ConfigError([f'{name}: landmarks and landmarks_file both contain '
+                               f'{_listed(twice)}: delete one'])
         found.update(more)
     return found
 
@@ -330,7 +338,7 @@ def _landmarks(name: str, settings: Mapping[str, Any]) -> dict[int, CeilingLandm
 def _reference(name: str, settings: Mapping[str, Any], landmarks: Mapping[int, CeilingLandmark]
                ) -> CeilingLandmark | None:
     """
-    Return the mark below which all positions are, in map mode; None in the other.
+    Return the mark to which all positions are relative, in map mode; otherwise None.
 
     :raises ConfigError: it is not on the map.
     """
@@ -340,8 +348,8 @@ def _reference(name: str, settings: Mapping[str, Any], landmarks: Mapping[int, C
     if not landmarks:
         return CeilingLandmark(number, *_AT_ORIGIN)
     if number not in landmarks:
-        raise ConfigError([f'{name}: reference_id {number} is not among landmarks: in mark_mode '
-                           'Map say where the reference mark hangs'])
+        raise ConfigError([f'{name}: reference_id {number} is not among landmarks: mark_mode Map '
+                           'needs the position of the reference mark'])
     return landmarks[number]
 
 

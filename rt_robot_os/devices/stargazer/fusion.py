@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-From the marks in sight to one pose, and which mark does not hang where the map says.
+Fuse the marks in sight to one pose, and find marks with a wrong position on the map.
 
-Several marks are averaged, each with its weight: one seen from the side counts less. Marks that
-contradict the others are left out. Which of two is right only the time can tell: one that goes on
-disagreeing with most of its neighbours is named.
+Several marks are averaged with weights: one seen from the side has less. Marks that contradict the
+others are left out. Of two contradicting marks the wrong one is found over time: one that keeps
+disagreeing with most of its neighbours is reported.
 """
 
 from __future__ import annotations
@@ -34,24 +34,25 @@ from rt_robot_os.devices.stargazer.wire import CeilingMark
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.landmarks import CeilingLandmark
 
-# How long the pose before says which of two marks is right, and how fast it may have moved since.
+# How long the previous pose decides between two marks, and the largest speed since.
 _MEMORY_NS: Final = NS_PER_S
 _FASTEST_M_S: Final = 1.5
 _FASTEST_RAD_S: Final = 2.5
-# Comparisons of two marks that are enough for a verdict, and beyond which old ones are forgotten.
+# Comparisons of two marks that are enough for a decision, and the number at which old ones are
+# dropped.
 _ENOUGH: Final = 10
 _MOST: Final = 200
-# Pairs of marks that are seen together; a room has some dozens.
+# Limit of the pairs of marks that are seen together; a room has some dozens.
 _MOST_PAIRS: Final = 4096
 
 
 class LandmarkSighting(NamedTuple):
     """
-    Where the sensor is, as one mark says.
+    The pose of the sensor by one mark.
 
     :ivar x: in the map, in m.
     :ivar yaw: in rad.
-    :ivar weight: 1 right below the mark.
+    :ivar weight: 1 directly below the mark.
     """
 
     number: int
@@ -63,10 +64,10 @@ class LandmarkSighting(NamedTuple):
 
 class FusedPose(NamedTuple):
     """
-    Where the sensor is.
+    The fused pose of the sensor.
 
     :ivar weight: the sum of those of the marks.
-    :ivar marks: which were used.
+    :ivar marks: the marks that were used.
     """
 
     x: float
@@ -79,11 +80,11 @@ class FusedPose(NamedTuple):
 def sighting(mark: CeilingMark, landmark: CeilingLandmark, angle_sign: int, angle_offset_rad: float,
              height_m: float) -> LandmarkSighting:
     """
-    Bring what a mark says into the map; safe in the loop.
+    Transform the measurement of a mark to the map; safe in the loop.
 
-    :param angle_sign: of the device's angle, -1 when it counts clockwise.
+    :param angle_sign: of the device's angle, -1 if it counts clockwise.
     :param angle_offset_rad: added to the angle.
-    :param height_m: of the ceiling above the sensor, when the device does not say it.
+    :param height_m: of the ceiling above the sensor, if the device does not send it.
     """
     x, y = mark.x_cm * 0.01, mark.y_cm * 0.01
     cosine, sine = math.cos(landmark.yaw), math.sin(landmark.yaw)
@@ -108,7 +109,7 @@ class Consistency:
     pairs: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
     def note(self, one: int, other: int, agree: bool) -> None:
-        """Note a comparison of two marks."""
+        """Record a comparison of two marks."""
         if one == other:
             return
         key = (one, other) if one < other else (other, one)
@@ -124,7 +125,7 @@ class Consistency:
             counts[1] //= 2
 
     def suspects(self) -> list[int]:
-        """Return the marks that go on disagreeing with more than half of their neighbours."""
+        """Return the marks that keep disagreeing with more than half of their neighbours."""
         neighbours: dict[int, int] = {}
         wrong: dict[int, int] = {}
         for pair, (count, disagreed) in self.pairs.items():
@@ -137,7 +138,7 @@ class Consistency:
 
 class Fuser:
     """
-    Makes one pose of the marks in sight.
+    Fuses the marks in sight to one pose.
 
     :ivar consistency: of the marks with each other.
     :ivar contradicted: sentences whose marks contradicted each other so that none was used.
@@ -145,7 +146,7 @@ class Fuser:
     """
 
     def __init__(self, tolerance_m: float, tolerance_rad: float) -> None:
-        """Keep by how much two marks may differ."""
+        """Store the largest differences of agreeing marks."""
         self.consistency = Consistency()
         self.contradicted = 0
         self.left_out = 0
@@ -156,21 +157,21 @@ class Fuser:
         self._suspects: frozenset[int] = frozenset()
 
     def forget(self) -> None:
-        """Forget the pose before; what is known of the marks stays."""
+        """Reset the previous pose; the consistency of the marks is kept."""
         self._last = None
 
     def learn(self) -> list[int]:
-        """Look anew which marks are suspects; not with each sentence, as it looks at all pairs."""
+        """Update the suspected marks; not with each sentence, because it evaluates all pairs."""
         found = self.consistency.suspects()
         self._suspects = frozenset(found)
         return found
 
     def fuse(self, sightings: Sequence[LandmarkSighting], now_ns: int) -> FusedPose | None:
         """
-        Make one pose; safe in the loop.
+        Fuse to one pose; safe in the loop.
 
         :param sightings: at least one.
-        :return: None when the marks contradict each other and nothing tells which is right.
+        :return: None if the marks contradict each other without a majority or a previous pose.
         """
         last = self._last
         if last is not None and not 0 <= now_ns - self._last_ns <= _MEMORY_NS:
@@ -188,7 +189,7 @@ class Fuser:
 
     def _agreeing(self, sightings: Sequence[LandmarkSighting], last: FusedPose | None, now_ns: int
                   ) -> Sequence[LandmarkSighting]:
-        """Return the largest group that agrees, or the one that goes on from the pose before."""
+        """Return the largest agreeing group, or the one that agrees with the previous pose."""
         size = len(sightings)
         groups: list[list[LandmarkSighting]] = [[each] for each in sightings]
         for i in range(size):

@@ -28,7 +28,7 @@ def load_landmarks(url: str, key: str) -> dict[int, CeilingLandmark]:
     :param url: a path, ``file://`` or ``package://package/path``.
     :param key: of the setting that names it, for the errors.
     :return: by number.
-    :raises ConfigError: it cannot be read; names the file, the place in it and what to do.
+    :raises ConfigError: it cannot be read; the message names the file, the line and the remedy.
     """
     path, text = read_text_file(url, key, 'a CSV or YAML file of landmarks')
     return read_landmarks(text, str(path))

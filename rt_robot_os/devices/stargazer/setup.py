@@ -13,13 +13,14 @@
 # limitations under the License.
 
 """
-The dialogue with a StarGazer: stop, compare and write its parameters, start.
+The set-up of a StarGazer: stop, compare and write its parameters, start.
 
-The vendor asks for 50 ms between the bytes of a command, so a command takes half a second and the
-set-up some seconds. Nothing here waits: what is due is asked for in each round.
+The vendor requires 50 ms between the bytes of a command, so a command takes half a second and the
+set-up some seconds. Nothing here blocks: the driver calls :meth:`StarGazerSetup.due` in each
+round.
 
-Each parameter is read first. The flash memory of the device is written only when one of them has
-to change, and not each time that the robot starts.
+Each parameter is read first. The flash memory of the device is written only if one of them must
+change, and not at each start of the robot.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.devices.stargazer import wire
 from rt_robot_os.devices.stargazer.wire import StarGazerFrame
 
-# The vendor's 50 ms, and what the task of the device may be late by between looking at the clock
-# and writing.
+# The vendor's 50 ms, plus the possible delay of the device's task between reading the clock and
+# writing.
 PAUSE_NS: Final = 55 * NS_PER_MS
 MAP_BUILDING: Final = 'map_building'
 HEIGHT_CALCULATION: Final = 'height_calculation'
@@ -46,7 +47,7 @@ NO_PROCEDURE: Final = 'none'
 PROCEDURES: Final = (NO_PROCEDURE, MAP_BUILDING, HEIGHT_CALCULATION)
 
 _ANSWER_NS: Final = 500 * NS_PER_MS
-# Writing its flash memory takes 2 to 3 s, during which it hears nothing.
+# Writing its flash memory takes 2 to 3 s, during which it receives nothing.
 _DEAF_NS: Final = 6 * NS_PER_S
 _TRIES: Final = 5
 # It may miss a command while it streams.
@@ -58,12 +59,12 @@ _REMEDY: Final = ('check the wire to its receive pin, or set configure: false an
 
 class SetupExchange(NamedTuple):
     """
-    One command and what answers it.
+    One command and its expected answer.
 
-    :ivar data: what is sent; empty only waits.
+    :ivar data: the bytes to send; empty to only wait.
     :ivar kind: of the sentence that answers it.
-    :ivar content: of that sentence, which may leave out what is behind the name.
-    :ivar optional: going without an answer is no error.
+    :ivar content: of that sentence; the part after the name may be missing.
+    :ivar optional: a missing answer is not an error.
     """
 
     data: bytes
@@ -76,10 +77,10 @@ class SetupExchange(NamedTuple):
 
 class StarGazerSetup:
     """
-    The dialogue after one opening; safe in the loop.
+    The set-up after one opening; safe in the loop.
 
-    :ivar done: the device has been told to start.
-    :ivar written: parameters that were not as they should be, and have been written.
+    :ivar done: the device was commanded to start.
+    :ivar written: parameters that differed and were written.
     """
 
     def __init__(self, name: str, parameters: Sequence[tuple[str, str]], procedure: str) -> None:
@@ -87,8 +88,8 @@ class StarGazerSetup:
         Begin.
 
         :param name: of the device, for errors.
-        :param parameters: what to set, by the vendor's names.
-        :param procedure: one of ``PROCEDURES``, to begin when the parameters are set.
+        :param parameters: values to set, by the vendor's names.
+        :param procedure: one of ``PROCEDURES``, started after the parameters are set.
         """
         self.done = False
         self.written: list[str] = []
@@ -103,7 +104,7 @@ class StarGazerSetup:
 
     def due(self, now_ns: int) -> bytes | None:
         """
-        Return the byte that is to be sent now, None when there is none.
+        Return the byte to send now; None if there is none.
 
         :raises DeviceError: the device does not answer.
         """
@@ -111,14 +112,14 @@ class StarGazerSetup:
             return None
         if self._left:
             return self._byte(now_ns)
-        if not self._until_ns:  # it only waits, from now on
+        if not self._until_ns:  # from now on it only waits
             self._until_ns = now_ns + self._exchange.answer_ns
         if now_ns >= self._until_ns:
-            self._again()
+            self._again(self._exchange)
         return self._byte(now_ns) if self._left else None
 
-    def takes(self, frame: StarGazerFrame) -> bool:
-        """Use a sentence when it is the answer that is waited for; say whether it was."""
+    def handle(self, frame: StarGazerFrame) -> bool:
+        """Handle a sentence if it is the expected answer; return whether it was."""
         wanted = self._exchange
         if wanted is None or frame.kind != wanted.kind:
             return False
@@ -138,9 +139,7 @@ class StarGazerSetup:
             self._until_ns = now_ns + self._exchange.answer_ns
         return byte
 
-    def _again(self) -> None:
-        exchange = self._exchange
-        assert exchange is not None
+    def _again(self, exchange: SetupExchange) -> None:
         self._tries += 1
         if self._tries < exchange.tries:
             self._left = exchange.data
@@ -195,7 +194,7 @@ def _same(found: str, wanted: str) -> bool:
 
 
 def parameters_of(settings: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return what is to be set in the device, by the vendor's names, in the vendor's order."""
+    """Return the values to set in the device, by the vendor's names, in the vendor's order."""
     found: list[tuple[str, str]] = []
     if settings['threshold']:
         found += [('ThrAlg', 'Manual'), ('ThrVal', str(settings['threshold']))]

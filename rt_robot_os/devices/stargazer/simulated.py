@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A simulated StarGazer: it sees the marks of the world, or goes round below one of its own.
+A simulated StarGazer: it detects the marks of the world, or circles below its own mark.
 
-It obeys with the vendor's timing: a byte that comes too soon after the one before is lost, and
-while the flash memory is written everything is.
+It has the vendor's timing: a byte that arrives too soon after the previous one is lost, and all
+bytes are lost while the flash memory is written.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ MULTI: Final = 'multi'
 SINGLE: Final = 'single'
 OLD: Final = 'old'
 
-# Less than the vendor's 50 ms: this process may be late, too.
+# Less than the vendor's 50 ms, because this process may be late, too.
 _BYTE_NS: Final = 30 * NS_PER_MS
 _FLASH_NS: Final = 2500 * NS_PER_MS
 _PROCEDURE_NS: Final = 3 * NS_PER_S
@@ -58,7 +58,7 @@ _NOISE_RAD: Final = math.radians(1.0)
 _ASTRAY_M: Final = 1.5
 _LOWEST_M: Final = 0.5
 _FIRST_MARK: Final = '24706: 0.0, 0.0, 0.0'
-# What the simulated device knows from the section of its driver, if its own says nothing.
+# Settings that default to those of its driver.
 _OF_DRIVER: Final = ('angle_sign', 'angle_offset_rad')
 _DEFAULTS: Final = {
     'MarkType': 'HLD1S', 'MarkDim': '1', 'MarkMode': 'Alone', 'MarkHeight': '2400',
@@ -72,27 +72,31 @@ class SimulatedStarGazer(SimulatedDevice):
     SETTINGS = common_settings(20.0, 40.0, LOCALISER_FAULTS) + (
         Field('form', str, MULTI, 'Form of its sentences: several marks, one mark, or one mark as '
               'until 2008.', choices=(MULTI, SINGLE, OLD)),
-        Field('landmarks', list, (), 'Where the marks hang, as for the driver; without any, '
-              f'those of the world, of the driver, or the one mark {_FIRST_MARK}.'),
-        Field('landmarks_file', str, '', 'More of them, as for the driver.', is_file=True),
+        Field('landmarks', list, (),
+              'Positions of the marks, as for the driver; without any, those of the world, of the '
+              'driver, or the single mark {_FIRST_MARK}.'),
+        Field('landmarks_file', str, '', 'Further marks, as for the driver.', is_file=True),
         Field('angle_sign', int, -1, 'Sense of its angle, as for the driver.', choices=(-1, 1)),
         Field('angle_offset_rad', float, 0.0, 'As for the driver.', 'rad', -math.tau, math.tau),
-        Field('range_m', float, 1.5, 'How far beside it a mark may be to be seen.', 'm', 0.05,
+        Field('range_m', float, 1.5, 'Largest horizontal distance of a detected mark.', 'm', 0.05,
               20.0),
         Field('height_m', float, 2.2, 'Height of the ceiling above it, without a world.', 'm',
               0.5, 7.0),
-        Field('most_marks', int, 4, 'Marks in one sentence.', minimum=1, maximum=6),
+        Field('most_marks', int, 4,
+              'Largest number of marks in one sentence.', minimum=1, maximum=6),
         NOISE_SETTING,
         Field('circle_m', float, 0.6, 'Radius of the circle on which it moves below its first '
               'mark, without a world.', 'm', 0.0, 100.0),
-        Field('circle_s', float, 20.0, 'Time for one round.', 's', 0.1, 1e4),
-        Field('outlier_probability', float, 0.0, 'How often a mark is taken for another one, or '
-              'seen elsewhere if there is no other.', minimum=0.0, maximum=1.0),
-        Field('moved_id', int, -1, 'A mark that hangs elsewhere than the map says.', minimum=-1,
+        Field('circle_s', float, 20.0, 'Period of the circle.', 's', 0.1, 1e4),
+        Field('outlier_probability', float, 0.0,
+              'Probability that a mark is confused with another one, or seen elsewhere if there '
+              'is no other.', minimum=0.0, maximum=1.0),
+        Field('moved_id', int, -1, 'A mark with a wrong position on the map.', minimum=-1,
               maximum=999_999),
-        Field('moved_m', float, 0.5, 'By how much.', 'm', -100.0, 100.0),
-        Field('miss_probability', float, 0.0, 'How often it misses a command while it sends '
-              'positions.', minimum=0.0, maximum=1.0),
+        Field('moved_m', float, 0.5, 'Its error.', 'm', -100.0, 100.0),
+        Field('miss_probability', float, 0.0,
+              'Probability that it misses a command while it sends positions.',
+              minimum=0.0, maximum=1.0),
     )
     BAUD = 115200
     KNOWN_FAULTS = LOCALISER_FAULTS
@@ -111,7 +115,7 @@ class SimulatedStarGazer(SimulatedDevice):
 
     def prepare(self) -> None:
         """
-        Begin as the device does after it got power: it sends.
+        Start in the state after power-on: it sends.
 
         :raises ConfigError: the landmarks cannot be read.
         """
@@ -130,16 +134,16 @@ class SimulatedStarGazer(SimulatedDevice):
         self.flash_writes = 0
         self._commands = StarGazerDecoder()
         self._sends = True
-        self._mode = wire.POSITION
+        self.mode = wire.POSITION
         self._byte_ns = -_BYTE_NS
-        # When what it does in its own time is done, and it says so; 0 when there is nothing.
+        # When its current procedure ends and is reported; 0 without one.
         self._done_ns = 0
         self._deaf = False
         self._befalls: frozenset[str] = frozenset()
 
     def sample(self, time_s: float) -> bytes:
         """Return one sentence, nothing while it is stopped."""
-        said = self._finished(self._start_ns + round(time_s * NS_PER_S))
+        said = self._finished(self.start_ns + round(time_s * NS_PER_S))
         if not self._sends:
             return said
         self._befalls = self._plan.active(self._now_ns)
@@ -148,13 +152,13 @@ class SimulatedStarGazer(SimulatedDevice):
             return said + wire.sentence(wire.NOTICE, 'DeadZone')
         form = self.settings['form']
         if form == OLD:
-            return said + wire.old(marks[0], self._mode)
-        if form == SINGLE or self._mode != wire.POSITION:
-            return said + wire.single(marks[0], self._mode)
+            return said + wire.old(marks[0], self.mode)
+        if form == SINGLE or self.mode != wire.POSITION:
+            return said + wire.single(marks[0], self.mode)
         return said + wire.multi(marks)
 
     def handle_command(self, data: bytes) -> None:
-        """Take the bytes that do not come too fast, and do what they say."""
+        """Receive the bytes that do not arrive too fast, and execute them."""
         for byte in data:
             if self._deaf or self._now_ns - self._byte_ns < _BYTE_NS:
                 self.lost_bytes += 1
@@ -177,7 +181,7 @@ class SimulatedStarGazer(SimulatedDevice):
         if content in (wire.STOP, wire.START):
             self._sends = content == wire.START
         elif content in (wire.BUILD_MAP, wire.HEIGHT_CALCULATION):
-            self._mode = wire.MAP_BUILDING if content == wire.BUILD_MAP else wire.HEIGHT
+            self.mode = wire.MAP_BUILDING if content == wire.BUILD_MAP else wire.HEIGHT
             self._done_ns = self._now_ns + _PROCEDURE_NS
         elif content == wire.END:
             self.flash_writes += 1
@@ -197,10 +201,10 @@ class SimulatedStarGazer(SimulatedDevice):
             return b''
         self._done_ns = 0
         self._deaf = False
-        self._mode = wire.POSITION
+        self.mode = wire.POSITION
         return wire.sentence(wire.ACKNOWLEDGEMENT, wire.UPDATED)
 
-    def _base_pose(self, time_s: float) -> Pose:
+    def base_pose(self, time_s: float) -> Pose:
         """Return where the robot is."""
         if self.world is not None:
             return self.world.base.pose
@@ -212,10 +216,10 @@ class SimulatedStarGazer(SimulatedDevice):
 
     def _sensor_pose(self, time_s: float) -> Pose:
         ahead, left, _ = self.mounting.position_m
-        return composed(self._base_pose(time_s), (ahead, left, self.mounting.yaw_rad))
+        return composed(self.base_pose(time_s), (ahead, left, self.mounting.yaw_rad))
 
     def _marks(self, x: float, y: float, heading: float) -> list[CeilingMark]:
-        """Return what it sees of the marks above it, the nearest first."""
+        """Return the measurements of the marks above it, the nearest first."""
         s = self.settings
         near = []
         for each in self._landmarks.values():
@@ -228,7 +232,7 @@ class SimulatedStarGazer(SimulatedDevice):
                 for _, each, beside_x, beside_y in near[:s['most_marks']]]
 
     def _reference(self) -> CeilingLandmark | None:
-        """Return the mark below which all positions are, once it has a map of its own."""
+        """Return the mark to which all positions are relative, once it has its own map."""
         if self.parameters['MarkMode'] != 'Map' or not self.parameters['RefID'].isdigit():
             return None
         return self._landmarks.get(int(self.parameters['RefID']))
@@ -260,7 +264,7 @@ class SimulatedStarGazer(SimulatedDevice):
 
 def _landmarks(settings: Mapping[str, Any], name: str) -> dict[int, CeilingLandmark]:
     """
-    Read the landmarks of the simulated device, or of its driver.
+    Read the landmarks of its own settings, or of its driver.
 
     :raises ConfigError: they cannot be read.
     """

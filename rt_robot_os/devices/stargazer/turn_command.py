@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the program of the turn on the spot does with its command line."""
+"""The command line of the program for a turn on the spot."""
 
 from __future__ import annotations
 
@@ -34,17 +34,18 @@ from rt_robot_os.motion.angles import yaw_of
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.motion.turning import fit_turn
 
-# Seconds, nanoseconds and frame stand before the pose in a message with a header.
+# Seconds, nanoseconds and frame precede the pose in a message with a header.
 _HEADER = 3
 _POSE = 7
 
 
 def run(argv: Sequence[str]) -> int:
-    """Fit the turn of a file; 1 when it shows nothing, 2 when there are no poses in it."""
+    """Fit the turn of a file; returns 1 if it is inconclusive, 2 if the file contains no poses."""
     parser = argparse.ArgumentParser(
-        prog='turn', description='Where the StarGazer sits on the robot, from a turn on the spot: '
-        'record "ros2 topic echo --csv /stargazer/pose" meanwhile.')
-    parser.add_argument('file', type=Path, help='what was recorded')
+        prog='turn', description='Compute the mounting of the StarGazer on the robot, from a turn '
+                                 'on the spot: record "ros2 topic echo --csv /stargazer/pose" '
+                                 'meanwhile.')
+    parser.add_argument('file', type=Path, help='the recorded file')
     parser.add_argument('--json', action='store_true', help='write JSON')
     arguments = parser.parse_args(argv)
     try:
@@ -72,7 +73,7 @@ def poses_of(lines: Iterable[str]) -> Iterator[Pose]:
     """
     Read the lines of ``ros2 topic echo --csv`` of a PoseWithCovarianceStamped.
 
-    :raises ConfigError: a line is none.
+    :raises ConfigError: a line is not a pose.
     """
     for number, line in enumerate(lines, 1):
         if not line.strip():
@@ -81,5 +82,5 @@ def poses_of(lines: Iterable[str]) -> Iterator[Pose]:
             x, y, _, *q = (float(each) for each in line.split(',')[_HEADER:_HEADER + _POSE])
             yield x, y, yaw_of(*q)
         except (ValueError, TypeError) as error:
-            raise ConfigError([f'line {number} is no pose: record it with ros2 topic echo --csv'
+            raise ConfigError([f'line {number} is not a pose: record it with ros2 topic echo --csv'
                                ]) from error

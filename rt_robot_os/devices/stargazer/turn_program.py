@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Find where a StarGazer sits on a robot, from the poses of a turn on the spot.
+Compute the mounting of a StarGazer on a robot, from the poses of a turn on the spot.
 
     ros2 topic echo --csv /stargazer/pose > turn.csv        # while the robot turns on the spot
     python3 -m rt_robot_os.devices.stargazer.turn_program turn.csv

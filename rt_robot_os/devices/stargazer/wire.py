@@ -16,7 +16,7 @@
 The sentences of a Hagisonic StarGazer: ``~``, a kind, a content, and a grave accent.
 
 ======  ========  =====================================================
-kind    who       what
+kind    from      what
 ======  ========  =====================================================
 ``#``   host      write a parameter, run a command: ``~#Name|value```
 ``@``   host      read a parameter: ``~@Name```
@@ -33,9 +33,9 @@ Measurements have three forms, angles in degrees, lengths in cm:
 * multi: number of marks, then ``id|angle|x|y|z`` for each, the first id right behind the number.
 
 The letter is I (position), F (building a map) or Z (measuring the height). There is no checksum:
-what reads differently is no sentence.
+anything of another form is rejected.
 
-Source: vendor's user guide and manual; the sentences in the wild agree with these.
+Source: vendor's user guide and manual; recorded sentences agree with these.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from typing import NamedTuple
 
 from rt_robot_os.devices.framing import FrameDecoder
 
-# Six marks, each with all its digits; what is longer lost its end.
+# Six marks with all digits; a longer sentence has lost its end.
 LONGEST: Final = 256
 WRITE: Final = '#'
 READ: Final = '@'
@@ -59,7 +59,7 @@ NOTICE: Final = '*'
 POSITION: Final = 'I'
 MAP_BUILDING: Final = 'F'
 HEIGHT: Final = 'Z'
-# How the vendor's parameters are called.
+# The names of the vendor's parameters.
 STOP: Final = 'CalcStop'
 START: Final = 'CalcStart'
 END: Final = 'SetEnd'
@@ -69,7 +69,7 @@ BUILD_MAP: Final = 'MapMode|Start'
 
 _BEGIN: Final = 0x7E
 _END: Final = 0x60
-# A sentence, or what the end of the buffer has left of one.
+# A sentence, or its part before the end of the buffer.
 _PATTERN: Final = rb'~(?:[#@!$^*][ -_a-}]*(?:`|\Z)|\Z)'
 _MATCH: Final = re.compile(_PATTERN).match
 _ANGLE: Final = r'([+-]?\d{1,3}(?:\.\d{1,4})?)'
@@ -86,12 +86,12 @@ _SURE: Final = 2
 
 class CeilingMark(NamedTuple):
     """
-    One mark as the device sees it.
+    One measured mark.
 
     :ivar number: its ID.
     :ivar angle_deg: of the device, from -180 to 180.
-    :ivar x_cm: of the device in the frame of the mark, or of the reference mark.
-    :ivar z_cm: distance to the ceiling; None in the old form, which has none.
+    :ivar x_cm: position of the device in the frame of the mark, or of the reference mark.
+    :ivar z_cm: distance to the ceiling; None in the old form, which lacks it.
     """
 
     number: int
@@ -106,7 +106,7 @@ class StarGazerFrame(NamedTuple):
     One sentence.
 
     :ivar kind: its second character.
-    :ivar content: what follows that.
+    :ivar content: the characters after that.
     :ivar size: number of its bytes.
     :ivar end: index just after its last byte in the chunk that completed it.
     :ivar mode: of a measurement ``I``, ``F`` or ``Z``; empty otherwise.
@@ -122,12 +122,12 @@ class StarGazerFrame(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return the parameter or command that it is about."""
+        """Return the name of its parameter or command."""
         return self.content.partition('|')[0]
 
     @property
     def is_dead_zone(self) -> bool:
-        """Return whether it says that no mark is in sight; firmwares spell that differently."""
+        """Return whether it reports a dead zone; firmwares spell that differently."""
         return self.kind == NOTICE and (
             self.content.replace(' ', '').lower().startswith('deadzone'))
 
@@ -136,7 +136,7 @@ class StarGazerDecoder(FrameDecoder[StarGazerFrame]):
     """
     Find the sentences in a stream of bytes; safe in the loop, keeps less than ``LONGEST`` bytes.
 
-    A ``~`` in the middle of a sentence begins another; what gets too long is dropped.
+    A ``~`` within a sentence begins another; a sentence that is too long is dropped.
     """
 
     STARTS = b'~'
@@ -145,7 +145,7 @@ class StarGazerDecoder(FrameDecoder[StarGazerFrame]):
     PATTERN = _PATTERN
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Return where the sentence ends."""
+        """Return the end of the sentence."""
         match = _MATCH(buffer, at)
         if match is None:
             return 0
@@ -155,7 +155,7 @@ class StarGazerDecoder(FrameDecoder[StarGazerFrame]):
         return at + LONGEST if len(buffer) - at < LONGEST else 0
 
     def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> StarGazerFrame | None:
-        """Read a sentence; None when it is a measurement that cannot be one."""
+        """Decode a sentence; None if it is an invalid measurement."""
         kind = chr(buffer[at + 1])
         content = buffer[at + 2:end - 1].decode('ascii')
         if kind != MEASUREMENT:
@@ -168,9 +168,9 @@ class StarGazerDecoder(FrameDecoder[StarGazerFrame]):
 
 def measurement(content: str) -> tuple[str, tuple[CeilingMark, ...]] | None:
     """
-    Read what is between ``~^`` and the end of a measurement.
+    Decode the characters between ``~^`` and the end of a measurement.
 
-    :return: mode and marks; None when it is none of the three forms.
+    :return: mode and marks; None if it has none of the three forms.
     """
     if content[:1] in ('1', '2', '3', '4', '5', '6', '7', '8', '9'):
         marks = _multi(int(content[0]), content[1:].split('|'))
@@ -208,7 +208,7 @@ def _mark(number: str, angle: str, x: str, y: str, z: str | None) -> CeilingMark
 
 
 def is_stargazer(data: bytes) -> bool:
-    """Return whether there are measurements or notices of a StarGazer in some bytes."""
+    """Return whether some bytes contain measurements or notices of a StarGazer."""
     found = [frame for frame in StarGazerDecoder().feed(data)
              if frame.marks or frame.is_dead_zone]
     return len(found) >= _SURE
@@ -222,17 +222,17 @@ def sentence(kind: str, content: str) -> bytes:
 
 
 def old(mark: CeilingMark, mode: str = POSITION) -> bytes:
-    """Make a measurement in the form of 2004 to 2008."""
+    """Encode a measurement in the form of 2004 to 2008."""
     return sentence(MEASUREMENT, f'{mode}{_position(mark)}|{mark.number}')
 
 
 def single(mark: CeilingMark, mode: str = POSITION) -> bytes:
-    """Make a measurement of one mark in the newer form; 0 cm to a ceiling that is not known."""
+    """Encode a measurement of one mark in the newer form; 0 cm if the ceiling is unknown."""
     return sentence(MEASUREMENT, f'{mode}{mark.number}|{_position(mark)}|{mark.z_cm or 0.0:.2f}')
 
 
 def multi(marks: Sequence[CeilingMark]) -> bytes:
-    """Make a measurement of one to nine marks."""
+    """Encode a measurement of one to nine marks."""
     groups = '|'.join(f'{mark.number}|{_position(mark)}|{mark.z_cm or 0.0:.2f}' for mark in marks)
     return sentence(MEASUREMENT, f'{len(marks)}{groups}')
 

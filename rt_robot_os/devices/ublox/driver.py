@@ -206,7 +206,7 @@ class Ublox(SerialDevice[UbxFrame]):
                 precise = wire.high_precision(frame.payload)
                 if precise is not None:
                     return self._complete_epoch(precise)
-        if self._setup is None or not self._setup.takes(frame):
+        if self._setup is None or not self._setup.handle(frame):
             self._ignored_frames += 1
             self._sentences = frame.kind == wire.NMEA
         return 0

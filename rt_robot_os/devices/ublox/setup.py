@@ -72,7 +72,7 @@ class UbloxSetup:
             raise DeviceError(f'{self._name}: {self._problem}')
         return self._handshake.due(now_ns)
 
-    def takes(self, frame: UbxFrame) -> bool:
+    def handle(self, frame: UbxFrame) -> bool:
         """Handle a message if it is the expected answer; return whether it was."""
         step = self._handshake.step
         if step is None or frame.kind != wire.ACK \

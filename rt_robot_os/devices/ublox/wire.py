@@ -266,9 +266,7 @@ def message(kind: int, identifier: int, payload: bytes = b'') -> bytes:
 
 
 def enable(identifier: int) -> bytes:
-    """
-    Encode the command that enables a NAV message with each solution, on the receiving port.
-    """
+    """Encode the command that enables a NAV message with each solution, on the receiving port."""
     return message(CFG, CFG_MSG, bytes((NAV, identifier, 1)))
 
 

@@ -206,14 +206,10 @@ def output_mask(kinds: tuple[int, ...]) -> int:
 
 
 def is_witmotion(data: bytes) -> bool:
-    """
-    Return whether some bytes are frames: two in sequence, because a sum may be valid by chance.
-    """
+    """Return whether some bytes are frames: two in sequence, as one may be valid by chance."""
     return any(not frame.skipped for frame in WitMotionDecoder().feed(data)[1:])
 
 
 def is_bluetooth(data: bytes) -> bool:
-    """
-    Return whether some bytes are of a Bluetooth model: three packets of 20 bytes in sequence.
-    """
+    """Return whether some bytes are of a Bluetooth model: three packets in sequence."""
     return _BLUETOOTH(data) is not None

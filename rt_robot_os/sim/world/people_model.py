@@ -77,9 +77,11 @@ class PeopleModel:
         Apply an event to a person.
 
         :return: the event that ends it, after its duration; None if there is none.
+        :raises KeyError: the name is unknown; :meth:`problem` reports that before.
         """
         person = self.find(what.name)
-        assert person is not None
+        if person is None:
+            raise KeyError(what.name)
         follows: WorldEvent | None = None
         if what.kind == 'person':
             person.stand(*what.numbers)
@@ -128,9 +130,7 @@ class PeopleModel:
         return max((person.heading + turn * math.pi / 4 for turn in range(4)), key=room)
 
     def in_sight(self, x: float, y: float, there_x: float, there_y: float) -> bool:
-        """
-        Return whether no wall is between two positions, except that which carries the second.
-        """
+        """Return whether no wall is between two positions, except the one at the second."""
         away = math.hypot(there_x - x, there_y - y)
         return self._room_m(x, y, math.atan2(there_y - y, there_x - x)) >= away - _WALL_M
 

@@ -94,9 +94,7 @@ class SimulatedVitals:
                    usual.most)
 
     def set(self, sign: str, value: float) -> None:  # noqa: A003
-        """
-        Fix the value of a sign from now on; 0 is the value of a monitor with a detached sensor.
-        """
+        """Fix the value of a sign from now on; 0 is that of a monitor without its sensor."""
         self._set[sign] = value
 
     def clear(self, sign: str) -> None:

@@ -151,6 +151,7 @@ class Wireless:
         Apply an event to a node.
 
         :return: the event that ends it, after its duration; None if there is none.
+        :raises KeyError: the name is unknown; :meth:`problem` reports that before.
         """
         if what.kind in _QUANTITIES:
             code = _FINE_CODE if what.word == FINE else _HELP_CODE
@@ -166,7 +167,8 @@ class Wireless:
                 each.set_alarms(_QUANTITIES[what.word], 0)
             return None
         node = self.find(what.name)
-        assert node is not None
+        if node is None:
+            raise KeyError(what.name)
         if what.kind == 'node move':
             node.move_to(*what.numbers)
         elif what.kind == 'node reboot':

@@ -314,7 +314,8 @@ class World:
     def _burn(self, name: str, degrees: float) -> None:
         """Warm up the surroundings of a node gradually, or let them cool down."""
         node = self.wireless.find(name)
-        assert node is not None
+        if node is None:
+            raise KeyError(name)
         burning = self._burning.setdefault(name, HeatSource(*node.position_m[:2]))
         burning.aim(degrees, self.time_s)
 

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Packages of one's own, written from templates."""
+"""New packages with drivers and modules, written from templates."""

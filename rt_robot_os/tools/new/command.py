@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the program `new` does with its command line."""
+"""The command line of the program `new`."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ from rt_robot_os.tools.new.package import problems_of
 
 def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog='new', allow_abbrev=False, description='Write a package with a driver or a module '
-        'that works, is tested, and is yours to change.')
+        prog='new', allow_abbrev=False, description='Write a package with a working and tested '
+                                                    'driver or module, for you to change.')
     parser.add_argument('package', help='name of the package, such as my_robot')
     parser.add_argument('--driver', metavar='NAME', default='',
-                        help='with a driver for a serial device, and its simulated device')
+                        help='with a driver for a serial device, and a simulated device')
     parser.add_argument('--module', metavar='NAME', default='', help='with a function module')
     parser.add_argument('--into', metavar='DIR', type=Path, default=Path('.'),
-                        help='folder in which the package is made, such as the src of a '
-                        'workspace (default: here)')
+                        help='folder in which the package is made, such as the src of a workspace '
+                             '(default: the current one)')
     arguments = parser.parse_args(argv)
     if not arguments.driver and not arguments.module:
-        parser.error('say what is in it: --driver NAME, --module NAME, or both')
+        parser.error('choose the content: --driver NAME, --module NAME, or both')
     return arguments
 
 
@@ -54,16 +54,16 @@ def run(argv: Sequence[str]) -> int:
     Write a package.
 
     :param argv: without the program's name.
-    :return: the exit code: 2 when something is wrong, and nothing is written then.
+    :return: the exit code: 2 for an error, without anything written.
     """
     arguments = _arguments(argv)
     folder: Path = arguments.into / arguments.package
     try:
         problems = problems_of(arguments.package, arguments.driver, arguments.module)
         if not arguments.into.is_dir():
-            problems.append(f'{arguments.into}: there is no such folder')
+            problems.append(f'{arguments.into}: this folder does not exist')
         elif folder.exists() or folder.is_symlink():
-            problems.append(f'{folder}: is there already, and nothing is overwritten')
+            problems.append(f'{folder}: exists already, and nothing is overwritten')
         if not problems:
             Package(arguments.package, arguments.driver, arguments.module).write(folder)
     except OSError as error:
@@ -79,10 +79,10 @@ def run(argv: Sequence[str]) -> int:
 
 
 def next_steps(folder: Path, package: str) -> str:
-    """Return how a package is built, tested and started here: with ROS 2 or without."""
+    """Return the commands that build, test and start a package here: with ROS 2 or without."""
     clone = Path(__file__).resolve().parents[3]
     if shutil.which('ros2') or not (clone / 'scripts' / 'run').is_file():
-        return ('In the workspace that it lies in:\n'
+        return ('In its workspace:\n'
                 f'  colcon build --symlink-install --packages-select {package}\n'
                 '  source install/setup.bash\n'
                 f'  colcon test --packages-select {package} && colcon test-result --verbose\n'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The files of a package with a driver or a module of one's own, filled in from templates."""
+"""The files of a package with a new driver or module, filled in from templates."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ _COMMON: Final = {
     'launch.xml.in': 'launch/@package@.launch.xml', 'robot.yaml.in': 'config/@package@.yaml',
     'README.md.in': 'README.md'}
 _DRIVER: Final = {
-    'device.py.in': ('@package@/@driver@/__init__.py', 'what the device consists of'),
+    'device.py.in': ('@package@/@driver@/__init__.py', 'the parts of the device'),
     'wire.py.in': ('@package@/@driver@/wire.py', 'the bytes of the device'),
     'driver.py.in': ('@package@/@driver@/driver.py', 'the driver: from frames to messages'),
     'simulated.py.in': ('@package@/@driver@/simulated.py', 'the simulated device'),
     'test_driver.py.in': ('test/test_@driver@.py', 'bytes of the data sheet')}
 _MODULE: Final = {
     'module.py.in': ('@package@/@module@.py', 'the module: inputs, outputs, settings, one step'),
-    'test_module.py.in': ('test/test_@module@.py', 'what it should do')}
+    'test_module.py.in': ('test/test_@module@.py', 'the expected behaviour')}
 
 
 def name_problem(noun: str, name: str, longest: int) -> str:
-    """Return what is wrong with a name; empty when nothing is."""
+    """Return the problem of a name; empty if it is valid."""
     rule = (f'must have 2 to {longest} lower-case letters, digits and single _, begin with a '
             'letter and not end with _')
     if not re.fullmatch(r'[a-z](_?[a-z0-9])+', name) or len(name) > longest:
@@ -54,7 +54,7 @@ def name_problem(noun: str, name: str, longest: int) -> str:
 
 
 def _taken() -> set[str]:
-    """Return the sections of the configuration that is written."""
+    """Return the names of the sections of a configuration."""
     from rt_robot_os.base.schema import declared
     from rt_robot_os.settings.model import RobotSettings
     from rt_robot_os.settings.model import SECTIONS
@@ -62,8 +62,8 @@ def _taken() -> set[str]:
 
 
 def problems_of(package: str, driver: str, module: str) -> list[str]:
-    """Return what is wrong with the names that were given."""
-    # Late: `--help` needs none of it.
+    """Return the problems of the given names."""
+    # Imported late: not needed for `--help`.
     from rt_robot_os.devices.registry import DRIVERS
     from rt_robot_os.modules import registry as modules
     found = [name_problem('package', package, LONGEST_PACKAGE)]
@@ -76,17 +76,17 @@ def problems_of(package: str, driver: str, module: str) -> list[str]:
             continue
         found.append(name_problem(noun, name, LONGEST_NAME))
         if name in known:
-            found.append(f'{noun} {name!r}: there is one of that name: choose another')
+            found.append(f'{noun} {name!r}: exists already: choose another')
         elif name in _taken():
-            found.append(f'{noun} {name!r}: is a key of its own in a configuration: choose '
-                         'another')
+            found.append(f'{noun} {name!r}: is a reserved key of the configuration: '
+                         'choose another')
     if driver and driver == module:
         found.append(f'driver and module are both {driver!r}: give each its own name')
     return [each for each in found if each]
 
 
 def sorted_imports(text: str) -> str:
-    """Put the imports of each block into the order of the linter, which goes by the module."""
+    """Sort the imports of each block in the order of the linter, by module."""
     def key(line: str) -> tuple[str, str]:
         words = line.split()
         return words[1].lower(), words[-1].lower()
@@ -99,10 +99,10 @@ def sorted_imports(text: str) -> str:
 
 class Package:
     """
-    The files of a package, by their place in it.
+    The files of a package, by their paths in it.
 
     :param driver: its name; empty without one.
-    :param module: as well.
+    :param module: its name; empty without one.
     """
 
     def __init__(self, package: str, driver: str, module: str) -> None:
@@ -118,7 +118,7 @@ class Package:
         self.files |= {f'resource/{package}': '', f'{package}/__init__.py': ''}
 
     def _computed(self, driver: str, module: str) -> dict[str, str]:
-        """Return the parts that depend on what there is."""
+        """Return the parts that depend on driver and module."""
         groups = {
             'devices': driver,
             'modules': module and f'{module}:@Module@'}
@@ -150,9 +150,9 @@ class Package:
 
     def write(self, folder: Path) -> None:
         """
-        Write it all, or nothing.
+        Write all files, or none.
 
-        :raises OSError: a file cannot be written, or something of that name is there.
+        :raises OSError: a file cannot be written, or exists already.
         """
         with tempfile.TemporaryDirectory(prefix='.new-', dir=folder.parent) as name:
             whole = Path(name) / folder.name
@@ -160,7 +160,7 @@ class Package:
                 path = whole / place
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(text)
-            folder.mkdir()  # fails when it is there, whoever was faster
+            folder.mkdir()  # fails if it exists, also if another process has just made it
             try:
                 for each in whole.iterdir():
                     each.rename(folder / each.name)

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The program `new`: write a package with a driver or a module of one's own.
+The program `new`: write a package with a new driver or module.
 
-Write it; the exit code is 2 when something is wrong, and nothing is written then.
+Write it; the exit code is 2 for an error, without anything written.
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ class I2cRobot:
     def inject(self, name: str, fault: str, seconds: float) -> None:
         """Begin a fault now."""
         self.chips[name].inject(fault, seconds)
-        self.chips[name]._update(self.kernel.now_ns())
+        self.chips[name].update(self.kernel.now_ns())
 
     def take(self, topic: str) -> int:
         """Give the number of samples that came since the last call; the ring keeps 16."""

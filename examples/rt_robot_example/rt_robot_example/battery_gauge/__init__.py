@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The battery gauge of the tutorial: what rt_robot_os finds in this folder."""
+"""The battery gauge of the tutorial: the parts of this device."""
 
 from rt_robot_os.devices import DeviceParts
 from rt_robot_os.devices import Signature

@@ -36,7 +36,7 @@ class BatteryGauge(SerialDevice[Reading]):
     description = 'battery gauge of the tutorial, ASCII $B at 9600 baud'
     SETTINGS = (
         *serial_settings(baud=9600, frame_id='base_link', topic='battery', rate_hz=10.0),
-        Field('capacity_ah', float, 5.0, 'Capacity of the battery when it was new.', 'Ah',
+        Field('capacity_ah', float, 5.0, 'Capacity of the new battery.', 'Ah',
               0.1, 1000.0),
     )
 
@@ -44,7 +44,7 @@ class BatteryGauge(SerialDevice[Reading]):
         super().__init__(name, settings, GaugeDecoder())
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Say what is published; texts are fixed here."""
+        """Return the publications; strings are fixed here."""
         s = self.settings
         return (TopicSpec(
             s['topic'], 'sensor_msgs/msg/BatteryState',
@@ -52,7 +52,7 @@ class BatteryGauge(SerialDevice[Reading]):
             s['depth'], s['output_rate_hz']),)
 
     def bind(self, publishers: Sequence[SamplePublisher]) -> None:
-        """Fill in what never changes: the message keeps it."""
+        """Fill in the constant fields: the message keeps them."""
         super().bind(publishers)
         message = publishers[0].msg
         message.temperature = message.charge = message.capacity = math.nan  # not measured

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The simulated device of the battery gauge: a battery that runs down and is charged again."""
+"""The simulated battery gauge: a battery that is discharged and charged again."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class SimulatedBatteryGauge(SimulatedDevice):
     BAUD = 9600
 
     def sample(self, time_s: float) -> bytes:
-        """Give the bytes of one reading."""
+        """Return the bytes of one reading."""
         s = self.settings
         phase = 2 * math.pi * time_s / s['period_s']
         level = (1 + math.cos(phase)) / 2
@@ -45,5 +45,5 @@ class SimulatedBatteryGauge(SimulatedDevice):
                       round(100 * level))
 
     def foreign(self) -> bytes:
-        """Give what another device would send, for the fault `wrong`."""
+        """Return the bytes of another device, for the fault `wrong`."""
         return b'R0480\r'

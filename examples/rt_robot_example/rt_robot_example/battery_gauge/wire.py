@@ -15,7 +15,7 @@
 """
 The bytes of the battery gauge: ``$B12.34,+01.20,073*5A`` ten times a second.
 
-Volts, amperes (negative: the battery is being discharged), percent; then the XOR of what is
+Volts, amperes (negative: the battery is being discharged), percent; then the XOR of the characters
 between ``$`` and ``*``, and the end of the line. Each frame has 23 bytes.
 """
 
@@ -34,12 +34,12 @@ FRAME_BYTES = 23
 
 
 def checksum(body: bytes) -> int:
-    """Give the XOR of some bytes."""
+    """Return the XOR of some bytes."""
     return reduce(xor, body, 0)
 
 
 def encode(voltage: float, current: float, percent: int) -> bytes:
-    """Give the bytes of a reading, as the gauge sends it."""
+    """Encode a reading, as the gauge sends it."""
     body = f'B{voltage:05.2f},{current:+06.2f},{percent:03d}'.encode()
     return b'$%s*%02X\r\n' % (body, checksum(body))
 
@@ -59,17 +59,17 @@ class Reading:
 
 
 class GaugeDecoder(FrameDecoder[Reading]):
-    """Turn bytes into readings; each byte is in a reading, rejected, or pending."""
+    """Decode readings; each byte is in a reading, rejected, or pending."""
 
     STARTS = b'$'
     SHORTEST = LONGEST = FRAME_BYTES
 
     def end(self, buffer: bytes, at: int) -> int:
-        """Say where the frame that begins at an index ends."""
+        """Return the end of the frame that begins at an index."""
         return at + FRAME_BYTES
 
     def frame(self, buffer: bytes, at: int, end: int, arrived: int) -> Reading | None:
-        """Check a frame and read it; None when it is none."""
+        """Check and decode a frame; None if it is invalid."""
         match = FRAME(buffer, at, end)
         if match is None:
             return None
@@ -80,5 +80,5 @@ class GaugeDecoder(FrameDecoder[Reading]):
 
 
 def is_gauge(data: bytes) -> bool:
-    """Tell other drivers, when ports are swapped, whether some bytes are of a gauge."""
+    """Return whether some bytes are of a gauge; for other drivers, when ports are swapped."""
     return bool(GaugeDecoder().feed(data))
