@@ -24,11 +24,11 @@ from dataclasses import dataclass
 from dataclasses import field
 from typing import Final
 
+from rt_robot_os.gateway.memory_fallback import MemoryFallback
 from rt_robot_os.gateway.outbox import Outbox
-from rt_robot_os.gateway.outbox import Place
+from rt_robot_os.gateway.outbox import OutboxPosition
 from rt_robot_os.gateway.outbox import Row
 from rt_robot_os.gateway.outbox import START
-from rt_robot_os.gateway.spare import Spare
 from rt_robot_os.messages.uplink.importance import Importance
 from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
 from rt_robot_os.messages.uplink.records import RecordBatch
@@ -94,14 +94,14 @@ class Dispatch:
     """
 
     outbox: Outbox
-    spare: Spare
+    spare: MemoryFallback
     stored: int = 0
     again: int = 0
     refusals: int = 0
     rows_now: int = ROWS_FIRST
     _number: int = 0
     _batches: dict[int, Batch] = field(default_factory=dict)
-    _places: dict[Importance, Place] = field(default_factory=dict)
+    _places: dict[Importance, OutboxPosition] = field(default_factory=dict)
     _doubts: dict[tuple[int, int, int], Doubt] = field(default_factory=dict)
     _not_before_s: float = 0.0
     _retry_s: float = RETRY_S
@@ -117,7 +117,7 @@ class Dispatch:
         self._not_before_s = 0.0
 
     @property
-    def protected(self) -> dict[Importance, Place]:
+    def protected(self) -> dict[Importance, OutboxPosition]:
         """Up to where rows are on their way, by importance."""
         return dict(self._places)
 
@@ -260,6 +260,6 @@ class Dispatch:
         if known.strikes < STRIKES - 1:
             return None
         del self._doubts[row[:3]]
-        self.outbox.set_aside(row, why)
+        self.outbox.quarantine(row, why)
         self.spare.done([row])
         return row

@@ -25,8 +25,8 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.errors import LinkError
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Part
-from rt_robot_os.gateway.part import Ways
 from rt_robot_os.link.cdr import string_message
 
 HEARTBEAT: Final = 'monitor/heartbeat'
@@ -41,8 +41,8 @@ class Heartbeat(Part):
     :param counters: of the whole gateway.
     """
 
-    def __init__(self, ways: Ways, counters: Callable[[], Mapping[str, Any]]) -> None:
-        super().__init__(ways)
+    def __init__(self, context: GatewayContext, counters: Callable[[], Mapping[str, Any]]) -> None:
+        super().__init__(context)
         self._counters = counters
 
     def publishes(self) -> Sequence[str]:
@@ -59,10 +59,10 @@ class Heartbeat(Part):
     async def run(self) -> None:
         """Publish now and then."""
         while True:
-            if self.ways.server.connected and self.ways.robot.has(HEARTBEAT):
+            if self.context.server.connected and self.context.robot.has(HEARTBEAT):
                 text = self._text()
                 try:
-                    self.ways.robot.publish(HEARTBEAT, string_message(text))
+                    self.context.robot.publish(HEARTBEAT, string_message(text))
                 except LinkError:
                     pass  # the next one says as much
-            await asyncio.sleep(self.ways.settings.heartbeat_s)
+            await asyncio.sleep(self.context.settings.heartbeat_s)

@@ -100,8 +100,8 @@ class Row(NamedTuple):
         return len(self.text.encode()) + ROW_BYTES
 
 
-Place = tuple[int, int]
-START: Final[Place] = (-1, -1)
+OutboxPosition = tuple[int, int]
+START: Final[OutboxPosition] = (-1, -1)
 
 
 class Outbox:
@@ -204,7 +204,7 @@ class Outbox:
         """Return whether there is more than there may be."""
         return sum(self.nbytes.values()) > self._most_bytes
 
-    def give_way(self, protected: Mapping[Importance, Place], least: int = 0) -> int:
+    def evict(self, protected: Mapping[Importance, OutboxPosition], least: int = 0) -> int:
         """
         Delete some of the oldest rows of what is least important, and count them.
 
@@ -222,7 +222,7 @@ class Outbox:
                 return len(rows)
         return 0
 
-    def forget_old(self, protected: Mapping[Importance, Place]) -> int:
+    def expire(self, protected: Mapping[Importance, OutboxPosition]) -> int:
         """
         Delete rows that have waited for too long, and count them.
 
@@ -247,7 +247,7 @@ class Outbox:
 
     # ---- out ---------------------------------------------------------------------------------
 
-    def after(self, importance: Importance, place: Place, most: int, most_bytes: int
+    def after(self, importance: Importance, place: OutboxPosition, most: int, most_bytes: int
               ) -> list[Row]:
         """
         Read the oldest rows behind a place: of one start, at least one if there is one.
@@ -272,7 +272,7 @@ class Outbox:
         with self._transaction('NORMAL'):
             self._count(self._delete(rows), -1)
 
-    def set_aside(self, row: Row, why: str) -> None:
+    def quarantine(self, row: Row, why: str) -> None:
         """
         Take a row out of the queue that the server never takes, and keep it for who looks.
 
@@ -322,10 +322,11 @@ class Outbox:
                 deleted.append(row)
         return deleted
 
-    def _after(self, importance: Importance, place: Place, most: int) -> list[Row]:
+    def _after(self, importance: Importance, place: OutboxPosition, most: int) -> list[Row]:
         return list(self._rows_after(importance, place, most))
 
-    def _rows_after(self, importance: Importance, place: Place, most: int) -> Iterator[Row]:
+    def _rows_after(self, importance: Importance, place: OutboxPosition, most: int
+                    ) -> Iterator[Row]:
         for found in self._db.execute(
                 'SELECT importance, boot, seq, lived_s, text FROM record WHERE importance = ? AND '
                 '(boot, seq) > (?, ?) ORDER BY boot, seq LIMIT ?', (importance, *place, most)):

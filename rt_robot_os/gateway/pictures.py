@@ -41,7 +41,7 @@ _TROUBLE_S: Final = 2.0
 _JPEG: Final = b'\xff\xd8\xff'
 
 
-class Seen(NamedTuple):
+class CameraPicture(NamedTuple):
     """
     A picture.
 
@@ -99,7 +99,7 @@ class CameraReader:
         self._closing = False
         self._wanted: Mapping[str, float] = {}
         self._mirrored: dict[str, tuple[str, int, float]] = {}
-        self._newest: dict[str, Seen] = {}
+        self._newest: dict[str, CameraPicture] = {}
         self._thread = threading.Thread(target=self._run, name='cameras', daemon=True)
         self._thread.start()
 
@@ -119,7 +119,7 @@ class CameraReader:
             self._troubles.pop(name, None)  # it is said again to who looks next
         self._changed.set()
 
-    def take(self, name: str) -> Seen | None:
+    def take(self, name: str) -> CameraPicture | None:
         """Return the newest picture that was not taken before; any thread may."""
         return self._newest.pop(name, None)
 
@@ -171,7 +171,7 @@ class CameraReader:
         for name, (_, channel, _) in self._mirrored.items():
             if channel == head.channel:
                 try:
-                    found = Seen(head.stamp_ns, jpeg_in(cdr))
+                    found = CameraPicture(head.stamp_ns, jpeg_in(cdr))
                 except ValueError as error:
                     self.odd += 1
                     self._say(f'camera {name}: {error}')

@@ -54,7 +54,7 @@ _ALIVE_S: Final = 1.0
 _WELCOME_S: Final = 5.0
 
 
-class Source(Protocol):
+class TextSource(Protocol):
     """Where the sender takes records or signals from."""
 
     def next_text(self) -> str | None:
@@ -85,7 +85,7 @@ class StateConnection:
         self._tell = tell
         self._parts: tuple[Part, ...] = ()
         self._by_class: dict[type[UplinkMessage], Part] = {}
-        self._sources: tuple[Source, ...] = ()
+        self._sources: tuple[TextSource, ...] = ()
         self._queue: deque[str] = deque()
         self._newest: dict[str, str] = {}
         self._wake: asyncio.Event | None = None
@@ -120,7 +120,7 @@ class StateConnection:
 
     # ---- in the loop -------------------------------------------------------------------------
 
-    async def run(self, parts: Iterable[Part], sources: Iterable[Source]) -> None:
+    async def run(self, parts: Iterable[Part], sources: Iterable[TextSource]) -> None:
         """Stay connected until cancelled."""
         self._parts = tuple(parts)
         self._by_class = {each: part for part in self._parts for each in part.receives}

@@ -33,9 +33,9 @@ from typing import Final
 
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.base.needs import lacking
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.part import Part
-from rt_robot_os.gateway.part import Ways
 from rt_robot_os.link.cdr import string_message
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
@@ -81,9 +81,9 @@ class Voice(Part):
 
     receives = (VoiceMessage,)
 
-    def __init__(self, ways: Ways) -> None:
-        super().__init__(ways)
-        settings = ways.settings
+    def __init__(self, context: GatewayContext) -> None:
+        super().__init__(context)
+        settings = context.settings
         self.calls = 0
         self._running: _Running | None = None
         self._problem = 'none is set' if not (
@@ -142,7 +142,7 @@ class Voice(Part):
             self._begin(message.call, message.by or 'Somebody', message.sdp or '')
 
     def _begin(self, name: str, by: str, sdp: str) -> None:
-        settings = self.ways.settings
+        settings = self.context.settings
         try:
             process = start_child(_CALL, os.getpid(), stdin=subprocess.PIPE,
                                   stdout=subprocess.PIPE)
@@ -202,14 +202,14 @@ class Voice(Part):
         self._announce('The call is over. The microphone is off.')
 
     def _send(self, message: VoiceMessage) -> None:
-        self.ways.server.send(message)
+        self.context.server.send(message)
 
     def _send_end(self, name: str, why: str) -> None:
         self._send(VoiceMessage(name, END, why=why))
 
     def _announce(self, text: str) -> None:
         with suppress(LinkError):  # a robot without a voice
-            self.ways.robot.publish(_SAY, string_message(text))
+            self.context.robot.publish(_SAY, string_message(text))
 
 
 def _note_time(said: Mapping[str, Any]) -> None:

@@ -112,7 +112,7 @@ class Connections:
         self._open.discard(one)
         self._idle.pop(one, None)
 
-    async def look(self) -> None:
+    async def check_timeouts(self) -> None:
         """Cut off those that are too slow, each second until cancelled."""
         while True:
             await asyncio.sleep(_LOOK_S)

@@ -36,7 +36,7 @@ from rt_robot_os.messages.alarm_commands import SILENCE
 from rt_robot_os.messages.alarm_commands import TEST
 from rt_robot_os.monitor.api.answers import refusal
 from rt_robot_os.monitor.api.answers import unknown
-from rt_robot_os.monitor.live.hub import AwayError
+from rt_robot_os.monitor.live.hub import RobotUnavailable
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
@@ -127,7 +127,7 @@ class Commands:
             f'arg_{key}': value for key, value in args.items()})
         try:
             found = await self._services.hub.command(robot, do, args, actor.name)
-        except AwayError as error:
+        except RobotUnavailable as error:
             note(actor, f'answer.{do}', robot.id, ok=False, text=error.text)
             raise refusal(504 if error.is_late else 409, error.text, error.remedy) from None
         note(actor, f'answer.{do}', robot.id, ok=found.ok, text=found.text)

@@ -39,7 +39,7 @@ from rt_robot_os.messages.uplink.voice import RING
 from rt_robot_os.messages.uplink.voice import SDP_CHARACTERS
 from rt_robot_os.messages.uplink.voice import STATE
 from rt_robot_os.messages.uplink.voice import VoiceMessage
-from rt_robot_os.monitor.live.media_connection import may_look
+from rt_robot_os.monitor.live.media_connection import may_view_cameras
 from rt_robot_os.monitor.security.accounts import Revoked
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import Permission
@@ -159,7 +159,7 @@ class Calls:
         hub, actor = self._services.hub, caller.actor
         state = hub.robots.get(robot)
         # Whoever is there is heard: they have to be granted everybody who lives there.
-        if state is None or not may_look(actor.people, state):
+        if state is None or not may_view_cameras(actor.people, state):
             caller.ended('there is no such robot, or you may not call it')
             return
         other = self._by_robot.get(robot)

@@ -52,7 +52,7 @@ _NAME_MOST: Final = 64
 _HOUSE_S: Final = 3600.0
 
 
-def may_look(people: frozenset[str] | None, robot: RobotState | None) -> bool:
+def may_view_cameras(people: frozenset[str] | None, robot: RobotState | None) -> bool:
     """
     Return whether somebody may look through the cameras of a robot.
 
@@ -95,7 +95,7 @@ class MediaHub:
         if self.robots.get(media.robot) is media:
             del self.robots[media.robot], self._closing[media.robot]
 
-    async def keep_house(self) -> None:
+    async def run_cleanup(self) -> None:
         """Delete what is older than it is kept, now and each hour; for a task of its own."""
         while True:
             await asyncio.to_thread(self.files.expire)
@@ -144,12 +144,12 @@ class BrowserMedia:
     One browser's connection.
 
     :param session: whose it is.
-    :param may_look: whether they may see the pictures of a robot, now.
+    :param may_view_cameras: whether they may see the pictures of a robot, now.
     :param note: notes that they begin to look through a camera; may block.
     """
 
     def __init__(self, websocket: WebSocket, gallery: Gallery, session: str,
-                 may_look: Callable[[str], bool], note: Callable[[Key], object]) -> None:
+                 may_view_cameras: Callable[[str], bool], note: Callable[[Key], object]) -> None:
         self.odd = 0
         self._note = note
         self.session = session
@@ -157,7 +157,7 @@ class BrowserMedia:
         self._ended = asyncio.Event()
         self._websocket = websocket
         self._gallery = gallery
-        self._may_look = may_look
+        self._may_look = may_view_cameras
         self._wake = asyncio.Event()
         self._viewer: Viewer = gallery.open_viewer(self._wake.set)
 
@@ -210,7 +210,7 @@ class BrowserMedia:
             return
         is_new = key not in self._viewer.keys()
         try:
-            self._viewer.look(key, rate_hz if rate_hz == rate_hz else 0.0)
+            self._viewer.watch(key, rate_hz if rate_hz == rate_hz else 0.0)
         except ValueError as error:
             await self._gone(key, str(error))
             return

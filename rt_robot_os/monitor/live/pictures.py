@@ -55,7 +55,7 @@ class Picture(NamedTuple):
 
 
 @dataclass
-class _Look:
+class _CameraWatch:
     """What a viewer sees of a camera; ``awaited`` is the number on its way, 0 for none."""
 
     period_ns: int
@@ -78,23 +78,23 @@ class Viewer:
         self.sent = self.skipped = 0
         self.wake = wake
         self._gallery = gallery
-        self._looks: dict[Key, _Look] = {}
+        self._watched: dict[Key, _CameraWatch] = {}
         self._turn = 0
         self._asked_ns = 0
         self._troubles: dict[Key, Mapping[str, Any]] = {}
 
-    def look(self, key: Key, rate_hz: float) -> None:
+    def watch(self, key: Key, rate_hz: float) -> None:
         """
         Look at a camera, or change how often.
 
         :raises ValueError: these are too many.
         """
-        if key not in self._looks and len(self._looks) >= CAMERAS_MOST:
+        if key not in self._watched and len(self._watched) >= CAMERAS_MOST:
             raise ValueError(f'{CAMERAS_MOST} cameras at once are the most')
         period_ns = round(NS_PER_S / min(RATE_MOST_HZ, max(RATE_LEAST_HZ, rate_hz)))
-        known = self._looks.get(key)
+        known = self._watched.get(key)
         if known is None:
-            self._looks[key] = _Look(period_ns)
+            self._watched[key] = _CameraWatch(period_ns)
             if (why := self._gallery.troubles.get(key)) is not None:
                 self._troubles[key] = why
         else:
@@ -104,19 +104,19 @@ class Viewer:
 
     def leave(self, key: Key) -> None:
         """Look at a camera no more; may be called twice."""
-        if self._looks.pop(key, None) is not None:
+        if self._watched.pop(key, None) is not None:
             self._gallery.changed(key[0])
 
     def taken(self, key: Key, n: int) -> None:
         """Note that it has drawn a picture; the next may go."""
-        look = self._looks.get(key)
-        if look is not None and look.awaited and n == look.awaited:
-            look.awaited = 0
+        watch = self._watched.get(key)
+        if watch is not None and watch.awaited and n == watch.awaited:
+            watch.awaited = 0
             self.wake()
 
     def trouble(self, key: Key, why: Mapping[str, Any]) -> None:
         """Note why no picture comes of what it looks at; the newest counts."""
-        if key in self._looks:
+        if key in self._watched:
             self._troubles[key] = why
             self.wake()
 
@@ -126,16 +126,16 @@ class Viewer:
 
     def keys(self) -> tuple[Key, ...]:
         """Return what it looks at."""
-        return tuple(self._looks)
+        return tuple(self._watched)
 
     def rate_hz(self, key: Key) -> float:
         """Return how often it wants a picture; 0 for not at all."""
-        look = self._looks.get(key)
-        return NS_PER_S / look.period_ns if look is not None else 0.0
+        watch = self._watched.get(key)
+        return NS_PER_S / watch.period_ns if watch is not None else 0.0
 
     def waiting(self, now_ns: int) -> int:
         """Return for how long it has left a picture without an answer; 0: it has not."""
-        awaited = any(look.awaited for look in self._looks.values())
+        awaited = any(watch.awaited for watch in self._watched.values())
         return now_ns - self._asked_ns if awaited else 0
 
     def next_picture(self, now_ns: int) -> tuple[Picture | None, int]:
@@ -146,26 +146,26 @@ class Viewer:
         :return: a picture or None; of None also in how many nanoseconds something is due that is
             there already, 0 for nothing.
         """
-        keys = list(self._looks)
+        keys = list(self._watched)
         soonest_ns = 0
         for place in range(len(keys)):
             # Each in turn, so that one quick camera does not starve the others.
             key = keys[(self._turn + place) % len(keys)]
-            look, picture = self._looks[key], self._gallery.newest(key)
-            if picture is None or look.awaited or picture.n <= look.sent:
+            watch, picture = self._watched[key], self._gallery.newest(key)
+            if picture is None or watch.awaited or picture.n <= watch.sent:
                 continue
             # A little early is in time: pictures come with a jitter of their own.
-            early_ns = look.next_ns - now_ns - look.period_ns // 8
+            early_ns = watch.next_ns - now_ns - watch.period_ns // 8
             if early_ns > 0:
                 soonest_ns = min(soonest_ns or early_ns, early_ns)
                 continue
             self._turn = (self._turn + place + 1) % len(keys)
-            if look.sent:
-                self.skipped += picture.n - look.sent - 1
-            look.sent = look.awaited = picture.n
+            if watch.sent:
+                self.skipped += picture.n - watch.sent - 1
+            watch.sent = watch.awaited = picture.n
             # A grid while pictures keep up; after a pause it begins anew.
-            look.next_ns = look.period_ns + (
-                look.next_ns if look.next_ns + look.period_ns > now_ns else now_ns)
+            watch.next_ns = watch.period_ns + (
+                watch.next_ns if watch.next_ns + watch.period_ns > now_ns else now_ns)
             self._asked_ns = now_ns
             self.sent += 1
             return picture, 0

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from rt_robot_os.gateway.outbox import Mark
-from rt_robot_os.gateway.outbox import Place
+from rt_robot_os.gateway.outbox import OutboxPosition
 from rt_robot_os.gateway.outbox import Row
 from rt_robot_os.messages.uplink.importance import Importance
 
@@ -28,7 +28,7 @@ from rt_robot_os.messages.uplink.importance import Importance
 ROWS_MOST: Final = 4096
 
 
-class Spare:
+class MemoryFallback:
     """
     A bounded table in memory.
 
@@ -61,7 +61,7 @@ class Spare:
         """Return all rows, the most important and oldest first."""
         return [self._rows[key] for key in sorted(self._rows)]
 
-    def after(self, importance: Importance, place: Place, most: int, most_bytes: int
+    def after(self, importance: Importance, place: OutboxPosition, most: int, most_bytes: int
               ) -> list[Row]:
         """Return the oldest rows behind a place, as :meth:`.outbox.Outbox.after` does."""
         found: list[Row] = []

@@ -54,7 +54,7 @@ class Order(NamedTuple):
     stamp_ns: int
 
 
-class Pilot:
+class TeleopController:
     """
     Decide what the one who drives may do.
 
@@ -62,7 +62,7 @@ class Pilot:
     :ivar lease: of the one who may drive; empty when nobody may.
     :ivar driver: their name.
     :ivar is_armed: the hand was seen open, so that closing it counts.
-    :ivar grips: the hand is closed, and counts.
+    :ivar deadman_pressed: the hand is closed, and counts.
     :ivar moves: the last order was to move.
     :ivar rtt_ms: to the sender and back, by the last command, without the time that its ticket lay
         there; None before.
@@ -75,7 +75,7 @@ class Pilot:
         self.tickets = Tickets()
         self.lease = self.driver = ''
         self.seq = 0
-        self.is_armed = self.grips = self.moves = False
+        self.is_armed = self.deadman_pressed = self.moves = False
         self.rtt_ms: float | None = None
         self.counters = {name: 0 for name in (
             _TAKEN, FOREIGN, DISORDERED, STALE, MALFORMED, NOT_ARMED, 'leases', 'holds_ended')}
@@ -110,7 +110,7 @@ class Pilot:
 
     def stop(self) -> Order | None:
         """Return the order to stand, if it moves; the hand no longer counts."""
-        self.grips = False
+        self.deadman_pressed = False
         if not self.moves:
             return None
         self.moves = False
@@ -172,7 +172,7 @@ class Pilot:
         if not self.is_armed:
             raise _NotTaken(NOT_ARMED)
         self._gap_ns = now_ns
-        self.grips = True
+        self.deadman_pressed = True
         linear, angular = self.limits.bounded(command.linear_m_s, command.angular_rad_s)
         self._until_ns = min(now_ns + self.limits.hold_ns, given_ns + self.limits.ticket_ns)
         if not linear and not angular:

@@ -41,7 +41,7 @@ DEFECT: Final = 1011
 _LOG: Final = logging.getLogger('monitor')
 
 
-class Outlet:
+class SendQueue:
     """
     The sending side of a connection.
 
@@ -69,7 +69,7 @@ class Outlet:
         """Return whether it is to be closed."""
         return self._close is not None
 
-    def say(self, text: str) -> bool:
+    def send(self, text: str) -> bool:
         """
         Send something urgent: in order, never left out.
 
@@ -84,7 +84,7 @@ class Outlet:
         self._wake.set()
         return True
 
-    def say_now(self, key: str, text: str) -> None:
+    def send_urgent(self, key: str, text: str) -> None:
         """Send something before all that waits; the newest of a key takes the place of others."""
         self._now.pop(key, None)
         self._now[key] = text
