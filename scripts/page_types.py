@@ -34,7 +34,7 @@ from typing import Final
 ROOT: Final = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 TARGET: Final = ROOT / 'rt_robot_os' / 'monitor' / 'page' / 'types.d.ts'
-_HEAD: Final = ('// Made by scripts/page_types.py from the models of the routes; a test compares.\n')
+_HEAD: Final = '// Made by scripts/page_types.py from the models of the routes; a test compares.\n'
 _PLAIN: Final = {'string': 'string', 'integer': 'number', 'number': 'number',
                  'boolean': 'boolean', 'null': 'null'}
 _ERRORS: Final = 'ErrorAnswer'

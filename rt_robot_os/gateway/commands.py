@@ -344,7 +344,7 @@ class Commands(Part):
 def _text(args: Mapping[str, Any]) -> str:
     text = args.get('text')
     if not isinstance(text, str) or not text.strip() or len(text) > _TEXT_MOST or '\0' in text:
-        raise ValueError(f'text must be a text of 1 to {_TEXT_MOST} letters')
+        raise ValueError(f'text must be a string of 1 to {_TEXT_MOST} characters')
     return text.encode(errors='replace').decode()
 
 

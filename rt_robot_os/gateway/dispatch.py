@@ -46,13 +46,13 @@ SLOW_S: Final = 0.4
 #: Fewer rows that take more than this part of the time gain nothing: it is not they that cost it.
 GAIN: Final = 0.7
 HOLD: Final = 16
-#: A batch of which nothing is heard is sent again, each time after twice as long.
+#: A batch without an answer is sent again, each time after twice as long.
 ANSWER_S: Final = 10.0
 ANSWER_MOST_S: Final = 120.0
 #: After a refusal.
 RETRY_S: Final = 0.5
 RETRY_MOST_S: Final = 30.0
-#: So often the server refuses a record while it takes others before it is set aside.
+#: Refusals of a record, while others are stored, after which it is quarantined.
 STRIKES: Final = 3
 DOUBTFUL_MOST: Final = 64
 _FACTOR: Final = 2
@@ -85,10 +85,10 @@ class Doubt:
 @dataclass
 class Dispatch:
     """
-    What is on its way to the server; made anew for nothing: :meth:`reset` at each connection.
+    What is on its way to the server; :meth:`reset` at each connection.
 
     :ivar stored: records that the server has taken.
-    :ivar again: records that were sent once more, as nothing was heard of them.
+    :ivar again: records that were sent again because no answer came.
     :ivar refusals: batches that the server did not take.
     :ivar rows_now: how many rows a batch has at present.
     """
@@ -179,7 +179,7 @@ class Dispatch:
         return None
 
     def _give_up(self, now_s: float) -> None:
-        """Send again what nothing is heard of."""
+        """Send batches without an answer again."""
         if any(now_s - each.sent_s > self._answer_s for each in self._batches.values()):
             self.again += sum(len(each.rows) for each in self._batches.values())
             self._answer_s = min(ANSWER_MOST_S, _FACTOR * self._answer_s)
@@ -227,9 +227,9 @@ class Dispatch:
 
     def take_refused(self, number: int, why: str, retry_s: float, now_s: float) -> Row | None:
         """
-        Note that the server did not take a batch: half of it comes next, at last one by one.
+        Note that the server refused a batch: half of it comes next, at last one by one.
 
-        :return: a record that was set aside now.
+        :return: a record that was quarantined now.
         :raises sqlite3.Error: that cannot be written down.
         """
         batch = self._batches.pop(number, None)
@@ -248,7 +248,7 @@ class Dispatch:
         known = self._doubts.get(row[:3])
         if known is None:
             if len(self._doubts) >= DOUBTFUL_MOST:
-                # So many one after the other: it is the server, not the records.
+                # That many in a row: the server is at fault, not the records.
                 self._doubts.clear()
                 self._retry_s = min(RETRY_MOST_S, _FACTOR * self._retry_s)
                 self._not_before_s += self._retry_s

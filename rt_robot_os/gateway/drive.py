@@ -56,7 +56,7 @@ from rt_robot_os.messages.uplink.driving import DriveEnd
 from rt_robot_os.messages.uplink.greeting import DriveLimits
 from rt_robot_os.messages.uplink.messages import UplinkMessage
 
-#: Publishes a sample at once: topic, CDR, stamp on CLOCK_MONOTONIC (0: now); False when it cannot.
+#: Publishes a sample immediately: topic, CDR, stamp on CLOCK_MONOTONIC (0: now); False: failed.
 Publish = Callable[[str, bytes, int], bool]
 #: Sends a message to the server before all else; lost when there is no connection.
 Send = Callable[[UplinkMessage], object]
@@ -103,7 +103,7 @@ class Teleoperation:
 
     @property
     def driver(self) -> str:
-        """Return the name of the one who drives, hand closed; empty when nobody does."""
+        """Return the name of the driver whose dead-man switch is pressed; empty without one."""
         return self.controller.driver if self._driven else ''
 
     def receive(self, message: UplinkMessage) -> None:
@@ -117,11 +117,11 @@ class Teleoperation:
             self._carry_out(self.controller.end(message.lease))
 
     def lost(self) -> None:
-        """Take note that the server is gone: nobody drives."""
+        """Stop the robot: the connection to the server is lost."""
         self._carry_out(self.controller.end())
 
     async def run(self) -> None:
-        """Give out tickets while somebody may drive; to cancel it stops the robot."""
+        """Issue tickets while a driver has the lease; cancelling it stops the robot."""
         period_s = 1.0 / BEAT_HZ
         due_s = time.monotonic()
         try:
@@ -136,7 +136,7 @@ class Teleoperation:
             self.lost()
 
     def beat(self) -> None:
-        """Send a ticket, and what the robot does, when somebody may drive."""
+        """Send a ticket, and what the robot does, while a driver has the lease."""
         controller = self.controller
         if not controller.lease or not self._limits.may_drive:
             return
@@ -161,8 +161,8 @@ class Teleoperation:
                 TOPIC, twist(order.linear_m_s, order.angular_rad_s), order.stamp_ns)
             self._set_timer()
         if self.controller.deadman_pressed != self._driven:
-            # When the hand closes the goal is given up, so that the robot does not go on to it
-            # when the hand opens; and then once more, since others may have given one meanwhile.
+            # Pressing the dead-man switch cancels the goal, so that the robot does not go on to it
+            # on release; releasing it cancels once more: another client may have set a goal.
             self._driven = self.controller.deadman_pressed
             self._publish(CANCEL_TOPIC, _TRUE, 0)
 
@@ -173,14 +173,14 @@ class Teleoperation:
             self._end_of_hold = None
         until_ns = self.controller.until_ns
         if until_ns:
-            # A millisecond more, so that it is over when the timer says so.
+            # A millisecond more, so that the hold has ended when the timer fires.
             after_s = (until_ns - self._clock() + NS_PER_MS) / NS_PER_S
             self._end_of_hold = asyncio.get_running_loop().call_later(
                 max(0.0, after_s), self.check_hold)
 
 
 class TeleopPart(Part):
-    """The part of the gateway that lets somebody drive."""
+    """The part of the gateway for remote driving."""
 
     receives = (DriveBegin, DriveCommand, DriveEnd)
 
@@ -195,7 +195,7 @@ class TeleopPart(Part):
         self._shown: dict[str, tuple[str, bytes]] = {}
 
     def reads(self) -> Sequence[Reads]:
-        """Read what whoever drives wants to see at once."""
+        """Read what the driver needs to see without delay."""
         return [Reads(topic, partial(self._take, signal), rate_hz=_SHOWN_HZ)
                 for signal, topic in _SHOWN.items()]
 
@@ -219,7 +219,7 @@ class TeleopPart(Part):
         self.drive.controller.reject()
 
     def lost_server(self) -> None:
-        """Let nobody drive."""
+        """End the lease."""
         self.drive.lost()
 
     async def run(self) -> None:

@@ -51,7 +51,7 @@ from rt_robot_os.messages.uplink.tasks import end
 PARTS: Final[tuple[Callable[[GatewayContext], Part], ...]] = (
     Commands, MapPart, TeleopPart, Media, Voice)
 _STOP_LOOK_S: Final = 0.1
-#: So long the robot may take before the server is called without it.
+#: The server is called without the robot after this time.
 _ROBOT_S: Final = 1.0
 _LOOK_S: Final = 0.01
 
@@ -85,7 +85,7 @@ class Gateway:
             self.live, Heartbeat(context, self.statistics))
 
     def _keep(self, record: Record) -> None:
-        """Keep a record of a part."""
+        """Store a record of a part."""
         self.keeper.keep(record)
 
     def _connect(self, path: str, talk: Talk) -> Connection:
@@ -121,7 +121,7 @@ class Gateway:
 
     async def run(self, stopping: Callable[[], bool]) -> None:
         """
-        Carry until somebody stops it.
+        Carry until stopped.
 
         :raises Exception: a part has ended, which none should.
         """

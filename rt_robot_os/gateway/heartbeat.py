@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The heart-beat on the bus of the robot: somebody who watches hears this robot."""
+"""The heart-beat on the robot's bus: the connection to the server works."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from rt_robot_os.gateway.part import Part
 from rt_robot_os.link.cdr import string_message
 
 HEARTBEAT: Final = 'monitor/heartbeat'
-_LETTERS: Final = 3900
+_CHARACTERS: Final = 3900
 _LEAST: Final = ('connected', 'waiting', 'kept', 'stored')
 
 
 class Heartbeat(Part):
     """
-    Publish the counters while the server is heard; a rule on silence tells when it is not.
+    Publish the counters while the server answers; a rule on silence reports when it does not.
 
     :param counters: of the whole gateway.
     """
@@ -52,7 +52,7 @@ class Heartbeat(Part):
     def _text(self) -> str:
         counters = self._counters()
         text = json.dumps(counters, separators=(',', ':'))
-        if len(text.encode()) > _LETTERS:  # of the topic; half a text would be no JSON
+        if len(text.encode()) > _CHARACTERS:  # of the topic; half a text would be no JSON
             text = json.dumps({key: counters.get(key) for key in _LEAST})
         return text
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Signals as they are now: of each the newest counts, and only what has changed is sent.
+The present signals: of each the newest counts, and only what has changed is sent.
 
 The server says by ``taken`` that the last message has gone on; until then what is newer takes the
 place of what is older. So a poor network makes signals fewer, never older.
@@ -46,14 +46,14 @@ from rt_robot_os.messages.uplink.messages import UplinkMessage
 
 #: Messages that may be on their way at a time.
 CREDIT: Final = 2
-#: With no ``taken`` for so long one more goes out: a server that forgot one is not waited for.
+#: Without ``taken`` for this long one more is sent: the server may have lost one.
 PATIENCE_S: Final = 5.0
 FASTEST_HZ: Final = 30.0
 _SIGNALS_MOST: Final = 1024
 _BYTES_MOST: Final = MESSAGE_BYTES // 4
 #: Where the topic has another name than the signal.
 _NAMES: Final = {'odom': 'speed'}
-#: What is large, and sent only to who looks.
+#: What is large, and sent only while a page shows it.
 _ON_DEMAND: Final = frozenset({'scan'})
 
 
@@ -107,7 +107,7 @@ class Live(Part):
         self._set_rate(self.context.settings.idle_hz, None)
 
     def lost_server(self) -> None:
-        """Nobody looks."""
+        """Send nothing faster than when no page shows the robot."""
         self._set_rate(self.context.settings.idle_hz, None)
 
     def receive(self, message: UplinkMessage) -> None:
@@ -122,7 +122,7 @@ class Live(Part):
 
     def _set_rate(self, hz: float, wanted: tuple[str, ...] | None) -> None:
         self._hz, self._wanted = hz, wanted
-        self.context.robot.limit_hz = hz  # the core need not carry what nobody sees
+        self.context.robot.limit_hz = hz  # the core need not send what no page shows
 
     def next_text(self) -> str | None:
         """Make the next message when one is due, wanted and there is credit; for the sender."""

@@ -15,7 +15,7 @@
 """
 Pictures and files on their way to the server, on the connection `/robot/media`.
 
-Live pictures go while somebody looks, one of each camera at a time: the next, the newest then,
+Live pictures are sent while a page shows the camera, one at a time: the next, the newest then,
 when the server has that one. Files of alarms go part by part behind them, and go on after a break
 where the server says that it is.
 """
@@ -131,7 +131,7 @@ class Media(Part):
         self._call(self._greet.set)
 
     async def run(self) -> None:
-        """Keep what is told of, until cancelled."""
+        """Store files that are announced, until cancelled."""
         self._loop = asyncio.get_running_loop()
         try:
             for told in await asyncio.to_thread(list, self._spool.missed()):

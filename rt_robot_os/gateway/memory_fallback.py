@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rows that the disk did not take: in memory, until it does; they can be sent all the same."""
+"""Rows that could not be written to the disk, in memory until they can be; sent meanwhile."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rt_robot_os.gateway.outbox import OutboxPosition
 from rt_robot_os.gateway.outbox import Row
 from rt_robot_os.messages.uplink.importance import Importance
 
-#: Rows that are held; of more the oldest of what is least important gives way.
+#: Rows that are held; beyond that the oldest of the least important are evicted.
 ROWS_MOST: Final = 4096
 
 
@@ -46,7 +46,7 @@ class MemoryFallback:
         """
         Hold rows.
 
-        :return: those that gave way for them.
+        :return: those that were evicted.
         """
         for row in rows:
             self._rows[row[:3]] = row

@@ -15,7 +15,7 @@
 """
 Records to the disk and from there to the sender, by a thread of its own: a disk may be slow.
 
-What cannot wait is on the disk at once, the rest a moment later together. A disk that is full or
+What cannot wait is written immediately, the rest together a moment later. A disk that is full or
 broken stops nothing: records are held in memory, sent from there, and written when it works again.
 """
 

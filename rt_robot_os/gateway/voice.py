@@ -15,9 +15,9 @@
 """
 Calls between a browser and the robot: rung by the server, carried by a process of its own.
 
-The robot takes a call by itself, for who lies on the floor cannot; it says so first, so that
-nobody is listened to unawares. The call ends with the connection to the server: no microphone
-stays on that nobody could turn off.
+The robot answers a call by itself, since a person lying on the floor cannot; it announces it
+first, so that no one is listened to without notice. The call ends with the connection to the
+server: a microphone that could not be turned off does not stay on.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class Voice(Part):
         return {'calls': self.calls, 'in_call': self._running is not None}
 
     def lost_server(self) -> None:
-        """End a call: nobody could hang up."""
+        """End a call: it could not be hung up any more."""
         self._end('the connection to the server is lost')
 
     def receive(self, message: UplinkMessage) -> None:
@@ -137,7 +137,7 @@ class Voice(Part):
         if self._problem:
             self._send_end(message.call, f'this robot cannot be called: {self._problem}')
         elif self._running is not None:
-            self._send_end(message.call, 'somebody else talks with this robot')
+            self._send_end(message.call, 'another caller talks with this robot')
         else:
             self._begin(message.call, message.by or 'Somebody', message.sdp or '')
 

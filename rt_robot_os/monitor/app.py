@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The server as an ASGI application: endpoints, the page, errors, what runs beside them."""
+"""The server as an ASGI application: endpoints, the page, errors, background tasks."""
 
 from __future__ import annotations
 

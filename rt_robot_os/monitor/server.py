@@ -82,7 +82,7 @@ def serve(settings: MonitorSettings, companions: Companions | None = None) -> No
     """
     Serve until a signal ends it.
 
-    :param companions: what runs beside it.
+    :param companions: processes next to it.
     :raises StartError: it cannot.
     """
     services = make_services(settings)

@@ -32,7 +32,6 @@ from monitor_server import quick_services  # noqa: E402
 from monitor_server import served  # noqa: E402
 from processes import wait_until  # noqa: E402
 from rt_robot_os.monitor.app import create_app  # noqa: E402
-from rt_robot_os.monitor.security.roles import Role  # noqa: E402
 
 #: Routes that answer with a file or a stream.
 FILES = {'/metrics', '/api/audit/export', '/api/media/{number}',

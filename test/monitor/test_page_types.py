@@ -29,11 +29,12 @@ pytest.importorskip('fastapi')
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / 'rt_robot_os' / 'monitor' / 'page'
 #: Views that tsc finds fault with; each loses its line here once it has ``// @ts-check``.
-UNCHECKED = {'account', 'admin/residents', 'admin/robots', 'admin/users', 'alarms/detail',
-    'alarms/list', 'camera', 'camera/kept', 'data/axis', 'data/history', 'data/plot',
-    'data/readings', 'data/stack', 'data/toolbar', 'drive/cockpit', 'drive/joystick',
-    'drive/keys', 'drive/line', 'drive/picture', 'network', 'overview/person_card',
-    'overview/robot_card', 'position/goal', 'position/list', 'position/pointer'}
+UNCHECKED = {
+    'account', 'admin/residents', 'admin/robots', 'admin/users', 'alarms/detail', 'alarms/list',
+    'camera', 'camera/kept', 'data/axis', 'data/history', 'data/plot', 'data/readings',
+    'data/stack', 'data/toolbar', 'drive/cockpit', 'drive/joystick', 'drive/keys', 'drive/line',
+    'drive/picture', 'network', 'overview/person_card', 'overview/robot_card', 'position/goal',
+    'position/list', 'position/pointer'}
 FLAGS = ('--allowJs', '--noEmit', '--target', 'es2022', '--module', 'esnext',
          '--moduleResolution', 'bundler', '--lib', 'es2023,dom,dom.iterable', '--skipLibCheck')
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Alarms: those that are open, those that were, and what somebody noted about them."""
+"""Alarms: the open ones, those of the past, and notes about them."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ Time = Annotated[int, Query(ge=0, le=TIME_MOST)]
 
 
 class Note(BaseModel):
-    """What somebody notes."""
+    """A note of a user."""
 
     text: str = Field(min_length=1, max_length=1000)
 

@@ -91,10 +91,10 @@ def router(services: Services) -> APIRouter:
 
 def may_see(actor: Actor, robot: RobotState | None, subject: str) -> bool:
     """
-    Return whether somebody may see a picture.
+    Return whether a user may see a picture.
 
-    :param subject: whom its alarm is about. It shows them; one that is about nobody, such as of
-        smoke, shows whoever is there.
+    :param subject: the person that its alarm is about, and whom it shows; a picture of another
+        alarm, such as of smoke, shows anyone who is there.
     """
     if actor.people is None:
         return True

@@ -26,7 +26,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic import ConfigDict
 
-#: Kept as it is: an integer does not become a float.
+#: An integer stays an integer.
 Number = int | float
 Codes = dict[str, Any]
 

@@ -68,7 +68,7 @@ def router(services: Services) -> APIRouter:
             raise away(error) from error
         people = sorted(household.people or ())
         accounts.audit.note(actor, 'robot.residents', robot, people=people)
-        # The pages are told now, and records that were set aside are filed within a second.
+        # Pages are notified now, and records that were set aside are filed within a second.
         accounts.soon(apply, services.hub, accounts.residents.all())
         services.store.file_confirmed()
         return {'people': people}

@@ -65,13 +65,13 @@ _PASSWORD: Final = 256
 
 
 class Strict(BaseModel):
-    """A body in which nothing stands that is not expected."""
+    """A body without unexpected fields."""
 
     model_config = ConfigDict(extra='forbid', strict=True)
 
 
 class Login(Strict):
-    """Who wants to come in."""
+    """Name and password of a user."""
 
     name: str = Field(max_length=128)
     password: str = Field(max_length=_PASSWORD)
@@ -105,7 +105,7 @@ class NewPassword(Strict):
 
 
 class Emergency(Strict):
-    """Why somebody must see what is not theirs to see."""
+    """Why a user needs access that they were not granted."""
 
     person: str = Field(min_length=1, max_length=128)
     reason: str = Field(max_length=LONGEST_REASON)
@@ -115,7 +115,7 @@ def from_here(request: Request) -> None:
     """Refuse what another site sent, or a form of it, where there is no session yet to ask."""
     check_origin(request)
     if request.headers.get('content-type', '').partition(';')[0].strip().lower() != _JSON:
-        raise refusal(415, 'this is no JSON', f'send it as {_JSON}')
+        raise refusal(415, 'this is not JSON', f'send it as {_JSON}')
 
 
 def router(services: Any) -> APIRouter:
@@ -139,7 +139,7 @@ class _Door:
     async def compare(self, name: str, stored: str, password: str, address: str,
                       device: str) -> bool:
         """
-        Compare a password; who guesses waits longer and longer, whoever it is about.
+        Compare a password; guesses have to wait longer and longer, for any account.
 
         :param device: the number of a known device, or the id of the session that asks; wrong
             passwords from elsewhere delay neither. Empty: it is a stranger.
@@ -202,7 +202,7 @@ def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
     async def log_in(login: Login, request: Request, response: Response) -> dict[str, Any]:
         address = address_of(request)
         user = await run_in_threadpool(accounts.users.find, login.name)
-        # Whoever it is, or is not, the same is done and said.
+        # For an unknown name the same is done and answered as for a known one.
         stored = user.password if user is not None else ''
         device = accounts.devices.number(device_cookie_of(request), key_of(login.name))
         is_right = await door.compare(login.name, stored, login.password, address, device)
@@ -284,7 +284,7 @@ def _forget(request: Request, response: Response) -> None:
 
 def _add_links(found: APIRouter, accounts: Accounts, door: _Door) -> None:
     gone = ('this link was used, is too old, or was never one',
-            'ask an admin for a new one; for the first account start the monitor anew')
+            'ask an admin for a new one; for the first account restart the monitor')
 
     @found.get('/setup', response_model=SetUpNeeded)
     def is_needed() -> dict[str, bool]:
@@ -337,7 +337,7 @@ def _add_password(found: APIRouter, accounts: Accounts, door: _Door) -> None:
 
 
 def _tell_admins(hub: Any, name: str, person: str, ends_ns: int) -> None:
-    """Tell each page of an admin that somebody opened what is not theirs."""
+    """Notify each page of an admin that a user began an access in an emergency."""
     text = encode('emergency', {'name': name, 'person': person, 'ends_ns': ends_ns})
     for client in list(hub.clients) if hub is not None else ():
         if client.actor.may(Permission.ADMIN):
@@ -349,7 +349,7 @@ def _add_emergencies(found: APIRouter, accounts: Accounts, hub: Any) -> None:
     def begin(form: Emergency, request: Request, actor: Actor = _ANYBODY) -> dict[str, Any]:
         session = accounts.sessions.find(secret_of(request))
         if session is None or session.is_locked:
-            raise refusal(401, 'nobody has used this session for a while',
+            raise refusal(401, 'this session was not used for a while',
                           'type your password again', 'locked')
         if actor.role not in MAY_BREAK_GLASS:
             raise refusal(403, f'a {actor.role.value} has no access in emergencies',

@@ -39,7 +39,7 @@ def router(services: Services) -> APIRouter:
 
     @found.get('/healthz', response_model=ServerHealth)
     async def healthz() -> dict[str, bool]:
-        """Say that the server runs, and whether it can store records; for whoever watches it."""
+        """Say that the server runs, and whether it can store records; for monitoring programs."""
         return {'ok': True, 'storing': not services.writer.fault}
 
     @found.get('/api/status', response_model=ServerStatus)

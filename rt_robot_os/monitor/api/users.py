@@ -46,7 +46,7 @@ from rt_robot_os.monitor.security.users import shown_people
 from rt_robot_os.monitor.security.users import User
 
 _ADMIN: Final = Depends(allowed(Permission.ADMIN))
-_NO_USER: Final = ('there is no such user', 'load the list anew')
+_NO_USER: Final = ('there is no such user', 'load the list again')
 
 
 class NewUser(Strict):
@@ -163,7 +163,7 @@ def _add_robots(found: APIRouter, accounts: Accounts) -> None:
         try:
             name = accounts.revoke_robot(robot)
         except AccountError as error:
-            raise refusal(404, error.text, 'load the list anew') from None
+            raise refusal(404, error.text, 'load the list again') from None
         accounts.audit.note(actor, 'robot.revoke', name)
         return {'revoked': 1}
 
@@ -171,7 +171,7 @@ def _add_robots(found: APIRouter, accounts: Accounts) -> None:
 def change_user(accounts: Accounts, by: str, user: User, role: str | None,
                 people: list[str] | None, is_disabled: bool | None) -> User:
     """
-    Change a user; whose role or state changes must log in anew.
+    Change a user, who has to log in again if role or state change.
 
     :raises AccountError: it cannot be done.
     """

@@ -136,7 +136,7 @@ class ClientConnection:
         return self._start(key, wanted) if patterns else ''
 
     async def _turn(self, robot: str | None, starred: int) -> None:
-        """Wait until the user may cause this work; other connections are served meanwhile."""
+        """Wait until the user's quota allows this work; other connections are served meanwhile."""
         names = sum(len(each.signals) for each in self._hub.robots.values()
                     if robot in (None, each.id))
         wait_s = self._hub.turns.wait_s(self.actor.id, names * starred,
@@ -176,7 +176,7 @@ class ClientConnection:
 
 
 def _plain(value: object) -> object:
-    """Return a number or a short text as it is; None for anything else."""
+    """Return a number or a short string unmodified; None for anything else."""
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value if isinstance(value, int | float) or (

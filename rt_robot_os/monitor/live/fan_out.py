@@ -130,7 +130,7 @@ class Group:
                 f'"utc_ns":{robot.live_utc_ns},"sent_ns":{time.time_ns()},"signals":{{{body}}}}}')
 
     def _choose(self) -> None:
-        """Choose the signals anew when there are others, or other people."""
+        """Choose the signals again when there are others, or other people."""
         robot = self.robot
         state = (robot.names, robot.named, robot.people)
         if state == self._names_at:
@@ -167,7 +167,7 @@ class FanOut:
                 each.changed()
 
     def wanted(self, robot: str) -> tuple[float, tuple[str, ...]]:
-        """Return the highest rate at which somebody watches a robot, and what they watch."""
+        """Return the highest rate at which a robot is watched, and the patterns."""
         groups = [each for each in self._groups.get(robot, {}).values() if each.watches]
         patterns = {name for each in groups for name in each.patterns}
         return (max((each.rate_hz for each in groups), default=0.0),

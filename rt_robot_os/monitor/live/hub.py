@@ -15,8 +15,8 @@
 """
 The robots that are connected and the clients that watch them; for the event loop alone.
 
-Alarms and states of robots go to every client that may see them, at once and in order; signals
-go by watches (:mod:`rt_robot_os.monitor.live.fan_out`).
+Alarms and states of robots are sent to every client that may see them, immediately and in order;
+signals by watches (:mod:`rt_robot_os.monitor.live.fan_out`).
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class Hub:
 
     @staticmethod
     def rights_of(actor: Actor) -> Rights:
-        """Return what somebody may see."""
+        """Return what a user may see."""
         return Rights(actor.people, actor.may(Permission.HEALTH))
 
     def remember(self, robots: Iterable[Mapping[str, Any]],
@@ -161,7 +161,7 @@ class Hub:
         return None if found is None else found.shown(Rights(None, True))
 
     def may_see_robot(self, actor: Actor, robot: str) -> bool:
-        """Return whether a robot exists for somebody."""
+        """Return whether a user may see a robot."""
         found = self.robots.get(robot)
         return found is not None and self.rights_of(actor).sees_robot(found.people)
 
@@ -191,7 +191,7 @@ class Hub:
         self.want(robot)
 
     def disconnect(self, robot: RobotState, connection: Connection) -> None:
-        """Forget a connection of a robot; its commands fail at once."""
+        """Forget a connection of a robot; its commands fail immediately."""
         if self._connections.get(robot.id) is not connection:
             return
         del self._connections[robot.id]
@@ -227,13 +227,13 @@ class Hub:
                 self.tell_robot(each)
 
     def live(self, robot: RobotState) -> None:
-        """Send what is new of a robot to whom it concerns."""
+        """Send what is new of a robot to clients that watch it."""
         self.fan_out.changed(robot)
 
     def events(self, robot: RobotState, events: Iterable[tuple[Mapping[str, Any], int]],
                boot: str = '') -> None:
         """
-        Take events of alarms, and tell everybody who may see them what each alarm has come to.
+        Apply events of alarms, and send the present state of each to clients that may see it.
 
         :param events: as they are in ``alarms/events``, each with its UTC in ns.
         :param boot: the start of the robot that made them.
@@ -272,7 +272,7 @@ class Hub:
                 WANT_S, self._want, robot)
 
     def storing(self, fault: str) -> None:
-        """Tell everybody whether records can be stored; ``fault`` is empty when they can."""
+        """Tell every client whether records can be stored; ``fault`` is empty when they can."""
         server = {'storing': not fault, 'text': fault}
         if server != self._server:
             self._server = server
@@ -402,7 +402,7 @@ class Hub:
         return [each for each in shown if each is not None]
 
     def tell_robot(self, robot: RobotState) -> None:
-        """Tell whom it concerns that a robot has changed."""
+        """Send the state of a robot to clients that may see it."""
         self._tell_each(lambda rights: robot.shown(rights) if rights.sees_robot(robot.people)
                         else None, 'robot')
 

@@ -15,8 +15,8 @@
 """
 The connections with pictures: `/robot/media` of robots, `/camera` of browsers.
 
-They are beside `/robot/state` and `/live`, so that no alarm ever waits behind a picture. A browser
-that is slow has its own task to be slow in.
+They are separate from `/robot/state` and `/live`, so that no alarm ever waits behind a picture.
+Each browser has its own task, so that a slow one delays no other.
 """
 
 from __future__ import annotations
@@ -44,22 +44,22 @@ from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.media_store import MediaStore
 from starlette.websockets import WebSocketDisconnect
 
-#: A browser that leaves a picture without an answer for so long is gone, or its tab sleeps.
+#: A browser that does not answer a picture within this time is gone, or its tab sleeps.
 ANSWER_S: Final = 30.0
 VIEWERS_MOST: Final = 200
 _TEXT_MOST: Final = 4096
 _NAME_MOST: Final = 64
-_HOUSE_S: Final = 3600.0
+_CLEANUP_S: Final = 3600.0
 
 
 def may_view_cameras(people: frozenset[str] | None, robot: RobotState | None) -> bool:
     """
-    Return whether somebody may look through the cameras of a robot.
+    Return whether a user may watch the cameras of a robot.
 
     :param people: whom they may see; None for everybody.
-    :param robot: None for one that nobody knows.
-    :return: a camera sees whoever is there: they have to be granted everybody who lives with it.
-        Through that of a robot of nobody only those look who may see everybody.
+    :param robot: None for one that is unknown.
+    :return: a camera shows anyone who is there: the user needs a grant for all who live with it.
+        Cameras of a robot without residents are for users who may see everyone.
     """
     return robot is not None and (people is None or (
         robot.people is not None and frozenset() < robot.people <= people))
@@ -96,10 +96,10 @@ class MediaHub:
             del self.robots[media.robot], self._closing[media.robot]
 
     async def run_cleanup(self) -> None:
-        """Delete what is older than it is kept, now and each hour; for a task of its own."""
+        """Delete files that have expired, now and each hour; for a task of its own."""
         while True:
             await asyncio.to_thread(self.files.expire)
-            await asyncio.sleep(_HOUSE_S)
+            await asyncio.sleep(_CLEANUP_S)
 
     def revoke(self, what: Any) -> None:
         """End the connection of a robot whose token has ended."""

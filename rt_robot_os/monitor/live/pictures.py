@@ -37,7 +37,7 @@ Key = tuple[str, str]
 #: A viewer gets no more pictures a second of one camera.
 RATE_MOST_HZ: Final = 30.0
 RATE_LEAST_HZ: Final = 0.1
-#: Cameras that a viewer looks at; more are refused.
+#: Cameras that a viewer watches; more are refused.
 CAMERAS_MOST: Final = 16
 
 
@@ -56,7 +56,7 @@ class Picture(NamedTuple):
 
 @dataclass
 class _CameraWatch:
-    """What a viewer sees of a camera; ``awaited`` is the number on its way, 0 for none."""
+    """A camera that a viewer watches; ``awaited`` is the number on its way, 0 for none."""
 
     period_ns: int
     next_ns: int = 0
@@ -66,7 +66,7 @@ class _CameraWatch:
 
 class Viewer:
     """
-    Somebody who looks at cameras.
+    A page that shows cameras.
 
     :param gallery: where the pictures are.
     :param wake: called when there may be something for :meth:`next_picture`.
@@ -85,12 +85,12 @@ class Viewer:
 
     def watch(self, key: Key, rate_hz: float) -> None:
         """
-        Look at a camera, or change how often.
+        Watch a camera, or change the rate.
 
         :raises ValueError: these are too many.
         """
         if key not in self._watched and len(self._watched) >= CAMERAS_MOST:
-            raise ValueError(f'{CAMERAS_MOST} cameras at once are the most')
+            raise ValueError(f'at most {CAMERAS_MOST} cameras at a time')
         period_ns = round(NS_PER_S / min(RATE_MOST_HZ, max(RATE_LEAST_HZ, rate_hz)))
         known = self._watched.get(key)
         if known is None:
@@ -103,7 +103,7 @@ class Viewer:
         self.wake()
 
     def leave(self, key: Key) -> None:
-        """Look at a camera no more; may be called twice."""
+        """Stop watching a camera; may be called twice."""
         if self._watched.pop(key, None) is not None:
             self._gallery.changed(key[0])
 
@@ -125,7 +125,7 @@ class Viewer:
         return self._troubles.popitem() if self._troubles else None
 
     def keys(self) -> tuple[Key, ...]:
-        """Return what it looks at."""
+        """Return the cameras that it watches."""
         return tuple(self._watched)
 
     def rate_hz(self, key: Key) -> float:
@@ -163,7 +163,7 @@ class Viewer:
             if watch.sent:
                 self.skipped += picture.n - watch.sent - 1
             watch.sent = watch.awaited = picture.n
-            # A grid while pictures keep up; after a pause it begins anew.
+            # On a grid while pictures keep up; after a pause the grid begins again.
             watch.next_ns = watch.period_ns + (
                 watch.next_ns if watch.next_ns + watch.period_ns > now_ns else now_ns)
             self._asked_ns = now_ns
@@ -190,7 +190,7 @@ class Gallery:
         self._counts: dict[Key, int] = {}
 
     def open_viewer(self, wake: Callable[[], None]) -> Viewer:
-        """Return somebody new who looks; to be given to :meth:`close_viewer`."""
+        """Return a new viewer; end it by :meth:`close_viewer`."""
         viewer = Viewer(self, wake)
         self.viewers.add(viewer)
         return viewer
@@ -202,10 +202,10 @@ class Gallery:
             self.changed(robot)
 
     def changed(self, robot: str) -> None:
-        """Note that somebody looks at something else."""
+        """Note that what is watched has changed."""
         looked_at = {key for viewer in self.viewers for key in viewer.keys()}
         for key in [key for key in self._newest if key[0] == robot and key not in looked_at]:
-            # Who looks later would take it for new; it shows people besides.
+            # A later viewer would treat it as new; besides, it shows people.
             del self._newest[key]
         for key in [key for key in self.troubles if key[0] == robot and key not in looked_at]:
             del self.troubles[key]
@@ -242,7 +242,7 @@ class Gallery:
 
     def trouble(self, key: Key, why: Mapping[str, Any]) -> None:
         """
-        Tell those who look at a camera why no picture comes.
+        Tell the viewers of a camera why no picture comes.
 
         :param why: ``text`` and its ``codes``; without a text there are pictures again.
         """

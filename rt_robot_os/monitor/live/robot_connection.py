@@ -66,7 +66,7 @@ RETRY_S: Final = 2.0
 MAP_S: Final = 1.0
 MESSAGES_A_SECOND: Final = 500
 BURST_S: Final = 1.0
-#: A clock that is further from ours is told.
+#: A clock that is further from the server's is logged.
 CLOCK_S: Final = 5.0
 
 
@@ -133,7 +133,7 @@ class RobotConnection:
                 self._robot.count('messages_wrong')
 
     async def _not_too_fast(self) -> None:
-        """Read no faster than so many messages a second: the rest waits at the robot."""
+        """Limit the rate of messages: further ones wait at the robot."""
         now = asyncio.get_running_loop().time()
         self._next_s = max(self._next_s, now - BURST_S) + 1 / MESSAGES_A_SECOND
         if self._next_s > now:

@@ -15,8 +15,8 @@
 """
 What goes out on a WebSocket: what is urgent first and all of it, then the newest of what is live.
 
-One task writes, so that a peer which reads slowly holds up nobody else. What is live is made when
-its turn comes: nothing old is ever kept for a slow peer.
+One task writes, so that a peer that reads slowly delays no other. Live data is made when its turn
+comes: nothing old is kept for a slow peer.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from typing import Final
 from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
-#: A peer that reads nothing while so many urgent messages wait is closed: it comes back and gets
-#: the whole state, which is less than what it missed.
+#: A peer that reads nothing while this many urgent messages wait is disconnected: it reconnects
+#: and gets the whole state, which is less than what it missed.
 URGENT_MOST: Final = 1000
 URGENT_BYTES: Final = 2 << 20
 #: Close codes.
@@ -71,7 +71,7 @@ class SendQueue:
 
     def send(self, text: str) -> bool:
         """
-        Send something urgent: in order, never left out.
+        Send a message in order, without dropping it.
 
         :return: False when the peer does not read any more; it is closed then.
         """
@@ -85,7 +85,7 @@ class SendQueue:
         return True
 
     def send_urgent(self, key: str, text: str) -> None:
-        """Send something before all that waits; the newest of a key takes the place of others."""
+        """Send a message before all that waits; it replaces one of its key that still waits."""
         self._now.pop(key, None)
         self._now[key] = text
         self._wake.set()
@@ -114,7 +114,7 @@ class SendQueue:
                 await self._send_all()
             await self._websocket.close(*self._close)
         except (WebSocketDisconnect, RuntimeError):
-            pass  # the peer has gone: whoever reads notices
+            pass  # the peer has gone: the reading task notices
         except Exception:
             _LOG.exception('a connection is closed because of a defect')
             with suppress(WebSocketDisconnect, RuntimeError):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-``/drive?robot=ID``: the connection of somebody who drives.
+``/drive?robot=ID``: the connections of drivers.
 
 From the page come ``take`` {over}, ``give``, ``drive`` {seq, beat, held_ms, grip, linear_m_s,
 angular_rad_s} and ``alive``; to it go ``seat`` {state: free, yours or other, by, connected,
