@@ -41,11 +41,11 @@ from uuid import uuid4
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from rt_robot_os.gateway.keeper import FILE  # noqa: E402
-from rt_robot_os.gateway.keeper import record_text  # noqa: E402
 from rt_robot_os.gateway.outbox import Outbox  # noqa: E402
 from rt_robot_os.gateway.outbox import Row  # noqa: E402
 from rt_robot_os.gateway.part import Record  # noqa: E402
+from rt_robot_os.gateway.record_queue import FILE  # noqa: E402
+from rt_robot_os.gateway.record_queue import record_text  # noqa: E402
 from rt_robot_os.messages.uplink.importance import Importance  # noqa: E402
 from rt_robot_os.monitor.server import DATABASE  # noqa: E402
 

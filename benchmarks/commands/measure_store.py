@@ -48,7 +48,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'shared'))
 
 from databases import postgres_server  # noqa: E402
-from rt_robot_os.monitor.store.retention import Kept  # noqa: E402
+from rt_robot_os.monitor.store.retention import RetentionPolicy  # noqa: E402
 from rt_robot_os.monitor.store.store import Store  # noqa: E402
 from rt_robot_os.monitor.store.writer import Writer  # noqa: E402
 from sqlalchemy import text  # noqa: E402
@@ -213,7 +213,7 @@ def year(store: Store, days: int) -> dict[str, Any]:
             pass
     result['fill_s'] = round(time.monotonic() - start, 1)
     start = time.monotonic()
-    store.thin(Kept())
+    store.thin(RetentionPolicy())
     result['thin_s'] = round(time.monotonic() - start, 1)
     for name, span_s in (('year', 365 * 86400), ('month', 30 * 86400), ('day', 86400),
                          ('hour', 3600)):

@@ -35,9 +35,9 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.errors import LinkError
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.part import Part
-from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
 from rt_robot_os.link.answers import answer_of
@@ -76,19 +76,23 @@ _PLANNED: Final = ('planned', 'done')
 _REFUSED: Final = ('refused', 'waiting')
 
 
-class Heard(NamedTuple):
-    """A text of the robot that somebody may wait for."""
+class RobotText(NamedTuple):
+    """A text of the robot that a command may wait for."""
 
     topic: str
     stamp_ns: int
     text: str
 
 
-class Answer(NamedTuple):
+class CommandResult(NamedTuple):
     """What became of a command."""
 
     ok: bool
     text: str
+
+
+# What a text of the robot says of a command that waits; None when it is about another.
+_Check = Callable[[RobotText], CommandResult | None]
 
 
 class Commands(Part):
@@ -101,14 +105,14 @@ class Commands(Part):
 
     receives = (RobotCommand,)
 
-    def __init__(self, ways: Ways) -> None:
-        super().__init__(ways)
+    def __init__(self, context: GatewayContext) -> None:
+        super().__init__(context)
         self.done = self.repeated = self.refused = 0
-        self._answers: OrderedDict[str, Answer | None] = OrderedDict()
+        self._answers: OrderedDict[str, CommandResult | None] = OrderedDict()
         self._running: set[asyncio.Task[None]] = set()
-        self._waiting: set[tuple[Callable[[Heard], Answer | None], asyncio.Future[Answer]]] = set()
+        self._waiting: set[tuple[_Check, asyncio.Future[CommandResult]]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._do: dict[str, Callable[[Mapping[str, Any], str], Awaitable[Answer]]] = {
+        self._do: dict[str, Callable[[Mapping[str, Any], str], Awaitable[CommandResult]]] = {
             'alarm': self._alarm, 'goal': self._goal, 'cancel': self._cancel, 'stop': self._stop,
             'release': self._release, 'agent': self._agent, 'answer': self._answer,
             'say': self._say, 'snapshot': self._snapshot}
@@ -127,7 +131,7 @@ class Commands(Part):
         needed = {'alarm': _ALARM, 'goal': _GOAL, 'cancel': _CANCEL, 'stop': _STOP,
                   'release': _RELEASE, 'agent': _AGENT, 'answer': _PERSON, 'say': _SAY,
                   'snapshot': _OBSERVE}
-        return Greeting(tuple(do for do, topic in needed.items() if self.ways.robot.has(topic)))
+        return Greeting(tuple(do for do, topic in needed.items() if self.context.robot.has(topic)))
 
     async def run(self) -> None:
         """Note the loop; commands are done as they come."""
@@ -155,7 +159,7 @@ class Commands(Part):
         while len(self._answers) > REMEMBERED:
             self._answers.popitem(last=False)
         if len(self._running) >= RUNNING_MOST:
-            self._end(key, Answer(False, 'too many commands at a time'))
+            self._end(key, CommandResult(False, 'too many commands at a time'))
             return
         task = asyncio.ensure_future(self._run(key, message.do, message.args, message.by))
         self._running.add(task)
@@ -169,38 +173,38 @@ class Commands(Part):
                                  f'{", ".join(self._do)}')
             answer = await work(args, by)
         except (LinkError, ValueError) as error:
-            answer = Answer(False, str(error))
+            answer = CommandResult(False, str(error))
         self._end(key, answer)
 
-    def _end(self, key: str, answer: Answer) -> None:
+    def _end(self, key: str, answer: CommandResult) -> None:
         self.done += answer.ok
         self.refused += not answer.ok
         if key in self._answers:
             self._answers[key] = answer
         self._say_answer(key, answer)
 
-    def _say_answer(self, key: str, answer: Answer) -> None:
+    def _say_answer(self, key: str, answer: CommandResult) -> None:
         codes = codes_of({'text': answer.text}, ('text',))
-        self.ways.server.send(CommandAnswer(key, answer.ok, answer.text, codes))
+        self.context.server.send(CommandAnswer(key, answer.ok, answer.text, codes))
 
     # ---- from the robot ----------------------------------------------------------------------
 
     def _take(self, sample: Sample) -> None:
         loop = self._loop
         if loop is not None and self._waiting:
-            loop.call_soon_threadsafe(self._heard, Heard(
+            loop.call_soon_threadsafe(self._heard, RobotText(
                 sample.topic, sample.stamp_ns, string_in(sample.cdr)))
 
-    def _heard(self, heard: Heard) -> None:
+    def _heard(self, heard: RobotText) -> None:
         for check, future in list(self._waiting):
             answer = check(heard)
             if answer is not None and not future.done():
                 future.set_result(answer)
 
-    async def _await(self, publish: Callable[[], None],
-                     check: Callable[[Heard], Answer | None], timeout_s: float) -> Answer | None:
+    async def _await(self, publish: Callable[[], None], check: _Check, timeout_s: float
+                     ) -> CommandResult | None:
         """Publish, and wait for what answers it; None when nothing does in time."""
-        future: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
+        future: asyncio.Future[CommandResult] = asyncio.get_running_loop().create_future()
         entry = check, future
         self._waiting.add(entry)
         try:
@@ -213,94 +217,94 @@ class Commands(Part):
 
     # ---- the commands ------------------------------------------------------------------------
 
-    async def _alarm(self, args: Mapping[str, Any], by: str) -> Answer:
+    async def _alarm(self, args: Mapping[str, Any], by: str) -> CommandResult:
         text = _text(args)
         await self._check(_ALARM)
         asked_ns = time.monotonic_ns()
 
-        def check(heard: Heard) -> Answer | None:
+        def check(heard: RobotText) -> CommandResult | None:
             if heard.topic != _ANSWER or heard.stamp_ns < asked_ns:
                 return None
             try:
                 found = answer_of(string_message(heard.text))
             except ValueError:
                 return None
-            return Answer(found.ok, found.text) if found.is_to(text) else None
+            return CommandResult(found.ok, found.text) if found.is_to(text) else None
 
         answer = await self._await(lambda: self._publish(_ALARM, string_message(text)), check,
-                                   self.ways.settings.command_s)
-        return answer or Answer(False, 'the robot does not answer; it may have been done all the '
-                                       'same: look at the alarm')
+                                   self.context.settings.command_s)
+        return answer or CommandResult(False, 'the robot does not answer; it may have been done '
+                                              'all the same: look at the alarm')
 
-    async def _goal(self, args: Mapping[str, Any], by: str) -> Answer:
+    async def _goal(self, args: Mapping[str, Any], by: str) -> CommandResult:
         x, y, yaw = (_number(args, key) for key in ('x', 'y', 'yaw'))
         await self._check(_GOAL)
         asked_ns = time.monotonic_ns()
 
-        def check(heard: Heard) -> Answer | None:
+        def check(heard: RobotText) -> CommandResult | None:
             if heard.topic != _PLANNER or heard.stamp_ns < asked_ns:
                 return None
             if heard.text.startswith(_PLANNED):
-                return Answer(True, heard.text)
-            return Answer(False, heard.text) if heard.text.startswith(_REFUSED) else None
+                return CommandResult(True, heard.text)
+            return CommandResult(False, heard.text) if heard.text.startswith(_REFUSED) else None
 
         message = pose_message('map', (x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)),
                                time.time_ns())
-        if _PLANNER not in self.ways.robot.topics:
+        if _PLANNER not in self.context.robot.topics:
             self._publish(_GOAL, message)
-            return Answer(True, 'the goal is given')
+            return CommandResult(True, 'the goal is given')
         answer = await self._await(lambda: self._publish(_GOAL, message), check,
-                                   self.ways.settings.command_s)
-        return answer or Answer(True, 'the goal is given; the planner has not said yet whether '
-                                      'there is a way')
+                                   self.context.settings.command_s)
+        return answer or CommandResult(True, 'the goal is given; the planner has not said yet '
+                                             'whether there is a way')
 
-    async def _cancel(self, args: Mapping[str, Any], by: str) -> Answer:
+    async def _cancel(self, args: Mapping[str, Any], by: str) -> CommandResult:
         await self._check(_CANCEL)
         self._publish(_CANCEL, _BOOL[True])
-        return Answer(True, 'the goal is given up')
+        return CommandResult(True, 'the goal is given up')
 
-    async def _stop(self, args: Mapping[str, Any], by: str) -> Answer:
+    async def _stop(self, args: Mapping[str, Any], by: str) -> CommandResult:
         answer = await self._await(
             lambda: self._publish(_STOP, _BOOL[True]),
-            lambda heard: Answer(True, heard.text) if (
+            lambda heard: CommandResult(True, heard.text) if (
                 heard.topic == _STEERING and _HELD in heard.text) else None, _STATE_S)
-        return answer or Answer(True, 'the e-stop is pressed')
+        return answer or CommandResult(True, 'the e-stop is pressed')
 
-    async def _release(self, args: Mapping[str, Any], by: str) -> Answer:
-        if not self.ways.robot.has(_RELEASE):
+    async def _release(self, args: Mapping[str, Any], by: str) -> CommandResult:
+        if not self.context.robot.has(_RELEASE):
             raise LinkError(f'this robot has no topic {_RELEASE}: its e-stop is released at the '
                             'robot')
         self._publish(_STOP, _BOOL[False])
         answer = await self._await(
             lambda: self._publish(_RELEASE, _BOOL[True]),
-            lambda heard: Answer(_HELD not in heard.text, heard.text or 'released') if (
+            lambda heard: CommandResult(_HELD not in heard.text, heard.text or 'released') if (
                 heard.topic == _STEERING) else None, _STATE_S)
-        return answer or Answer(True, 'the e-stop is released')
+        return answer or CommandResult(True, 'the e-stop is released')
 
-    async def _agent(self, args: Mapping[str, Any], by: str) -> Answer:
+    async def _agent(self, args: Mapping[str, Any], by: str) -> CommandResult:
         text = _text(args)
         await self._check(_AGENT)
         self._publish(_AGENT, string_message(text))
-        return Answer(True, 'the agent is told')
+        return CommandResult(True, 'the agent is told')
 
-    async def _answer(self, args: Mapping[str, Any], by: str) -> Answer:
+    async def _answer(self, args: Mapping[str, Any], by: str) -> CommandResult:
         text = _text(args)
         await self._check(_PERSON)
         self._publish(_PERSON, string_message(text))
-        return Answer(True, 'the agent is told')
+        return CommandResult(True, 'the agent is told')
 
-    async def _say(self, args: Mapping[str, Any], by: str) -> Answer:
+    async def _say(self, args: Mapping[str, Any], by: str) -> CommandResult:
         text = _text(args)
         await self._check(_SAY)
         self._publish(_SAY, string_message(text))
-        return Answer(True, 'the robot says it')
+        return CommandResult(True, 'the robot says it')
 
-    async def _snapshot(self, args: Mapping[str, Any], by: str) -> Answer:
+    async def _snapshot(self, args: Mapping[str, Any], by: str) -> CommandResult:
         await self._check(_OBSERVE)
         asked_ns = time.monotonic_ns()
         order = json.dumps({'order': 'picture', 'alarm': 'asked', 'subject': ''})
 
-        def check(heard: Heard) -> Answer | None:
+        def check(heard: RobotText) -> CommandResult | None:
             if heard.topic != _OBSERVED or heard.stamp_ns < asked_ns:
                 return None
             try:
@@ -310,11 +314,12 @@ class Commands(Part):
             if not isinstance(found, dict) or found.get('alarm') != 'asked':
                 return None
             problem = found.get('problem')
-            return Answer(not problem, str(problem or found.get('file', 'taken'))[:_TEXT_MOST])
+            text = str(problem or found.get('file', 'taken'))
+            return CommandResult(not problem, text[:_TEXT_MOST])
 
         answer = await self._await(lambda: self._publish(_OBSERVE, string_message(order)), check,
-                                   self.ways.settings.command_s)
-        return answer or Answer(False, 'the camera has not answered')
+                                   self.context.settings.command_s)
+        return answer or CommandResult(False, 'the camera has not answered')
 
     async def _check(self, topic: str) -> None:
         """
@@ -322,13 +327,13 @@ class Commands(Part):
 
         :raises LinkError: nothing reads it.
         """
-        robot = self.ways.robot
+        robot = self.context.robot
         if robot.has(topic) and not await asyncio.to_thread(robot.is_read, topic):
             raise LinkError(f'nothing in this robot or connected to it reads {topic}: nothing '
                             'was done')
 
     def _publish(self, topic: str, cdr: bytes) -> None:
-        self.ways.robot.publish(topic, cdr)
+        self.context.robot.publish(topic, cdr)
 
     def statistics(self) -> dict[str, Any]:
         """Return its counters."""
@@ -339,7 +344,7 @@ class Commands(Part):
 def _text(args: Mapping[str, Any]) -> str:
     text = args.get('text')
     if not isinstance(text, str) or not text.strip() or len(text) > _TEXT_MOST or '\0' in text:
-        raise ValueError(f'text must be a text of 1 to {_TEXT_MOST} letters')
+        raise ValueError(f'text must be a string of 1 to {_TEXT_MOST} characters')
     return text.encode(errors='replace').decode()
 
 

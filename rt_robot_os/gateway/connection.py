@@ -53,9 +53,9 @@ LONGEST_S: Final = 1.0
 #: From one attempt to the next, where the last one still waits, and how long each may.
 OVERLAP_S: Final = 1.0
 ATTEMPT_S: Final = 8.0
-#: After the server has said no: somebody has to do something first.
+#: After a refusal of the server: an operator has to change something first.
 REFUSED_S: Final = 5.0
-#: A connection that has lasted so long was a good one: the next attempt is quick again.
+#: After a connection that has lasted this long the next attempt is quick again.
 GOOD_S: Final = 5.0
 _CLOSE_S: Final = 0.5
 # A robot's proxy settings are for its users; only websockets from 15 on has proxies at all.
@@ -109,7 +109,7 @@ class Connection:
             finally:
                 await _end(socket)
             if renewed:
-                self.problem = 'the server is greeted anew'
+                self.problem = 'the server is greeted again'
             else:
                 self._note(reason_of(why, self._settings) if why else 'the connection has ended')
             if time.monotonic() - began_s > GOOD_S:
@@ -164,9 +164,9 @@ class Connection:
 
 async def keep_alive(socket: ClientConnection, every_s: float, patience_s: float) -> None:
     """
-    Ask the other end for a sign of life, and break the connection when there is none.
+    Send a ping to the other end, and abort the connection when no answer comes.
 
-    Who is only closed would wait for the other end to say good-bye, which it does not.
+    Closing it would wait for an answer that does not come either.
     """
     while True:
         answer = await socket.ping()

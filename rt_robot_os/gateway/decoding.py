@@ -41,7 +41,7 @@ def decode_message(type_name: str, cdr: bytes) -> dict[str, Any]:
     Read a message of any type.
 
     :return: its fields; numbers that are not finite are None, long sequences are cut.
-    :raises ValueError: the bytes are no such message.
+    :raises ValueError: the bytes are not such a message.
     :raises LayoutError: the type is not installed here.
     """
     return _message(_spec(type_name), CdrReader(cdr))

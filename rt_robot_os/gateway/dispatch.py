@@ -24,11 +24,11 @@ from dataclasses import dataclass
 from dataclasses import field
 from typing import Final
 
+from rt_robot_os.gateway.memory_fallback import MemoryFallback
 from rt_robot_os.gateway.outbox import Outbox
-from rt_robot_os.gateway.outbox import Place
+from rt_robot_os.gateway.outbox import OutboxPosition
 from rt_robot_os.gateway.outbox import Row
 from rt_robot_os.gateway.outbox import START
-from rt_robot_os.gateway.spare import Spare
 from rt_robot_os.messages.uplink.importance import Importance
 from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
 from rt_robot_os.messages.uplink.records import RecordBatch
@@ -46,13 +46,13 @@ SLOW_S: Final = 0.4
 #: Fewer rows that take more than this part of the time gain nothing: it is not they that cost it.
 GAIN: Final = 0.7
 HOLD: Final = 16
-#: A batch of which nothing is heard is sent again, each time after twice as long.
+#: A batch without an answer is sent again, each time after twice as long.
 ANSWER_S: Final = 10.0
 ANSWER_MOST_S: Final = 120.0
 #: After a refusal.
 RETRY_S: Final = 0.5
 RETRY_MOST_S: Final = 30.0
-#: So often the server refuses a record while it takes others before it is set aside.
+#: Refusals of a record, while others are stored, after which it is quarantined.
 STRIKES: Final = 3
 DOUBTFUL_MOST: Final = 64
 _FACTOR: Final = 2
@@ -85,23 +85,23 @@ class Doubt:
 @dataclass
 class Dispatch:
     """
-    What is on its way to the server; made anew for nothing: :meth:`reset` at each connection.
+    What is on its way to the server; :meth:`reset` at each connection.
 
     :ivar stored: records that the server has taken.
-    :ivar again: records that were sent once more, as nothing was heard of them.
+    :ivar again: records that were sent again because no answer came.
     :ivar refusals: batches that the server did not take.
     :ivar rows_now: how many rows a batch has at present.
     """
 
     outbox: Outbox
-    spare: Spare
+    spare: MemoryFallback
     stored: int = 0
     again: int = 0
     refusals: int = 0
     rows_now: int = ROWS_FIRST
     _number: int = 0
     _batches: dict[int, Batch] = field(default_factory=dict)
-    _places: dict[Importance, Place] = field(default_factory=dict)
+    _places: dict[Importance, OutboxPosition] = field(default_factory=dict)
     _doubts: dict[tuple[int, int, int], Doubt] = field(default_factory=dict)
     _not_before_s: float = 0.0
     _retry_s: float = RETRY_S
@@ -117,7 +117,7 @@ class Dispatch:
         self._not_before_s = 0.0
 
     @property
-    def protected(self) -> dict[Importance, Place]:
+    def protected(self) -> dict[Importance, OutboxPosition]:
         """Up to where rows are on their way, by importance."""
         return dict(self._places)
 
@@ -179,7 +179,7 @@ class Dispatch:
         return None
 
     def _give_up(self, now_s: float) -> None:
-        """Send again what nothing is heard of."""
+        """Send batches without an answer again."""
         if any(now_s - each.sent_s > self._answer_s for each in self._batches.values()):
             self.again += sum(len(each.rows) for each in self._batches.values())
             self._answer_s = min(ANSWER_MOST_S, _FACTOR * self._answer_s)
@@ -227,9 +227,9 @@ class Dispatch:
 
     def take_refused(self, number: int, why: str, retry_s: float, now_s: float) -> Row | None:
         """
-        Note that the server did not take a batch: half of it comes next, at last one by one.
+        Note that the server refused a batch: half of it comes next, at last one by one.
 
-        :return: a record that was set aside now.
+        :return: a record that was quarantined now.
         :raises sqlite3.Error: that cannot be written down.
         """
         batch = self._batches.pop(number, None)
@@ -248,7 +248,7 @@ class Dispatch:
         known = self._doubts.get(row[:3])
         if known is None:
             if len(self._doubts) >= DOUBTFUL_MOST:
-                # So many one after the other: it is the server, not the records.
+                # That many in a row: the server is at fault, not the records.
                 self._doubts.clear()
                 self._retry_s = min(RETRY_MOST_S, _FACTOR * self._retry_s)
                 self._not_before_s += self._retry_s
@@ -260,6 +260,6 @@ class Dispatch:
         if known.strikes < STRIKES - 1:
             return None
         del self._doubts[row[:3]]
-        self.outbox.set_aside(row, why)
+        self.outbox.quarantine(row, why)
         self.spare.done([row])
         return row

@@ -15,9 +15,9 @@
 """
 Tele-operation: from the server's connection to the topic that the multiplexer of velocities hears.
 
-:class:`Driving` is the gateway's part; :class:`Drive`, which knows no gateway, does the work, in
-the gateway's event loop. What may move the robot decides :mod:`rt_robot_os.gateway.pilot`;
-docs/teleoperation.md says what stops it when.
+:class:`TeleopPart` is the gateway's part; :class:`Teleoperation`, which knows no gateway, does the
+work, in the gateway's event loop. :mod:`rt_robot_os.gateway.teleop_controller` decides what may
+move the robot; docs/teleoperation.md says what stops it when.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ from rt_robot_os.gateway.drive_limits import BEAT_HZ
 from rt_robot_os.gateway.drive_limits import CANCEL_TOPIC
 from rt_robot_os.gateway.drive_limits import Limits
 from rt_robot_os.gateway.drive_limits import TOPIC
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.part import Part
-from rt_robot_os.gateway.part import Ways
-from rt_robot_os.gateway.pilot import Order
-from rt_robot_os.gateway.pilot import Pilot
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
+from rt_robot_os.gateway.teleop_controller import Order
+from rt_robot_os.gateway.teleop_controller import TeleopController
 from rt_robot_os.messages.cdr import LITTLE_ENDIAN
 from rt_robot_os.messages.uplink.driving import DriveBeat
 from rt_robot_os.messages.uplink.driving import DriveBegin
@@ -56,7 +56,7 @@ from rt_robot_os.messages.uplink.driving import DriveEnd
 from rt_robot_os.messages.uplink.greeting import DriveLimits
 from rt_robot_os.messages.uplink.messages import UplinkMessage
 
-#: Publishes a sample at once: topic, CDR, stamp on CLOCK_MONOTONIC (0: now); False when it cannot.
+#: Publishes a sample immediately: topic, CDR, stamp on CLOCK_MONOTONIC (0: now); False: failed.
 Publish = Callable[[str, bytes, int], bool]
 #: Sends a message to the server before all else; lost when there is no connection.
 Send = Callable[[UplinkMessage], object]
@@ -76,9 +76,9 @@ def twist(linear_m_s: float, angular_rad_s: float) -> bytes:
     return LITTLE_ENDIAN + _TWIST.pack(linear_m_s, 0.0, 0.0, 0.0, 0.0, angular_rad_s)
 
 
-class Drive:
+class Teleoperation:
     """
-    Let somebody drive from afar.
+    Let a driver drive remotely.
 
     All methods are for the event loop.
 
@@ -86,12 +86,12 @@ class Drive:
     :param send: to the server.
     :param last: what the robot showed last.
     :param clock: CLOCK_MONOTONIC in ns, but for tests.
-    :ivar pilot: decides.
+    :ivar controller: decides.
     """
 
     def __init__(self, limits: Limits, publish: Publish, send: Send, last: Last = lambda _: None,
                  clock: Callable[[], int] = time.monotonic_ns) -> None:
-        self.pilot = Pilot(limits)
+        self.controller = TeleopController(limits)
         self.unpublished = 0
         self._limits = limits
         self._publish = publish
@@ -103,25 +103,25 @@ class Drive:
 
     @property
     def driver(self) -> str:
-        """Return the name of the one who drives, hand closed; empty when nobody does."""
-        return self.pilot.driver if self._driven else ''
+        """Return the name of the driver whose dead-man switch is pressed; empty without one."""
+        return self.controller.driver if self._driven else ''
 
     def receive(self, message: UplinkMessage) -> None:
         """Do what a message of the driver says."""
         if isinstance(message, DriveCommand):
-            self._carry_out(self.pilot.take(message, self._clock()))
+            self._carry_out(self.controller.take(message, self._clock()))
         elif isinstance(message, DriveBegin):
-            self._carry_out(self.pilot.begin(message))
+            self._carry_out(self.controller.begin(message))
             self.beat()  # the first ticket, without delay
         elif isinstance(message, DriveEnd):
-            self._carry_out(self.pilot.end(message.lease))
+            self._carry_out(self.controller.end(message.lease))
 
     def lost(self) -> None:
-        """Take note that the server is gone: nobody drives."""
-        self._carry_out(self.pilot.end())
+        """Stop the robot: the connection to the server is lost."""
+        self._carry_out(self.controller.end())
 
     async def run(self) -> None:
-        """Give out tickets while somebody may drive; to cancel it stops the robot."""
+        """Issue tickets while a driver has the lease; cancelling it stops the robot."""
         period_s = 1.0 / BEAT_HZ
         due_s = time.monotonic()
         try:
@@ -136,33 +136,34 @@ class Drive:
             self.lost()
 
     def beat(self) -> None:
-        """Send a ticket, and what the robot does, when somebody may drive."""
-        pilot = self.pilot
-        if not pilot.lease or not self._limits.may_drive:
+        """Send a ticket, and what the robot does, while a driver has the lease."""
+        controller = self.controller
+        if not controller.lease or not self._limits.may_drive:
             return
         self._send(DriveBeat(
-            pilot.beat(self._clock()), time.time_ns(), pilot.lease, pilot.seq, pilot.is_armed,
-            pilot.moves, None if pilot.rtt_ms is None else round(pilot.rtt_ms, 1),
+            controller.beat(self._clock()), time.time_ns(), controller.lease, controller.seq,
+            controller.is_armed, controller.moves,
+            None if controller.rtt_ms is None else round(controller.rtt_ms, 1),
             **{name: self._last(name) for name in (*_SHOWN, _RUNS)}))
 
     def check_hold(self) -> None:
         """Tell the robot to stand when the last command no longer holds."""
-        self._carry_out(self.pilot.hold_ended(self._clock()))
+        self._carry_out(self.controller.hold_ended(self._clock()))
 
     def statistics(self) -> dict[str, Any]:
         """Return who may drive, and what became of commands."""
-        return {'driver': self.pilot.driver, 'unpublished': self.unpublished,
-                **self.pilot.counters}
+        return {'driver': self.controller.driver, 'unpublished': self.unpublished,
+                **self.controller.counters}
 
     def _carry_out(self, order: Order | None) -> None:
         if order is not None:
             self.unpublished += not self._publish(
                 TOPIC, twist(order.linear_m_s, order.angular_rad_s), order.stamp_ns)
             self._set_timer()
-        if self.pilot.grips != self._driven:
-            # When the hand closes the goal is given up, so that the robot does not go on to it
-            # when the hand opens; and then once more, since others may have given one meanwhile.
-            self._driven = self.pilot.grips
+        if self.controller.deadman_pressed != self._driven:
+            # Pressing the dead-man switch cancels the goal, so that the robot does not go on to it
+            # on release; releasing it cancels once more: another client may have set a goal.
+            self._driven = self.controller.deadman_pressed
             self._publish(CANCEL_TOPIC, _TRUE, 0)
 
     def _set_timer(self) -> None:
@@ -170,30 +171,31 @@ class Drive:
         if self._end_of_hold is not None:
             self._end_of_hold.cancel()
             self._end_of_hold = None
-        until_ns = self.pilot.until_ns
+        until_ns = self.controller.until_ns
         if until_ns:
-            # A millisecond more, so that it is over when the timer says so.
+            # A millisecond more, so that the hold has ended when the timer fires.
             after_s = (until_ns - self._clock() + NS_PER_MS) / NS_PER_S
             self._end_of_hold = asyncio.get_running_loop().call_later(
                 max(0.0, after_s), self.check_hold)
 
 
-class Driving(Part):
-    """The part of the gateway that lets somebody drive."""
+class TeleopPart(Part):
+    """The part of the gateway for remote driving."""
 
     receives = (DriveBegin, DriveCommand, DriveEnd)
 
-    def __init__(self, ways: Ways) -> None:
-        super().__init__(ways)
-        settings = ways.settings
+    def __init__(self, context: GatewayContext) -> None:
+        super().__init__(context)
+        settings = context.settings
         self._limits = Limits(settings.drive_linear_m_s, settings.drive_angular_rad_s,
                               settings.drive_hold_s)
-        self.drive = Drive(self._limits, self._publish, ways.server.send_newest, self._last)
+        self.drive = Teleoperation(self._limits, self._publish, context.server.send_newest,
+                                   self._last)
         # By signal; written by the link's thread, read by the loop.
         self._shown: dict[str, tuple[str, bytes]] = {}
 
     def reads(self) -> Sequence[Reads]:
-        """Read what whoever drives wants to see at once."""
+        """Read what the driver needs to see without delay."""
         return [Reads(topic, partial(self._take, signal), rate_hz=_SHOWN_HZ)
                 for signal, topic in _SHOWN.items()]
 
@@ -214,10 +216,10 @@ class Driving(Part):
 
     def reject(self, kind: str) -> None:
         """Count a malformed message of the driver."""
-        self.drive.pilot.reject()
+        self.drive.controller.reject()
 
     def lost_server(self) -> None:
-        """Let nobody drive."""
+        """End the lease."""
         self.drive.lost()
 
     async def run(self) -> None:
@@ -234,7 +236,7 @@ class Driving(Part):
     def _last(self, signal: str) -> Any:
         found = self._shown.get(signal)
         if signal == _RUNS or found is None:
-            return self.ways.robot.has(TOPIC) if signal == _RUNS else None
+            return self.context.robot.has(TOPIC) if signal == _RUNS else None
         try:
             return value_of(_SHOWN[signal], *found)
         except (LayoutError, ValueError):
@@ -242,7 +244,7 @@ class Driving(Part):
 
     def _publish(self, topic: str, cdr: bytes, stamp_ns: int) -> bool:
         try:
-            self.ways.robot.publish(topic, cdr, stamp_ns)
+            self.context.robot.publish(topic, cdr, stamp_ns)
         except LinkError:
             return False
         return True

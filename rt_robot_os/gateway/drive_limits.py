@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How fast somebody may drive the robot from afar, and how long what they say holds."""
+"""How fast a remote driver may drive the robot, and how long a command is active."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from rt_robot_os.messages.uplink.speed_limit import bounded
 
 #: Where the commands go, a ``geometry_msgs/msg/Twist``.
 TOPIC: Final = 'cmd_vel_teleop'
-#: Told true when a hand closes: the robot must not go on to its goal when it opens again.
+#: Published when the dead-man switch is pressed: the goal must not go on after its release.
 CANCEL_TOPIC: Final = 'trajectory_cancel'
-#: How often a ticket is given out while somebody may drive.
+#: How often a ticket is issued while a driver has the lease.
 BEAT_HZ: Final = 20.0
 
 
 @dataclass(frozen=True)
 class Limits:
     """
-    What the robot allows, whatever it is told.
+    What the robot allows, whatever is commanded.
 
-    :ivar linear_m_s: fastest speed; 0: nobody may drive it.
+    :ivar linear_m_s: fastest speed; 0: it cannot be driven.
     :ivar angular_rad_s: fastest turn.
-    :ivar hold_s: a command holds for so long, then the robot is told to stand; shorter than the
+    :ivar hold_s: how long a command is active; then the robot is stopped. Shorter than the
         time-out of ``teleop`` in the multiplexer of velocities.
     :ivar ticket_s: no command has any effect later than this after its ticket was given out.
     """
@@ -49,7 +49,7 @@ class Limits:
 
     @property
     def may_drive(self) -> bool:
-        """Return whether anybody may."""
+        """Return whether it can be driven."""
         return self.linear_m_s > 0.0
 
     @property
@@ -59,7 +59,7 @@ class Limits:
 
     @property
     def ticket_ns(self) -> int:
-        """Return how long a ticket is worth something."""
+        """Return how long a ticket is valid."""
         return round(self.ticket_s * NS_PER_S)
 
     def bounded(self, linear_m_s: float, angular_rad_s: float) -> tuple[float, float]:

@@ -27,30 +27,31 @@ from typing import Final
 from rt_robot_os.gateway.commands import Commands
 from rt_robot_os.gateway.connection import Connection
 from rt_robot_os.gateway.connection import Talk
-from rt_robot_os.gateway.drive import Driving
+from rt_robot_os.gateway.drive import TeleopPart
 from rt_robot_os.gateway.heartbeat import Heartbeat
 from rt_robot_os.gateway.identity import Identity
-from rt_robot_os.gateway.keeper import Keeper
 from rt_robot_os.gateway.live import Live
+from rt_robot_os.gateway.map_part import MapPart
 from rt_robot_os.gateway.media import Media
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Record
-from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.people import people_in
+from rt_robot_os.gateway.record_queue import RecordQueue
 from rt_robot_os.gateway.records import Records
 from rt_robot_os.gateway.robot_link import RobotLink
 from rt_robot_os.gateway.settings import GatewaySettings
 from rt_robot_os.gateway.state_connection import StateConnection
-from rt_robot_os.gateway.surroundings import Surroundings
 from rt_robot_os.gateway.voice import Voice
 from rt_robot_os.messages.uplink.greeting import DriveLimits
 from rt_robot_os.messages.uplink.greeting import RobotHello
 from rt_robot_os.messages.uplink.tasks import end
 
-#: Each is made with :class:`~.part.Ways`; the order is that in which they are told of things.
-PARTS: Final[tuple[Callable[[Ways], Part], ...]] = (Commands, Surroundings, Driving, Media, Voice)
+#: Each is made with :class:`~.part.GatewayContext`, and called in this order.
+PARTS: Final[tuple[Callable[[GatewayContext], Part], ...]] = (
+    Commands, MapPart, TeleopPart, Media, Voice)
 _STOP_LOOK_S: Final = 0.1
-#: So long the robot may take before the server is called without it.
+#: The server is called without the robot after this time.
 _ROBOT_S: Final = 1.0
 _LOOK_S: Final = 0.01
 
@@ -75,15 +76,16 @@ class Gateway:
         self.robot = RobotLink(path, tell)
         self.server = StateConnection(settings, self._hello, tell)
         self._extra: list[Connection] = []
-        ways = Ways(self.robot, self.server, settings, self._keep, self._connect, tell, folder)
-        self.live = Live(ways)
-        self.keeper = Keeper(ways, self.identity.boot)
+        context = GatewayContext(self.robot, self.server, settings, self._keep, self._connect,
+                                 tell, folder)
+        self.live = Live(context)
+        self.keeper = RecordQueue(context, self.identity.boot)
         self.parts: tuple[Part, ...] = (
-            *(make(ways) for make in PARTS), self.keeper, Records(ways, self.keeper),
-            self.live, Heartbeat(ways, self.statistics))
+            *(make(context) for make in PARTS), self.keeper, Records(context, self.keeper),
+            self.live, Heartbeat(context, self.statistics))
 
     def _keep(self, record: Record) -> None:
-        """Keep a record of a part."""
+        """Store a record of a part."""
         self.keeper.keep(record)
 
     def _connect(self, path: str, talk: Talk) -> Connection:
@@ -119,7 +121,7 @@ class Gateway:
 
     async def run(self, stopping: Callable[[], bool]) -> None:
         """
-        Carry until somebody stops it.
+        Carry until stopped.
 
         :raises Exception: a part has ended, which none should.
         """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The heart-beat on the bus of the robot: somebody who watches hears this robot."""
+"""The heart-beat on the robot's bus: the connection to the server works."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.errors import LinkError
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Part
-from rt_robot_os.gateway.part import Ways
 from rt_robot_os.messages.cdr import string_message
 
 HEARTBEAT: Final = 'monitor/heartbeat'
-_LETTERS: Final = 3900
+_CHARACTERS: Final = 3900
 _LEAST: Final = ('connected', 'waiting', 'kept', 'stored')
 
 
 class Heartbeat(Part):
     """
-    Publish the counters while the server is heard; a rule on silence tells when it is not.
+    Publish the counters while the server answers; a rule on silence reports when it does not.
 
     :param counters: of the whole gateway.
     """
 
-    def __init__(self, ways: Ways, counters: Callable[[], Mapping[str, Any]]) -> None:
-        super().__init__(ways)
+    def __init__(self, context: GatewayContext, counters: Callable[[], Mapping[str, Any]]) -> None:
+        super().__init__(context)
         self._counters = counters
 
     def publishes(self) -> Sequence[str]:
@@ -52,17 +52,17 @@ class Heartbeat(Part):
     def _text(self) -> str:
         counters = self._counters()
         text = json.dumps(counters, separators=(',', ':'))
-        if len(text.encode()) > _LETTERS:  # of the topic; half a text would be no JSON
+        if len(text.encode()) > _CHARACTERS:  # of the topic; half a text would be no JSON
             text = json.dumps({key: counters.get(key) for key in _LEAST})
         return text
 
     async def run(self) -> None:
         """Publish now and then."""
         while True:
-            if self.ways.server.connected and self.ways.robot.has(HEARTBEAT):
+            if self.context.server.connected and self.context.robot.has(HEARTBEAT):
                 text = self._text()
                 try:
-                    self.ways.robot.publish(HEARTBEAT, string_message(text))
+                    self.context.robot.publish(HEARTBEAT, string_message(text))
                 except LinkError:
                     pass  # the next one says as much
-            await asyncio.sleep(self.ways.settings.heartbeat_s)
+            await asyncio.sleep(self.context.settings.heartbeat_s)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Signals as they are now: of each the newest counts, and only what has changed is sent.
+The present signals: of each the newest counts, and only what has changed is sent.
 
 The server says by ``taken`` that the last message has gone on; until then what is newer takes the
 place of what is older. So a poor network makes signals fewer, never older.
@@ -32,8 +32,8 @@ from typing import Final
 from rt_robot_os.base.errors import LayoutError
 from rt_robot_os.base.schema import star_match
 from rt_robot_os.gateway.convert import value_of
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Part
-from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
 from rt_robot_os.gateway.robot_link import utc_of
@@ -46,14 +46,14 @@ from rt_robot_os.messages.uplink.messages import UplinkMessage
 
 #: Messages that may be on their way at a time.
 CREDIT: Final = 2
-#: With no ``taken`` for so long one more goes out: a server that forgot one is not waited for.
+#: Without ``taken`` for this long one more is sent: the server may have lost one.
 PATIENCE_S: Final = 5.0
 FASTEST_HZ: Final = 30.0
 _SIGNALS_MOST: Final = 1024
 _BYTES_MOST: Final = MESSAGE_BYTES // 4
 #: Where the topic has another name than the signal.
 _NAMES: Final = {'odom': 'speed'}
-#: What is large, and sent only to who looks.
+#: What is large, and sent only while a page shows it.
 _ON_DEMAND: Final = frozenset({'scan'})
 
 
@@ -67,18 +67,18 @@ class Live(Part):
 
     receives = (LiveReceived, WantedSignals)
 
-    def __init__(self, ways: Ways) -> None:
-        super().__init__(ways)
+    def __init__(self, context: GatewayContext) -> None:
+        super().__init__(context)
         self.sent = self.passed_over = self.faulty = 0
-        self._rates = ways.settings.live_rates()
-        self._hz = ways.settings.idle_hz
+        self._rates = context.settings.live_rates()
+        self._hz = context.settings.idle_hz
         self._wanted: tuple[str, ...] | None = None
         self._lock = threading.Lock()
         self._new: dict[str, tuple[str, str, int, bytes]] = {}
         self._known: dict[str, tuple[str, str, int, bytes]] = {}
         self._n = self._taken = 0
         self._sent_s = 0.0
-        ways.robot.limit_hz = self._hz
+        context.robot.limit_hz = self._hz
 
     # ---- from the robot ----------------------------------------------------------------------
 
@@ -104,11 +104,11 @@ class Live(Part):
         self._taken = self._n
         with self._lock:
             self._new = dict(self._known)
-        self._set_rate(self.ways.settings.idle_hz, None)
+        self._set_rate(self.context.settings.idle_hz, None)
 
     def lost_server(self) -> None:
-        """Nobody looks."""
-        self._set_rate(self.ways.settings.idle_hz, None)
+        """Send nothing faster than when no page shows the robot."""
+        self._set_rate(self.context.settings.idle_hz, None)
 
     def receive(self, message: UplinkMessage) -> None:
         """Receive a credit, or how often which signals are wanted."""
@@ -117,12 +117,12 @@ class Live(Part):
                 raise ValueError(f'n = {message.n}, but {self._n} was the last')
             self._taken = message.n
         elif isinstance(message, WantedSignals):
-            self._set_rate(max(self.ways.settings.idle_hz, min(message.signals_hz, FASTEST_HZ)),
+            self._set_rate(max(self.context.settings.idle_hz, min(message.signals_hz, FASTEST_HZ)),
                            message.signals)
 
     def _set_rate(self, hz: float, wanted: tuple[str, ...] | None) -> None:
         self._hz, self._wanted = hz, wanted
-        self.ways.robot.limit_hz = hz  # the core need not carry what nobody sees
+        self.context.robot.limit_hz = hz  # the core need not send what no page shows
 
     def next_text(self) -> str | None:
         """Make the next message when one is due, wanted and there is credit; for the sender."""
@@ -157,7 +157,7 @@ class Live(Part):
         if name not in _ON_DEMAND:
             return True
         if self._wanted is None:
-            return self._hz > self.ways.settings.idle_hz
+            return self._hz > self.context.settings.idle_hz
         return any(fnmatchcase(name, each) for each in self._wanted)
 
     def _signal(self, new: tuple[str, str, int, bytes]) -> list[Any] | None:
@@ -167,7 +167,7 @@ class Live(Part):
         except (ValueError, LayoutError, LookupError, TypeError) as error:
             self.faulty += 1
             if self.faulty == 1:
-                self.ways.tell(f'{topic}: {error}')
+                self.context.tell(f'{topic}: {error}')
             return None
 
     def statistics(self) -> dict[str, Any]:

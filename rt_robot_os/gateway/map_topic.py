@@ -60,7 +60,7 @@ def message_of(cdr: bytes, packed_most: int = PACKED_MOST) -> MapMessage:
 
     :param cdr: a ``nav_msgs/msg/OccupancyGrid``.
     :param packed_most: characters that its cells may take.
-    :raises ConfigError: it is no map, or nothing on it is known.
+    :raises ConfigError: it is not a map, or all of its cells are unknown.
     :raises ValueError: the bytes are none, or it does not become small enough.
     """
     work = grid_of(grid_in(cdr))

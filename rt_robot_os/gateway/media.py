@@ -15,7 +15,7 @@
 """
 Pictures and files on their way to the server, on the connection `/robot/media`.
 
-Live pictures go while somebody looks, one of each camera at a time: the next, the newest then,
+Live pictures are sent while a page shows the camera, one at a time: the next, the newest then,
 when the server has that one. Files of alarms go part by part behind them, and go on after a break
 where the server says that it is.
 """
@@ -38,10 +38,10 @@ from rt_robot_os.base.errors import RecordingError
 from rt_robot_os.gateway.connection import ClientConnection
 from rt_robot_os.gateway.connection import keep_alive
 from rt_robot_os.gateway.file_sender import FileSender
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Record
-from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.pictures import CameraReader
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
@@ -88,9 +88,9 @@ class Media(Part):
     :ivar too_long: pictures that no frame holds.
     """
 
-    def __init__(self, ways: Ways) -> None:
-        super().__init__(ways)
-        settings = ways.settings
+    def __init__(self, context: GatewayContext) -> None:
+        super().__init__(context)
+        settings = context.settings
         named = settings.observations_folder
         self.pictures = self.too_long = self._unheard = 0
         self._cameras: dict[str, str] = {}
@@ -101,15 +101,15 @@ class Media(Part):
         self._trouble = asyncio.Event()
         self._told: deque[dict[str, Any]] = deque()
         self._new = asyncio.Event()
-        self._spool = Spool(ways.folder / 'media',
+        self._spool = Spool(context.folder / 'media',
                             Path(named).expanduser() if named else observations_folder(),
                             round(settings.media_mb * _MB))
-        self._files = FileSender(self._spool, ways.tell)
-        self._reader = CameraReader(ways.robot.path, self._woken, ways.tell, self._troubled)
+        self._files = FileSender(self._spool, context.tell)
+        self._reader = CameraReader(context.robot.path, self._woken, context.tell, self._troubled)
         self._wanted: dict[str, float] = {}
         self._awaited: dict[str, int] = {}
         self._counts: dict[str, int] = {}
-        ways.connect(PATH, self._talk)
+        context.connect(PATH, self._talk)
 
     # ---- what the gateway calls --------------------------------------------------------------
 
@@ -123,7 +123,7 @@ class Media(Part):
 
     def met_robot(self, topics: Mapping[str, TopicInfo]) -> None:
         """Find the cameras of the robot."""
-        wanted = self.ways.settings.cameras
+        wanted = self.context.settings.cameras
         found = [name for name, info in topics.items()
                  if (name in wanted if wanted else info.type_name == _PICTURES)]
         self._cameras = {camera_name(topic): topic for topic in found}
@@ -131,7 +131,7 @@ class Media(Part):
         self._call(self._greet.set)
 
     async def run(self) -> None:
-        """Keep what is told of, until cancelled."""
+        """Store files that are announced, until cancelled."""
         self._loop = asyncio.get_running_loop()
         try:
             for told in await asyncio.to_thread(list, self._spool.missed()):
@@ -179,10 +179,10 @@ class Media(Part):
         try:
             item = await asyncio.to_thread(self._spool.take, told)
         except RecordingError as error:
-            self.ways.tell(str(error))
+            self.context.tell(str(error))
             return
         if item is not None:
-            self.ways.keep(Record(Importance.MEDIA, 'media', item, item['t_ns']))
+            self.context.keep(Record(Importance.MEDIA, 'media', item, item['t_ns']))
             self._files.wake()
 
     # ---- one connection ----------------------------------------------------------------------
@@ -195,7 +195,7 @@ class Media(Part):
         tasks = [asyncio.ensure_future(each) for each in (
             self._hear_all(socket, clock), self._say_hello(socket), self._ask(socket, clock),
             self._show(socket, clock), self._say_troubles(socket), self._files.run(socket.send),
-            keep_alive(socket, _ALIVE_S, self.ways.settings.silence_s))]
+            keep_alive(socket, _ALIVE_S, self.context.settings.silence_s))]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for each in done:
@@ -236,7 +236,7 @@ class Media(Part):
                 del self._awaited[message.camera]
                 self._wake.set()
         elif isinstance(message, WantedCameras):
-            most = self.ways.settings.camera_hz
+            most = self.context.settings.camera_hz
             self._want({name: min(most, rate) for name, rate in message.cameras.items()})
         elif isinstance(message, ClockReply):
             clock.heard(message.t, message.utc_ns, time.monotonic_ns())

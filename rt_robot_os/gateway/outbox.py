@@ -38,13 +38,13 @@ from typing import NamedTuple
 from rt_robot_os.base.errors import StartError
 from rt_robot_os.messages.uplink.importance import Importance
 
-#: What a row costs beside its text, in bytes.
+#: What a row costs besides its text, in bytes.
 ROW_BYTES: Final = 64
-#: Rows that give way in one go.
+#: Rows that are evicted in one go.
 CHUNK: Final = 256
-#: Records that the server does not take are kept for who looks into it.
+#: Records that the server refuses, kept for diagnosis.
 REFUSED_MOST: Final = 1000
-#: These wait for ever: only room makes them give way.
+#: These never expire: they are evicted only for lack of room.
 LASTING: Final = (Importance.ALARM, Importance.EVENT)
 
 _SCHEMA: Final = """
@@ -85,7 +85,7 @@ class Row(NamedTuple):
     A record that waits.
 
     :ivar boot: number of the start of the gateway that made it, in this file.
-    :ivar text: JSON of the whole record, as it is sent.
+    :ivar text: JSON of the whole record, as sent.
     """
 
     importance: int
@@ -100,8 +100,8 @@ class Row(NamedTuple):
         return len(self.text.encode()) + ROW_BYTES
 
 
-Place = tuple[int, int]
-START: Final[Place] = (-1, -1)
+OutboxPosition = tuple[int, int]
+START: Final[OutboxPosition] = (-1, -1)
 
 
 class Outbox:
@@ -110,11 +110,11 @@ class Outbox:
 
     :param boot: UUID of this start.
     :param most_bytes: of all rows together.
-    :param most_s: what is not lasting waits so long.
+    :param most_s: after this time a record expires, unless it is lasting.
     :ivar boot: the number of this start.
     :ivar rows: that wait, by importance.
     :ivar nbytes: that they take, by importance.
-    :ivar lost: rows that gave way so far, by importance.
+    :ivar lost: rows that were evicted or have expired so far, by importance.
     :ivar lived_s: seconds that gateways with this file have run.
     :ivar damaged: where a file was put that could not be read; None when there was none.
     :raises StartError: the folder cannot be used.
@@ -170,7 +170,7 @@ class Outbox:
         self.refused = facts.get('refused', 0)
 
     def _put_aside(self) -> None:
-        """Keep what cannot be read, for who can; the one before gives way."""
+        """Keep a file that cannot be read for diagnosis, in the place of an earlier one."""
         self.damaged = self.path.with_name(self.path.name + '.damaged')
         for end in ('', '-wal', '-shm'):
             with suppress(OSError):
@@ -204,7 +204,7 @@ class Outbox:
         """Return whether there is more than there may be."""
         return sum(self.nbytes.values()) > self._most_bytes
 
-    def give_way(self, protected: Mapping[Importance, Place], least: int = 0) -> int:
+    def evict(self, protected: Mapping[Importance, OutboxPosition], least: int = 0) -> int:
         """
         Delete some of the oldest rows of what is least important, and count them.
 
@@ -222,7 +222,7 @@ class Outbox:
                 return len(rows)
         return 0
 
-    def forget_old(self, protected: Mapping[Importance, Place]) -> int:
+    def expire(self, protected: Mapping[Importance, OutboxPosition]) -> int:
         """
         Delete rows that have waited for too long, and count them.
 
@@ -247,7 +247,7 @@ class Outbox:
 
     # ---- out ---------------------------------------------------------------------------------
 
-    def after(self, importance: Importance, place: Place, most: int, most_bytes: int
+    def after(self, importance: Importance, place: OutboxPosition, most: int, most_bytes: int
               ) -> list[Row]:
         """
         Read the oldest rows behind a place: of one start, at least one if there is one.
@@ -272,9 +272,9 @@ class Outbox:
         with self._transaction('NORMAL'):
             self._count(self._delete(rows), -1)
 
-    def set_aside(self, row: Row, why: str) -> None:
+    def quarantine(self, row: Row, why: str) -> None:
         """
-        Take a row out of the queue that the server never takes, and keep it for who looks.
+        Move a row that the server always refuses out of the queue, and keep it for diagnosis.
 
         :raises sqlite3.Error: the disk is full, or broken.
         """
@@ -322,10 +322,11 @@ class Outbox:
                 deleted.append(row)
         return deleted
 
-    def _after(self, importance: Importance, place: Place, most: int) -> list[Row]:
+    def _after(self, importance: Importance, place: OutboxPosition, most: int) -> list[Row]:
         return list(self._rows_after(importance, place, most))
 
-    def _rows_after(self, importance: Importance, place: Place, most: int) -> Iterator[Row]:
+    def _rows_after(self, importance: Importance, place: OutboxPosition, most: int
+                    ) -> Iterator[Row]:
         for found in self._db.execute(
                 'SELECT importance, boot, seq, lived_s, text FROM record WHERE importance = ? AND '
                 '(boot, seq) > (?, ?) ORDER BY boot, seq LIMIT ?', (importance, *place, most)):
@@ -343,6 +344,6 @@ class Outbox:
 
 
 def _is_damage(error: sqlite3.Error) -> bool:
-    """Return whether a file is no database, or not any more."""
+    """Return whether a file is not a database, or is damaged."""
     text = str(error)
     return 'malformed' in text or 'not a database' in text or 'corrupt' in text

@@ -16,8 +16,8 @@
 What the gateway is made of: parts, each with its topics of the robot and its kinds of messages.
 
 A part says which topics it reads and publishes, which messages of the server are for it,
-and what it adds to the greeting. The gateway has one object of each, made with :class:`Ways`, and
-calls it as written here::
+and what it adds to the greeting. The gateway has one object of each, made with
+:class:`GatewayContext`, and calls it as written here::
 
     class Horn(Part):
         receives = (HonkMessage,)
@@ -26,7 +26,7 @@ calls it as written here::
             return ('horn',)
 
         def receive(self, message):
-            self.ways.robot.publish('horn', string_message(message.how))
+            self.context.robot.publish('horn', string_message(message.how))
 
 A class of messages such as ``HonkMessage`` stands in :mod:`rt_robot_os.messages.uplink`, and in
 the table of kinds there.
@@ -108,7 +108,7 @@ class Sending(Protocol):
 
 
 @dataclass(frozen=True)
-class Ways:
+class GatewayContext:
     """
     What a part can reach.
 
@@ -139,8 +139,8 @@ class Part:
 
     receives: tuple[type[UplinkMessage], ...] = ()
 
-    def __init__(self, ways: Ways) -> None:
-        self.ways = ways
+    def __init__(self, context: GatewayContext) -> None:
+        self.context = context
 
     def reads(self) -> Sequence[Reads]:
         """Return the topics that it reads; those that the robot lacks are passed over."""

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The newest picture of each camera, from the core: read while somebody looks, and only then.
+The newest picture of each camera, from the core: read only while a page shows it.
 
 A connection and a thread of their own, so that no picture is ever between the gateway and an
-alarm. Nobody looks: there is no connection, and the core does nothing for it.
+alarm. While no page shows a camera there is no connection, and no work for the core.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from rt_robot_os.link.reconnecting_client import ReconnectingClient
 from rt_robot_os.messages.cdr import CdrReader
 
 _LOOK_S: Final = 0.1
-#: Without a picture for so long its device is asked why.
+#: Without a picture for this long its device is asked for the reason.
 _TROUBLE_S: Final = 2.0
 _JPEG: Final = b'\xff\xd8\xff'
 
 
-class Seen(NamedTuple):
+class CameraPicture(NamedTuple):
     """
     A picture.
 
@@ -56,7 +56,7 @@ def jpeg_in(cdr: bytes | memoryview) -> bytes:
     """
     Return the picture in a ``sensor_msgs/msg/CompressedImage``.
 
-    :raises ValueError: there is none, or it is no JPEG.
+    :raises ValueError: there is none, or it is not a JPEG.
     """
     reader = CdrReader(bytes(cdr))
     reader.skip(4, 8)  # the stamp
@@ -79,8 +79,8 @@ class CameraReader:
     :param tell: takes lines for people.
     :param trouble: takes, by the thread that reads, why a camera gives no picture: its name, and
         what its device says; an empty text when there are pictures again.
-    :ivar skipped: pictures that gave way to a newer one.
-    :ivar odd: samples that were no picture.
+    :ivar skipped: pictures that a newer one replaced.
+    :ivar odd: samples that were not pictures.
     """
 
     def __init__(self, path: Path, wake: Callable[[], None], tell: Callable[[str], None],
@@ -99,7 +99,7 @@ class CameraReader:
         self._closing = False
         self._wanted: Mapping[str, float] = {}
         self._mirrored: dict[str, tuple[str, int, float]] = {}
-        self._newest: dict[str, Seen] = {}
+        self._newest: dict[str, CameraPicture] = {}
         self._thread = threading.Thread(target=self._run, name='cameras', daemon=True)
         self._thread.start()
 
@@ -109,7 +109,7 @@ class CameraReader:
         self._changed.set()
 
     def want(self, rates: Mapping[str, float]) -> None:
-        """Read these cameras from now on, each so often a second; any thread may."""
+        """Read these cameras from now on, at these rates; any thread may."""
         self._wanted = dict(rates)
         for name in [name for name in list(self._newest) if name not in self._wanted]:
             self._newest.pop(name, None)
@@ -119,7 +119,7 @@ class CameraReader:
             self._troubles.pop(name, None)  # it is said again to who looks next
         self._changed.set()
 
-    def take(self, name: str) -> Seen | None:
+    def take(self, name: str) -> CameraPicture | None:
         """Return the newest picture that was not taken before; any thread may."""
         return self._newest.pop(name, None)
 
@@ -171,7 +171,7 @@ class CameraReader:
         for name, (_, channel, _) in self._mirrored.items():
             if channel == head.channel:
                 try:
-                    found = Seen(head.stamp_ns, jpeg_in(cdr))
+                    found = CameraPicture(head.stamp_ns, jpeg_in(cdr))
                 except ValueError as error:
                     self.odd += 1
                     self._say(f'camera {name}: {error}')

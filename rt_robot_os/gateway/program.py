@@ -15,7 +15,7 @@
 """
 The program `gateway`: carry between a robot and a monitor.
 
-Run it beside the robot with the same parameter file.
+Run it next to the robot with the same parameter file.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ class Reads:
     :ivar every: all samples, from the oldest that the core keeps; otherwise the newest, at most
         ``rate_hz`` times a second.
     :ivar rate_hz: 0 for as often as it comes.
-    :ivar shown: it is read for who looks: no more often than somebody wants to see it.
+    :ivar shown: it is read for pages: no more often than they want it.
     """
 
     topic: str
@@ -62,7 +62,7 @@ class Reads:
 
 
 class Listener(Protocol):
-    """Who reads and publishes topics of a robot: a part of the gateway."""
+    """What reads and publishes topics of a robot: a part of the gateway."""
 
     def reads(self) -> Sequence[Reads]:
         """Return the topics that it reads."""

@@ -33,13 +33,13 @@ from typing import NamedTuple
 
 from rt_robot_os.gateway.convert import nodes_of
 from rt_robot_os.gateway.convert import value_of
-from rt_robot_os.gateway.keeper import Keeper
 from rt_robot_os.gateway.outbox import Mark
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Record
-from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
+from rt_robot_os.gateway.record_queue import RecordQueue
 from rt_robot_os.gateway.robot_link import utc_of
 from rt_robot_os.messages.cdr import labelled_numbers
 from rt_robot_os.messages.cdr import string_in
@@ -48,7 +48,7 @@ from rt_robot_os.messages.texts.coded import codes_of
 from rt_robot_os.messages.uplink.importance import Importance
 
 
-class Kind(NamedTuple):
+class RecordTopic(NamedTuple):
     """
     A topic of which each sample is a record.
 
@@ -63,10 +63,10 @@ class Kind(NamedTuple):
 
 
 EVENTS: Final = (
-    Kind('alarms/events', Importance.ALARM, 'alarm_event'),
-    Kind('agent/transitions', Importance.EVENT, 'transition'),
-    Kind('agent/say', Importance.EVENT, 'log', 'said'),
-    Kind('agent/observed', Importance.EVENT, 'log', 'observed'))
+    RecordTopic('alarms/events', Importance.ALARM, 'alarm_event'),
+    RecordTopic('agent/transitions', Importance.EVENT, 'transition'),
+    RecordTopic('agent/say', Importance.EVENT, 'log', 'said'),
+    RecordTopic('agent/observed', Importance.EVENT, 'log', 'observed'))
 #: Texts of events that a page words by their codes.
 _WORDED: Final = ('text', 'why')
 _SIGNS: Final = 'health/*/signs'
@@ -87,8 +87,8 @@ class Records(Part):
     :ivar passed_over: samples that had been recorded before a restart.
     """
 
-    def __init__(self, ways: Ways, keeper: Keeper) -> None:
-        super().__init__(ways)
+    def __init__(self, context: GatewayContext, keeper: RecordQueue) -> None:
+        super().__init__(context)
         self.passed_over = 0
         self._keeper = keeper
         self._marks = keeper.marks()
@@ -98,7 +98,7 @@ class Records(Part):
 
     def reads(self) -> Sequence[Reads]:
         """Read all of what happens, and the newest of what is."""
-        settings = self.ways.settings
+        settings = self.context.settings
         signs_hz = _HZ_MOST if not settings.signs_s else min(_HZ_MOST, 1 / settings.signs_s)
         return (*(Reads(each.topic, self._take_event, every=True) for each in EVENTS),
                 Reads(_SIGNS, self._take_signs, rate_hz=signs_hz),
@@ -110,7 +110,7 @@ class Records(Part):
     # ---- what happens ------------------------------------------------------------------------
 
     def _take_event(self, sample: Sample) -> None:
-        run = self.ways.robot.run_id
+        run = self.context.robot.run_id
         known = self._marks.get(sample.topic)
         if known is not None and known.run == run and sample.seq <= known.seq:
             self.passed_over += 1
@@ -138,7 +138,8 @@ class Records(Part):
             # A cuff measures once an hour: its value stays good, and is one observation.
             if measured is not None and self._measured.get(key) == stamp_ns:
                 continue
-            if not self._is_due(key, (value, quality, source), self.ways.settings.observation_s):
+            if not self._is_due(key, (value, quality, source),
+                                self.context.settings.observation_s):
                 continue
             self._measured[key] = stamp_ns
             self._keep(Importance.OBSERVATION, 'observation', {
@@ -154,7 +155,7 @@ class Records(Part):
                 'quality': 'missing' if total is None else 'good', 'source': 'assessment',
                 'at_least': _number(each.values.get('at_least')),
                 'missing': each.values.get('missing', ''), 'risk': each.values.get('risk', '')}
-            if self._is_due(('news2', person), content, self.ways.settings.observation_s):
+            if self._is_due(('news2', person), content, self.context.settings.observation_s):
                 self._keep(Importance.OBSERVATION, 'news2', content, sample.stamp_ns)
 
     def _take_place(self, sample: Sample) -> None:
@@ -165,10 +166,10 @@ class Records(Part):
             key = ('place', person)
             known = self._states.get(key)
             moved = known is None or known[0][2] != room or _far((x, y), known[0][:2])
-            least_s = self.ways.settings.place_s
+            least_s = self.context.settings.place_s
             now_s = time.monotonic()
             age_s = math.inf if known is None else now_s - known[1]
-            if age_s >= (least_s if moved else self.ways.settings.observation_s):
+            if age_s >= (least_s if moved else self.context.settings.observation_s):
                 self._remember(key, (x, y, room), now_s)
                 self._keep(Importance.OBSERVATION, 'place', {
                     'person': person, 'x': x, 'y': y, 'room': room}, sample.stamp_ns)
@@ -177,7 +178,7 @@ class Records(Part):
         for each in nodes_of(*labelled_numbers(memoryview(sample.cdr))):
             # A change of these is recorded immediately.
             state = each.state, each.parent
-            if self._is_due(('node', each.name), state, self.ways.settings.node_s):
+            if self._is_due(('node', each.name), state, self.context.settings.node_s):
                 self._keep(Importance.NETWORK, 'node', each.to_record(), sample.stamp_ns)
 
     def _take_faults(self, sample: Sample) -> None:

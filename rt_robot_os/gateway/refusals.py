@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Why there is no connection to the server, in words that name what is to be done."""
+"""Why there is no connection to the server, with the remedy."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _TEXT: Final = 200
 
 
 def is_refusal(error: BaseException | None) -> bool:
-    """Return whether the server, or this side, has said no: trying at once would not help."""
+    """Return whether the server, or this side, refuses: an immediate retry would not help."""
     return isinstance(error, StartError | ssl.SSLCertVerificationError) or _status(error) in (
         _UNAUTHORIZED, _FORBIDDEN, _NOT_FOUND, _VERSION)
 
@@ -74,7 +74,7 @@ def reason_of(error: BaseException | None, settings: GatewaySettings) -> str:
     if isinstance(error, OSError):
         return f'{error.strerror or safe_line(str(error))[:_TEXT]}'
     if isinstance(error, InvalidHandshake):
-        return f'what answers is no monitor: {safe_line(str(error))[:_TEXT]}'
+        return f'what answers is not a monitor: {safe_line(str(error))[:_TEXT]}'
     return f'{type(error).__name__}: {safe_line(str(error))[:_TEXT]}'
 
 

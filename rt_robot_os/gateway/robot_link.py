@@ -45,14 +45,14 @@ DELAY_MS: Final = 20.0
 
 @dataclass
 class _Read:
-    """One mirror: who takes its samples, and what the core was asked for."""
+    """One mirror: the parts that read its samples, and what was requested of the core."""
 
     info: TopicInfo
     reads: list[Reads] = field(default_factory=list)
     asked: tuple[Any, ...] = ()
 
     def wanted(self, limit_hz: float) -> dict[str, Any]:
-        """Return what to ask for; signals are limited by what somebody wants to see."""
+        """Return what to request; signals come no faster than pages want them."""
         if any(each.every for each in self.reads):
             return {'policy': 'drain', 'max_rate_hz': 0.0, 'oldest': True, 'patient': True}
         rates = [min(each.rate_hz or limit_hz, limit_hz) if each.shown and limit_hz
@@ -71,10 +71,10 @@ class RobotLink:
     :ivar run_id: of the core that is connected: another one has another; empty before the first.
     :ivar topics: of the core, by name.
     :ivar samples: that were taken.
-    :ivar missed: samples of which all were wanted and that were lost all the same.
+    :ivar missed: samples that were lost of topics of which all are wanted.
     :ivar limit_hz: no topic that is read to be shown comes more often; 0 for no limit.
     :ivar published: messages to the core.
-    :ivar faulty: samples of which a part could make nothing.
+    :ivar faulty: samples that a part could not read.
     """
 
     def __init__(self, path: Path, tell: Callable[[str], None]) -> None:
@@ -129,7 +129,7 @@ class RobotLink:
 
     def publish(self, topic: str, cdr: bytes, stamp_ns: int = 0) -> None:
         """
-        Publish a message; it is sent at once. Any thread.
+        Publish a message immediately. Any thread.
 
         :param cdr: with its four bytes of encapsulation.
         :raises LinkError: there is no core, it has no such topic, or does not keep up.
@@ -207,5 +207,5 @@ class RobotLink:
 
 
 def utc_of(stamp_ns: int) -> int:
-    """Return the time of day of a moment on CLOCK_MONOTONIC, by the clock as it is now."""
+    """Return the time of day of a moment on CLOCK_MONOTONIC, by the present clock."""
     return time.time_ns() - max(0, time.monotonic_ns() - stamp_ns)

@@ -66,16 +66,16 @@ class GatewaySettings:
                                       'topics')
     folder: str = setting('', 'Folder of what waits to be sent; when absent gateway-ROBOT in '
                           '$ROS_HOME or ~/.ros')
-    outbox_mb: float = setting(1000.0, 'What may wait on the disk; beyond that the oldest of what '
-                               'is least important gives way', 'MB', 1.0, 100_000.0)
+    outbox_mb: float = setting(1000.0, 'What may wait on the disk; beyond that the oldest of the '
+                               'least important is evicted', 'MB', 1.0, 100_000.0)
     outbox_days: float = setting(7.0, 'How long it may wait, counted while the gateway runs; '
                                  'alarms and events wait for ever', 'd', 0.01, 3650.0)
     live: tuple[str, ...] = setting(LIVE, 'Topics that are shown, each with how often a second at '
                                     'most; * stands for one part of a name')
-    idle_hz: float = setting(1.0, 'How often what has changed is sent while nobody looks', 'Hz',
+    idle_hz: float = setting(1.0, 'How often changes are sent while no page shows them', 'Hz',
                              0.01, 10.0)
     observation_s: float = setting(60.0, 'A vital sign that stays is recorded that often; '
-                                   'one that changes at once', 's', 1.0, 86400.0)
+                                   'one that changes immediately', 's', 1.0, 86400.0)
     signs_s: float = setting(1.0, 'The values of one vital sign are recorded at most that often',
                              's', 0.0, 3600.0)
     node_s: float = setting(300.0, 'Batteries and losses of nodes are recorded that often', 's',
@@ -95,24 +95,23 @@ class GatewaySettings:
                                        'their observations_folder; empty: observations in '
                                        '$ROS_HOME or ~/.ros')
     media_mb: float = setting(1000.0, 'Pictures and clips that may wait for the server; beyond '
-                              'that the oldest give way', 'MB', 1.0, 1e6)
+                              'that the oldest are dropped', 'MB', 1.0, 1e6)
     microphone: str = setting('', 'What hears for calls: a sound device, default, file:PATH of a '
                               'WAV, tone (a simulated one), none; empty: no calls unless there is '
                               'a speaker')
     speaker: str = setting('', 'What speaks in calls: a sound device, default, file:PATH, none')
-    duck_db: float = setting(18.0, 'So much quieter is the microphone while the speaker speaks, '
-                             'so that nobody hears themselves', 'dB', 0.0, 60.0)
+    duck_db: float = setting(18.0, 'How much quieter the microphone is while the speaker plays, '
+                             'against an echo', 'dB', 0.0, 60.0)
     heartbeat_s: float = setting(5.0, 'How often monitor/heartbeat is published while the server '
-                                 'is heard', 's', 0.1, 3600.0)
-    silence_s: float = setting(3.0, 'A server that says nothing for so long is called anew', 's',
-                               0.5, 60.0)
+                                 'answers', 's', 0.1, 3600.0)
+    silence_s: float = setting(3.0, 'A server that does not answer for this time is called '
+                               'again', 's', 0.5, 60.0)
     command_s: float = setting(5.0, 'How long the robot may take to answer a command', 's', 0.1,
                                60.0)
-    drive_linear_m_s: float = setting(0.3, 'Fastest speed at which somebody may drive it from '
-                                      'afar; 0: nobody may', 'm/s', 0.0, 5.0)
-    drive_angular_rad_s: float = setting(0.8, 'Fastest turn that somebody may drive', 'rad/s', 0.0,
-                                         10.0)
-    drive_hold_s: float = setting(0.1, 'A command to drive holds for so long: shorter than the '
+    drive_linear_m_s: float = setting(0.3, 'Fastest speed of remote driving; 0: it cannot be '
+                                      'driven remotely', 'm/s', 0.0, 5.0)
+    drive_angular_rad_s: float = setting(0.8, 'Fastest turn of remote driving', 'rad/s', 0.0, 10.0)
+    drive_hold_s: float = setting(0.1, 'How long a command to drive is active: shorter than the '
                                   'time-out of teleop in velocity_mux', 's', 0.05, 0.3)
     avoid_cpus: tuple[int, ...] = setting((), 'CPUs that it leaves to the core')
 

@@ -55,9 +55,9 @@ class Spool:
 
     :param folder: it is made, for its owner alone.
     :param observations: where the robot's files are.
-    :param most_bytes: so much may wait; then the oldest give way.
-    :ivar given_up: files that gave way, or that the server would not have.
-    :ivar odd: names that are none of the robot's observations.
+    :param most_bytes: that may wait; then the oldest files are dropped.
+    :ivar given_up: files that were dropped, or that the server refused.
+    :ivar odd: names that are not those of the robot's observations.
     """
 
     def __init__(self, folder: Path, observations: Path, most_bytes: int) -> None:
@@ -113,7 +113,7 @@ class Spool:
         if matched is None or Path(os.path.abspath(path.parent)) != Path(
                 os.path.abspath(self._observations)):
             self.odd += 1
-            raise RecordingError(f'{str(path)[:200]!r} is no file of {self._observations}: set '
+            raise RecordingError(f'{str(path)[:200]!r} is not a file of {self._observations}: set '
                                  'observations_folder of the gateway to that of the camera')
         if path.name in self._known:
             return None
@@ -127,7 +127,7 @@ class Spool:
         return item
 
     def missed(self) -> Iterator[dict[str, Any]]:
-        """Yield what was observed while nobody was here to hear of it, by the names of files."""
+        """Yield what was observed while the gateway did not run, by the names of files."""
         try:
             names = sorted(os.listdir(self._observations))
         except OSError:
@@ -247,7 +247,7 @@ def _plain(name: str | Path, folder: int | None = None) -> int:
     if stat.S_ISREG(found.st_mode) and 0 < found.st_size <= FILE_BYTES:
         return handle
     os.close(handle)
-    raise OSError(f'it is no plain file of 1 to {FILE_BYTES} bytes')
+    raise OSError(f'it is not a plain file of 1 to {FILE_BYTES} bytes')
 
 
 def _hash(path: Path) -> tuple[str, int]:

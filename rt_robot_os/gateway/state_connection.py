@@ -15,9 +15,9 @@
 """
 The connection ``/robot/state``: greeting, then what waits, the most important first.
 
-One task sends. Each time it takes what has waited for people (answers, beats), then records, then
-signals, so that no alarm is behind a number; of records and signals so little is on its way at a
-time that what comes new has to wait for no more than a moment.
+One task sends: first answers and heart-beats, then records, then signals, so that no alarm waits
+behind a number. Of records and signals little is on its way at a time, so that what is new waits
+for a moment only.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _ALIVE_S: Final = 1.0
 _WELCOME_S: Final = 5.0
 
 
-class Source(Protocol):
+class TextSource(Protocol):
     """Where the sender takes records or signals from."""
 
     def next_text(self) -> str | None:
@@ -70,8 +70,8 @@ class StateConnection:
     :ivar connected: whether the server has greeted back.
     :ivar sent: messages.
     :ivar heard: messages.
-    :ivar unknown: messages of a kind that nobody here knows.
-    :ivar malformed: messages that made no sense.
+    :ivar unknown: messages of an unknown kind.
+    :ivar malformed: messages that were malformed.
     :ivar full: messages of parts for which there was no room.
     """
 
@@ -85,7 +85,7 @@ class StateConnection:
         self._tell = tell
         self._parts: tuple[Part, ...] = ()
         self._by_class: dict[type[UplinkMessage], Part] = {}
-        self._sources: tuple[Source, ...] = ()
+        self._sources: tuple[TextSource, ...] = ()
         self._queue: deque[str] = deque()
         self._newest: dict[str, str] = {}
         self._wake: asyncio.Event | None = None
@@ -112,7 +112,7 @@ class StateConnection:
             self.wake()
 
     def wake(self) -> None:
-        """Have the sender look at once. Any thread."""
+        """Wake the sender. Any thread."""
         loop, wake = self._loop, self._wake
         if loop is not None and wake is not None:
             with suppress(RuntimeError):  # it has ended
@@ -120,7 +120,7 @@ class StateConnection:
 
     # ---- in the loop -------------------------------------------------------------------------
 
-    async def run(self, parts: Iterable[Part], sources: Iterable[Source]) -> None:
+    async def run(self, parts: Iterable[Part], sources: Iterable[TextSource]) -> None:
         """Stay connected until cancelled."""
         self._parts = tuple(parts)
         self._by_class = {each: part for part in self._parts for each in part.receives}
@@ -162,7 +162,7 @@ class StateConnection:
 
     async def _watch(self, hello: RobotHello) -> None:
         """
-        End when the robot has become another: the server is greeted anew.
+        End when the greeting would be another: the server is greeted again.
 
         :raises Renewal: always.
         """

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Tickets: what tells the robot how old a command is that comes from afar.
+Tickets, by which the robot knows how old a remote command is.
 
 The robot gives one out with each beat, and a command brings the newest one that its sender has
 seen. How old it is says the robot's own monotonic clock alone: no clock is compared with another,
@@ -40,7 +40,7 @@ class Tickets:
     """The tickets that were given out in the last seconds."""
 
     def __init__(self) -> None:
-        # Not from 1: a command that waited while the robot began anew would find its number again.
+        # Not from 1: a command that waited across a restart would find its number again.
         self._number = secrets.randbits(_BITS)
         self._given: OrderedDict[int, int] = OrderedDict()
 
@@ -57,5 +57,5 @@ class Tickets:
         return self._given.get(number)
 
     def forget(self) -> None:
-        """Let none be worth anything any more."""
+        """Make all invalid."""
         self._given.clear()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The token by which the server knows this robot: from a file that nobody else can read."""
+"""The token by which the server knows this robot: from a file that only this user can read."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def read_token(token_file: str) -> str:
         with open(fd, 'rb') as file:
             status = os.fstat(file.fileno())
             if not stat.S_ISREG(status.st_mode):
-                raise StartError(f'token_file {path} is no file')
+                raise StartError(f'token_file {path} is not a file')
             data = file.read(_MOST_BYTES)
     except OSError as error:
         raise StartError(f'token_file {path} cannot be read ({error.strerror}): put the token '

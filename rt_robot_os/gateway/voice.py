@@ -15,9 +15,9 @@
 """
 Calls between a browser and the robot: rung by the server, carried by a process of its own.
 
-The robot takes a call by itself, for who lies on the floor cannot; it says so first, so that
-nobody is listened to unawares. The call ends with the connection to the server: no microphone
-stays on that nobody could turn off.
+The robot answers a call by itself, since a person lying on the floor cannot; it announces it
+first, so that no one is listened to without notice. The call ends with the connection to the
+server: a microphone that could not be turned off does not stay on.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from typing import Final
 
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.base.needs import lacking
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.part import Part
-from rt_robot_os.gateway.part import Ways
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.messages.cdr import string_message
@@ -81,9 +81,9 @@ class Voice(Part):
 
     receives = (VoiceMessage,)
 
-    def __init__(self, ways: Ways) -> None:
-        super().__init__(ways)
-        settings = ways.settings
+    def __init__(self, context: GatewayContext) -> None:
+        super().__init__(context)
+        settings = context.settings
         self.calls = 0
         self._running: _Running | None = None
         self._problem = 'none is set' if not (
@@ -102,7 +102,7 @@ class Voice(Part):
         return {'calls': self.calls, 'in_call': self._running is not None}
 
     def lost_server(self) -> None:
-        """End a call: nobody could hang up."""
+        """End a call: it could not be hung up any more."""
         self._end('the connection to the server is lost')
 
     def receive(self, message: UplinkMessage) -> None:
@@ -137,12 +137,12 @@ class Voice(Part):
         if self._problem:
             self._send_end(message.call, f'this robot cannot be called: {self._problem}')
         elif self._running is not None:
-            self._send_end(message.call, 'somebody else talks with this robot')
+            self._send_end(message.call, 'another caller talks with this robot')
         else:
             self._begin(message.call, message.by or 'Somebody', message.sdp or '')
 
     def _begin(self, name: str, by: str, sdp: str) -> None:
-        settings = self.ways.settings
+        settings = self.context.settings
         try:
             process = start_child(_CALL, os.getpid(), stdin=subprocess.PIPE,
                                   stdout=subprocess.PIPE)
@@ -202,14 +202,14 @@ class Voice(Part):
         self._announce('The call is over. The microphone is off.')
 
     def _send(self, message: VoiceMessage) -> None:
-        self.ways.server.send(message)
+        self.context.server.send(message)
 
     def _send_end(self, name: str, why: str) -> None:
         self._send(VoiceMessage(name, END, why=why))
 
     def _announce(self, text: str) -> None:
         with suppress(LinkError):  # a robot without a voice
-            self.ways.robot.publish(_SAY, string_message(text))
+            self.context.robot.publish(_SAY, string_message(text))
 
 
 def _note_time(said: Mapping[str, Any]) -> None:

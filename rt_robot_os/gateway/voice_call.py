@@ -15,7 +15,7 @@
 """
 One call of the robot, in a process of its own: WebRTC by aiortc, a microphone and a speaker.
 
-The gateway starts it when somebody rings and ends it when the call is over, so that neither its
+The gateway starts it for a ring and ends it with the call, so that neither its
 libraries nor its work are ever in the way of a command. Lines of JSON: in come the offer and the
 end, out go the answer, states, and why it ended.
 """

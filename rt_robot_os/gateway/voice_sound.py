@@ -127,7 +127,7 @@ class Playout:
 
 class Ducking:
     """
-    Lower the microphone while the speaker speaks: who calls does not hear themselves come back.
+    Lower the microphone while the speaker plays: callers do not hear their own echo.
 
     :param duck_db: by so much; 0 for never.
     """
@@ -214,7 +214,7 @@ class DeviceMicrophone:
 
 
 class Speaker:
-    """Where sound goes to; nobody hears this one."""
+    """Where sound goes to; this one discards it."""
 
     def __init__(self) -> None:
         self.playout = Playout()
@@ -253,7 +253,7 @@ class FileSpeaker(Speaker):
     """
     A file, written as fast as a device would play: for tests and measurements.
 
-    :param path: of the WAV; beside it ``PATH.times`` has lines with a time of day in ns and the
+    :param path: of the WAV; next to it ``PATH.times`` has lines with a time of day in ns and the
         number of the sample that was due then.
     """
 
@@ -313,7 +313,7 @@ def open_speaker(name: str) -> Speaker:
     """
     Open a speaker.
 
-    :param name: as of a microphone; ``none`` or empty: nobody hears it.
+    :param name: as of a microphone; ``none`` or empty: sound is discarded.
     :raises DeviceError: it cannot be opened.
     """
     if not name or name in ('none', 'tone'):
@@ -350,7 +350,7 @@ def read_wave(path: Path) -> Samples:
             rate_hz, channels = file.getframerate(), file.getnchannels()
             found = np.frombuffer(file.readframes(file.getnframes()), '<i2')
     except (OSError, EOFError, wave.Error) as error:
-        raise DeviceError(f'{path} is no WAV that can be read: {error}') from error
+        raise DeviceError(f'{path} is not a readable WAV: {error}') from error
     mono = found.reshape(-1, channels).mean(axis=1)
     count = max(BLOCK, round(len(mono) * RATE_HZ / rate_hz))
     at = np.arange(count) * rate_hz / RATE_HZ

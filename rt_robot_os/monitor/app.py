@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The server as an ASGI application: endpoints, the page, errors, what runs beside them."""
+"""The server as an ASGI application: endpoints, the page, errors, background tasks."""
 
 from __future__ import annotations
 
@@ -41,13 +41,14 @@ from rt_robot_os.monitor.api import export
 from rt_robot_os.monitor.api import maps
 from rt_robot_os.monitor.api import media
 from rt_robot_os.monitor.api import observations
-from rt_robot_os.monitor.api import robot_sockets
-from rt_robot_os.monitor.api import voice
+from rt_robot_os.monitor.api.models import ErrorAnswer
 from rt_robot_os.monitor.api import residents as residents_api
+from rt_robot_os.monitor.api import robot_sockets
 from rt_robot_os.monitor.api import robots
 from rt_robot_os.monitor.api import session
 from rt_robot_os.monitor.api import status
 from rt_robot_os.monitor.api import users
+from rt_robot_os.monitor.api import voice
 from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.live import residents
 from rt_robot_os.monitor.page_files import PageFiles
@@ -56,7 +57,8 @@ from rt_robot_os.monitor.services import Services
 from starlette.exceptions import HTTPException
 
 _LOG: Final = logging.getLogger('monitor')
-#: How often a server looks whether the database is still its own.
+_REFUSED: Final[dict[str, Any]] = {'model': ErrorAnswer, 'description': 'It was refused.'}
+#: From one check that the database is still this server's own to the next.
 ALONE_S: Final = 5.0
 PAGE: Final = Path(__file__).parent / 'page'
 #: What has a ``router(services)``; a line each.
@@ -84,7 +86,8 @@ API: Final = (
 def create_app(services: Services) -> FastAPI:
     """Make the application of a server."""
     app = FastAPI(title='rt_robot_os monitor', lifespan=_lifespan(services), docs_url=None,
-                  redoc_url=None, openapi_url='/api/openapi.json')
+                  redoc_url=None, openapi_url='/api/openapi.json',
+                  responses={422: _REFUSED, 'default': _REFUSED})
     app.state.services = services
     for each in API:
         app.include_router(each.router(services))
@@ -106,11 +109,11 @@ def _lifespan(services: Services) -> Any:
                  asyncio.create_task(services.accounts.watch()),
                  asyncio.create_task(_stay_alone(services))]
         if services.media is not None:
-            tasks.append(asyncio.create_task(services.media.keep_house()))
+            tasks.append(asyncio.create_task(services.media.run_cleanup()))
         if services.story is not None:
             tasks.append(asyncio.create_task(services.story.run()))
         if services.connections is not None:
-            tasks.append(asyncio.create_task(services.connections.look()))
+            tasks.append(asyncio.create_task(services.connections.check_timeouts()))
         try:
             yield
         finally:
@@ -127,7 +130,7 @@ def _lifespan(services: Services) -> Any:
 async def _look(services: Services) -> None:
     while True:
         await asyncio.sleep(services.settings.heartbeat_s / 2)
-        services.hub.look()
+        services.hub.check_timeouts()
         services.hub.storing(services.other_server or services.writer.fault)
 
 

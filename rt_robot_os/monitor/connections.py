@@ -15,10 +15,10 @@
 """
 The connections of the server: how many there may be, and how long one may keep it waiting.
 
-Whoever opens many connections and says nothing on them takes a table, a little memory, and no
-more: when the table is full the one that has kept the server waiting longest gives way to a new
-one, so that ``/healthz`` and an alarm's page answer all the while. Those with a WebSocket have
-shown a token or a session; they never give way, and have a limit of their own.
+Many idle connections cost a table and a little memory: when the table is full, the one that has
+kept the server waiting longest is dropped for a new one, so that ``/healthz`` and an alarm's page
+answer all the while. Those with a WebSocket have shown a token or a session; they are never
+dropped, and have a limit of their own.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _SPARE_FILES: Final = 500
 
 
 class TooManyError(ConnectionError):
-    """There are as many connections as there may be, and none that can give way."""
+    """There are as many connections as there may be, and none that can be dropped."""
 
 
 class Connections:
@@ -57,7 +57,7 @@ class Connections:
     All connections; for the event loop alone.
 
     :param most: how many requests may be open at a time.
-    :ivar counts: those that gave way, were too slow, did not read, were turned away.
+    :ivar counts: those that were dropped, were too slow, did not read, were turned away.
     """
 
     def __init__(self, most: int) -> None:
@@ -88,7 +88,7 @@ class Connections:
         self._handshakes -= 1
 
     def made(self, one: Request) -> None:
-        """Take a new connection; when there are too many the idlest gives way."""
+        """Take a new connection; when there are too many the idlest is dropped."""
         self._open.add(one)
         self.waits(one)
         if len(self._open) > self.most:
@@ -112,7 +112,7 @@ class Connections:
         self._open.discard(one)
         self._idle.pop(one, None)
 
-    async def look(self) -> None:
+    async def check_timeouts(self) -> None:
         """Cut off those that are too slow, each second until cancelled."""
         while True:
             await asyncio.sleep(_LOOK_S)

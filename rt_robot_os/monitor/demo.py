@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What runs beside the server when it is asked for.
+Processes that run next to the server on request.
 
-`monitor --demo`: a flat in which somebody falls, simulated: the robot (or its core alone, where
+`monitor --demo`: a simulated flat in which a person falls: the robot (or its core alone, where
 ROS 2 is missing), the notifier and a gateway. `monitor --with-gateway NODE`: the gateway of a
 robot of this machine. They are processes that end with the server, whatever ends it. Run as a
 module this is one of them.
@@ -49,7 +49,7 @@ from rt_robot_os.settings.files import default_path
 if TYPE_CHECKING:
     from rt_robot_os.monitor.live.hub import Hub
 
-#: Beside a robot of the same machine, which has another name.
+#: A robot of the same machine has another name.
 NAMESPACE: Final = '/demo'
 ROBOT: Final = 'demo'
 _PATIENCE_S: Final = 10.0
@@ -59,7 +59,7 @@ _ORDER_S: Final = 60.0
 
 class Companions(NamedTuple):
     """
-    What runs beside the server.
+    What runs next to the server.
 
     :ivar name: of the robot, for people.
     :ivar ros: arguments of all of them, from ``--ros-args`` on.
@@ -82,7 +82,7 @@ def demo() -> Companions:
 
 
 def story_of(companions: Companions, hub: Hub) -> Story | None:
-    """Return what happens in the simulated flat; None beside a robot that is there already."""
+    """Return what happens in the simulated flat; None with a robot that is there already."""
     if companions.node:
         return None
     return Story(hub, companions.name, _order, lambda line: warn('monitor', line))
@@ -120,7 +120,7 @@ def gateway_of(node: str, params_files: Iterable[Path]) -> Companions:
 def running(companions: Companions, accounts: Accounts, folder: Path, url: str, ca_file: str = ''
             ) -> Iterator[None]:
     """
-    Run processes beside a server.
+    Run processes next to a server.
 
     :param folder: of the server; the token of the robot is kept there.
     :param url: of the server, such as ``ws://127.0.0.1:8080``.

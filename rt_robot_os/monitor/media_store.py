@@ -99,7 +99,7 @@ class MediaStore:
 
     :param folder: it is made with the first file, for its owner alone.
     :param most_mb: so much is kept, in megabytes.
-    :param keep_days: and so long; 0 for ever.
+    :param keep_days: after which they expire; 0: never.
     """
 
     def __init__(self, folder: Path, most_mb: float, keep_days: float = 0.0) -> None:

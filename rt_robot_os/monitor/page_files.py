@@ -38,6 +38,8 @@ from starlette.types import Scope
 from starlette.types import Send
 
 _INDEX: Final = 'index.html'
+#: Types for editors and tsc; no browser wants them.
+_TYPES_ENDING: Final = '.d.ts'
 _VERSIONED: Final = 'v'
 _TYPES: Final = {'.js': 'text/javascript', '.json': 'application/json', '.svg': 'image/svg+xml',
                  '.css': 'text/css', '.html': 'text/html'}
@@ -71,7 +73,8 @@ class PageFiles:
     def __init__(self, folder: Path) -> None:
         contents = {path.relative_to(folder).as_posix(): path.read_bytes()
                     for path in sorted(folder.rglob('*'))
-                    if path.is_file() and '__pycache__' not in path.parts}
+                    if path.is_file() and '__pycache__' not in path.parts
+                    and not path.name.endswith(_TYPES_ENDING)}
         total = hashlib.sha256()
         for name, content in contents.items():
             total.update(f'{name} {len(content)}\n'.encode() + content)

@@ -43,7 +43,7 @@ from rt_robot_os.monitor.security.certificates import CA_FILE
 from rt_robot_os.monitor.security.certificates import names_of
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.settings import MonitorSettings
-from rt_robot_os.monitor.store.retention import Kept
+from rt_robot_os.monitor.store.retention import RetentionPolicy
 from rt_robot_os.monitor.store.store import Store
 from rt_robot_os.monitor.store.writer import Writer
 import uvicorn
@@ -67,8 +67,8 @@ def make_services(settings: MonitorSettings) -> Services:
     except BaseException:
         store.close()
         raise
-    store.keep(Kept(settings.raw_days, settings.minutes_days, settings.network_days,
-                    settings.network_days))
+    store.keep(RetentionPolicy(settings.raw_days, settings.minutes_days, settings.network_days,
+                               settings.network_days))
     hub = Hub(settings.heartbeat_s, settings.command_s)
     hub.remember(store.robots(), store.alarms(people=None, is_open=True, limit=1000))
     hub.retire(set(hub.robots) - set(accounts.robots.tokens()))
@@ -82,7 +82,7 @@ def serve(settings: MonitorSettings, companions: Companions | None = None) -> No
     """
     Serve until a signal ends it.
 
-    :param companions: what runs beside it.
+    :param companions: processes next to it.
     :raises StartError: it cannot.
     """
     services = make_services(settings)

@@ -44,7 +44,7 @@ TLS_PORT: Final = 8443
 @dataclass(frozen=True)
 class MonitorSettings:
     """
-    What the server is told.
+    The settings of the server.
 
     :ivar where: the folder, as a path; made by :func:`load`.
     """
@@ -58,11 +58,11 @@ class MonitorSettings:
     certificate: str = setting('', 'Certificate of the server, PEM')
     key: str = setting('', 'Its private key, PEM')
     connections: int = setting(1000, 'Connections at a time; the idlest that has asked for '
-                               'nothing yet gives way to a new one', '', 10, 100000)
+                               'nothing yet is dropped for a new one', '', 10, 100000)
     clients: int = setting(200, 'Browsers with live data at a time', '', 1, 10000)
     robots: int = setting(200, 'Robots at a time', '', 1, 10000)
-    heartbeat_s: float = setting(2.0, 'A robot of which nothing is heard for three times as long '
-                                 'is shown as silent', 's', 0.2, 600.0)
+    heartbeat_s: float = setting(2.0, 'A robot that sends nothing for three times as long is '
+                                 'shown as silent', 's', 0.2, 600.0)
     command_s: float = setting(8.0, 'How long a command may wait for the answer of the robot',
                                's', 0.5, 60.0)
     media_mb: float = setting(10_000.0, 'Pictures and clips of alarms that are kept; beyond that '

@@ -40,9 +40,9 @@ if TYPE_CHECKING:
 PERSON: Final = 'anna'
 #: From a robot that is ready and a page that is open to the fall.
 FALLS_AFTER_S: Final = 40.0
-#: Without a page it begins all the same, so long after the robot is ready.
+#: Without a page it begins this long after the robot is ready.
 NO_PAGE_S: Final = 120.0
-#: A fall that was not noticed for so long is repeated.
+#: A fall that was not noticed within this time is repeated.
 NOTICED_S: Final = 45.0
 FALLS_MOST: Final = 5
 _LOOK_S: Final = 0.5
@@ -77,7 +77,7 @@ class Story:
         self._is_over = False
 
     async def run(self) -> None:
-        """Tell the story until it is over."""
+        """Run the story until its end."""
         while not self._is_over:
             await self.look()
             await asyncio.sleep(_LOOK_S)

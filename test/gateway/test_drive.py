@@ -27,10 +27,10 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.gateway.drive import Drive
+from rt_robot_os.gateway.drive import Teleoperation
 from rt_robot_os.gateway.drive_limits import Limits
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Greeting
-from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.settings import GatewaySettings
 from rt_robot_os.messages.uplink.driving import DriveBegin
 from rt_robot_os.messages.uplink.driving import DriveCommand
@@ -54,7 +54,8 @@ class Robot:
         self.takes = True
         self.seq = itertools.count(1)
         # A machine that is busy with other tests may take a while for a command.
-        self.drive = Drive(Limits(ticket_s=60.0), self._publish, self._send, self.signals.get)
+        self.drive = Teleoperation(Limits(ticket_s=60.0), self._publish, self._send,
+                                   self.signals.get)
 
     def _publish(self, topic: str, cdr: bytes, stamp_ns: int) -> bool:
         body = cdr[4:]
@@ -173,7 +174,7 @@ def test_driving(test: Any) -> None:
 
 
 def test_the_settings_of_the_gateway_are_its_limits() -> None:
-    from rt_robot_os.gateway.drive import Driving
+    from rt_robot_os.gateway.drive import TeleopPart
 
     class Link:
         def has(self, topic: str) -> bool:
@@ -184,11 +185,13 @@ def test_the_settings_of_the_gateway_are_its_limits() -> None:
             pass
 
     settings = GatewaySettings(drive_linear_m_s=0.1, drive_angular_rad_s=0.3)
-    part = Driving(Ways(Link(), Server(), settings, None, None, None, None))  # type: ignore
+    part = TeleopPart(GatewayContext(
+        Link(), Server(), settings, None, None, None, None))  # type: ignore
     assert part.hello() == Greeting(('drive',), limits=DriveLimits(0.1, 0.3))
-    nobody = Ways(Link(), Server(), GatewaySettings(drive_linear_m_s=0.0),  # type: ignore
-                  None, None, None, None)  # type: ignore
-    assert Driving(nobody).hello() == Greeting()
+    nobody = GatewayContext(
+        Link(), Server(), GatewaySettings(drive_linear_m_s=0.0),  # type: ignore
+        None, None, None, None)  # type: ignore
+    assert TeleopPart(nobody).hello() == Greeting()
 
 
 @pytest.mark.parametrize('name', ['service_robot', 'assisted_living'])
@@ -222,6 +225,6 @@ def test_a_time_of_day_that_jumps_changes_nothing(monkeypatch: pytest.MonkeyPatc
             robot.drive.beat()
             robot.command()
             assert robot.speeds()[-1] == 0.2
-        assert robot.drive.pilot.counters['stale'] == 0
+        assert robot.drive.controller.counters['stale'] == 0
 
     asyncio.run(test())

@@ -23,7 +23,7 @@ from fake_server import FakeServer
 import numpy as np
 from processes import wait_until
 import pytest
-from rt_robot_os.gateway import surroundings
+from rt_robot_os.gateway import map_part
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.topics import Layout
 
@@ -78,7 +78,7 @@ def _known(made: Any) -> str:
 
 def test_a_map_that_grows_is_sent_when_it_has_changed(
         core: Any, gateway: Any, server: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(surroundings, 'MAP_S', 0.02)
+    monkeypatch.setattr(map_part, 'MAP_S', 0.02)
     said: list[str] = []
 
     def maps() -> list[int]:
@@ -86,7 +86,7 @@ def test_a_map_that_grows_is_sent_when_it_has_changed(
 
     with gateway(core, said) as made, LinkClient(core.folder / 'robot.sock', 'mapping') as client:
         channel = client.advertise('map')
-        part = next(each for each in made.parts if isinstance(each, surroundings.Surroundings))
+        part = next(each for each in made.parts if isinstance(each, map_part.MapPart))
         for width in (300, 400):
             client.publish(channel, grid(width))
             wait_until(lambda width=width: maps()[-1:] == [width], 'the map')

@@ -247,7 +247,7 @@ def test_the_oldest_of_the_least_important_gives_way_and_is_counted(box: Outbox)
     box.add(rows(box, Importance.NETWORK, 300, 1000))
     box.add(rows(box, Importance.OBSERVATION, 300, 2000))
     while box.over():
-        assert box.give_way({})
+        assert box.evict({})
     assert box.lost[Importance.NETWORK] == 300 and box.rows[Importance.NETWORK] == 0
     assert box.lost[Importance.OBSERVATION] > 0 and box.rows[Importance.ALARM] == 300
     left = box.after(Importance.OBSERVATION, (-1, -1), 1000, 10 ** 9)
@@ -261,9 +261,9 @@ def test_age_is_time_that_the_gateway_ran_and_alarms_wait_for_ever(box: Outbox) 
     box.add([*rows(box, Importance.ALARM, 3), *rows(box, Importance.OBSERVATION, 3, 10)])
     box.lived_s = 90
     box.add(rows(box, Importance.OBSERVATION, 2, 20))
-    assert box.forget_old({}) == 0
+    assert box.expire({}) == 0
     box.lived_s = 101
-    assert box.forget_old({}) == 3
+    assert box.expire({}) == 3
     assert box.rows[Importance.ALARM] == 3 and box.rows[Importance.OBSERVATION] == 2
 
 

@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 import pytest
 
 from rt_robot_os.gateway.drive_limits import Limits
-from rt_robot_os.gateway.pilot import Pilot
+from rt_robot_os.gateway.teleop_controller import TeleopController
 from rt_robot_os.messages.uplink.driving import DriveBegin
 from rt_robot_os.messages.uplink.driving import DriveCommand
 
@@ -39,7 +39,7 @@ class Robot:
     """A pilot with its clock, and what the wheels are told at each moment."""
 
     def __init__(self, **limits: float) -> None:
-        self.pilot = Pilot(Limits(**limits))
+        self.controller = TeleopController(Limits(**limits))
         self.now_ms = 1_000_000
         self.speed = 0.0
         self.seq = itertools.count(1)
@@ -48,21 +48,21 @@ class Robot:
         """Let time pass; the gateway's timer ends what no longer holds."""
         while self.now_ms < now_ms:
             self.now_ms += 1
-            self._obey(self.pilot.hold_ended(self.now_ms * MS))
+            self._obey(self.controller.hold_ended(self.now_ms * MS))
 
     def _obey(self, order: Any) -> None:
         if order is not None:
             self.speed = order.linear_m_s
 
     def begin(self, lease: str = 'a', by: str = 'carol') -> int:
-        self._obey(self.pilot.begin(DriveBegin(lease, by)))
+        self._obey(self.controller.begin(DriveBegin(lease, by)))
         return self.beat()
 
     def end(self, lease: Any = None) -> None:
-        self._obey(self.pilot.end(lease))
+        self._obey(self.controller.end(lease))
 
     def beat(self) -> int:
-        return self.pilot.beat(self.now_ms * MS)
+        return self.controller.beat(self.now_ms * MS)
 
     def drive(self, beat: Any, linear: Any = 0.2, grip: Any = True, **more: Any) -> None:
         message = {'lease': 'a', 'seq': next(self.seq), 'beat': beat, 'grip': grip,
@@ -70,9 +70,9 @@ class Robot:
         try:
             command = DriveCommand.from_json(message)
         except ValueError:
-            self.pilot.reject()
+            self.controller.reject()
             return
-        self._obey(self.pilot.take(command, self.now_ms * MS))
+        self._obey(self.controller.take(command, self.now_ms * MS))
 
     def armed(self) -> int:
         """Begin a lease, and show an open hand; return the ticket."""
@@ -96,13 +96,13 @@ def test_it_moves_while_commands_come_and_stands_a_tenth_of_a_second_after_the_l
         beat = robot.beat()
     robot.until(robot.now_ms + HOLD_MS - 40)
     assert robot.speed == 0.0
-    assert robot.pilot.counters['holds_ended'] == 1
+    assert robot.controller.counters['holds_ended'] == 1
 
 
 def test_nothing_moves_before_the_hand_was_seen_open(robot: Robot) -> None:
     beat = robot.begin()
     robot.drive(beat)
-    assert robot.speed == 0.0 and robot.pilot.counters['not_armed'] == 1
+    assert robot.speed == 0.0 and robot.controller.counters['not_armed'] == 1
     robot.drive(beat, 0.0, grip=False)
     robot.drive(beat)
     assert robot.speed == 0.2
@@ -112,7 +112,7 @@ def test_after_a_gap_it_does_not_start_again_under_a_closed_hand(robot: Robot) -
     robot.drive(robot.armed())
     robot.until(robot.now_ms + TICKET_MS + 1)
     robot.drive(robot.beat())
-    assert robot.speed == 0.0 and not robot.pilot.is_armed
+    assert robot.speed == 0.0 and not robot.controller.is_armed
     robot.drive(robot.beat(), 0.0, grip=False)
     robot.drive(robot.beat())
     assert robot.speed == 0.2
@@ -133,9 +133,9 @@ def test_the_ticket_of_a_lease_that_is_over_moves_nothing(robot: Robot) -> None:
     assert robot.speed == 0.0
     robot.drive(beat)
     robot.drive(robot.beat())
-    assert robot.speed == 0.0 and robot.pilot.counters['foreign'] == 2
+    assert robot.speed == 0.0 and robot.controller.counters['foreign'] == 2
     robot.drive(beat, 0.0, grip=False, lease='b')
-    assert robot.pilot.counters['stale'] == 1  # given to the other
+    assert robot.controller.counters['stale'] == 1  # given to the other
 
 
 def test_a_robot_that_began_anew_gives_other_numbers() -> None:
@@ -163,7 +163,7 @@ def test_a_number_that_does_not_rise_is_left_out(robot: Robot) -> None:
     robot.drive(beat, seq=10)
     robot.drive(beat, 0.0, seq=10)
     robot.drive(beat, 0.1, seq=9)
-    assert robot.speed == 0.2 and robot.pilot.counters['disordered'] == 2
+    assert robot.speed == 0.2 and robot.controller.counters['disordered'] == 2
 
 
 @pytest.mark.parametrize('what', [
@@ -172,14 +172,14 @@ def test_a_number_that_does_not_rise_is_left_out(robot: Robot) -> None:
     {'held_ms': math.nan}, {'held_ms': []}, {'seq': 1.5}, {'seq': True}, {'seq': 'x'}])
 def test_what_is_no_command_moves_nothing(robot: Robot, what: dict[str, Any]) -> None:
     robot.drive(robot.armed(), **what)
-    assert robot.speed == 0.0 and robot.pilot.counters['malformed'] == 1
+    assert robot.speed == 0.0 and robot.controller.counters['malformed'] == 1
 
 
 @pytest.mark.parametrize('beat', [None, True, 1.0, '1', -1, 0, [], 1 << 60])
 def test_what_is_no_ticket_moves_nothing(robot: Robot, beat: Any) -> None:
     robot.armed()
     robot.drive(beat)
-    counters = robot.pilot.counters
+    counters = robot.controller.counters
     assert robot.speed == 0.0 and counters['stale'] + counters['malformed'] == 1
 
 
@@ -194,7 +194,7 @@ def test_no_command_is_faster_than_the_robot_allows(linear: float, angular: floa
 def test_a_robot_that_nobody_may_drive_stands() -> None:
     robot = Robot(linear_m_s=0.0)
     robot.drive(robot.armed())
-    assert robot.speed == 0.0 and not robot.pilot.limits.may_drive
+    assert robot.speed == 0.0 and not robot.controller.limits.may_drive
 
 
 def test_the_round_trip_is_without_the_time_that_the_ticket_lay_with_the_sender(
@@ -202,16 +202,16 @@ def test_the_round_trip_is_without_the_time_that_the_ticket_lay_with_the_sender(
     beat = robot.armed()
     robot.until(robot.now_ms + 70)
     robot.drive(beat, held_ms=40.0)
-    assert robot.pilot.rtt_ms == pytest.approx(30.0)
+    assert robot.controller.rtt_ms == pytest.approx(30.0)
     robot.drive(beat, held_ms=-5.0)
-    assert robot.pilot.rtt_ms == pytest.approx(70.0)
+    assert robot.controller.rtt_ms == pytest.approx(70.0)
 
 
 def test_a_command_that_is_too_late_still_tells_how_slow_the_link_is(robot: Robot) -> None:
     beat = robot.armed()
     robot.until(robot.now_ms + 450)
     robot.drive(beat, held_ms=30.0)
-    assert robot.speed == 0.0 and robot.pilot.rtt_ms == pytest.approx(420.0)
+    assert robot.speed == 0.0 and robot.controller.rtt_ms == pytest.approx(420.0)
 
 
 def test_a_closed_hand_in_the_middle_steers_too(robot: Robot) -> None:

@@ -26,13 +26,13 @@ import pytest
 pytest.importorskip('websockets', reason='websockets is not installed')
 
 from outbox_keeper import keeper_in  # noqa: E402, I100
-from rt_robot_os.gateway.keeper import Keeper  # noqa: E402
+from rt_robot_os.gateway.memory_fallback import MemoryFallback  # noqa: E402
+from rt_robot_os.gateway.memory_fallback import ROWS_MOST  # noqa: E402
 from rt_robot_os.gateway.outbox import CHUNK  # noqa: E402
 from rt_robot_os.gateway.outbox import Outbox  # noqa: E402
 from rt_robot_os.gateway.outbox import Row  # noqa: E402
 from rt_robot_os.gateway.part import Record  # noqa: E402
-from rt_robot_os.gateway.spare import ROWS_MOST  # noqa: E402
-from rt_robot_os.gateway.spare import Spare  # noqa: E402
+from rt_robot_os.gateway.record_queue import RecordQueue  # noqa: E402
 from rt_robot_os.messages.uplink.importance import Importance  # noqa: E402
 
 ALL = tuple(Importance)
@@ -59,7 +59,7 @@ def test_a_class_gives_way_when_all_that_are_less_important_are_gone(box: Outbox
     for importance in ALL:
         box.add(rows(importance, 2))
     gone: list[Importance] = []
-    while box.give_way({}):
+    while box.evict({}):
         gone += [each for each in ALL if box.lost[each] and each not in gone]
     assert gone == [Importance.NETWORK, Importance.OBSERVATION, Importance.MEDIA,
                     Importance.EVENT, Importance.ALARM]
@@ -67,7 +67,7 @@ def test_a_class_gives_way_when_all_that_are_less_important_are_gone(box: Outbox
 
 def test_of_one_class_the_oldest_give_way_a_chunk_at_a_time(box: Outbox) -> None:
     box.add(rows(Importance.NETWORK, CHUNK + 3))
-    assert box.give_way({}) == CHUNK
+    assert box.evict({}) == CHUNK
     assert seqs(box, Importance.NETWORK) == [CHUNK + 1, CHUNK + 2, CHUNK + 3]
     assert box.lost[Importance.NETWORK] == CHUNK
 
@@ -75,9 +75,9 @@ def test_of_one_class_the_oldest_give_way_a_chunk_at_a_time(box: Outbox) -> None
 def test_what_is_on_its_way_to_the_server_stays(box: Outbox) -> None:
     box.add(rows(Importance.NETWORK, 5))
     box.add(rows(Importance.MEDIA, 5))
-    assert box.give_way({Importance.NETWORK: (1, 3)}) == 2
+    assert box.evict({Importance.NETWORK: (1, 3)}) == 2
     assert seqs(box, Importance.NETWORK) == [1, 2, 3]
-    assert box.give_way({Importance.NETWORK: (1, 3)}) == 5  # the next class then
+    assert box.evict({Importance.NETWORK: (1, 3)}) == 5  # the next class then
     assert seqs(box, Importance.NETWORK) == [1, 2, 3] and not seqs(box, Importance.MEDIA)
 
 
@@ -85,7 +85,7 @@ def test_what_is_on_its_way_to_the_server_stays(box: Outbox) -> None:
 def test_what_is_more_important_than_is_allowed_stays(box: Outbox, least: Importance) -> None:
     for importance in ALL:
         box.add(rows(importance, 2))
-    while box.give_way({}, least):
+    while box.evict({}, least):
         pass
     assert {each for each in ALL if not box.rows[each]} == {each for each in ALL if each >= least}
 
@@ -104,12 +104,12 @@ def test_up_to_its_limit_an_outbox_is_not_too_full(tmp_path: Path) -> None:
 def test_what_has_waited_as_long_as_it_may_stays_and_a_second_later_it_goes(box: Outbox) -> None:
     box.add([row for each in ALL for row in rows(each, 1)])
     box.lived_s = 100
-    assert box.forget_old({}) == 0
+    assert box.expire({}) == 0
     box.lived_s = 101
-    assert box.forget_old({Importance.MEDIA: (1, 1)}) == 2  # its picture is on its way
+    assert box.expire({Importance.MEDIA: (1, 1)}) == 2  # its picture is on its way
     assert {each for each in ALL if not box.rows[each]} == {
         Importance.OBSERVATION, Importance.NETWORK}
-    assert box.forget_old({}) == 1
+    assert box.expire({}) == 1
     assert box.rows[Importance.ALARM] == box.rows[Importance.EVENT] == 1
 
 
@@ -122,7 +122,7 @@ class FullDisk:
         self.now_s = 1000.0
         self.said: list[str] = []
         self.numbers = count()
-        self.keeper: Keeper = keeper_in(folder, lambda: self.now_s, self.said)
+        self.keeper: RecordQueue = keeper_in(folder, lambda: self.now_s, self.said)
         for each in waiting:
             self.keep(each, 400)
         db = self.keeper.outbox._db
@@ -190,7 +190,7 @@ def test_what_gives_way_for_several_records_is_judged_by_the_most_important_of_t
 # ---- in memory -------------------------------------------------------------------------------
 
 def test_of_what_the_disk_did_not_take_the_oldest_of_the_least_important_is_dropped() -> None:
-    spare = Spare()
+    spare = MemoryFallback()
     assert spare.add(rows(Importance.ALARM, 10), []) == []
     assert spare.add(rows(Importance.NETWORK, 5, 100), []) == []
     assert spare.add(rows(Importance.OBSERVATION, ROWS_MOST - 15, 200), []) == []
@@ -202,6 +202,6 @@ def test_of_what_the_disk_did_not_take_the_oldest_of_the_least_important_is_drop
 
 
 def test_what_was_not_written_is_written_in_order_the_most_important_first() -> None:
-    spare = Spare()
+    spare = MemoryFallback()
     spare.add([*rows(Importance.NETWORK, 1, 1), *rows(Importance.ALARM, 2, 5)], [])
     assert [each.seq for each in spare.rows()] == [5, 6, 1]

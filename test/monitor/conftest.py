@@ -26,6 +26,7 @@ import asyncio
 from collections.abc import Callable
 from collections.abc import Iterator
 import io
+import json
 import os
 from pathlib import Path
 import shutil
@@ -82,6 +83,32 @@ class Monitor:
             headers = logged_in(self.services, name, role_of(role), people)
             self._cookies[key] = headers['Cookie'].partition('=')[2]
         return self._cookies[key]
+
+
+@pytest.fixture(scope='session', autouse=True)
+def _models_change_nothing() -> Iterator[None]:
+    """Fail where an answer is not, key by key, what its function returned."""
+    try:
+        from fastapi import routing
+        from fastapi.encoders import jsonable_encoder
+    except ImportError:
+        yield
+        return
+    original, odd = routing.serialize_response, []
+
+    async def checked(**options: Any) -> Any:
+        found = await original(**options)
+        shown = json.loads(found) if isinstance(found, bytes) else found
+        made = jsonable_encoder(options.get('response_content'),
+                                exclude_unset=bool(options.get('exclude_unset')))
+        if json.dumps(made, sort_keys=True) != json.dumps(shown, sort_keys=True):
+            odd.append((made, shown))
+        return found
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(routing, 'serialize_response', checked)
+        yield
+    assert odd[:3] == []
 
 
 def _chromium() -> str:

@@ -37,9 +37,9 @@ from monitor_server import Page
 from monitor_server import quick_services
 from monitor_server import served
 import pytest
-from rt_robot_os.monitor.live import hub as hub_module
 from rt_robot_os.messages.uplink.live import WantedSignals
 from rt_robot_os.messages.uplink.messages import UplinkMessage
+from rt_robot_os.monitor.live import hub as hub_module
 from rt_robot_os.monitor.live.fan_out import WANTED_MOST
 from rt_robot_os.monitor.live.hub import Hub
 from rt_robot_os.monitor.live.memory_use import memory_of
@@ -189,7 +189,7 @@ def test_many_watches_in_a_row_are_one_wish_to_the_robot(monkeypatch: pytest.Mon
 
     async def scene() -> None:
         hub, connection = Hub(2.0, 1.0), Recorder()
-        robot = hub.known('robot')
+        robot = hub.get_or_create('robot')
         hub.connect(robot, connection, 1)  # type: ignore[arg-type]
         outlet = SimpleNamespace(offer=lambda make: None, withdraw=lambda make: None)
         for number in range(WANTED_MOST + 50):

@@ -120,7 +120,7 @@ def test_who_keeps_the_server_waiting_is_cut_off_and_who_waits_for_it_is_not(
         all_.made(each)  # type: ignore[arg-type]
     all_.works(busy)  # type: ignore[arg-type]
     with closing(asyncio.new_event_loop()) as loop, pytest.raises(asyncio.CancelledError):
-        loop.run_until_complete(all_.look())
+        loop.run_until_complete(all_.check_timeouts())
     assert slow.gone_at and again.gone_at
     assert not busy.gone_at
     assert all_.counts['too_slow'] == 2

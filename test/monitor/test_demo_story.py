@@ -49,7 +49,7 @@ class Scene:
         self.now_s = 1000.0
         self.fault = ''
         self.hub = Hub(1.0, 1.0)
-        self.robot = self.hub.known('1', 'demo')
+        self.robot = self.hub.get_or_create('1', 'demo')
         self.story = Story(self.hub, 'demo', self._order, self.lines.append, lambda: self.now_s)
 
     def _order(self, what: str) -> None:

@@ -36,7 +36,7 @@ from playwright.sync_api import expect  # noqa: E402
 from processes import wait_until  # noqa: E402
 from rt_robot_os import monitor  # noqa: E402
 from rt_robot_os.gateway.drive_limits import Limits  # noqa: E402
-from rt_robot_os.gateway.pilot import Pilot  # noqa: E402
+from rt_robot_os.gateway.teleop_controller import TeleopController  # noqa: E402
 from rt_robot_os.messages.uplink.driving import DriveBegin  # noqa: E402
 from rt_robot_os.messages.uplink.driving import DriveCommand  # noqa: E402
 from rt_robot_os.messages.uplink.messages import encode  # noqa: E402
@@ -65,7 +65,7 @@ class DrivenRobot(FakeRobot):
 
     def __init__(self, url: str) -> None:
         super().__init__(url, script=RobotScript('robot', ('anna', 'bob'), limits=LIMITS))
-        self.pilot = Pilot(Limits(hold_s=HOLD_S, ticket_s=HOLD_S))
+        self.controller = TeleopController(Limits(hold_s=HOLD_S, ticket_s=HOLD_S))
         self.order = (0.0, 0.0)
         self.moved = 0
         self.beats = True
@@ -91,9 +91,9 @@ class DrivenRobot(FakeRobot):
                 message = self.received[seen]
                 seen += 1
                 self._obey(message)
-            if time.monotonic() >= due and self.pilot.lease and self.beats:
+            if time.monotonic() >= due and self.controller.lease and self.beats:
                 due = time.monotonic() + 0.05
-                pilot = self.pilot
+                pilot = self.controller
                 self.send(encode('beat', {
                     'n': pilot.beat(time.monotonic_ns()), 'lease': pilot.lease, 'seq': pilot.seq,
                     'armed': pilot.is_armed, 'moves': pilot.moves, 'rtt_ms': 12.0, 'runs': True,
@@ -104,11 +104,11 @@ class DrivenRobot(FakeRobot):
     def _obey(self, message: dict[str, Any]) -> None:
         kind = message['kind']
         if kind == 'drive':
-            order = self.pilot.take(DriveCommand.from_json(message), time.monotonic_ns())
+            order = self.controller.take(DriveCommand.from_json(message), time.monotonic_ns())
         elif kind == 'drive_begin':
-            order = self.pilot.begin(DriveBegin.from_json(message))
+            order = self.controller.begin(DriveBegin.from_json(message))
         elif kind == 'drive_end':
-            order = self.pilot.end(message['lease'])
+            order = self.controller.end(message['lease'])
         else:
             return
         if order is not None:

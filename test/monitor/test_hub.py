@@ -27,8 +27,8 @@ import pytest
 from rt_robot_os.messages.uplink.commands import CommandAnswer
 from rt_robot_os.messages.uplink.commands import RobotCommand
 from rt_robot_os.messages.uplink.messages import UplinkMessage
-from rt_robot_os.monitor.live.hub import AwayError
 from rt_robot_os.monitor.live.hub import Hub
+from rt_robot_os.monitor.live.hub import RobotUnavailable
 from rt_robot_os.monitor.live.robot_state import RobotState
 
 HEARTBEAT_S = 2.0
@@ -59,7 +59,7 @@ class Scene:
 
     def __init__(self) -> None:
         self.hub = Hub(HEARTBEAT_S, 60.0)
-        self.robots = {name: self.hub.known(name) for name in ('r1', 'r2')}
+        self.robots = {name: self.hub.get_or_create(name) for name in ('r1', 'r2')}
         self.links = {name: Link() for name in self.robots}
         for name, robot in self.robots.items():
             self.hub.connect(robot, self.links[name], 1)
@@ -145,7 +145,7 @@ def test_a_robot_that_goes_away_fails_its_own_commands_and_no_others() -> None:
         gone, number = await it.command('r1')
         other, elsewhere = await it.command('r2')
         it.hub.disconnect(it.robots['r1'], it.links['r1'])
-        with pytest.raises(AwayError):
+        with pytest.raises(RobotUnavailable):
             await gone
         it.answer('r1', number)
         assert it.late('r1') == 1
@@ -170,10 +170,10 @@ def test_a_connection_that_was_replaced_takes_nothing_away_when_it_ends() -> Non
 def test_a_robot_that_does_not_read_or_is_away_cannot_be_asked() -> None:
     async def scene(it: Scene) -> None:
         it.links['r1'].room = False
-        with pytest.raises(AwayError):
+        with pytest.raises(RobotUnavailable):
             await it.hub.command(it.robots['r1'], 'stop', {}, 'mary')
         it.hub.disconnect(it.robots['r2'], it.links['r2'])
-        with pytest.raises(AwayError):
+        with pytest.raises(RobotUnavailable):
             await it.hub.command(it.robots['r2'], 'stop', {}, 'mary')
 
     play(scene)
@@ -184,7 +184,7 @@ def test_a_robot_that_does_not_read_or_is_away_cannot_be_asked() -> None:
 def looked(it: Scene, at_s: float, robot: RobotState) -> bool:
     """Return whether a robot is silent at a time."""
     asyncio.get_running_loop().time = lambda: at_s  # type: ignore[method-assign]
-    it.hub.look()
+    it.hub.check_timeouts()
     return robot.silent
 
 
@@ -197,7 +197,7 @@ def test_a_robot_is_silent_when_more_than_three_heart_beats_are_missing() -> Non
         assert looked(it, began_s + 3 * HEARTBEAT_S + 1e-3, robot)
         assert robot.counts['silences'] == 1
         assert looked(it, began_s + 100.0, robot) and robot.counts['silences'] == 1
-        it.hub.heard(robot, 5)
+        it.hub.touch(robot, 5)
         assert not robot.silent and robot.last_seen_ns == 5
         assert not looked(it, began_s + 100.0 + 2.9 * HEARTBEAT_S, robot)
         assert looked(it, began_s + 100.0 + 3.1 * HEARTBEAT_S, robot)

@@ -31,7 +31,7 @@ from monitor_server import quick_services
 from monitor_server import served
 import pytest
 from rt_robot_os.messages.uplink.media import PictureFrame
-from rt_robot_os.monitor.live.media_connection import may_look
+from rt_robot_os.monitor.live.media_connection import may_view_cameras
 from rt_robot_os.monitor.live.robot_media import captured_ns
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.services import Services
@@ -159,11 +159,12 @@ def test_looking_is_in_the_audit(
 
 def test_a_camera_is_for_those_who_may_see_everybody_who_lives_there() -> None:
     flat = RobotState('r', 'r', people=frozenset({'anna', 'bob'}))
-    assert may_look(None, flat)
-    assert may_look(frozenset({'anna', 'bob', 'carl'}), flat)
-    assert not may_look(frozenset({'anna'}), flat)
-    assert not may_look(frozenset({'anna'}), RobotState('r', 'r'))  # nobody knows who lives there
-    assert not may_look(None, None)
+    assert may_view_cameras(None, flat)
+    assert may_view_cameras(frozenset({'anna', 'bob', 'carl'}), flat)
+    assert not may_view_cameras(frozenset({'anna'}), flat)
+    unknown = RobotState('r', 'r')  # its residents are not known
+    assert not may_view_cameras(frozenset({'anna'}), unknown)
+    assert not may_view_cameras(None, None)
 
 
 @pytest.mark.parametrize(('header', 'expected_ns'), [

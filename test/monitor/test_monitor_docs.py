@@ -24,8 +24,8 @@ from urllib.parse import parse_qs
 from monitor_server import quick_services
 import pytest
 from rt_robot_os.base.schema import declared
-from rt_robot_os.messages.uplink import greeting
 from rt_robot_os.gateway.command import run as run_gateway
+from rt_robot_os.messages.uplink import greeting
 from rt_robot_os.messages.uplink.frames import FRAME_BYTES
 from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
 from rt_robot_os.monitor import connections
@@ -33,9 +33,9 @@ from rt_robot_os.monitor.api.commands import NEEDS
 from rt_robot_os.monitor.app import create_app
 from rt_robot_os.monitor.command import run as run_monitor
 from rt_robot_os.monitor.live import client_connection
-from rt_robot_os.monitor.live import outlet
 from rt_robot_os.monitor.live import robot_connection
 from rt_robot_os.monitor.live import robot_state
+from rt_robot_os.monitor.live import send_queue
 from rt_robot_os.monitor.security import audit
 from rt_robot_os.monitor.security import outage
 from rt_robot_os.monitor.security import protection
@@ -63,7 +63,7 @@ LIMITS = {
     'rows of the audit': (f'{audit._WAITING:,}',)}
 #: What promises say in figures.
 PROMISES = (f'{connections.UNSENT_BYTES >> 10} KB in the system',
-            f'up to {outlet.URGENT_MOST} urgent messages',
+            f'up to {send_queue.URGENT_MOST} urgent messages',
             f'after {connections.STALLED_S:g} s',
             f'for {outage.OUTAGE_S / 3600:g} hours')
 

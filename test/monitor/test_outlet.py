@@ -27,10 +27,10 @@ from hypothesis import settings
 from hypothesis import strategies
 from rt_robot_os.monitor.live.fan_out import FanOut
 from rt_robot_os.monitor.live.hub import Hub
-from rt_robot_os.monitor.live.outlet import Outlet
-from rt_robot_os.monitor.live.outlet import URGENT_MOST
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.robot_state import RobotState
+from rt_robot_os.monitor.live.send_queue import SendQueue
+from rt_robot_os.monitor.live.send_queue import URGENT_MOST
 
 ALL = Rights(None, True)
 
@@ -68,9 +68,9 @@ async def settle() -> None:
         await asyncio.sleep(0)
 
 
-def opened(peer: Peer) -> tuple[Outlet, asyncio.Task[None]]:
+def opened(peer: Peer) -> tuple[SendQueue, asyncio.Task[None]]:
     """Return the sending side to a peer, at work."""
-    outlet = Outlet(peer)  # type: ignore[arg-type]
+    outlet = SendQueue(peer)  # type: ignore[arg-type]
     return outlet, asyncio.ensure_future(outlet.run())
 
 
@@ -79,12 +79,12 @@ class Client:
 
     actor: Any = None
 
-    def __init__(self, outlet: Outlet, rights: Rights = ALL) -> None:
+    def __init__(self, outlet: SendQueue, rights: Rights = ALL) -> None:
         self.rights = rights
         self._outlet = outlet
 
-    def say(self, text: str) -> bool:
-        return self._outlet.say(text)
+    def send(self, text: str) -> bool:
+        return self._outlet.send(text)
 
     def close(self, code: int, reason: str) -> None:
         self._outlet.close(code, reason)
@@ -104,7 +104,7 @@ def test_alarms_overtake_signals_and_none_is_left_out() -> None:
         for n in range(1, 300):
             robot.take(n, n, {'speed': [n, n]})
             fan_out.changed(robot)
-            outlet.say(f'{{"kind":"alarm","n":{n}}}')
+            outlet.send(f'{{"kind":"alarm","n":{n}}}')
             await settle()
         peer.reads.set()
         await settle()
@@ -123,7 +123,7 @@ def test_alarms_overtake_signals_and_none_is_left_out() -> None:
 def test_who_stops_reading_changes_nothing_for_others_and_is_closed_when_alarms_pile_up() -> None:
     async def scene() -> None:
         hub = Hub(2.0, 1.0)
-        robot = hub.known('robot')
+        robot = hub.get_or_create('robot')
         robot.lives_with([])
         stopped, quick = Peer(), Peer()
         outlets = [opened(each) for each in (stopped, quick)]
@@ -202,11 +202,11 @@ def test_driving_goes_before_everything_and_only_the_newest() -> None:
         outlet, task = opened(peer)
         peer.reads.clear()
         for n in range(5):
-            outlet.say(f'{{"kind":"want","n":{n}}}')
+            outlet.send(f'{{"kind":"want","n":{n}}}')
         await settle()
         for n in range(9):
-            outlet.say_now('drive', f'{{"kind":"drive","n":{n}}}')
-        outlet.say_now('drive_end', '{"kind":"drive_end"}')
+            outlet.send_urgent('drive', f'{{"kind":"drive","n":{n}}}')
+        outlet.send_urgent('drive_end', '{"kind":"drive_end"}')
         peer.reads.set()
         await settle()
         assert peer.kinds() == ['want', 'drive', 'drive_end', *['want'] * 4]

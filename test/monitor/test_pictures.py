@@ -37,7 +37,7 @@ def gallery_of(*rates: float) -> tuple[Gallery, list[Viewer]]:
     viewers = []
     for rate_hz in rates:
         viewers.append(gallery.open_viewer(lambda: None))
-        viewers[-1].look(KEY, rate_hz)
+        viewers[-1].watch(KEY, rate_hz)
     return gallery, viewers
 
 
@@ -101,8 +101,8 @@ def test_what_is_wanted_is_the_most_that_anybody_wants_and_nothing_when_nobody_l
     changes: list[str] = []
     gallery = Gallery(changes.append)
     one, two = gallery.open_viewer(lambda: None), gallery.open_viewer(lambda: None)
-    one.look(KEY, 2.0)
-    two.look(KEY, 8.0)
+    one.watch(KEY, 2.0)
+    two.watch(KEY, 8.0)
     assert gallery.wanted('robot') == {'camera': 8.0}
     gallery.close_viewer(two)
     assert gallery.wanted('robot') == {'camera': 2.0}
@@ -119,24 +119,24 @@ def test_why_no_picture_comes_is_said_once_to_each_who_looks() -> None:
     key, why = ('robot', 'hall'), {'text': 'unplugged', 'codes': {}}
     gallery.trouble(key, why)  # without a viewer
     early, other = gallery.open_viewer(lambda: None), gallery.open_viewer(lambda: None)
-    early.look(key, 10.0)
-    other.look(('robot', 'door'), 10.0)
+    early.watch(key, 10.0)
+    other.watch(('robot', 'door'), 10.0)
     assert early.next_trouble() is None
     gallery.trouble(key, why)
     late = gallery.open_viewer(lambda: None)
-    late.look(key, 10.0)
+    late.watch(key, 10.0)
     assert [each.next_trouble() for each in (early, late, other)] == [(key, why)] * 2 + [None]
     assert early.next_trouble() is None
     gallery.trouble(key, {'text': '', 'codes': {}})  # there are pictures again
     again = gallery.open_viewer(lambda: None)
-    again.look(key, 10.0)
+    again.watch(key, 10.0)
     assert again.next_trouble() is None
 
 
 def test_cameras_take_turns() -> None:
     gallery, (viewer,) = gallery_of(30.0)
     other = 'robot', 'other'
-    viewer.look(other, 30.0)
+    viewer.watch(other, 30.0)
     got = []
     for n in range(1, 21):
         show(gallery, n)
@@ -152,7 +152,7 @@ def test_nobody_looks_at_any_number_of_cameras() -> None:
     gallery, (viewer,) = gallery_of(30.0)
     with pytest.raises(ValueError, match='16 cameras'):
         for n in range(CAMERAS_MOST + 1):
-            viewer.look(('robot', str(n)), 1.0)
+            viewer.watch(('robot', str(n)), 1.0)
 
 
 @given(st.lists(st.tuples(st.sampled_from(['put', 'next', 'taken', 'odd']),

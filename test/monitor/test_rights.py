@@ -26,7 +26,7 @@ from hypothesis import strategies
 import pytest
 from rt_robot_os.monitor.live.fan_out import Group
 from rt_robot_os.monitor.live.hub import Hub
-from rt_robot_os.monitor.live.media_connection import may_look
+from rt_robot_os.monitor.live.media_connection import may_view_cameras
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.rights import without
 from rt_robot_os.monitor.live.robot_state import RobotState
@@ -87,7 +87,7 @@ def test_an_alarm_of_another_is_nobodys_business_and_a_text_names_nobody_else() 
 def test_a_robot_without_anybody_granted_does_not_exist() -> None:
     hub = Hub(2.0, 1.0)
     for name, people in (('r1', ['bob']), ('r2', ['anna']), ('r3', []), ('r4', None)):
-        hub.known(name).lives_with(people)  # of the last nobody has confirmed them
+        hub.get_or_create(name).lives_with(people)  # of the last nobody has confirmed them
     assert [each.id for each in hub.seen(ANNA)] == ['r2']
     assert [each.id for each in hub.seen(Rights(None, False))] == ['r1', 'r2', 'r3', 'r4']
     actor = SimpleNamespace(people=frozenset({'anna'}), may=lambda permission: True)
@@ -101,9 +101,10 @@ def test_a_robot_without_anybody_granted_does_not_exist() -> None:
 def test_who_is_not_granted_everybody_does_not_look_through_a_camera(
         people: frozenset[str] | None) -> None:
     robot = RobotState('r1', 'r1', people)
-    assert not may_look(frozenset(), robot) and not may_look(frozenset({'anna'}), robot)
-    assert may_look(None, robot)
-    assert may_look(frozenset({'anna', 'bob'}), robot) is bool(people)
+    assert not may_view_cameras(frozenset(), robot)
+    assert not may_view_cameras(frozenset({'anna'}), robot)
+    assert may_view_cameras(None, robot)
+    assert may_view_cameras(frozenset({'anna', 'bob'}), robot) is bool(people)
 
 
 def test_who_may_not_see_health_sees_where_somebody_is_and_no_sign_of_theirs() -> None:

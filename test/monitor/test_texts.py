@@ -43,8 +43,9 @@ HOLE: Final = re.compile(r'\{(\w+)(?::\w+)?\}')
 SAMPLES: Final = ('7', 'anna', 'person', 'fall: smoke', '')
 
 #: Where texts for people are made: of which calls which arguments, by their place or name.
-SERVER: Final = {'refusal': (1, 2), '_refuse': (2, 3), 'AccountError': (0, 1), 'AwayError': (0, 1),
-                 'ended': (0,), '_gone': (1,), 'HTTPException': (1,)}
+SERVER: Final = {
+    'refusal': (1, 2), '_refuse': (2, 3), 'AccountError': (0, 1), 'RobotUnavailable': (0, 1),
+    'ended': (0,), '_gone': (1,), 'HTTPException': (1,)}
 ROBOT: Final = (
     ('features/alarms/alarm_table.py', {'note': ('why',), '_raise': ('why',), 'close': ('why',)}),
     ('features/alarms/escalation.py', {'note': ('why',), '_failed': (2,)}),

@@ -88,7 +88,7 @@ class Monitor:
         #: What the pages of an admin and of a viewer were told.
         self.told: dict[str, list[str]] = {'adam': [], 'vera': []}
         pages = [SimpleNamespace(actor=SimpleNamespace(may=PERMISSIONS[role].__contains__),
-                                 say=self.told[name].append)
+                                 send=self.told[name].append)
                  for name, role in (('adam', Role.ADMIN), ('vera', Role.VIEWER))]
         self.services: Any = SimpleNamespace(accounts=self.accounts, audit=self.accounts.audit,
                                              hub=SimpleNamespace(clients=pages))

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from rt_robot_os.gateway.keeper import Keeper
-from rt_robot_os.gateway.part import Ways
+from rt_robot_os.gateway.part import GatewayContext
+from rt_robot_os.gateway.record_queue import RecordQueue
 from rt_robot_os.gateway.settings import GatewaySettings
 
 
@@ -35,9 +35,10 @@ class NoNetwork:
         pass
 
 
-def keeper_in(folder: Path, clock: Any, said: list[str], **more: Any) -> Keeper:
+def keeper_in(folder: Path, clock: Any, said: list[str], **more: Any) -> RecordQueue:
     """Make what keeps records in a folder; the caller steps it."""
     none: Any = None
     server: Any = NoNetwork()
-    ways = Ways(none, server, GatewaySettings(**more), none, none, said.append, folder)
-    return Keeper(ways, str(uuid4()), clock)
+    context = GatewayContext(none, server, GatewaySettings(**more), none, none, said.append,
+                             folder)
+    return RecordQueue(context, str(uuid4()), clock)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How important a record is: what is sent first, and what gives way when the disk is full."""
+"""How important a record is: what is sent first, and evicted last when the disk is full."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from enum import IntEnum
 
 
 class Importance(IntEnum):
-    """A class of records; a smaller number goes first, a larger one gives way first."""
+    """A class of records; a smaller number is sent first, a larger one evicted first."""
 
     #: The life of an alarm.
     ALARM = 0

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How fast somebody may drive from afar: a bound that page, server and robot all keep."""
+"""How fast a remote driver may drive: a bound that page, server and robot all apply."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def bounded(linear_m_s: float, angular_rad_s: float, most_linear_m_s: float,
     Not a rectangle: so the wheels turn little faster on a curve than straight ahead, and the robot
     stands after the same time.
 
-    :param most_linear_m_s: fastest ahead or back, in m/s; 0: it stands.
+    :param most_linear_m_s: fastest ahead or back, in m/s; 0: it must stand.
     :param most_angular_rad_s: fastest turn, in rad/s; 0: it does not turn.
     :return: ahead in m/s, turning in rad/s.
     """

@@ -29,11 +29,11 @@ async def end(tasks: Sequence[asyncio.Task[Any]]) -> None:
     Cancel tasks, and wait until they have ended.
 
     Before Python 3.12 a cancellation is lost in ``asyncio.wait_for`` when what that waits for
-    comes at the same moment: who cancels only once waits for ever.
+    comes at the same moment: a single cancellation may wait for ever.
     """
     waiting = set(tasks)
     while waiting:
         for each in waiting:
             each.cancel()
         _, waiting = await asyncio.wait(waiting, timeout=_AGAIN_S)
-    await asyncio.gather(*tasks, return_exceptions=True)  # nobody else asks how they ended
+    await asyncio.gather(*tasks, return_exceptions=True)  # their results are read

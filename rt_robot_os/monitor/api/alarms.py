@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Alarms: those that are open, those that were, and what somebody noted about them."""
+"""Alarms: the open ones, those of the past, and notes about them."""
 
 from __future__ import annotations
 
@@ -28,6 +28,10 @@ from pydantic import Field
 from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.api.answers import unknown
+from rt_robot_os.monitor.api.models import AlarmDetails
+from rt_robot_os.monitor.api.models import CodedAlarm
+from rt_robot_os.monitor.api.models import Done
+from rt_robot_os.monitor.api.models import NoteAdded
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
 from rt_robot_os.monitor.security.guard import Permission
@@ -40,7 +44,7 @@ Time = Annotated[int, Query(ge=0, le=TIME_MOST)]
 
 
 class Note(BaseModel):
-    """What somebody notes."""
+    """A note of a user."""
 
     text: str = Field(min_length=1, max_length=1000)
 
@@ -56,7 +60,7 @@ def router(services: Services) -> APIRouter:
             return None
         return robot.alarm_shown(alarm, hub.rights_of(actor))
 
-    @found.get('')
+    @found.get('', response_model=list[CodedAlarm], response_model_exclude_unset=True)
     def alarms(robot: str | None = None, is_open: Annotated[bool | None, Query(alias='open')]
                = None, since_ns: Time = 0, limit: Annotated[int, Query(ge=1, le=1000)] = 200,
                actor: Actor = Depends(allowed(Permission.SEE))) -> list[dict[str, Any]]:
@@ -68,7 +72,8 @@ def router(services: Services) -> APIRouter:
             raise away(error) from error
         return [each for each in (seen(actor, row) for row in rows) if each is not None]
 
-    @found.get('/{robot}/{alarm:path}')
+    @found.get('/{robot}/{alarm:path}',
+               response_model=AlarmDetails, response_model_exclude_unset=True)
     def one_alarm(robot: str, alarm: str, actor: Actor = Depends(allowed(Permission.SEE))
                   ) -> dict[str, Any]:
         """Return an alarm with its events, notes and media."""
@@ -80,7 +85,7 @@ def router(services: Services) -> APIRouter:
             raise unknown('alarm')
         return shown
 
-    @found.post('/{robot}/{alarm:path}/notes', status_code=201)
+    @found.post('/{robot}/{alarm:path}/notes', status_code=201, response_model=NoteAdded)
     def note(robot: str, alarm: str, note: Note,
              actor: Actor = Depends(allowed(Permission.ACKNOWLEDGE))) -> dict[str, Any]:
         """Note something about an alarm; it is stored when this answers with its ``id``."""
@@ -95,7 +100,7 @@ def router(services: Services) -> APIRouter:
         services.audit.note(actor, 'alarm.note', f'{robot}/{alarm}', text=note.text)
         return {'ok': True, 'id': number}
 
-    @found.delete('/{robot}/{alarm:path}/notes/{note}')
+    @found.delete('/{robot}/{alarm:path}/notes/{note}', response_model=Done)
     def withdraw(robot: str, alarm: str, note: Annotated[int, Path(ge=0, le=TIME_MOST)],
                  actor: Actor = Depends(allowed(Permission.ACKNOWLEDGE))) -> dict[str, bool]:
         """Withdraw a note of one's own within a minute; the audit has that it was there."""

@@ -32,14 +32,14 @@ def refusal(status: int, text: str, remedy: str) -> HTTPException:
 
 def unknown(what: str) -> HTTPException:
     """
-    Make the answer for what does not exist, or not for who asks.
+    Make the answer for what does not exist, or not for this user.
 
-    The two are answered alike, so that nobody learns of whom or what they may not see.
+    The two are answered alike, so that a user learns nothing of what they may not see.
     """
     return refusal(404, f'there is no such {what}', 'look at the list of those that you may see')
 
 
 def away(error: StoreError) -> HTTPException:
-    """Make the answer for a database that cannot be asked now."""
+    """Make the answer for a database that is not available now."""
     return refusal(503, f'the database cannot be used now: {error}',
                    'try again in a moment; what is live goes on')

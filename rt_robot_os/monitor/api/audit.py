@@ -26,6 +26,8 @@ from fastapi import Depends
 from fastapi import Query
 from fastapi.responses import StreamingResponse
 from rt_robot_os.messages.texts.coded import coded
+from rt_robot_os.monitor.api.models import AuditRows
+from rt_robot_os.monitor.api.models import AuditVerdict
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
 from rt_robot_os.monitor.security.guard import Permission
@@ -39,7 +41,7 @@ def router(services: Any) -> APIRouter:
     audit = services.audit
     found = APIRouter(prefix='/api/audit', tags=['audit'])
 
-    @found.get('')
+    @found.get('', response_model=AuditRows)
     def rows(before: int = Query(_SEQ, ge=1, le=_SEQ), limit: int = Query(100, ge=1, le=1000),
              name: str = Query('', max_length=64), action: str = Query('', max_length=64),
              actor: Actor = _AUDIT) -> dict[str, Any]:
@@ -48,7 +50,7 @@ def router(services: Any) -> APIRouter:
                                    action=action.replace('\0', '')),
                 'waiting': audit.waiting, 'lost': audit.lost}
 
-    @found.get('/verify')
+    @found.get('/verify', response_model=AuditVerdict)
     def verify(actor: Actor = _AUDIT) -> dict[str, Any]:
         verdict = audit.verify()
         audit.note(actor, 'audit.verify', 'audit', rows=verdict.rows, problems=verdict.problems)

@@ -22,7 +22,7 @@ from fastapi import APIRouter
 from fastapi import WebSocket
 from rt_robot_os.monitor.live.client_connection import ClientConnection
 from rt_robot_os.monitor.live.media_connection import BrowserMedia
-from rt_robot_os.monitor.live.media_connection import may_look
+from rt_robot_os.monitor.live.media_connection import may_view_cameras
 from rt_robot_os.monitor.live.media_connection import MediaHub
 from rt_robot_os.monitor.security.accounts import Revoked
 from rt_robot_os.monitor.security.guard import Permission
@@ -65,7 +65,7 @@ def router(services: Services) -> APIRouter:
             return
         viewer = BrowserMedia(
             websocket, media.gallery, actor.session,
-            lambda robot: may_look(actor.people, services.hub.robots.get(robot)),
+            lambda robot: may_view_cameras(actor.people, services.hub.robots.get(robot)),
             lambda key: services.audit.note(actor, 'camera.look', f'{key[0]}/{key[1]}'))
         viewers.add(viewer)
         try:

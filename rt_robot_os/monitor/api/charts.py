@@ -27,6 +27,7 @@ from rt_robot_os.monitor.api.alarms import Time
 from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.api.answers import refusal
 from rt_robot_os.monitor.api.answers import unknown
+from rt_robot_os.monitor.api.models import ShownChart
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
 from rt_robot_os.monitor.security.guard import Permission
@@ -44,7 +45,8 @@ def router(services: Services) -> APIRouter:
         robot = hub.robots.get(alarm['robot'])
         return robot.alarm_shown(alarm, hub.rights_of(actor)) if robot is not None else None
 
-    @found.get('/{person:path}/charts')
+    @found.get('/{person:path}/charts',
+               response_model=ShownChart, response_model_exclude_unset=True)
     def chart(person: str, sign: Annotated[str, Query(max_length=100)], start: Time, end: Time,
               pixels: Annotated[int, Query(ge=1, le=PIXELS_MOST)] = 1000,
               actor: Actor = Depends(allowed(Permission.HEALTH))) -> dict[str, Any]:

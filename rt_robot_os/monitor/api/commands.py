@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What robots are told to do: checked, noted, done once, answered."""
+"""Commands to robots: checked, written to the audit, executed once, answered."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from rt_robot_os.messages.alarm_commands import SILENCE
 from rt_robot_os.messages.alarm_commands import TEST
 from rt_robot_os.monitor.api.answers import refusal
 from rt_robot_os.monitor.api.answers import unknown
-from rt_robot_os.monitor.live.hub import AwayError
+from rt_robot_os.monitor.live.hub import RobotUnavailable
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
@@ -47,7 +47,7 @@ from rt_robot_os.monitor.services import Services
 TEXT_CHARACTERS: Final = 400
 #: That the robot keeps of why.
 REASON_CHARACTERS: Final = 120
-#: Answers that are kept for who asks the same again.
+#: Answers that are kept for requests that are repeated.
 KEPT: Final = 1000
 _OF_AN_ALARM: Final = frozenset({ACKNOWLEDGE, RESOLVE, CANCEL, CONFIRM, NOTE, 'escalate'})
 #: Metres; further than any building.
@@ -59,8 +59,8 @@ NEEDS: Final[dict[str, tuple[Permission, ...]]] = {
     'release': (Permission.DRIVE,), 'goal': (Permission.DRIVE,), 'cancel': (Permission.DRIVE,),
     'agent': (Permission.DRIVE,), 'answer': (Permission.TALK,), 'say': (Permission.TALK,),
     'snapshot': (Permission.CAMERA,)}
-#: What a locked session may still do (decision 100): a stop leaves a robot at rest, whoever
-#: orders it; all else is done in somebody's name, and waits for the password.
+#: What a locked session may still do (decision 100): a stop leaves a robot at rest, no matter who
+#: commands it; all else is done in a user's name, and needs the password.
 WHEN_LOCKED: Final = frozenset({'stop'})
 
 
@@ -120,14 +120,14 @@ class Commands:
 
     async def _done(self, actor: Actor, robot: RobotState, do: str, args: dict[str, Any]
                     ) -> Answer:
-        # Noted beside it, not before it: no audit holds up a stop.
+        # Noted in parallel, not before: the audit must not delay a stop.
         note = self._services.audit.note_soon
         locked = {'locked': True} if actor.locked else {}
         note(actor, f'command.{do}', robot.id, **locked, **{
             f'arg_{key}': value for key, value in args.items()})
         try:
             found = await self._services.hub.command(robot, do, args, actor.name)
-        except AwayError as error:
+        except RobotUnavailable as error:
             note(actor, f'answer.{do}', robot.id, ok=False, text=error.text)
             raise refusal(504 if error.is_late else 409, error.text, error.remedy) from None
         note(actor, f'answer.{do}', robot.id, ok=found.ok, text=found.text)
@@ -187,7 +187,8 @@ def _text(args: dict[str, Any], key: str, default: str | None = None,
     found = ' '.join(''.join(each if each.isprintable() else ' ' for each in value).split()
                      ) if isinstance(value, str) and len(value) <= most else ''
     if not found and (default is None or value):
-        raise refusal(422, f'args.{key} is no text of 1 to {most} characters', f'give args.{key}')
+        raise refusal(422, f'args.{key} must be a string of 1 to {most} characters',
+                      f'give args.{key}')
     return found
 
 
@@ -195,6 +196,6 @@ def _number(args: dict[str, Any], key: str, limit: float) -> float:
     value = args.get(key, 0.0 if key == 'yaw' else None)
     if (not isinstance(value, int | float) or isinstance(value, bool)
             or not math.isfinite(value) or abs(value) > limit):
-        raise refusal(422, f'args.{key} is no number from {-limit:g} to {limit:g}',
+        raise refusal(422, f'args.{key} must be a number from {-limit:g} to {limit:g}',
                       f'give args.{key}')
     return float(value)

@@ -24,6 +24,7 @@ from fastapi import Depends
 from rt_robot_os.messages.uplink.maps import MapMessage
 from rt_robot_os.monitor.api.answers import refusal
 from rt_robot_os.monitor.api.answers import unknown
+from rt_robot_os.monitor.api.models import ShownMap
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
 from rt_robot_os.monitor.security.guard import Permission
@@ -34,7 +35,7 @@ def router(services: Services) -> APIRouter:
     """Return the endpoint."""
     made = APIRouter(prefix='/api', tags=['robots'])
 
-    @made.get('/robots/{robot}/map')
+    @made.get('/robots/{robot}/map', response_model=ShownMap)
     def one_map(robot: str, actor: Actor = Depends(allowed(Permission.SEE))) -> dict[str, Any]:
         """
         Return the map of a robot.

@@ -27,7 +27,8 @@ from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.api.answers import refusal
 from rt_robot_os.monitor.api.answers import unknown
-from rt_robot_os.monitor.live.media_connection import may_look
+from rt_robot_os.monitor.api.models import ShownMedia
+from rt_robot_os.monitor.live.media_connection import may_view_cameras
 from rt_robot_os.monitor.live.media_connection import MediaHub
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.security.guard import Actor
@@ -52,7 +53,7 @@ def router(services: Services) -> APIRouter:
         return row is not None and may_see(
             actor, services.hub.robots.get(row['robot']), row['subject'])
 
-    @found.get('')
+    @found.get('', response_model=list[ShownMedia])
     def media(robot: str | None = None, alarm: str | None = None,
               limit: Annotated[int, Query(ge=1, le=500)] = 100,
               actor: Actor = Depends(allowed(Permission.CAMERA))) -> list[dict[str, Any]]:
@@ -90,10 +91,10 @@ def router(services: Services) -> APIRouter:
 
 def may_see(actor: Actor, robot: RobotState | None, subject: str) -> bool:
     """
-    Return whether somebody may see a picture.
+    Return whether a user may see a picture.
 
-    :param subject: whom its alarm is about. It shows them; one that is about nobody, such as of
-        smoke, shows whoever is there.
+    :param subject: the person that its alarm is about, and whom it shows; a picture of another
+        alarm, such as of smoke, shows anyone who is there.
     """
     if actor.people is None:
         return True
@@ -101,4 +102,4 @@ def may_see(actor: Actor, robot: RobotState | None, subject: str) -> bool:
         return False
     if subject in robot.people:
         return subject in actor.people
-    return may_look(actor.people, robot)
+    return may_view_cameras(actor.people, robot)

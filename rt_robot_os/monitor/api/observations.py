@@ -27,6 +27,7 @@ from rt_robot_os.monitor.api.alarms import Time
 from rt_robot_os.monitor.api.alarms import TIME_MOST
 from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.api.answers import unknown
+from rt_robot_os.monitor.api.models import ShownObservation
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
 from rt_robot_os.monitor.security.guard import Permission
@@ -37,7 +38,7 @@ def router(services: Services) -> APIRouter:
     """Return the endpoints."""
     found = APIRouter(prefix='/api', tags=['observations'])
 
-    @found.get('/observations')
+    @found.get('/observations', response_model=list[ShownObservation])
     def observations(person: Annotated[str, Query(max_length=100)],
                      sign: Annotated[str | None, Query(max_length=100)] = None,
                      start_ns: Time = 0, end_ns: Time = TIME_MOST,
@@ -60,7 +61,7 @@ def router(services: Services) -> APIRouter:
             raise away(error) from error
         return found
 
-    @found.get('/people/{person:path}/latest')
+    @found.get('/people/{person:path}/latest', response_model=list[ShownObservation])
     def latest(person: str, actor: Actor = Depends(allowed(Permission.HEALTH))
                ) -> list[dict[str, Any]]:
         """Return the newest observation of each sign of a person."""

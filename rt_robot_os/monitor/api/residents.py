@@ -24,6 +24,8 @@ from pydantic import Field
 from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.api.answers import away
 from rt_robot_os.monitor.api.answers import refusal
+from rt_robot_os.monitor.api.models import ConfirmedPeople
+from rt_robot_os.monitor.api.models import ShownHousehold
 from rt_robot_os.monitor.api.session import Strict
 from rt_robot_os.monitor.live.residents import apply
 from rt_robot_os.monitor.security.guard import Actor
@@ -45,7 +47,7 @@ def router(services: Services) -> APIRouter:
     found = APIRouter(prefix='/api/residents', tags=['residents'])
     accounts = services.accounts
 
-    @found.get('')
+    @found.get('', response_model=list[ShownHousehold])
     def residents(actor: Actor = Depends(allowed(Permission.ADMIN))) -> list[dict[str, Any]]:
         """Return each robot; ``people`` is null until they are confirmed once."""
         try:
@@ -54,7 +56,7 @@ def router(services: Services) -> APIRouter:
         except StoreError as error:
             raise away(error) from error
 
-    @found.put('/{robot}')
+    @found.put('/{robot}', response_model=ConfirmedPeople)
     def confirm(robot: str, form: Confirmed,
                 actor: Actor = Depends(allowed(Permission.ADMIN))) -> dict[str, Any]:
         """Set who lives with a robot, in place of whom was set before."""
@@ -66,7 +68,7 @@ def router(services: Services) -> APIRouter:
             raise away(error) from error
         people = sorted(household.people or ())
         accounts.audit.note(actor, 'robot.residents', robot, people=people)
-        # The pages are told now, and records that were set aside are filed within a second.
+        # Pages are notified now, and records that were set aside are filed within a second.
         accounts.soon(apply, services.hub, accounts.residents.all())
         services.store.file_confirmed()
         return {'people': people}

@@ -40,7 +40,7 @@ def router(services: Services) -> APIRouter:
             hub.counts['robots_refused'] += 1
             await websocket.close(1013, 'as many robots as there may be are connected')
             return
-        await RobotConnection(services, websocket, hub.known(robot.id, robot.name)).run()
+        await RobotConnection(services, websocket, hub.get_or_create(robot.id, robot.name)).run()
 
     @found.websocket('/robot/media')
     async def robot_media(websocket: WebSocket) -> None:

@@ -21,6 +21,8 @@ from typing import Any
 from fastapi import APIRouter
 from fastapi import Depends
 from rt_robot_os.monitor.api.answers import unknown
+from rt_robot_os.monitor.api.models import ShownPerson
+from rt_robot_os.monitor.api.models import ShownRobot
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
 from rt_robot_os.monitor.security.guard import Permission
@@ -32,13 +34,13 @@ def router(services: Services) -> APIRouter:
     found = APIRouter(prefix='/api', tags=['robots'])
     hub = services.hub
 
-    @found.get('/robots')
+    @found.get('/robots', response_model=list[ShownRobot], response_model_exclude_unset=True)
     async def robots(actor: Actor = Depends(allowed(Permission.SEE))) -> list[dict[str, Any]]:
         """Return the robots that one may see."""
         rights = hub.rights_of(actor)
         return [each.shown(rights) for each in hub.seen(rights)]
 
-    @found.get('/robots/{robot}')
+    @found.get('/robots/{robot}', response_model=ShownRobot, response_model_exclude_unset=True)
     async def one_robot(robot: str, actor: Actor = Depends(allowed(Permission.SEE))
                         ) -> dict[str, Any]:
         """Return a robot."""
@@ -46,7 +48,7 @@ def router(services: Services) -> APIRouter:
             raise unknown('robot')
         return hub.robots[robot].shown(hub.rights_of(actor))
 
-    @found.get('/people')
+    @found.get('/people', response_model=list[ShownPerson])
     async def people(actor: Actor = Depends(allowed(Permission.SEE))) -> list[dict[str, Any]]:
         """Return the people that one may see, each with the robots they live with."""
         return hub.people(hub.rights_of(actor))

@@ -28,6 +28,12 @@ from pydantic import BaseModel
 from pydantic import ConfigDict
 from pydantic import Field
 from rt_robot_os.messages.uplink.messages import encode
+from rt_robot_os.monitor.api.models import EmergencyBegun
+from rt_robot_os.monitor.api.models import Ended
+from rt_robot_os.monitor.api.models import Invited
+from rt_robot_os.monitor.api.models import OwnSession
+from rt_robot_os.monitor.api.models import SetUpNeeded
+from rt_robot_os.monitor.api.models import ShownSession
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.audit import Somebody
 from rt_robot_os.monitor.security.devices import AGE_S as DEVICE_AGE_S
@@ -59,13 +65,13 @@ _PASSWORD: Final = 256
 
 
 class Strict(BaseModel):
-    """A body in which nothing stands that is not expected."""
+    """A body without unexpected fields."""
 
     model_config = ConfigDict(extra='forbid', strict=True)
 
 
 class Login(Strict):
-    """Who wants to come in."""
+    """Name and password of a user."""
 
     name: str = Field(max_length=128)
     password: str = Field(max_length=_PASSWORD)
@@ -99,7 +105,7 @@ class NewPassword(Strict):
 
 
 class Emergency(Strict):
-    """Why somebody must see what is not theirs to see."""
+    """Why a user needs access that they were not granted."""
 
     person: str = Field(min_length=1, max_length=128)
     reason: str = Field(max_length=LONGEST_REASON)
@@ -109,7 +115,7 @@ def from_here(request: Request) -> None:
     """Refuse what another site sent, or a form of it, where there is no session yet to ask."""
     check_origin(request)
     if request.headers.get('content-type', '').partition(';')[0].strip().lower() != _JSON:
-        raise refusal(415, 'this is no JSON', f'send it as {_JSON}')
+        raise refusal(415, 'this is not JSON', f'send it as {_JSON}')
 
 
 def router(services: Any) -> APIRouter:
@@ -133,7 +139,7 @@ class _Door:
     async def compare(self, name: str, stored: str, password: str, address: str,
                       device: str) -> bool:
         """
-        Compare a password; who guesses waits longer and longer, whoever it is about.
+        Compare a password; guesses have to wait longer and longer, for any account.
 
         :param device: the number of a known device, or the id of the session that asks; wrong
             passwords from elsewhere delay neither. Empty: it is a stranger.
@@ -192,11 +198,11 @@ class _Door:
 
 
 def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
-    @found.post('/session', dependencies=[Depends(from_here)])
+    @found.post('/session', dependencies=[Depends(from_here)], response_model=ShownSession)
     async def log_in(login: Login, request: Request, response: Response) -> dict[str, Any]:
         address = address_of(request)
         user = await run_in_threadpool(accounts.users.find, login.name)
-        # Whoever it is, or is not, the same is done and said.
+        # For an unknown name the same is done and answered as for a known one.
         stored = user.password if user is not None else ''
         device = accounts.devices.number(device_cookie_of(request), key_of(login.name))
         is_right = await door.compare(login.name, stored, login.password, address, device)
@@ -211,7 +217,7 @@ def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
             await run_in_threadpool(accounts.users.rehash, user.id, user.password, fresh)
         return await run_in_threadpool(door.let_in, user, request, response, 'session.begin')
 
-    @found.get('/session')
+    @found.get('/session', response_model=ShownSession)
     def who(request: Request, actor: Actor = _ANYBODY) -> dict[str, Any]:
         secret = secret_of(request)
         session = accounts.sessions.find(secret)
@@ -219,7 +225,7 @@ def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
             raise refusal(401, 'you are not logged in', 'log in', 'login')
         return described(session, secret)
 
-    @found.post('/session/unlock')
+    @found.post('/session/unlock', response_model=ShownSession)
     async def unlock(form: Unlock, request: Request, actor: Actor = _ANYBODY) -> dict[str, Any]:
         # Like a stop and an acknowledgement it works also while the database is away.
         secret, sessions = secret_of(request), accounts.sessions
@@ -240,7 +246,7 @@ def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
             raise refusal(401, 'this session has ended', 'log in', 'login')
         return described(session, secret)
 
-    @found.delete('/session')
+    @found.delete('/session', response_model=Ended)
     def log_out(request: Request, response: Response, actor: Actor = _ANYBODY
                 ) -> dict[str, Any]:
         accounts.end_sessions(actor.session)
@@ -248,12 +254,12 @@ def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
         _forget(request, response)
         return {'ended': 1}
 
-    @found.get('/sessions')
+    @found.get('/sessions', response_model=list[OwnSession])
     def own_sessions(actor: Actor = _ANYBODY) -> list[dict[str, Any]]:
         return [{**each, 'is_this': each['id'] == actor.session}
                 for each in accounts.sessions.of(actor.id)]
 
-    @found.delete('/sessions')
+    @found.delete('/sessions', response_model=Ended)
     def log_out_everywhere(request: Request, response: Response, actor: Actor = _ANYBODY
                            ) -> dict[str, Any]:
         count = accounts.end_sessions(user=actor.id)
@@ -261,7 +267,7 @@ def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
         _forget(request, response)
         return {'ended': count}
 
-    @found.delete('/sessions/{session}')
+    @found.delete('/sessions/{session}', response_model=Ended)
     def end_own(session: str, actor: Actor = _ANYBODY) -> dict[str, Any]:
         count = accounts.end_sessions(session, actor.id)
         if not count:
@@ -278,13 +284,13 @@ def _forget(request: Request, response: Response) -> None:
 
 def _add_links(found: APIRouter, accounts: Accounts, door: _Door) -> None:
     gone = ('this link was used, is too old, or was never one',
-            'ask an admin for a new one; for the first account start the monitor anew')
+            'ask an admin for a new one; for the first account restart the monitor')
 
-    @found.get('/setup')
+    @found.get('/setup', response_model=SetUpNeeded)
     def is_needed() -> dict[str, bool]:
         return {'needed': accounts.users.is_empty()}
 
-    @found.post('/setup/check', dependencies=[Depends(from_here)])
+    @found.post('/setup/check', dependencies=[Depends(from_here)], response_model=Invited)
     def check(link: Link) -> dict[str, Any]:
         invitation = accounts.invitations.find(link.token)
         if invitation is None:
@@ -293,7 +299,7 @@ def _add_links(found: APIRouter, accounts: Accounts, door: _Door) -> None:
         return {'first': user is None, 'name': user.name if user else '',
                 'role': user.role.value if user else '', 'expires_ns': invitation.expires_ns}
 
-    @found.post('/setup', dependencies=[Depends(from_here)])
+    @found.post('/setup', dependencies=[Depends(from_here)], response_model=ShownSession)
     async def set_up(form: SetUp, request: Request, response: Response) -> dict[str, Any]:
         invitation = await run_in_threadpool(accounts.invitations.find, form.token)
         if invitation is None:
@@ -314,7 +320,7 @@ def _add_links(found: APIRouter, accounts: Accounts, door: _Door) -> None:
 
 
 def _add_password(found: APIRouter, accounts: Accounts, door: _Door) -> None:
-    @found.post('/password')
+    @found.post('/password', response_model=ShownSession)
     async def change(form: NewPassword, request: Request, response: Response,
                      actor: Actor = _ANYBODY) -> dict[str, Any]:
         user = await run_in_threadpool(accounts.users.get, actor.id)
@@ -331,19 +337,19 @@ def _add_password(found: APIRouter, accounts: Accounts, door: _Door) -> None:
 
 
 def _tell_admins(hub: Any, name: str, person: str, ends_ns: int) -> None:
-    """Tell each page of an admin that somebody opened what is not theirs."""
+    """Notify each page of an admin that a user began an access in an emergency."""
     text = encode('emergency', {'name': name, 'person': person, 'ends_ns': ends_ns})
     for client in list(hub.clients) if hub is not None else ():
         if client.actor.may(Permission.ADMIN):
-            client.say(text)
+            client.send(text)
 
 
 def _add_emergencies(found: APIRouter, accounts: Accounts, hub: Any) -> None:
-    @found.post('/session/emergency')
+    @found.post('/session/emergency', response_model=EmergencyBegun)
     def begin(form: Emergency, request: Request, actor: Actor = _ANYBODY) -> dict[str, Any]:
         session = accounts.sessions.find(secret_of(request))
         if session is None or session.is_locked:
-            raise refusal(401, 'nobody has used this session for a while',
+            raise refusal(401, 'this session was not used for a while',
                           'type your password again', 'locked')
         if actor.role not in MAY_BREAK_GLASS:
             raise refusal(403, f'a {actor.role.value} has no access in emergencies',
@@ -358,7 +364,7 @@ def _add_emergencies(found: APIRouter, accounts: Accounts, hub: Any) -> None:
         accounts.rights_changed(actor.session)
         return {'ends_ns': ends}
 
-    @found.delete('/session/emergency')
+    @found.delete('/session/emergency', response_model=Ended)
     def end(actor: Actor = _ANYBODY) -> dict[str, Any]:
         count = accounts.emergencies.end(actor.session)
         if count:

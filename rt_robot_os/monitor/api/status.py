@@ -23,6 +23,8 @@ from typing import Any
 from fastapi import APIRouter
 from fastapi import Depends
 from fastapi.responses import PlainTextResponse
+from rt_robot_os.monitor.api.models import ServerHealth
+from rt_robot_os.monitor.api.models import ServerStatus
 from rt_robot_os.monitor.connections import Connections
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import allowed
@@ -35,12 +37,12 @@ def router(services: Services) -> APIRouter:
     found = APIRouter(tags=['status'])
     started_ns = time.time_ns()
 
-    @found.get('/healthz')
+    @found.get('/healthz', response_model=ServerHealth)
     async def healthz() -> dict[str, bool]:
-        """Say that the server runs, and whether it can store records; for whoever watches it."""
+        """Say that the server runs, and whether it can store records; for monitoring programs."""
         return {'ok': True, 'storing': not services.writer.fault}
 
-    @found.get('/api/status')
+    @found.get('/api/status', response_model=ServerStatus)
     async def status(actor: Actor = Depends(allowed(Permission.SEE))) -> dict[str, Any]:
         """Return how the server does, and what was counted of the robots that one may see."""
         hub = services.hub

@@ -23,6 +23,15 @@ from fastapi import APIRouter
 from fastapi import Depends
 from fastapi import Request
 from pydantic import Field
+from rt_robot_os.monitor.api.models import AddedRobot
+from rt_robot_os.monitor.api.models import AddedUser
+from rt_robot_os.monitor.api.models import Ended
+from rt_robot_os.monitor.api.models import InvitationToken
+from rt_robot_os.monitor.api.models import ListedSession
+from rt_robot_os.monitor.api.models import Revocation
+from rt_robot_os.monitor.api.models import ShownEmergency
+from rt_robot_os.monitor.api.models import ShownToken
+from rt_robot_os.monitor.api.models import ShownUser
 from rt_robot_os.monitor.api.session import Strict
 from rt_robot_os.monitor.security.accounts import Accounts
 from rt_robot_os.monitor.security.guard import Actor
@@ -37,7 +46,7 @@ from rt_robot_os.monitor.security.users import shown_people
 from rt_robot_os.monitor.security.users import User
 
 _ADMIN: Final = Depends(allowed(Permission.ADMIN))
-_NO_USER: Final = ('there is no such user', 'load the list anew')
+_NO_USER: Final = ('there is no such user', 'load the list again')
 
 
 class NewUser(Strict):
@@ -70,7 +79,7 @@ def router(services: Any) -> APIRouter:
     _add_links(found, accounts)
     _add_robots(found, accounts)
 
-    @found.get('/emergencies')
+    @found.get('/emergencies', response_model=list[ShownEmergency])
     def emergencies(actor: Actor = _ADMIN) -> list[dict[str, Any]]:
         return accounts.emergencies.all()
 
@@ -78,11 +87,11 @@ def router(services: Any) -> APIRouter:
 
 
 def _add_users(found: APIRouter, accounts: Accounts) -> None:
-    @found.get('/users')
+    @found.get('/users', response_model=list[ShownUser])
     def users(actor: Actor = _ADMIN) -> list[dict[str, Any]]:
         return [user.as_dict() for user in accounts.users.all()]
 
-    @found.post('/users', status_code=201)
+    @found.post('/users', status_code=201, response_model=AddedUser)
     def add(form: NewUser, request: Request, actor: Actor = _ADMIN) -> dict[str, Any]:
         try:
             user = accounts.users.add(form.name, _role(form.role), form.people, actor.name)
@@ -92,7 +101,7 @@ def _add_users(found: APIRouter, accounts: Accounts) -> None:
                             people=shown_people(user.people))
         return {**user.as_dict(), 'token': accounts.invitations.make(user.id)}
 
-    @found.patch('/users/{user}')
+    @found.patch('/users/{user}', response_model=ShownUser)
     def change(user: str, form: Change, actor: Actor = _ADMIN) -> dict[str, Any]:
         before = _user(accounts, user)
         try:
@@ -103,18 +112,18 @@ def _add_users(found: APIRouter, accounts: Accounts) -> None:
         accounts.audit.note(actor, 'user.change', after.name, **differences(before, after))
         return after.as_dict()
 
-    @found.get('/users/{user}/sessions')
+    @found.get('/users/{user}/sessions', response_model=list[ListedSession])
     def sessions(user: str, actor: Actor = _ADMIN) -> list[dict[str, Any]]:
         return accounts.sessions.of(_user(accounts, user).id)
 
-    @found.delete('/users/{user}/sessions')
+    @found.delete('/users/{user}/sessions', response_model=Ended)
     def end_all(user: str, actor: Actor = _ADMIN) -> dict[str, int]:
         whose = _user(accounts, user)
         count = accounts.end_sessions(user=whose.id)
         accounts.audit.note(actor, 'session.end_all', whose.name, sessions=count)
         return {'ended': count}
 
-    @found.delete('/users/{user}/sessions/{session}')
+    @found.delete('/users/{user}/sessions/{session}', response_model=Ended)
     def end_one(user: str, session: str, actor: Actor = _ADMIN) -> dict[str, int]:
         whose = _user(accounts, user)
         count = accounts.end_sessions(session, whose.id)
@@ -125,7 +134,7 @@ def _add_users(found: APIRouter, accounts: Accounts) -> None:
 
 
 def _add_links(found: APIRouter, accounts: Accounts) -> None:
-    @found.post('/users/{user}/invitation')
+    @found.post('/users/{user}/invitation', response_model=InvitationToken)
     def invite(user: str, actor: Actor = _ADMIN) -> dict[str, Any]:
         whose = _user(accounts, user)
         if whose.is_disabled:
@@ -136,11 +145,11 @@ def _add_links(found: APIRouter, accounts: Accounts) -> None:
 
 
 def _add_robots(found: APIRouter, accounts: Accounts) -> None:
-    @found.get('/tokens')
+    @found.get('/tokens', response_model=list[ShownToken])
     def robots(actor: Actor = _ADMIN) -> list[dict[str, Any]]:
         return accounts.robots.all()
 
-    @found.post('/tokens', status_code=201)
+    @found.post('/tokens', status_code=201, response_model=AddedRobot)
     def add(form: NewRobot, actor: Actor = _ADMIN) -> dict[str, Any]:
         try:
             robot, token = accounts.robots.add(form.name)
@@ -149,12 +158,12 @@ def _add_robots(found: APIRouter, accounts: Accounts) -> None:
         accounts.audit.note(actor, 'robot.add', robot.name)
         return {'id': robot.id, 'name': robot.name, 'token': token}
 
-    @found.delete('/tokens/{robot}')
+    @found.delete('/tokens/{robot}', response_model=Revocation)
     def revoke(robot: str, actor: Actor = _ADMIN) -> dict[str, int]:
         try:
             name = accounts.revoke_robot(robot)
         except AccountError as error:
-            raise refusal(404, error.text, 'load the list anew') from None
+            raise refusal(404, error.text, 'load the list again') from None
         accounts.audit.note(actor, 'robot.revoke', name)
         return {'revoked': 1}
 
@@ -162,7 +171,7 @@ def _add_robots(found: APIRouter, accounts: Accounts) -> None:
 def change_user(accounts: Accounts, by: str, user: User, role: str | None,
                 people: list[str] | None, is_disabled: bool | None) -> User:
     """
-    Change a user; whose role or state changes must log in anew.
+    Change a user, who has to log in again if role or state change.
 
     :raises AccountError: it cannot be done.
     """

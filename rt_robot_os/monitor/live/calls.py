@@ -39,7 +39,7 @@ from rt_robot_os.messages.uplink.voice import RING
 from rt_robot_os.messages.uplink.voice import SDP_CHARACTERS
 from rt_robot_os.messages.uplink.voice import STATE
 from rt_robot_os.messages.uplink.voice import VoiceMessage
-from rt_robot_os.monitor.live.media_connection import may_look
+from rt_robot_os.monitor.live.media_connection import may_view_cameras
 from rt_robot_os.monitor.security.accounts import Revoked
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import Permission
@@ -49,15 +49,15 @@ from starlette.websockets import WebSocketDisconnect
 
 TEXT_MOST: Final = 80 << 10
 CALLERS_MOST: Final = 50
-#: A robot answers within so long, or never.
+#: A robot answers within this time, or never.
 ANSWER_S: Final = 20.0
 
 
 class Caller:
     """
-    Somebody's connection for one call at a time.
+    A connection of a page, for one call at a time.
 
-    :ivar robot: whom it has rung; empty for none.
+    :ivar robot: that was called; empty for none.
     :ivar name: of the call.
     """
 
@@ -143,7 +143,7 @@ class Calls:
                         raise ValueError('too long')
                     self._take(caller, decode(text))
                 except (KeyError, TypeError, ValueError):
-                    caller.close(4400, 'nobody understands that')
+                    caller.close(4400, 'this message is malformed or unknown')
 
     def _take(self, caller: Caller, message: Mapping[str, Any]) -> None:
         if message['kind'] == 'ring':
@@ -158,8 +158,8 @@ class Calls:
             raise ValueError('no ring')
         hub, actor = self._services.hub, caller.actor
         state = hub.robots.get(robot)
-        # Whoever is there is heard: they have to be granted everybody who lives there.
-        if state is None or not may_look(actor.people, state):
+        # Anyone who is there is heard: the user needs a grant for all who live there.
+        if state is None or not may_view_cameras(actor.people, state):
             caller.ended('there is no such robot, or you may not call it')
             return
         other = self._by_robot.get(robot)
@@ -229,7 +229,7 @@ class Calls:
                                        seconds=round(time.monotonic() - caller.began_s, 1))
 
     def _show(self, robot: str, call: dict[str, Any] | None) -> None:
-        """Have everybody who may see the robot see who talks with it."""
+        """Show all clients that may see the robot who talks with it."""
         state = self._services.hub.robots.get(robot)
         if state is not None:
             state.about = {**state.about, 'call': call}

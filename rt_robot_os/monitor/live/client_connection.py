@@ -26,9 +26,9 @@ from typing import Final
 from fastapi import WebSocket
 from rt_robot_os.monitor.live import turns
 from rt_robot_os.monitor.live.fan_out import Watch
-from rt_robot_os.monitor.live.outlet import Outlet
 from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import RobotState
+from rt_robot_os.monitor.live.send_queue import SendQueue
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.services import Services
 from starlette.websockets import WebSocketDisconnect
@@ -52,7 +52,7 @@ class ClientConnection:
     def __init__(self, services: Services, websocket: WebSocket, actor: Actor) -> None:
         self._hub = services.hub
         self._websocket = websocket
-        self._outlet = Outlet(websocket)
+        self._queue = SendQueue(websocket)
         self.actor = actor
         self.rights = services.hub.rights_of(actor)
         self._wanted: dict[str, tuple[str | None, tuple[str, ...], float]] = {}
@@ -60,17 +60,17 @@ class ClientConnection:
         self._tokens = float(MESSAGES_A_SECOND)
         self._filled = 0.0
 
-    def say(self, text: str) -> bool:
+    def send(self, text: str) -> bool:
         """Send something urgent."""
-        return self._outlet.say(text)
+        return self._queue.send(text)
 
     def close(self, code: int, reason: str) -> None:
         """Close it."""
-        self._outlet.close(code, reason)
+        self._queue.close(code, reason)
 
     async def run(self) -> None:
         """Serve it to its end."""
-        writing = asyncio.create_task(self._outlet.run())
+        writing = asyncio.create_task(self._queue.run())
         self._hub.join(self)
         try:
             while True:
@@ -104,12 +104,12 @@ class ClientConnection:
             message = None
         kind = message.get('kind') if isinstance(message, dict) else None
         if kind == 'ping':
-            self.say(encoded({'kind': 'pong', 't': _plain(message.get('t')),
+            self.send(encoded({'kind': 'pong', 't': _plain(message.get('t')),
                               'utc_ns': time.time_ns()}))
         elif kind == 'watch':
             problem = await self._watch(message)
             if problem:
-                self.say(encoded({'kind': 'error', 'text': problem}))
+                self.send(encoded({'kind': 'error', 'text': problem}))
 
     async def _watch(self, message: dict[str, Any]) -> str:
         key, robot = message.get('id', ''), message.get('robot')
@@ -136,7 +136,7 @@ class ClientConnection:
         return self._start(key, wanted) if patterns else ''
 
     async def _turn(self, robot: str | None, starred: int) -> None:
-        """Wait until the user may cause this work; other connections are served meanwhile."""
+        """Wait until the user's quota allows this work; other connections are served meanwhile."""
         names = sum(len(each.signals) for each in self._hub.robots.values()
                     if robot in (None, each.id))
         wait_s = self._hub.turns.wait_s(self.actor.id, names * starred,
@@ -163,7 +163,7 @@ class ClientConnection:
     def _begin(self, key: str, robot: RobotState) -> None:
         wanted, patterns, rate_hz = self._wanted[key]
         if wanted is None or wanted == robot.id:
-            watch = self._hub.fan_out.watch(self._outlet, robot, self.rights, patterns, rate_hz)
+            watch = self._hub.fan_out.watch(self._queue, robot, self.rights, patterns, rate_hz)
             self._watches[key].append((robot, watch))
             self._hub.want(robot)
 
@@ -176,7 +176,7 @@ class ClientConnection:
 
 
 def _plain(value: object) -> object:
-    """Return a number or a short text as it is; None for anything else."""
+    """Return a number or a short string unmodified; None for anything else."""
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value if isinstance(value, int | float) or (

@@ -26,12 +26,12 @@ import asyncio
 import time
 from typing import Final
 
-from rt_robot_os.monitor.live.outlet import Outlet
 from rt_robot_os.monitor.live.patterns import matcher
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.live.robot_state import Signal
+from rt_robot_os.monitor.live.send_queue import SendQueue
 
 #: Patterns that a robot is asked for; beyond that it is asked for everything.
 WANTED_MOST: Final = 256
@@ -42,16 +42,16 @@ _FRAMES_MOST: Final = 16
 class Watch:
     """What one client wants of one robot."""
 
-    def __init__(self, outlet: Outlet, group: Group) -> None:
-        self._outlet = outlet
+    def __init__(self, queue: SendQueue, group: Group) -> None:
+        self._queue = queue
         self._group = group
         self._version = 0
-        outlet.offer(self.frame)
+        queue.offer(self.frame)
         group.watches[self] = None
 
     def is_due(self) -> None:
         """Send what is new when the client's turn comes."""
-        self._outlet.offer(self.frame)
+        self._queue.offer(self.frame)
 
     def frame(self) -> str | None:
         """Return what is new since the last; None for nothing."""
@@ -60,7 +60,7 @@ class Watch:
 
     def end(self) -> None:
         """Send nothing more."""
-        self._outlet.withdraw(self.frame)
+        self._queue.withdraw(self.frame)
         self._group.watches.pop(self, None)
 
 
@@ -130,7 +130,7 @@ class Group:
                 f'"utc_ns":{robot.live_utc_ns},"sent_ns":{time.time_ns()},"signals":{{{body}}}}}')
 
     def _choose(self) -> None:
-        """Choose the signals anew when there are others, or other people."""
+        """Choose the signals again when there are others, or other people."""
         robot = self.robot
         state = (robot.names, robot.named, robot.people)
         if state == self._names_at:
@@ -149,7 +149,7 @@ class FanOut:
     def __init__(self) -> None:
         self._groups: dict[str, dict[tuple[object, ...], Group]] = {}
 
-    def watch(self, outlet: Outlet, robot: RobotState, rights: Rights,
+    def watch(self, queue: SendQueue, robot: RobotState, rights: Rights,
               patterns: tuple[str, ...], rate_hz: float) -> Watch:
         """Begin to send signals of a robot to a client, from its present ones on."""
         groups = self._groups.setdefault(robot.id, {})
@@ -158,7 +158,7 @@ class FanOut:
         group = groups.get((rights, patterns, rate_hz))
         if group is None:
             group = groups[rights, patterns, rate_hz] = Group(robot, rights, patterns, rate_hz)
-        return Watch(outlet, group)
+        return Watch(queue, group)
 
     def changed(self, robot: RobotState) -> None:
         """Send what has changed of a robot to whom it concerns."""
@@ -167,7 +167,7 @@ class FanOut:
                 each.changed()
 
     def wanted(self, robot: str) -> tuple[float, tuple[str, ...]]:
-        """Return the highest rate at which somebody watches a robot, and what they watch."""
+        """Return the highest rate at which a robot is watched, and the patterns."""
         groups = [each for each in self._groups.get(robot, {}).values() if each.watches]
         patterns = {name for each in groups for name in each.patterns}
         return (max((each.rate_hz for each in groups), default=0.0),

@@ -15,8 +15,8 @@
 """
 The robots that are connected and the clients that watch them; for the event loop alone.
 
-Alarms and states of robots go to every client that may see them, at once and in order; signals
-go by watches (:mod:`rt_robot_os.monitor.live.fan_out`).
+Alarms and states of robots are sent to every client that may see them, immediately and in order;
+signals by watches (:mod:`rt_robot_os.monitor.live.fan_out`).
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ BEATS: Final = 3
 WANT_S: Final = 0.5
 
 
-class AwayError(Exception):
-    """The robot cannot be asked now: it is not connected, or did not answer in time."""
+class RobotUnavailable(Exception):
+    """The robot is not connected, or did not answer in time."""
 
     def __init__(self, text: str, remedy: str, is_late: bool = False) -> None:
         super().__init__(text)
@@ -86,7 +86,7 @@ class Client(Protocol):
     def close(self, code: int, reason: str) -> None:
         """Close it."""
 
-    def say(self, text: str) -> bool:
+    def send(self, text: str) -> bool:
         """Send something urgent."""
 
     def robot_came(self, robot: RobotState) -> None:
@@ -97,7 +97,7 @@ class Hub:
     """
     All robots and clients.
 
-    :param heartbeat_s: a robot of which nothing is heard for three of these is silent.
+    :param heartbeat_s: a robot that sends nothing for three of these is silent.
     :param command_s: how long a command may wait for its answer.
     """
 
@@ -125,19 +125,19 @@ class Hub:
 
     @staticmethod
     def rights_of(actor: Actor) -> Rights:
-        """Return what somebody may see."""
+        """Return what a user may see."""
         return Rights(actor.people, actor.may(Permission.HEALTH))
 
     def remember(self, robots: Iterable[Mapping[str, Any]],
                  alarms: Iterable[Mapping[str, Any]]) -> None:
         """Take the robots and open alarms that the database has of before this start."""
         for each in robots:
-            robot = self.known(each['id'], each.get('name') or '')
+            robot = self.get_or_create(each['id'], each.get('name') or '')
             robot.last_seen_ns = each.get('last_seen_ns') or 0
         for each in alarms:
-            self.known(each['robot']).alarms[each['id']] = dict(each)
+            self.get_or_create(each['robot']).alarms[each['id']] = dict(each)
 
-    def known(self, robot: str, name: str = '') -> RobotState:
+    def get_or_create(self, robot: str, name: str = '') -> RobotState:
         """Return a robot; one that is new becomes known to those who watch all."""
         found = self.robots.get(robot)
         if found is None:
@@ -161,7 +161,7 @@ class Hub:
         return None if found is None else found.shown(Rights(None, True))
 
     def may_see_robot(self, actor: Actor, robot: str) -> bool:
-        """Return whether a robot exists for somebody."""
+        """Return whether a user may see a robot."""
         found = self.robots.get(robot)
         return found is not None and self.rights_of(actor).sees_robot(found.people)
 
@@ -179,7 +179,7 @@ class Hub:
         self._connections[robot.id] = connection
         gone_ns = robot.last_seen_ns
         robot.connected, robot.retired = True, False
-        self.heard(robot, now_ns, quietly=True)
+        self.touch(robot, now_ns, quietly=True)
         robot.wanted = (-1.0, ())
         if robot.id in self._wants:  # of its connection before
             self._wants.pop(robot.id).cancel()
@@ -191,7 +191,7 @@ class Hub:
         self.want(robot)
 
     def disconnect(self, robot: RobotState, connection: Connection) -> None:
-        """Forget a connection of a robot; its commands fail at once."""
+        """Forget a connection of a robot; its commands fail immediately."""
         if self._connections.get(robot.id) is not connection:
             return
         del self._connections[robot.id]
@@ -208,7 +208,7 @@ class Hub:
             robot.retired = True
             self.tell_robot(robot)
 
-    def heard(self, robot: RobotState, now_ns: int, quietly: bool = False) -> None:
+    def touch(self, robot: RobotState, now_ns: int, quietly: bool = False) -> None:
         """Note that something has come from a robot."""
         robot.heard = asyncio.get_running_loop().time()
         robot.last_seen_ns = now_ns
@@ -217,8 +217,8 @@ class Hub:
             if not quietly:
                 self.tell_robot(robot)
 
-    def look(self) -> None:
-        """Look which robots are silent; call it about once a heart-beat."""
+    def check_timeouts(self) -> None:
+        """Find the robots that are silent; call it about once a heart-beat."""
         now = asyncio.get_running_loop().time()
         for each in self.robots.values():
             if not each.silent and now - each.heard > BEATS * self._heartbeat_s:
@@ -227,13 +227,13 @@ class Hub:
                 self.tell_robot(each)
 
     def live(self, robot: RobotState) -> None:
-        """Send what is new of a robot to whom it concerns."""
+        """Send what is new of a robot to clients that watch it."""
         self.fan_out.changed(robot)
 
     def events(self, robot: RobotState, events: Iterable[tuple[Mapping[str, Any], int]],
                boot: str = '') -> None:
         """
-        Take events of alarms, and tell everybody who may see them what each alarm has come to.
+        Apply events of alarms, and send the present state of each to clients that may see it.
 
         :param events: as they are in ``alarms/events``, each with its UTC in ns.
         :param boot: the start of the robot that made them.
@@ -272,7 +272,7 @@ class Hub:
                 WANT_S, self._want, robot)
 
     def storing(self, fault: str) -> None:
-        """Tell everybody whether records can be stored; ``fault`` is empty when they can."""
+        """Tell every client whether records can be stored; ``fault`` is empty when they can."""
         server = {'storing': not fault, 'text': fault}
         if server != self._server:
             self._server = server
@@ -285,7 +285,7 @@ class Hub:
         """
         Have a robot do something, once.
 
-        :raises AwayError: it is not connected, or did not answer in time.
+        :raises RobotUnavailable: it is not connected, or did not answer in time.
         """
         connection = self._connections.get(robot.id)
         # A gateway does each once: after a restart of this server no number may come again.
@@ -299,9 +299,9 @@ class Hub:
                 raise _away(robot.name)
             return await asyncio.wait_for(future, self._command_s)
         except asyncio.TimeoutError:
-            raise AwayError(f'{robot.name} has not answered for {self._command_s:g} s; whether it '
-                            'has done it is not known', 'look at its state before you try again',
-                            is_late=True) from None
+            raise RobotUnavailable(
+                f'{robot.name} has not answered for {self._command_s:g} s; whether it has done it '
+                'is not known', 'look at its state before you try again', is_late=True) from None
         finally:
             self._answers.pop(number, None)
 
@@ -342,7 +342,7 @@ class Hub:
     def join(self, client: Client) -> None:
         """Tell a client the whole state; from now on it gets what changes."""
         self.counts['joined'] += 1
-        client.say(encoded(self.state(client.rights)))
+        client.send(encoded(self.state(client.rights)))
         self.clients[client] = None
 
     def leave(self, client: Client) -> None:
@@ -376,7 +376,7 @@ class Hub:
     def residents_changed(self) -> None:
         """Tell every client the whole state: who lives with which robot has changed."""
         for client in list(self.clients):
-            if not client.say(encoded(self.state(client.rights))):
+            if not client.send(encoded(self.state(client.rights))):
                 self.counts['overrun'] += 1
                 self.leave(client)
 
@@ -402,7 +402,7 @@ class Hub:
         return [each for each in shown if each is not None]
 
     def tell_robot(self, robot: RobotState) -> None:
-        """Tell whom it concerns that a robot has changed."""
+        """Send the state of a robot to clients that may see it."""
         self._tell_each(lambda rights: robot.shown(rights) if rights.sees_robot(robot.people)
                         else None, 'robot')
 
@@ -420,11 +420,11 @@ class Hub:
                     found = {**found, 'kind': kind}
                 texts[rights] = None if found is None else encoded(found)
             text = texts[rights]
-            if text is not None and not client.say(text):
+            if text is not None and not client.send(text):
                 self.counts['overrun'] += 1
                 self.leave(client)
 
 
-def _away(name: str) -> AwayError:
-    return AwayError(f'{name} is not connected', 'wait until it is back: see its last sign of '
-                     'life on the overview')
+def _away(name: str) -> RobotUnavailable:
+    return RobotUnavailable(f'{name} is not connected', 'wait until it is back: see its last sign '
+                            'of life on the overview')

@@ -24,16 +24,16 @@ WhoT = TypeVar('WhoT')
 
 
 class HeldByAnotherError(Exception):
-    """Somebody else has it; it takes a word more to take it over."""
+    """Another page drives; the request must say that it takes over."""
 
 
 class Lease(Generic[WhoT]):
     """
     The right to drive a robot.
 
-    :ivar holder: who has it; None when it is free.
-    :ivar key: of this time; another with each taking, so that what was said under an earlier one
-        counts no more. Empty when it is free.
+    :ivar holder: the client that has it; None when it is free.
+    :ivar key: of this period; another for each, so that commands of an earlier one are ignored.
+        Empty when it is free.
     """
 
     def __init__(self) -> None:
@@ -42,11 +42,11 @@ class Lease(Generic[WhoT]):
 
     def take(self, who: WhoT, over: bool) -> WhoT | None:
         """
-        Have it from now on; who has it already keeps it as it is.
+        Acquire it; a client that has it already keeps the same period.
 
-        :param over: also from somebody else.
-        :return: from whom it was taken; None when it was free, or theirs.
-        :raises HeldByAnotherError: somebody else has it, and ``over`` is not said.
+        :param over: take it from another client, too.
+        :return: the client that had it; None when it was free, or this client's.
+        :raises HeldByAnotherError: another client has it, and ``over`` is false.
         """
         former = self.holder
         if former == who:
@@ -58,9 +58,9 @@ class Lease(Generic[WhoT]):
 
     def give(self, who: WhoT) -> str:
         """
-        Give it back.
+        Release it.
 
-        :return: the key that ends; empty when it was not theirs.
+        :return: the key that ends; empty when this client did not have it.
         """
         if self.holder != who:
             return ''

@@ -15,8 +15,8 @@
 """
 The connections with pictures: `/robot/media` of robots, `/camera` of browsers.
 
-They are beside `/robot/state` and `/live`, so that no alarm ever waits behind a picture. A browser
-that is slow has its own task to be slow in.
+They are separate from `/robot/state` and `/live`, so that no alarm ever waits behind a picture.
+Each browser has its own task, so that a slow one delays no other.
 """
 
 from __future__ import annotations
@@ -44,22 +44,22 @@ from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.media_store import MediaStore
 from starlette.websockets import WebSocketDisconnect
 
-#: A browser that leaves a picture without an answer for so long is gone, or its tab sleeps.
+#: A browser that does not answer a picture within this time is gone, or its tab sleeps.
 ANSWER_S: Final = 30.0
 VIEWERS_MOST: Final = 200
 _TEXT_MOST: Final = 4096
 _NAME_MOST: Final = 64
-_HOUSE_S: Final = 3600.0
+_CLEANUP_S: Final = 3600.0
 
 
-def may_look(people: frozenset[str] | None, robot: RobotState | None) -> bool:
+def may_view_cameras(people: frozenset[str] | None, robot: RobotState | None) -> bool:
     """
-    Return whether somebody may look through the cameras of a robot.
+    Return whether a user may watch the cameras of a robot.
 
     :param people: whom they may see; None for everybody.
-    :param robot: None for one that nobody knows.
-    :return: a camera sees whoever is there: they have to be granted everybody who lives with it.
-        Through that of a robot of nobody only those look who may see everybody.
+    :param robot: None for one that is unknown.
+    :return: a camera shows anyone who is there: the user needs a grant for all who live with it.
+        Cameras of a robot without residents are for users who may see everyone.
     """
     return robot is not None and (people is None or (
         robot.people is not None and frozenset() < robot.people <= people))
@@ -95,11 +95,11 @@ class MediaHub:
         if self.robots.get(media.robot) is media:
             del self.robots[media.robot], self._closing[media.robot]
 
-    async def keep_house(self) -> None:
-        """Delete what is older than it is kept, now and each hour; for a task of its own."""
+    async def run_cleanup(self) -> None:
+        """Delete files that have expired, now and each hour; for a task of its own."""
         while True:
             await asyncio.to_thread(self.files.expire)
-            await asyncio.sleep(_HOUSE_S)
+            await asyncio.sleep(_CLEANUP_S)
 
     def revoke(self, what: Any) -> None:
         """End the connection of a robot whose token has ended."""
@@ -144,12 +144,12 @@ class BrowserMedia:
     One browser's connection.
 
     :param session: whose it is.
-    :param may_look: whether they may see the pictures of a robot, now.
+    :param may_view_cameras: whether they may see the pictures of a robot, now.
     :param note: notes that they begin to look through a camera; may block.
     """
 
     def __init__(self, websocket: WebSocket, gallery: Gallery, session: str,
-                 may_look: Callable[[str], bool], note: Callable[[Key], object]) -> None:
+                 may_view_cameras: Callable[[str], bool], note: Callable[[Key], object]) -> None:
         self.odd = 0
         self._note = note
         self.session = session
@@ -157,7 +157,7 @@ class BrowserMedia:
         self._ended = asyncio.Event()
         self._websocket = websocket
         self._gallery = gallery
-        self._may_look = may_look
+        self._may_look = may_view_cameras
         self._wake = asyncio.Event()
         self._viewer: Viewer = gallery.open_viewer(self._wake.set)
 
@@ -210,7 +210,7 @@ class BrowserMedia:
             return
         is_new = key not in self._viewer.keys()
         try:
-            self._viewer.look(key, rate_hz if rate_hz == rate_hz else 0.0)
+            self._viewer.watch(key, rate_hz if rate_hz == rate_hz else 0.0)
         except ValueError as error:
             await self._gone(key, str(error))
             return

@@ -37,7 +37,7 @@ Key = tuple[str, str]
 #: A viewer gets no more pictures a second of one camera.
 RATE_MOST_HZ: Final = 30.0
 RATE_LEAST_HZ: Final = 0.1
-#: Cameras that a viewer looks at; more are refused.
+#: Cameras that a viewer watches; more are refused.
 CAMERAS_MOST: Final = 16
 
 
@@ -55,8 +55,8 @@ class Picture(NamedTuple):
 
 
 @dataclass
-class _Look:
-    """What a viewer sees of a camera; ``awaited`` is the number on its way, 0 for none."""
+class _CameraWatch:
+    """A camera that a viewer watches; ``awaited`` is the number on its way, 0 for none."""
 
     period_ns: int
     next_ns: int = 0
@@ -66,7 +66,7 @@ class _Look:
 
 class Viewer:
     """
-    Somebody who looks at cameras.
+    A page that shows cameras.
 
     :param gallery: where the pictures are.
     :param wake: called when there may be something for :meth:`next_picture`.
@@ -78,23 +78,23 @@ class Viewer:
         self.sent = self.skipped = 0
         self.wake = wake
         self._gallery = gallery
-        self._looks: dict[Key, _Look] = {}
+        self._watched: dict[Key, _CameraWatch] = {}
         self._turn = 0
         self._asked_ns = 0
         self._troubles: dict[Key, Mapping[str, Any]] = {}
 
-    def look(self, key: Key, rate_hz: float) -> None:
+    def watch(self, key: Key, rate_hz: float) -> None:
         """
-        Look at a camera, or change how often.
+        Watch a camera, or change the rate.
 
         :raises ValueError: these are too many.
         """
-        if key not in self._looks and len(self._looks) >= CAMERAS_MOST:
-            raise ValueError(f'{CAMERAS_MOST} cameras at once are the most')
+        if key not in self._watched and len(self._watched) >= CAMERAS_MOST:
+            raise ValueError(f'at most {CAMERAS_MOST} cameras at a time')
         period_ns = round(NS_PER_S / min(RATE_MOST_HZ, max(RATE_LEAST_HZ, rate_hz)))
-        known = self._looks.get(key)
+        known = self._watched.get(key)
         if known is None:
-            self._looks[key] = _Look(period_ns)
+            self._watched[key] = _CameraWatch(period_ns)
             if (why := self._gallery.troubles.get(key)) is not None:
                 self._troubles[key] = why
         else:
@@ -103,20 +103,20 @@ class Viewer:
         self.wake()
 
     def leave(self, key: Key) -> None:
-        """Look at a camera no more; may be called twice."""
-        if self._looks.pop(key, None) is not None:
+        """Stop watching a camera; may be called twice."""
+        if self._watched.pop(key, None) is not None:
             self._gallery.changed(key[0])
 
     def taken(self, key: Key, n: int) -> None:
         """Note that it has drawn a picture; the next may go."""
-        look = self._looks.get(key)
-        if look is not None and look.awaited and n == look.awaited:
-            look.awaited = 0
+        watch = self._watched.get(key)
+        if watch is not None and watch.awaited and n == watch.awaited:
+            watch.awaited = 0
             self.wake()
 
     def trouble(self, key: Key, why: Mapping[str, Any]) -> None:
         """Note why no picture comes of what it looks at; the newest counts."""
-        if key in self._looks:
+        if key in self._watched:
             self._troubles[key] = why
             self.wake()
 
@@ -125,17 +125,17 @@ class Viewer:
         return self._troubles.popitem() if self._troubles else None
 
     def keys(self) -> tuple[Key, ...]:
-        """Return what it looks at."""
-        return tuple(self._looks)
+        """Return the cameras that it watches."""
+        return tuple(self._watched)
 
     def rate_hz(self, key: Key) -> float:
         """Return how often it wants a picture; 0 for not at all."""
-        look = self._looks.get(key)
-        return NS_PER_S / look.period_ns if look is not None else 0.0
+        watch = self._watched.get(key)
+        return NS_PER_S / watch.period_ns if watch is not None else 0.0
 
     def waiting(self, now_ns: int) -> int:
         """Return for how long it has left a picture without an answer; 0: it has not."""
-        awaited = any(look.awaited for look in self._looks.values())
+        awaited = any(watch.awaited for watch in self._watched.values())
         return now_ns - self._asked_ns if awaited else 0
 
     def next_picture(self, now_ns: int) -> tuple[Picture | None, int]:
@@ -146,26 +146,26 @@ class Viewer:
         :return: a picture or None; of None also in how many nanoseconds something is due that is
             there already, 0 for nothing.
         """
-        keys = list(self._looks)
+        keys = list(self._watched)
         soonest_ns = 0
         for place in range(len(keys)):
             # Each in turn, so that one quick camera does not starve the others.
             key = keys[(self._turn + place) % len(keys)]
-            look, picture = self._looks[key], self._gallery.newest(key)
-            if picture is None or look.awaited or picture.n <= look.sent:
+            watch, picture = self._watched[key], self._gallery.newest(key)
+            if picture is None or watch.awaited or picture.n <= watch.sent:
                 continue
             # A little early is in time: pictures come with a jitter of their own.
-            early_ns = look.next_ns - now_ns - look.period_ns // 8
+            early_ns = watch.next_ns - now_ns - watch.period_ns // 8
             if early_ns > 0:
                 soonest_ns = min(soonest_ns or early_ns, early_ns)
                 continue
             self._turn = (self._turn + place + 1) % len(keys)
-            if look.sent:
-                self.skipped += picture.n - look.sent - 1
-            look.sent = look.awaited = picture.n
-            # A grid while pictures keep up; after a pause it begins anew.
-            look.next_ns = look.period_ns + (
-                look.next_ns if look.next_ns + look.period_ns > now_ns else now_ns)
+            if watch.sent:
+                self.skipped += picture.n - watch.sent - 1
+            watch.sent = watch.awaited = picture.n
+            # On a grid while pictures keep up; after a pause the grid begins again.
+            watch.next_ns = watch.period_ns + (
+                watch.next_ns if watch.next_ns + watch.period_ns > now_ns else now_ns)
             self._asked_ns = now_ns
             self.sent += 1
             return picture, 0
@@ -190,7 +190,7 @@ class Gallery:
         self._counts: dict[Key, int] = {}
 
     def open_viewer(self, wake: Callable[[], None]) -> Viewer:
-        """Return somebody new who looks; to be given to :meth:`close_viewer`."""
+        """Return a new viewer; end it by :meth:`close_viewer`."""
         viewer = Viewer(self, wake)
         self.viewers.add(viewer)
         return viewer
@@ -202,10 +202,10 @@ class Gallery:
             self.changed(robot)
 
     def changed(self, robot: str) -> None:
-        """Note that somebody looks at something else."""
+        """Note that what is watched has changed."""
         looked_at = {key for viewer in self.viewers for key in viewer.keys()}
         for key in [key for key in self._newest if key[0] == robot and key not in looked_at]:
-            # Who looks later would take it for new; it shows people besides.
+            # A later viewer would treat it as new; besides, it shows people.
             del self._newest[key]
         for key in [key for key in self.troubles if key[0] == robot and key not in looked_at]:
             del self.troubles[key]
@@ -242,7 +242,7 @@ class Gallery:
 
     def trouble(self, key: Key, why: Mapping[str, Any]) -> None:
         """
-        Tell those who look at a camera why no picture comes.
+        Tell the viewers of a camera why no picture comes.
 
         :param why: ``text`` and its ``codes``; without a text there are pictures again.
         """

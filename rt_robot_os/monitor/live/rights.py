@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What somebody may see of a robot, and what is left of a message when the rest is taken out.
+What a user may see of a robot, and what is left of a message without the rest.
 
 A person who is not granted is not even named: signals and alarms of theirs are left out, and in
 every text and name of others theirs is replaced.
@@ -52,7 +52,7 @@ class Rights:
 
     def sees_robot(self, people: frozenset[str] | None) -> bool:
         """
-        Return whether the robot exists for them; one of nobody only for who may see everybody.
+        Return whether they may see the robot; without residents only those who see everyone may.
 
         :param people: those who live with it; None while it is not known who.
         """

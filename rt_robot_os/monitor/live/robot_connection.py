@@ -46,11 +46,11 @@ from rt_robot_os.messages.uplink.records import BatchRefused
 from rt_robot_os.messages.uplink.records import BatchStored
 from rt_robot_os.messages.uplink.records import RecordBatch
 from rt_robot_os.messages.uplink.voice import VoiceMessage
-from rt_robot_os.monitor.live.outlet import Outlet
 from rt_robot_os.monitor.live.residents import admitted
 from rt_robot_os.monitor.live.residents import greet
 from rt_robot_os.monitor.live.robot_state import is_time
 from rt_robot_os.monitor.live.robot_state import RobotState
+from rt_robot_os.monitor.live.send_queue import SendQueue
 from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.store.robot_clock import RobotClock
 from rt_robot_os.monitor.store.store import Hello
@@ -66,7 +66,7 @@ RETRY_S: Final = 2.0
 MAP_S: Final = 1.0
 MESSAGES_A_SECOND: Final = 500
 BURST_S: Final = 1.0
-#: A clock that is further from ours is told.
+#: A clock that is further from the server's is logged.
 CLOCK_S: Final = 5.0
 
 
@@ -86,7 +86,7 @@ class RobotConnection:
         self._services = services
         self._websocket = websocket
         self._robot = robot
-        self._outlet = Outlet(websocket)
+        self._queue = SendQueue(websocket)
         self._batches: asyncio.Queue[_Received] = asyncio.Queue(BATCHES_MOST)
         self._boot = ''
         self._map_s = -math.inf
@@ -96,19 +96,19 @@ class RobotConnection:
 
     def send(self, message: UplinkMessage) -> bool:
         """Send a message; False when the robot does not read."""
-        return self._outlet.say(message.to_json())
+        return self._queue.send(message.to_json())
 
     def send_urgent(self, message: UplinkMessage) -> None:
         """Send a message before all others; the newest of a kind wins."""
-        self._outlet.say_now(message.KIND, message.to_json())
+        self._queue.send_urgent(message.KIND, message.to_json())
 
     def close(self, code: int, reason: str) -> None:
         """Close it."""
-        self._outlet.close(code, reason)
+        self._queue.close(code, reason)
 
     async def run(self) -> None:
         """Serve it to its end."""
-        tasks = [asyncio.create_task(self._outlet.run()), asyncio.create_task(self._keep())]
+        tasks = [asyncio.create_task(self._queue.run()), asyncio.create_task(self._keep())]
         try:
             if await self._hello():
                 while True:
@@ -133,7 +133,7 @@ class RobotConnection:
                 self._robot.count('messages_wrong')
 
     async def _not_too_fast(self) -> None:
-        """Read no faster than so many messages a second: the rest waits at the robot."""
+        """Limit the rate of messages: further ones wait at the robot."""
         now = asyncio.get_running_loop().time()
         self._next_s = max(self._next_s, now - BURST_S) + 1 / MESSAGES_A_SECOND
         if self._next_s > now:
@@ -189,7 +189,7 @@ class RobotConnection:
 
     def _take(self, content: dict[str, Any]) -> None:
         hub, robot = self._services.hub, self._robot
-        hub.heard(robot, time.time_ns())
+        hub.touch(robot, time.time_ns())
         if content['kind'] == MapMessage.KIND:  # not unpacked here: that takes long
             self._take_map(content)
             return

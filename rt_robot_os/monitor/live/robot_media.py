@@ -15,9 +15,9 @@
 """
 What a robot says on its second connection, `/robot/media`: pictures, and files in parts.
 
-A picture is taken when it comes, and the robot told so at once: it has one on its way, and sends
-the newest next. Files are taken part by part, each acknowledged with how much there is, so that
-after a break both know where to go on.
+A picture is acknowledged as soon as it comes: the robot has one on its way, and sends the newest
+next. Files come part by part, each acknowledged with how much there is, so that after a break both
+sides know where to go on.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class RobotMedia:
     :param robot: its id.
     :param send: sends it a text.
     :ivar cameras: which it has said it has.
-    :ivar odd: messages that nobody understood.
+    :ivar odd: messages that were malformed or unknown.
     """
 
     def __init__(self, robot: str, gallery: Gallery, files: MediaStore, send: Send) -> None:
@@ -139,7 +139,7 @@ class RobotMedia:
             'text': trouble.text, 'codes': trouble.codes if is_small else {}})
 
     def wanted_changed(self) -> None:
-        """Note that somebody looks at something else."""
+        """Note that what is watched has changed."""
         self._want.set()
 
     async def tell_wanted(self) -> None:

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-``/drive?robot=ID``: the connection of somebody who drives.
+``/drive?robot=ID``: the connections of drivers.
 
 From the page come ``take`` {over}, ``give``, ``drive`` {seq, beat, held_ms, grip, linear_m_s,
 angular_rad_s} and ``alive``; to it go ``seat`` {state: free, yours or other, by, connected,
 limits}, ``beat`` (as the robot sends it, to the one who may drive), ``lost`` {by, why} and
-``refused`` {why, by}. A page that says nothing for three seconds has gone.
+``refused`` {why, by}. A page that sends nothing for three seconds is treated as gone.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from fastapi import WebSocket
 from rt_robot_os.messages.uplink.driving import DriveBeat
 from rt_robot_os.messages.uplink.greeting import DriveLimits
 from rt_robot_os.messages.uplink.messages import decode
-from rt_robot_os.monitor.live.outlet import Outlet
-from rt_robot_os.monitor.live.teleop_session import Cab
+from rt_robot_os.monitor.live.send_queue import SendQueue
 from rt_robot_os.monitor.live.teleop_session import HeldByAnotherError
-from rt_robot_os.monitor.live.teleop_session import Seat
+from rt_robot_os.monitor.live.teleop_session import TeleopClient
+from rt_robot_os.monitor.live.teleop_session import TeleopSession
 from rt_robot_os.monitor.security.accounts import Revoked
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import Permission
@@ -44,10 +44,10 @@ from rt_robot_os.monitor.services import Services
 from starlette.websockets import WebSocketDisconnect
 
 SILENT_S: Final = 3.0
-SEATS_MOST: Final = 50
+CLIENTS_MOST: Final = 50
 MESSAGE_CHARACTERS: Final = 1000
 RATE_MOST_HZ: Final = 200
-#: Whoever drives uses the session: so often that is noted.
+#: From one note that the driver's session is in use to the next.
 TOUCH_S: Final = 60.0
 #: Codes of the end of a connection.
 UNKNOWN: Final = 4404
@@ -66,7 +66,7 @@ class TeleopSessions:
 
     def __init__(self, services: Services) -> None:
         self._services = services
-        self._cabs: dict[str, Cab] = {}
+        self._sessions: dict[str, TeleopSession] = {}
         self._later: set[asyncio.Future[Any]] = set()
         services.hub.on_beat.append(self._beat)
         services.hub.on_robot.append(self._robot)
@@ -76,99 +76,105 @@ class TeleopSessions:
         """Serve a connection until it ends."""
         actor = await websocket_actor(websocket, Permission.DRIVE)
         await websocket.accept()
-        cab = self._cab_of(actor, robot)
-        if cab is None or len(cab.seats) >= SEATS_MOST:
-            await websocket.close(UNKNOWN if cab is None else TOO_MUCH)
+        session = self._session_of(actor, robot)
+        if session is None or len(session.clients) >= CLIENTS_MOST:
+            await websocket.close(UNKNOWN if session is None else TOO_MUCH)
             return
-        outlet = Outlet(websocket)
-        seat = Seat(actor.name, actor.session, outlet)
-        cab.enter(seat)
-        tasks = [asyncio.ensure_future(outlet.run()),
-                 asyncio.ensure_future(self._listen(websocket, actor, cab, seat))]
+        queue = SendQueue(websocket)
+        client = TeleopClient(actor.name, actor.session, queue)
+        session.enter(client)
+        tasks = [asyncio.ensure_future(queue.run()),
+                 asyncio.ensure_future(self._listen(websocket, actor, session, client))]
         why = 'connection lost'
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             if tasks[1].done() and not tasks[1].cancelled() and tasks[1].exception() is None:
                 why = str(tasks[1].result())
         finally:
-            # First of all: whatever else fails, it stands.
-            had = cab.leave(seat, seat.ended or why) or bool(seat.ended)
-            if not cab.seats:
-                self._cabs.pop(robot, None)
-            self._note_end(actor, cab, seat, had, seat.ended or why)
-            await asyncio.wait(tasks[:1], timeout=_CLOSE_S if outlet.closing else 0.0)
+            # Before all else: whatever fails then, the robot stands.
+            had = session.leave(client, client.ended or why) or bool(client.ended)
+            if not session.clients:
+                self._sessions.pop(robot, None)
+            self._note_end(actor, session, client, had, client.ended or why)
+            await asyncio.wait(tasks[:1], timeout=_CLOSE_S if queue.closing else 0.0)
             for each in tasks:
                 each.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
     def statistics(self) -> dict[str, Any]:
         """Return who drives which robot, and what was refused."""
-        return {robot: {'driver': cab.lease.holder.name if cab.lease.holder else '',
-                        'seats': len(cab.seats), 'refused': cab.refused, 'lost': cab.lost}
-                for robot, cab in self._cabs.items()}
+        return {robot: {'driver': session.lease.holder.name if session.lease.holder else '',
+                        'seats': len(session.clients), 'refused': session.refused,
+                        'lost': session.lost}
+                for robot, session in self._sessions.items()}
 
     # ---- of one connection -------------------------------------------------------------------
 
-    async def _listen(self, websocket: WebSocket, actor: Actor, cab: Cab, seat: Seat) -> str:
-        """Do what it says; return why it ended."""
+    async def _listen(self, websocket: WebSocket, actor: Actor, session: TeleopSession,
+                      client: TeleopClient) -> str:
+        """Do what the page requests until its connection ends; return why it ended."""
         loop = asyncio.get_running_loop()
         window_s, count, touched_s = loop.time(), 0, 0.0
         while True:
             try:
                 text = await asyncio.wait_for(websocket.receive_text(), SILENT_S)
             except asyncio.TimeoutError:
-                return self._close(seat, SILENT, 'nothing heard')
+                return self._close(client, SILENT, 'nothing heard')
             except (WebSocketDisconnect, RuntimeError, KeyError):
                 return 'window closed'
             count += 1
             if loop.time() - window_s >= 1.0:
                 window_s, count = loop.time(), 0
             if count > RATE_MOST_HZ:
-                return self._close(seat, TOO_MUCH, 'too many messages')
+                return self._close(client, TOO_MUCH, 'too many messages')
             try:
                 message = decode(text[:MESSAGE_CHARACTERS])
             except ValueError:
-                return self._close(seat, BAD, 'not a message')
-            await self._do(actor, cab, seat, message)
-            if seat.driven and loop.time() - touched_s > TOUCH_S:
+                return self._close(client, BAD, 'not a message')
+            await self._do(actor, session, client, message)
+            if client.driven and loop.time() - touched_s > TOUCH_S:
                 touched_s = loop.time()
                 self._touch_soon(actor.session)
 
     @staticmethod
-    def _close(seat: Seat, code: int, why: str) -> str:
-        seat.outlet.close(code, why)
+    def _close(client: TeleopClient, code: int, why: str) -> str:
+        client.queue.close(code, why)
         return why
 
-    async def _do(self, actor: Actor, cab: Cab, seat: Seat, message: Mapping[str, Any]) -> None:
+    async def _do(self, actor: Actor, session: TeleopSession, client: TeleopClient,
+                  message: Mapping[str, Any]) -> None:
         kind = message['kind']
         if kind == 'drive':
-            cab.drive(seat, message)
+            session.drive(client, message)
         elif kind == 'take':
-            await self._take(actor, cab, seat, message.get('over') is True)
+            await self._take(actor, session, client, message.get('over') is True)
         elif kind == 'give':
-            self._note_end(actor, cab, seat, cab.give(seat, 'given back'), 'given back')
+            had = session.give(client, 'given back')
+            self._note_end(actor, session, client, had, 'given back')
 
-    async def _take(self, actor: Actor, cab: Cab, seat: Seat, over: bool) -> None:
-        if not cab.connected or not cab.limits.linear_m_s:
-            seat.tell('refused', why='cannot' if cab.connected else 'absent', by='')
+    async def _take(self, actor: Actor, session: TeleopSession, client: TeleopClient, over: bool
+                    ) -> None:
+        if not session.connected or not session.limits.linear_m_s:
+            client.tell('refused', why='cannot' if session.connected else 'absent', by='')
             return
-        is_theirs = cab.lease.holder is seat
+        is_theirs = session.lease.holder is client
         try:
-            former = cab.take(seat, over)
+            former = session.take(client, over)
         except HeldByAnotherError:
-            holder = cab.lease.holder
-            seat.tell('refused', why='held', by=holder.name if holder is not None else '')
+            holder = session.lease.holder
+            client.tell('refused', why='held', by=holder.name if holder is not None else '')
             return
         if not is_theirs:
             details = {} if former is None else {'from': former.name, 'commands': former.driven}
             action = 'drive.take_over' if former is not None else 'drive.take'
-            self._services.audit.note_soon(actor, action, cab.robot, **details)
+            self._services.audit.note_soon(actor, action, session.robot, **details)
 
-    def _note_end(self, actor: Actor, cab: Cab, seat: Seat, had: bool, why: str) -> None:
-        """Note in the audit that somebody no longer drives."""
+    def _note_end(self, actor: Actor, session: TeleopSession, client: TeleopClient, had: bool,
+                  why: str) -> None:
+        """Note in the audit that a driver no longer drives."""
         if had:
-            self._services.audit.note_soon(actor, 'drive.end', cab.robot, why=why,
-                                           commands=seat.driven)
+            self._services.audit.note_soon(actor, 'drive.end', session.robot, why=why,
+                                           commands=client.driven)
 
     def _touch_soon(self, session: str) -> None:
         """Note that a session is used, without waiting for the disk: a stop comes first."""
@@ -183,39 +189,39 @@ class TeleopSessions:
 
     # ---- of robots and sessions --------------------------------------------------------------
 
-    def _cab_of(self, actor: Actor, robot: str) -> Cab | None:
+    def _session_of(self, actor: Actor, robot: str) -> TeleopSession | None:
         hub = self._services.hub
         if not hub.may_see_robot(actor, robot):
             return None
-        cab = self._cabs.get(robot)
-        if cab is None:
-            cab = self._cabs[robot] = Cab(robot, hub.drive)
-            self._look(cab)
-        return cab
+        session = self._sessions.get(robot)
+        if session is None:
+            session = self._sessions[robot] = TeleopSession(robot, hub.drive)
+            self._look(session)
+        return session
 
-    def _look(self, cab: Cab) -> None:
-        found = self._services.hub.robots.get(cab.robot)
+    def _look(self, session: TeleopSession) -> None:
+        found = self._services.hub.robots.get(session.robot)
         if found is None:
-            cab.robot_is(False, DriveLimits())
+            session.robot_is(False, DriveLimits())
             return
-        cab.robot_is(found.connected, DriveLimits.from_json(found.about.get('limits', {})))
+        session.robot_is(found.connected, DriveLimits.from_json(found.about.get('limits', {})))
 
     def _beat(self, robot: str, message: DriveBeat) -> None:
-        cab = self._cabs.get(robot)
-        if cab is not None:
-            cab.beat(message)
+        session = self._sessions.get(robot)
+        if session is not None:
+            session.beat(message)
 
     def _robot(self, robot: str, connected: bool) -> None:
-        cab = self._cabs.get(robot)
-        if cab is not None:
-            self._look(cab)
+        session = self._sessions.get(robot)
+        if session is not None:
+            self._look(session)
 
     def _revoked(self, revoked: Revoked) -> None:
-        """End what a session holds, at once."""
+        """End what an account's session holds, immediately."""
         if revoked.kind != 'session':
             return
-        for cab in list(self._cabs.values()):
-            for seat in [each for each in cab.seats if each.session == revoked.id]:
-                if cab.give(seat, 'session ended'):
-                    seat.ended = 'session ended'
-                seat.outlet.close(revoked.code, revoked.text)
+        for session in list(self._sessions.values()):
+            for client in [each for each in session.clients if each.session == revoked.id]:
+                if session.give(client, 'session ended'):
+                    client.ended = 'session ended'
+                client.queue.close(revoked.code, revoked.text)

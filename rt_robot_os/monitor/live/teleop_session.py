@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The driver's cab of each robot: who sits in it, who may drive, and what goes to the robot.
+Tele-operation of one robot: which pages are open, which of them drives, what the robot gets.
 
-A seat is one open connection that may drive; the same person in two windows has two. All of it is
-for the event loop.
+A client is one open connection of a page that may drive; a user with two windows has two. All of
+it is for the event loop.
 """
 
 from __future__ import annotations
@@ -37,120 +37,120 @@ from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.messages.uplink.speed_limit import bounded
 from rt_robot_os.monitor.live.lease import HeldByAnotherError
 from rt_robot_os.monitor.live.lease import Lease
-from rt_robot_os.monitor.live.outlet import Outlet
+from rt_robot_os.monitor.live.send_queue import SendQueue
 
 #: Sends a message to a robot before all others; False when it is not connected.
 Forward = Callable[[str, UplinkMessage], bool]
 
 
-class Seat:
+class TeleopClient:
     """
-    One connection from which somebody may drive.
+    One connection of a page that may drive.
 
-    :param name: of the one who sits there.
-    :param outlet: the sending side.
-    :ivar driven: commands with the hand closed that went to the robot.
-    :ivar ended: why they lost the wheel before they got up; empty when they did not.
+    :param name: of the user.
+    :param queue: the sending side.
+    :ivar driven: commands with the dead-man switch pressed that went to the robot.
+    :ivar ended: why it lost the right to drive before it was closed; empty when it did not.
     """
 
-    def __init__(self, name: str, session: str, outlet: Outlet) -> None:
+    def __init__(self, name: str, session: str, queue: SendQueue) -> None:
         self.name = name
         self.session = session
-        self.outlet = outlet
+        self.queue = queue
         self.driven = 0
         self.seq = 0
         self.ended = ''
         self._beat: str | None = None
 
     def tell(self, kind: str, **content: Any) -> None:
-        """Tell something that must arrive."""
-        self.outlet.say(encode(kind, content))
+        """Send a message that must arrive."""
+        self.queue.send(encode(kind, content))
 
     def show(self, beat: str) -> None:
-        """Show the newest beat when its turn comes; an older one that waits is left out."""
+        """Send the newest heart-beat when its turn comes; one that still waits is dropped."""
         self._beat = beat
-        self.outlet.offer(self._newest)
+        self.queue.offer(self._newest)
 
     def _newest(self) -> str | None:
         beat, self._beat = self._beat, None
         return beat
 
 
-class Cab:
+class TeleopSession:
     """
-    The cab of one robot.
+    The pages that may drive one robot.
 
     :param forward: to the robot.
-    :ivar refused: commands of somebody who may not drive, or that were none.
+    :ivar refused: commands that were malformed, or of a page that does not drive.
     :ivar lost: commands while the robot was not connected.
     """
 
     def __init__(self, robot: str, forward: Forward) -> None:
         self.robot = robot
-        self.seats: dict[Seat, None] = {}
-        self.lease: Lease[Seat] = Lease()
+        self.clients: dict[TeleopClient, None] = {}
+        self.lease: Lease[TeleopClient] = Lease()
         self.connected = False
         self.limits = DriveLimits()
         self.refused = self.lost = 0
         self._forward = forward
 
-    def enter(self, seat: Seat) -> None:
-        """Sit down; that moves nothing."""
-        self.seats[seat] = None
-        seat.tell('seat', **self._state(seat))
+    def enter(self, client: TeleopClient) -> None:
+        """Add a page; that moves nothing."""
+        self.clients[client] = None
+        client.tell('seat', **self._state(client))
 
-    def leave(self, seat: Seat, why: str) -> bool:
-        """Get up; return whether they had the right to drive, which ends."""
-        had = self.give(seat, why)
-        self.seats.pop(seat, None)
+    def leave(self, client: TeleopClient, why: str) -> bool:
+        """Remove a page; return whether it had the right to drive, which ends."""
+        had = self.give(client, why)
+        self.clients.pop(client, None)
         return had
 
-    def take(self, seat: Seat, over: bool) -> Seat | None:
+    def take(self, client: TeleopClient, over: bool) -> TeleopClient | None:
         """
-        Let somebody drive; whoever could stands, and is told.
+        Let a page drive; the robot stops for the one before, which is notified.
 
-        :return: from whom it was taken.
-        :raises HeldByAnotherError: somebody else has it, and ``over`` is not said.
+        :return: the page that drove before.
+        :raises HeldByAnotherError: another page drives, and ``over`` is false.
         """
         former = self.lease.holder
         before = self.lease.key
-        taken_from = self.lease.take(seat, over)
-        if former is seat:
+        taken_from = self.lease.take(client, over)
+        if former is client:
             return None
         if taken_from is not None:
-            self._forward(self.robot, DriveEnd(before, seat.name, 'taken over'))
-            taken_from.tell('lost', by=seat.name, why='taken')
-        seat.seq = seat.driven = 0
+            self._forward(self.robot, DriveEnd(before, client.name, 'taken over'))
+            taken_from.tell('lost', by=client.name, why='taken')
+        client.seq = client.driven = 0
         self._begin()
         self._tell_all()
         return taken_from
 
-    def give(self, seat: Seat, why: str) -> bool:
-        """Give it back; the robot stands. Return whether it was theirs."""
-        key = self.lease.give(seat)
+    def give(self, client: TeleopClient, why: str) -> bool:
+        """End the right to drive; the robot stops. Return whether this page had it."""
+        key = self.lease.give(client)
         if not key:
             return False
-        self._forward(self.robot, DriveEnd(key, seat.name, why))
+        self._forward(self.robot, DriveEnd(key, client.name, why))
         self._tell_all()
         return True
 
-    def drive(self, seat: Seat, message: Mapping[str, Any]) -> bool:
-        """Hand a command on, within the robot's limits; return whether that went."""
+    def drive(self, client: TeleopClient, message: Mapping[str, Any]) -> bool:
+        """Send a command on, within the robot's limits; return whether it was sent."""
         try:
             command = DriveCommand.from_json(message)
         except ValueError:
             command = None
-        if self.lease.holder is not seat or command is None or command.seq <= seat.seq:
+        if self.lease.holder is not client or command is None or command.seq <= client.seq:
             self.refused += 1
             return False
-        seat.seq = command.seq
+        client.seq = command.seq
         linear, angular = bounded(command.linear_m_s, command.angular_rad_s,
                                   self.limits.linear_m_s, self.limits.angular_rad_s)
         went = self._forward(self.robot, replace(
             command, linear_m_s=linear, angular_rad_s=angular, lease=self.lease.key,
-            by=seat.name))
+            by=client.name))
         self.lost += not went
-        seat.driven += went and command.grip
+        client.driven += went and command.grip
         return went
 
     def beat(self, message: DriveBeat) -> None:
@@ -163,7 +163,7 @@ class Cab:
             holder.show(encode('beat', beat))
 
     def robot_is(self, connected: bool, limits: DriveLimits) -> None:
-        """Take note that the robot came, or went."""
+        """Note that the robot has connected or disconnected."""
         self.connected, self.limits = connected, limits
         if connected and self.lease.holder is not None:
             self._begin()
@@ -175,16 +175,16 @@ class Cab:
             self._forward(self.robot, DriveBegin(self.lease.key, holder.name))
 
     def _tell_all(self) -> None:
-        for seat in self.seats:
-            seat.tell('seat', **self._state(seat))
+        for client in self.clients:
+            client.tell('seat', **self._state(client))
 
-    def _state(self, seat: Seat) -> dict[str, Any]:
+    def _state(self, client: TeleopClient) -> dict[str, Any]:
         holder = self.lease.holder
-        state = 'free' if holder is None else 'yours' if holder is seat else 'other'
+        state = 'free' if holder is None else 'yours' if holder is client else 'other'
         return {'state': state, 'by': holder.name if holder is not None else '',
                 'connected': self.connected,
                 'limits': {'linear_m_s': self.limits.linear_m_s,
                            'angular_rad_s': self.limits.angular_rad_s}}
 
 
-__all__ = ['Cab', 'Forward', 'HeldByAnotherError', 'Seat']
+__all__ = ['TeleopSession', 'Forward', 'HeldByAnotherError', 'TeleopClient']

@@ -23,7 +23,7 @@ WATCHES_MOST: Final = 48
 #: What a watch costs at least, and for each comparison of a name with a pattern, in seconds.
 WATCH_S: Final = 0.25
 COMPARISON_S: Final = 2e-5
-#: What a user may use at once; it comes back in real time.
+#: What a user may use in one burst; it is regained in real time.
 BURST_S: Final = 10.0
 _USERS_MOST: Final = 2000
 

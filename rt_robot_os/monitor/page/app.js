@@ -1,3 +1,4 @@
+// @ts-check
 /** Start: words, session, then the shell with its views, or the view to sign in. */
 
 import {Api, ApiError} from './lib/api.js';
@@ -162,13 +163,15 @@ function show() {
   root.removeAttribute('aria-busy');
 }
 
+let again;
+
 function unreachable() {
   replace(root, h('main.alone', notice('offline', words.say('shell.no_answer'),
     words.say('shell.no_answer_text'), button(words.say('shell.again'), () => begin(),
       {kind: 'primary'}))));
   root.removeAttribute('aria-busy');
-  clearTimeout(unreachable.timer);
-  unreachable.timer = setTimeout(begin, 2000);
+  clearTimeout(again);
+  again = setTimeout(begin, 2000);
 }
 
 /** Ask the server what the session is by now; false: there is none, or no answer. */
@@ -195,8 +198,10 @@ api.onStale = renew;
 live.addEventListener('rights', renew);
 // In another window of this browser somebody may have signed in again.
 live.addEventListener('revoked', async () => (await renew() ? live.start() : signedOut()));
-live.addEventListener('emergency', ({detail}) => toast(context.t('shell.emergency', {
-  name: detail.name, person: detail.person}), {kind: 'warn', shownMs: 60000}));
+live.addEventListener('emergency', (event) => {
+  const {name, person} = /** @type {CustomEvent} */ (event).detail;
+  toast(context.t('shell.emergency', {name, person}), {kind: 'warn', shownMs: 60000});
+});
 
 function signedOut() {
   leave();

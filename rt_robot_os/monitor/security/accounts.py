@@ -142,7 +142,7 @@ class Accounts:
         Make the link for the first account.
 
         :param base_url: such as ``https://monitor.local:8443``.
-        :return: None when there is somebody who administers.
+        :return: None when there is an administrator.
         """
         if not self.users.is_empty():
             return None

@@ -128,6 +128,6 @@ class Invitations:
     def _first(self, connection: Connection, name: str, password: str, role: Role) -> User:
         if role not in (Role.OWNER, Role.ADMIN):
             raise AccountError(f'the first account cannot be {role.value}',
-                               'owner or admin: somebody must let the others in')
+                               'owner or admin: one has to admit the others')
         people = (EVERYBODY,) if role is Role.OWNER else ()
         return self._users.add_in(connection, name, role, people, 'set-up', password)

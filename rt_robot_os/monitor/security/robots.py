@@ -67,7 +67,7 @@ class Robots:
         :raises AccountError: it has a token already, or the name is none.
         """
         if not _NAME.fullmatch(name):
-            raise AccountError(f"the robot '{name[:64]!a}'", '1 to 64 letters, figures, _ . -')
+            raise AccountError(f"the robot '{name[:64]!a}'", '1 to 64 letters, digits, _ . -')
         now = self._now_ns()
         token = new_secret()
         with writing(self._engine) as connection:

@@ -190,8 +190,8 @@ class Users:
                 connection.execute(grants.delete().where(grants.c.user == user))
                 self._grant(connection, user, people, by)
             if before.role.value in _ADMINS and changes and admins(connection) == 0:
-                raise AccountError('nobody would be left who administers the monitor',
-                                   'make somebody else an admin first')
+                raise AccountError('no administrator of the monitor would be left',
+                                   'make another user an admin first')
             return _one(connection, users.c.id == user)
 
     def _grant(self, connection: Connection, user: str, people: Iterable[str], by: str) -> None:
@@ -255,7 +255,7 @@ def _check_name(name: str) -> str:
     name = ' '.join(unicodedata.normalize('NFKC', name).split())
     if not 1 <= len(name) <= _LONGEST or not name.isprintable() or not all(
             letter.isalnum() or letter in ' ._@-' for letter in name):
-        raise AccountError(f"the name '{_shown(name)}'", f'1 to {_LONGEST} letters, figures, '
+        raise AccountError(f"the name '{_shown(name)}'", f'1 to {_LONGEST} letters, digits, '
                            'spaces and . _ @ -')
     return name
 

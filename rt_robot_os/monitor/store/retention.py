@@ -55,7 +55,7 @@ _MINUTE_NS: Final = 60 * NS_PER_S
 
 
 @dataclass(frozen=True)
-class Kept:
+class RetentionPolicy:
     """
     For how many days each class is kept; 0: for ever.
 
@@ -71,7 +71,7 @@ class Kept:
     unknown_days: float = 90.0
 
 
-def thin(engine: Engine, kept: Kept, now_ns: int) -> dict[str, int]:
+def thin(engine: Engine, kept: RetentionPolicy, now_ns: int) -> dict[str, int]:
     """
     Delete what is older than it is kept, in small transactions.
 

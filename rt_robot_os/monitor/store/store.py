@@ -54,7 +54,7 @@ from rt_robot_os.monitor.store.erasure import Erased
 from rt_robot_os.monitor.store.housekeeping import Housekeeping
 from rt_robot_os.monitor.store.migrate import upgrade
 from rt_robot_os.monitor.store.names import Names
-from rt_robot_os.monitor.store.retention import Kept
+from rt_robot_os.monitor.store.retention import RetentionPolicy
 from rt_robot_os.monitor.store.retention import thin
 from rt_robot_os.monitor.store.rollups import roll_up
 from rt_robot_os.monitor.store.sole_server import SoleServer
@@ -332,11 +332,11 @@ class Store:
             made.limits = queries.limits(connection, person, sign)
             return made
 
-    def keep(self, kept: Kept) -> None:
+    def keep(self, kept: RetentionPolicy) -> None:
         """Thin from now on, each hour, until it is closed."""
         self.housekeeping = Housekeeping(lambda: self.thin(kept))
 
-    def thin(self, kept: Kept) -> dict[str, int]:
+    def thin(self, kept: RetentionPolicy) -> dict[str, int]:
         """Delete what is older than it is kept; return rows deleted, by table."""
         return thin(self.engine, kept, self.now_ns())
 

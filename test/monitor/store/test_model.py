@@ -28,7 +28,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 from rt_robot_os.monitor.store.charts import Chart
-from rt_robot_os.monitor.store.retention import Kept
+from rt_robot_os.monitor.store.retention import RetentionPolicy
 from rt_robot_os.monitor.store.rollups import LEVELS
 from rt_robot_os.monitor.store.store import Store
 from rt_robot_os.monitor.store.tables import PEOPLE
@@ -69,7 +69,7 @@ class Model:
                 continue
             self.taken.add((boot, seq))
             if value is None and quality in ('good', 'suspect'):
-                continue  # Kept aside: good, and no value.
+                continue  # RetentionPolicy aside: good, and no value.
             kept = None if quality == 'off' else value
             self.rows.append((t_ns, kept, quality))
             if quality in ('good', 'suspect') and kept is not None:
@@ -100,7 +100,7 @@ def test_whatever_comes_in_whatever_order_is_counted_once(
         if step == 'roll':
             store.roll_up()
         elif step == 'thin':
-            store.thin(Kept(raw_days=RAW_DAYS, minutes_days=MINUTES_DAYS))
+            store.thin(RetentionPolicy(raw_days=RAW_DAYS, minutes_days=MINUTES_DAYS))
             model.thin()
         else:
             added = sum(store.add(f'robot of {person}', boot, records)

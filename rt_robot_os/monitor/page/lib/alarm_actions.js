@@ -1,3 +1,4 @@
+// @ts-check
 /** What people do about an alarm: acknowledge with one tap, then perhaps a note; resolve; confirm. */
 
 import {nameOf} from './alarm_words.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * The line under the head of each view: the worst alarm with what to do about it; without one calm,
  * but only while alarms would be known. It is always there, so that nothing moves when an alarm

@@ -1,3 +1,4 @@
+// @ts-check
 /** Make alarms heard and seen outside of the page: read out, sound, notification, title, icon. */
 
 import {isLoud, kindsText, rank} from './alarms.js';

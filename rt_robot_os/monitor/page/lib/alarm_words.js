@@ -1,3 +1,4 @@
+// @ts-check
 /** An alarm in words, the same wherever it stands: who, what, where, and who has it. */
 
 import {kindsText} from './alarms.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** What alarms are, and in which order they come. */
 
 /** From the least to the worst. */
@@ -23,7 +24,7 @@ export function rank(level) {
 
 /** For sort: unanswered before acknowledged, the worst first, then the oldest. */
 export function order(one, other) {
-  return (isLoud(other) - isLoud(one)) || (rank(other.level) - rank(one.level))
+  return (Number(isLoud(other)) - Number(isLoud(one))) || (rank(other.level) - rank(one.level))
     || (STATES.indexOf(other.state) - STATES.indexOf(one.state))
     || ((one.opened_ns || one.t_ns || 0) - (other.opened_ns || other.t_ns || 0));
 }

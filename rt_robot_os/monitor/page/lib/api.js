@@ -1,4 +1,13 @@
+// @ts-check
 /** Requests to the server: JSON both ways, the CSRF token on what changes something, clear errors. */
+
+/** @typedef {import('../types').Answers} Answers */
+
+/**
+ * What a route answers; of a path that is put together, anything.
+ * @template {string} R
+ * @typedef {R extends keyof Answers ? Answers[R] : any} Answer
+ */
 
 const TIMEOUT_MS = 15000;
 // Browsers send no more than 64 KiB of all pages that were left.
@@ -27,36 +36,65 @@ export class Api {
     this.csrf = '';
     /** Called when the server no longer knows who we are. */
     this.onSignedOut = () => {};
-    /** Called when the session is locked; isAsked: somebody waits. Resolves to: unlocked. */
+    /**
+     * Called when the session is locked; the argument: a user waits. Resolves to: unlocked.
+     * @type {(isAsked: boolean) => Promise<boolean>}
+     */
     this.onLocked = async () => false;
     /** Called when the token of the page is no longer that of the session: get the new one. */
-    this.onStale = async () => false;
+    this.onStale = /** @type {() => Promise<boolean>} */ (async () => false);
   }
 
   /**
    * Read something.
-   * @param {string} path
+   * @template {string} P
+   * @param {P} path
    * @param {Object} [parameters] of the query; null and undefined are left out
    * @param {{background?: boolean}} [how] background: a timer asks, not a person, so that it does
    *   not keep the session alive
+   * @returns {Promise<Answer<`GET ${P}`>>}
    */
   get(path, parameters, how = {}) {
     return this.send('GET', path + query(parameters), undefined,
       how.background ? {'X-Background': '1'} : {});
   }
 
+  /**
+   * @template {string} P
+   * @param {P} path
+   * @param {Object} [body]
+   * @returns {Promise<Answer<`POST ${P}`>>}
+   */
   post(path, body = {}) {
     return this.send('POST', path, body);
   }
 
+  /**
+   * @template {string} P
+   * @param {P} path
+   * @param {Object} [body]
+   * @returns {Promise<Answer<`PUT ${P}`>>}
+   */
   put(path, body = {}) {
     return this.send('PUT', path, body);
   }
 
+  /**
+   * @template {string} P
+   * @param {P} path
+   * @param {Object} [body]
+   * @returns {Promise<Answer<`PATCH ${P}`>>}
+   */
   patch(path, body = {}) {
     return this.send('PATCH', path, body);
   }
 
+  /**
+   * @template {string} P
+   * @param {P} path
+   * @param {Object} [body]
+   * @returns {Promise<Answer<`DELETE ${P}`>>}
+   */
   delete(path, body) {
     return this.send('DELETE', path, body);
   }

@@ -1,3 +1,4 @@
+// @ts-check
 /** Addresses of files of the page: those of the same release as the module that asks. */
 
 /** The address of a file, such as 'style/icon.svg'. */

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * The clips of the robots: JPEGs one after another in an AVI (Motion JPEG), which browsers do not
  * play. An empty frame means that the one before it still stands.

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * The connection for pictures, one a page: `/camera`. Each picture is answered when it is drawn,
  * and only then the server sends the next: nothing old ever waits for a slow browser.

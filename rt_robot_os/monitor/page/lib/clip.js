@@ -1,3 +1,4 @@
+// @ts-check
 /** A player for clips of alarms: picture by picture, with a bar and keys. */
 
 import {parseAvi} from './avi.js';
@@ -79,7 +80,7 @@ class Player {
       throw new Error(this.t('clip.empty'));
     }
     this.clip = clip;
-    this.bar.max = clip.frames.length - 1;
+    this.bar.max = String(clip.frames.length - 1);
     this.controls.hidden = false;
     write(this.note, '');
     this.face();
@@ -90,7 +91,7 @@ class Player {
   async show(place) {
     const {frames, rateHz} = this.clip;
     this.place = Math.max(0, Math.min(frames.length - 1, place));
-    this.bar.value = this.place;
+    this.bar.value = String(this.place);
     const text = `${this.seconds(this.place / rateHz)} / ${this.seconds(frames.length / rateHz)}`;
     write(this.time, text);
     this.bar.setAttribute('aria-valuetext', text);

@@ -1,3 +1,4 @@
+// @ts-check
 /** Whether what is shown is what is: connected, or no connection since when. */
 
 import {h, tone, write} from './dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** Questions in a dialog: the browser keeps the focus inside, and gives it back. */
 
 import {h} from './dom.js';
@@ -8,7 +9,8 @@ let count = 0;
 /**
  * Open a dialog with anything in it.
  * @param {string} title
- * @param {function(function(*): void): Array} build gets close(result), returns the children
+ * @param {(close: (found?: *) => void) => (Node | Array)} build gets close(result), returns the
+ *   children
  * @param {string} [kind] sheet: from the right; else in the middle
  * @returns {Promise<*>} what it was closed with; undefined by Escape
  */

@@ -1,14 +1,25 @@
+// @ts-check
 /**
  * Elements made by code: data never becomes markup.
+ */
+
+/**
+ * The element of a tag with classes.
+ * @template {string} T
+ * @typedef {T extends keyof HTMLElementTagNameMap ? HTMLElementTagNameMap[T]
+ *   : T extends `${infer N}.${string}`
+ *     ? N extends keyof HTMLElementTagNameMap ? HTMLElementTagNameMap[N] : HTMLElement
+ *     : HTMLElement} ElementOf
  */
 
 const SVG = 'http://www.w3.org/2000/svg';
 
 /**
  * Make an element: h('button.primary', {onclick: f}, 'Save').
- * @param {string} tag name and classes, such as 'div.card.wide'
+ * @template {string} T
+ * @param {T} tag name and classes, such as 'div.card.wide'
  * @param {...*} rest properties (a plain object, first), then children; null and false are nothing
- * @returns {HTMLElement}
+ * @returns {ElementOf<T>}
  */
 export function h(tag, ...rest) {
   const [name, ...classes] = tag.split('.');
@@ -126,7 +137,7 @@ export function tone(element, family, value) {
 /**
  * Keep one child for each item, made once and then updated, in the order of the items. While the
  * focus or the pointer is in the list its order waits: nothing moves away under a finger.
- * @param {HTMLElement} parent it has no other children
+ * @param {HTMLElement & {kept?: Map<string, HTMLElement>}} parent it has no other children
  * @param {Array} items
  * @param {function(*): string} keyOf
  * @param {function(*): HTMLElement} make
@@ -167,14 +178,14 @@ function arrange(parent, elements, isHeld) {
     }
   }
   if (focused && document.activeElement !== focused) {
-    focused.focus({preventScroll: true});
+    /** @type {HTMLElement} */ (focused).focus({preventScroll: true});
   }
 }
 
 /**
  * Do something at most once a frame, however often it is asked for.
  * @param {function(): void} work
- * @returns {function(): void} ask for it; with .stop()
+ * @returns {{(): void, stop(): void}} ask for it
  */
 export function framed(work) {
   let asked = 0;

@@ -1,3 +1,4 @@
+// @ts-check
 // Runs before the first paint, so that neither theme nor language flickers.
 (function early() {
   let theme = null;

@@ -1,3 +1,4 @@
+// @ts-check
 /** What to sign in, to begin by a link and to change a password have in common: a form that waits. */
 
 import {asset} from './asset.js';

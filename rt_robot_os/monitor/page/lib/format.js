@@ -1,7 +1,9 @@
+// @ts-check
 /** Numbers with their units, times and ages, as the reader writes them. */
 
 const DAY_S = 86400;
 const NO_BREAK = '\u00a0';
+/** @type {[Intl.RelativeTimeFormatUnit, number][]} */
 const UNITS = [['day', DAY_S], ['hour', 3600], ['minute', 60], ['second', 1]];
 
 export class Format {
@@ -86,6 +88,10 @@ export class Format {
   }
 }
 
+/**
+ * @param {number} seconds
+ * @returns {[Intl.RelativeTimeFormatUnit, number]} the largest unit that fits, and its seconds
+ */
 function unitOf(seconds) {
   return UNITS.find(([, size]) => seconds >= size) || UNITS[UNITS.length - 1];
 }

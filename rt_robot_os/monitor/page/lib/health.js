@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * What a robot says of a person, made readable: the topics signs, news2_details and place_details
  * are lists of diagnoses; each has a name such as 'anna/pulse_per_min' and values that are texts.

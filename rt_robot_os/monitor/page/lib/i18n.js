@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * Words in the reader's language: messages/LANGUAGE/NAME.json, keys NAME.key; English where a
  * message is missing. A message may be an object by plural rule: {"one": ..., "other": ...}.

@@ -1,3 +1,4 @@
+// @ts-check
 /** Drawings of 24 by 24, in the colour of the text beside them. */
 
 import {svg} from './dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** Whether keys are worth a word: devices with nothing but a touch screen have none. */
 
 // The same as in style/shell.css, which hides what is seen of them.

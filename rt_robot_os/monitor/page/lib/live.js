@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * The WebSocket to the server: it comes back by itself within two seconds, knows when the other
  * side is silent, how far the way is, and how far the server's clock is from ours.

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * How the reader writes dates and numbers: as the browser is set, in the language of the page.
  */
@@ -16,7 +17,7 @@ function valid(tag) {
  * The locale of a language: the browser's own where it has that language, else the language with
  * the browser's region; English without a region is that of Britain, as the ISO date order is.
  * @param {string} language such as 'de'
- * @param {string[]} [wanted] of the browser, the most wanted first
+ * @param {readonly string[]} [wanted] of the browser, the most wanted first
  */
 export function localeOf(language, wanted = navigator.languages || [navigator.language]) {
   const tags = wanted.map(valid).filter(Boolean);

@@ -1,3 +1,4 @@
+// @ts-check
 /** The menu of the account: views of it, language, theme, sound, notifications, keys, sign out. */
 
 import {openDialog} from './dialog.js';

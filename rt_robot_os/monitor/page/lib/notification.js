@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * Notifications of the desktop or of a phone. Android allows them to a service worker only, where
  * the constructor throws; so the worker shows them wherever there is one.

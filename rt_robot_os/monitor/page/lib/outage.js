@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * What keeps alarms from being known: no server, no robot, a robot that is away. "No open alarms"
  * is good news only while none of these holds.
@@ -28,7 +29,7 @@ export function robotsUp(state) {
 
 /**
  * What alarms may be missed by now; null: nothing.
- * @param {State} state
+ * @param {import('./state.js').State} state
  * @returns {?{kind: string, sinceMs: number, ageMs: number, away: Array}} kind: start (the server
  *   has said nothing yet), server (nothing comes from it), storing (it cannot store), none (no
  *   robot is known), robots (away: those that are not reached); sinceMs by this computer's clock

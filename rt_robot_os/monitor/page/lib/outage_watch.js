@@ -1,3 +1,4 @@
+// @ts-check
 /** Make an outage heard and seen outside of the page: sound, read out, notification, title, icon. */
 
 import {notify} from './notification.js';

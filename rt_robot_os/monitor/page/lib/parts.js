@@ -1,3 +1,4 @@
+// @ts-check
 /** Parts that all views are built of: buttons, badges, notices, ages, fields. */
 
 import {attribute, h, replace, tone, write} from './dom.js';
@@ -81,9 +82,12 @@ export function section(title, ...children) {
   return h('section.section', h('h2', title), children);
 }
 
+let fields = 0;
+
 /** A field of a form with its label, and a line of help under it. */
 export function field(label, input, help = '') {
-  const id = input.id || `field-${(field.count = (field.count || 0) + 1)}`;
+  fields += input.id ? 0 : 1;
+  const id = input.id || `field-${fields}`;
   input.id = id;
   if (help) {
     input.setAttribute('aria-describedby', `${id}-help`);
@@ -105,7 +109,7 @@ export function select(options, value, onchange) {
 export function segments(label, options, value, onchange) {
   const made = h('div.segments', {role: 'group', 'aria-label': label});
   const show = (now) => [...made.children].forEach((each) => attribute(each, 'aria-pressed',
-    String(each.dataset.value === now)));
+    String(each.getAttribute('data-value') === now)));
   for (const [key, text] of Object.entries(options)) {
     made.append(h('button', {type: 'button', 'data-value': key, onclick: () => {
       show(key);
@@ -113,8 +117,7 @@ export function segments(label, options, value, onchange) {
     }}, text));
   }
   show(value);
-  made.show = show;
-  return made;
+  return Object.assign(made, {show});
 }
 
 /** Write how old something is, and grey what it belongs to when that is too old. */

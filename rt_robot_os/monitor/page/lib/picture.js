@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * A live picture of a camera, with its age: grey when it is older than a second, so that nobody
  * takes a frozen picture for the room as it is.

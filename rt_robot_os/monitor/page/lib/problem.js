@@ -1,3 +1,4 @@
+// @ts-check
 /** Errors of requests in the reader's words. */
 
 import {h} from './dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** Which robot a view is about: the one of the address, else the first; a choice if there are several. */
 
 import {framed, h, replace} from './dom.js';
@@ -16,6 +17,7 @@ export function robotChoice(context, wanted, onchange) {
   const element = h('div.robot-choice');
   const choice = {element, robot: null, close: null};
   let shown = '';
+  let isMade = false;
   const draw = () => {
     const robots = [...state.robots.values()];
     const before = choice.robot;
@@ -32,7 +34,7 @@ export function robotChoice(context, wanted, onchange) {
             onchange(id);
           })));
     }
-    if (before !== choice.robot && draw.isMade) {
+    if (before !== choice.robot && isMade) {
       onchange(choice.robot);
     }
   };
@@ -43,6 +45,6 @@ export function robotChoice(context, wanted, onchange) {
     later.stop();
   };
   draw();
-  draw.isMade = true;
+  isMade = true;
   return choice;
 }

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * Texts of the server and of robots in the reader's words. Each comes with a code and arguments;
  * one without a code, or with a code that this page does not know, is shown as the sender wrote it,

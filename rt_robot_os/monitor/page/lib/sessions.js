@@ -1,3 +1,4 @@
+// @ts-check
 /** A table of sessions, one's own or somebody else's. */
 
 import {h} from './dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** What is around each view: head, line of alarms, navigation; and which view is open. */
 
 import {alarmStrip} from './alarm_strip.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * The sound of alarms: short bursts of tones, made by the browser; no file. Browsers play nothing
  * before somebody has touched the page, so it has to be switched on once a visit.

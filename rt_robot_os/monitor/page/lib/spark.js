@@ -1,3 +1,4 @@
+// @ts-check
 /** A small line of the last while of a number; gaps stay gaps. */
 
 import {attribute, svg} from './dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * What is known now of robots, people, alarms and signals; whoever shows it is told of changes.
  */
@@ -9,17 +10,19 @@ const TICK_MS = 1000;
 const GAPS = 100;
 
 export class State {
-  /** @param {Live} live */
+  /** @param {import('./live.js').Live} live */
   constructor(live) {
     this.live = live;
     this.listeners = new Map();
     this.clear();
-    live.addEventListener('state', (event) => this.takeState(event.detail));
-    live.addEventListener('robot', (event) => this.takeRobot(event.detail));
-    live.addEventListener('alarm', (event) => this.takeAlarm(event.detail));
-    live.addEventListener('signals', (event) => this.takeSignals(event.detail));
-    live.addEventListener('server', (event) => this.takeServer(event.detail));
-    live.addEventListener('gap', (event) => this.takeGap(event.detail));
+    const on = (name, take) => live.addEventListener(name,
+      (event) => take(/** @type {CustomEvent} */ (event).detail));
+    on('state', (found) => this.takeState(found));
+    on('robot', (found) => this.takeRobot(found));
+    on('alarm', (found) => this.takeAlarm(found));
+    on('signals', (found) => this.takeSignals(found));
+    on('server', (found) => this.takeServer(found));
+    on('gap', (found) => this.takeGap(found));
     live.addEventListener('connection', () => this.tell('connection'));
     live.addEventListener('rtt', () => this.tell('rtt'));
     setInterval(() => this.tell('tick'), TICK_MS);

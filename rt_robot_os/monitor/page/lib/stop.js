@@ -1,3 +1,4 @@
+// @ts-check
 /** The button that stops robots, reachable in every view and by its key. */
 
 import {openDialog} from './dialog.js';
@@ -42,7 +43,7 @@ export async function stopOrAsk(context) {
   const asked = document.querySelector('dialog.dialog-stop .critical');
   if (asked) {
     // The key once more: all of them.
-    asked.click();
+    /** @type {HTMLElement} */ (asked).click();
     return null;
   }
   const chosen = await openDialog(t('shell.stop_which'), (close) => h('div.choices',

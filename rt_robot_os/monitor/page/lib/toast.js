@@ -1,3 +1,4 @@
+// @ts-check
 /** Short messages at the foot of the page, with something to do about them if need be. */
 
 import {h} from './dom.js';
@@ -10,7 +11,7 @@ const said = new Map();
 
 /**
  * Show a message.
- * @param {string} text
+ * @param {string | Node} text
  * @param {{kind?: string, action?: ?HTMLElement, shownMs?: number}} [how] kind: ok, warn, error
  * @returns {function(): void} take it away
  */

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * The last hour of a few signs of each person, for the small lines of the overview: the past from
  * the server, one request at a time; what comes live is added.

@@ -1,3 +1,4 @@
+// @ts-check
 /** A session that was not used for a while: its password is asked for where it is needed. */
 
 import {openDialog} from './dialog.js';

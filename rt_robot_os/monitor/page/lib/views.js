@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * The views: one line each. A view is views/NAME.js with style/NAME.css and messages/LANGUAGE/
  * NAME.json; its title is shell.view_NAME. permission: who may open it ('' is everybody).

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * Talk with whoever is beside a robot: WebRTC between this browser and the robot itself; only what
  * sets it up goes over the server. Nothing is sent to anybody until one speaks: push to talk.

@@ -1,3 +1,4 @@
+// @ts-check
 /** For administrators: users and whom they may see, robots' tokens, emergencies. */
 
 import {h, replace} from '../lib/dom.js';

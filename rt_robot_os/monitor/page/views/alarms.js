@@ -1,3 +1,4 @@
+// @ts-check
 /** Alarms: the open ones and those of the past; of the chosen one the time line and what to do. */
 
 import {Detail} from './alarms/detail.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** The audit log: who did and saw what; whether it is whole; to take it away. */
 
 import {add, attribute, h, replace, write} from '../lib/dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** The data of a person: signs over time, live and back to a year, with limits, alarms and gaps. */
 
 import {kindsText, openedNs} from '../lib/alarms.js';

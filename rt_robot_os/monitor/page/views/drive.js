@@ -1,3 +1,4 @@
+// @ts-check
 /** Driving a robot from afar: its picture in the middle, the stick under the hand. */
 
 import {h} from '../lib/dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** To sign in. */
 
 import {h, replace} from '../lib/dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** Everybody at a glance, the worst first: people, then robots. */
 
 import {personCard, updatePerson} from './overview/person_card.js';

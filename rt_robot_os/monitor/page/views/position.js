@@ -1,3 +1,4 @@
+// @ts-check
 /** Where everything is: the map of a robot with its way, people, nodes and alarms; and go there. */
 
 import {h, replace} from '../lib/dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** A one-time link: for the first account, for a further one, or for a forgotten password. */
 
 import {h, replace} from '../lib/dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** Who saw, in an emergency, whom they may not see otherwise, and why. */
 
 import {h, replace} from '../../lib/dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** What is shown once and never again: a link, a token. */
 
 import {openDialog} from '../../lib/dialog.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** Pictures, clips and sounds of an alarm, as far as the server has them. */
 
 import {h, replace} from '../../lib/dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** What happened to an alarm: events, notes and pictures, the first at the top. */
 
 import {h, replace} from '../../lib/dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * The values of one sign that a plot draws: columns of numbers, sorted by time.
  *

@@ -1,3 +1,4 @@
+// @ts-check
 /** What is drawn on a plot besides its line: zones behind it, marks of bad values and alarms. */
 
 const STRIP = 5;

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * Wheel, drag, pinch and keys over a stack of plots, turned into what is shown of time.
  *

@@ -1,3 +1,4 @@
+// @ts-check
 /** The colours and letters of plots, from the tokens of the page: a canvas knows no style sheet. */
 
 /** Return the palette as it is now; ask again when the theme changes. */

@@ -1,3 +1,4 @@
+// @ts-check
 /** What uPlot strokes and fills of a sign, in canvas pixels: a line with gaps, values, a band. */
 
 /**

@@ -1,3 +1,4 @@
+// @ts-check
 /** One sign of a person: its last value in large letters, and its plot. */
 
 import {h, tone, write} from '../../lib/dom.js';

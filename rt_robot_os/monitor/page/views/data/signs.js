@@ -1,3 +1,4 @@
+// @ts-check
 /** The signs that plots know, and the bands of NEWS2 (Royal College of Physicians, 2017). */
 
 const MINUTE = 60_000;

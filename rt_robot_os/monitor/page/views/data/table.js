@@ -1,3 +1,4 @@
+// @ts-check
 /** The same as the plots, as a table: for those who do not see them, and to read off numbers. */
 
 import {h, replace} from '../../lib/dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * Which part of time is shown: one range for all plots, in ms of UTC.
  *

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * Driving with a gamepad: closed while a shoulder button is held; the left stick says where to.
  *

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * The hand that drives, whatever it drives with: joystick on the screen, keys, gamepad.
  *

@@ -1,3 +1,4 @@
+// @ts-check
 /** How a robot is, in words and as a number to sort by. */
 
 import {isLoud, rank} from '../../lib/alarms.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** What will happen in the simulated flat of a demonstration, and when. */
 
 import {h, replace, write} from '../../lib/dom.js';

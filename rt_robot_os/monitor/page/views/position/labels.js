@@ -1,3 +1,4 @@
+// @ts-check
 /** Names on the map: the important ones first, none over another. */
 
 const HEIGHT = 15;

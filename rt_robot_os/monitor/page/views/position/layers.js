@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * What is drawn on the map, a function a layer; all in CSS pixels.
  *

@@ -1,3 +1,4 @@
+// @ts-check
 /** The map of a robot as the server keeps it, and as a picture in the colours of the page. */
 
 const UNKNOWN = 255;

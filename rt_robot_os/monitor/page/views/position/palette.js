@@ -1,3 +1,4 @@
+// @ts-check
 /** The colours of the map, from the tokens of the page. */
 
 import {pixelOf} from './map.js';

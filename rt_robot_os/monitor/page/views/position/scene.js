@@ -1,3 +1,4 @@
+// @ts-check
 /** What is known of where everything is: the robot and its track, people, nodes, plan, scan. */
 
 const NS_PER_MS = 1e6;

@@ -1,3 +1,4 @@
+// @ts-check
 /** Symbols of the map; each state has a shape of its own, so that the colour is not all. */
 
 /** A robot: a disc with its nose ahead; hollow when it is old. */

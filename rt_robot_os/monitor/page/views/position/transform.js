@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * From cells of a map to metres of its frame, and from metres to the screen; and back.
  *

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rows that the disk did not take: in memory, until it does; they can be sent all the same."""
+"""Rows that could not be written to the disk, in memory until they can be; sent meanwhile."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from collections.abc import Sequence
 from typing import Final
 
 from rt_robot_os.gateway.outbox import Mark
-from rt_robot_os.gateway.outbox import Place
+from rt_robot_os.gateway.outbox import OutboxPosition
 from rt_robot_os.gateway.outbox import Row
 from rt_robot_os.messages.uplink.importance import Importance
 
-#: Rows that are held; of more the oldest of what is least important gives way.
+#: Rows that are held; beyond that the oldest of the least important are evicted.
 ROWS_MOST: Final = 4096
 
 
-class Spare:
+class MemoryFallback:
     """
     A bounded table in memory.
 
@@ -46,7 +46,7 @@ class Spare:
         """
         Hold rows.
 
-        :return: those that gave way for them.
+        :return: those that were evicted.
         """
         for row in rows:
             self._rows[row[:3]] = row
@@ -61,7 +61,7 @@ class Spare:
         """Return all rows, the most important and oldest first."""
         return [self._rows[key] for key in sorted(self._rows)]
 
-    def after(self, importance: Importance, place: Place, most: int, most_bytes: int
+    def after(self, importance: Importance, place: OutboxPosition, most: int, most_bytes: int
               ) -> list[Row]:
         """Return the oldest rows behind a place, as :meth:`.outbox.Outbox.after` does."""
         found: list[Row] = []

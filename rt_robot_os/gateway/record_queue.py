@@ -15,7 +15,7 @@
 """
 Records to the disk and from there to the sender, by a thread of its own: a disk may be slow.
 
-What cannot wait is on the disk at once, the rest a moment later together. A disk that is full or
+What cannot wait is written immediately, the rest together a moment later. A disk that is full or
 broken stops nothing: records are held in memory, sent from there, and written when it works again.
 """
 
@@ -31,13 +31,13 @@ from typing import Final
 
 from rt_robot_os.gateway.dispatch import Dispatch
 from rt_robot_os.gateway.dispatch import URGENT
+from rt_robot_os.gateway.memory_fallback import MemoryFallback
 from rt_robot_os.gateway.outbox import Mark
 from rt_robot_os.gateway.outbox import Outbox
 from rt_robot_os.gateway.outbox import Row
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Record
-from rt_robot_os.gateway.part import Ways
-from rt_robot_os.gateway.spare import Spare
 from rt_robot_os.messages.uplink.importance import Importance
 from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
 from rt_robot_os.messages.uplink.messages import UplinkMessage
@@ -59,7 +59,7 @@ _BYTES_PER_MB: Final = 1_000_000
 _S_PER_DAY: Final = 86400.0
 
 
-class Keeper(Part):
+class RecordQueue(Part):
     """
     Keep records until the server has them.
 
@@ -73,14 +73,14 @@ class Keeper(Part):
 
     receives = (BatchStored, BatchRefused)
 
-    def __init__(self, ways: Ways, boot: str, clock_s: Callable[[], float] = time.monotonic
-                 ) -> None:
-        super().__init__(ways)
-        settings = ways.settings
-        self.outbox = Outbox(ways.folder / FILE, boot,
+    def __init__(self, context: GatewayContext, boot: str,
+                 clock_s: Callable[[], float] = time.monotonic) -> None:
+        super().__init__(context)
+        settings = context.settings
+        self.outbox = Outbox(context.folder / FILE, boot,
                              round(settings.outbox_mb * _BYTES_PER_MB),
                              settings.outbox_days * _S_PER_DAY)
-        self.spare = Spare()
+        self.spare = MemoryFallback()
         self.dispatch = Dispatch(self.outbox, self.spare)
         self.kept = self.flooded = self.too_long = 0
         self.problem = ''
@@ -98,8 +98,8 @@ class Keeper(Part):
         self._old_s = clock_s()
         self._thread: threading.Thread | None = None
         if self.outbox.damaged is not None:
-            ways.tell(f'{self.outbox.path} could not be read and is now {self.outbox.damaged}: '
-                      'what was in it is not sent')
+            context.tell(f'{self.outbox.path} could not be read and is now {self.outbox.damaged}: '
+                         'what was in it is not sent')
 
     # ---- any thread --------------------------------------------------------------------------
 
@@ -238,8 +238,8 @@ class Keeper(Part):
             _, number, _, retry_s, why = item
             row = self.dispatch.take_refused(number, why, retry_s, now_s)
             if row is not None:
-                self.ways.tell(f'the server never takes record {row.seq}: {why}; it is set aside '
-                               f'in {self.outbox.path}')
+                self.context.tell(f'the server never takes record {row.seq}: {why}; it is set '
+                                  f'aside in {self.outbox.path}')
         except sqlite3.Error as error:
             self._note(error)
 
@@ -262,11 +262,11 @@ class Keeper(Part):
             if len(self.spare) and now_s - self._tried_s >= _AGAIN_S:
                 self._tried_s = now_s
                 self._write_spare()
-            while self.outbox.over() and self.outbox.give_way(self.dispatch.protected):
+            while self.outbox.over() and self.outbox.evict(self.dispatch.protected):
                 pass
             if now_s - self._old_s >= _OLD_S:
                 self._old_s = now_s
-                while self.outbox.forget_old(self.dispatch.protected):
+                while self.outbox.expire(self.dispatch.protected):
                     pass
                 self.outbox.shrink()
         except sqlite3.Error as error:
@@ -279,18 +279,18 @@ class Keeper(Part):
         except sqlite3.Error:
             # Pages that become free in the file need nothing of the disk.
             least = max(rows[0].importance + 1, Importance.MEDIA)
-            if not self.outbox.give_way(self.dispatch.protected, least):
+            if not self.outbox.evict(self.dispatch.protected, least):
                 raise
             self.outbox.add(rows, list(self.spare.marks.values()))
         self.spare.clear()
         self.problem = ''
-        self.ways.tell(f'{self.outbox.path} can be written again')
+        self.context.tell(f'{self.outbox.path} can be written again')
 
     def _note(self, error: sqlite3.Error) -> None:
         text = str(error)
         if not self.problem:
-            self.ways.tell(f'{self.outbox.path} cannot be written ({text}): make room on the '
-                           'disk; meanwhile records are only in memory')
+            self.context.tell(f'{self.outbox.path} cannot be written ({text}): make room on the '
+                              'disk; meanwhile records are only in memory')
         self.problem = text
 
     def _prepare(self, now_s: float) -> None:
@@ -302,7 +302,7 @@ class Keeper(Part):
                 with self._lock:  # there are three at most
                     at = sum(each[0] <= importance for each in self._ready)
                     self._ready.insert(at, (importance, self._sending, text))
-                self.ways.server.wake()
+                self.context.server.wake()
         except sqlite3.Error as error:
             self._note(error)
 

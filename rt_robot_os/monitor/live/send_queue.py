@@ -15,8 +15,8 @@
 """
 What goes out on a WebSocket: what is urgent first and all of it, then the newest of what is live.
 
-One task writes, so that a peer which reads slowly holds up nobody else. What is live is made when
-its turn comes: nothing old is ever kept for a slow peer.
+One task writes, so that a peer that reads slowly delays no other. Live data is made when its turn
+comes: nothing old is kept for a slow peer.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from typing import Final
 from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
-#: A peer that reads nothing while so many urgent messages wait is closed: it comes back and gets
-#: the whole state, which is less than what it missed.
+#: A peer that reads nothing while this many urgent messages wait is disconnected: it reconnects
+#: and gets the whole state, which is less than what it missed.
 URGENT_MOST: Final = 1000
 URGENT_BYTES: Final = 2 << 20
 #: Close codes.
@@ -41,7 +41,7 @@ DEFECT: Final = 1011
 _LOG: Final = logging.getLogger('monitor')
 
 
-class Outlet:
+class SendQueue:
     """
     The sending side of a connection.
 
@@ -69,9 +69,9 @@ class Outlet:
         """Return whether it is to be closed."""
         return self._close is not None
 
-    def say(self, text: str) -> bool:
+    def send(self, text: str) -> bool:
         """
-        Send something urgent: in order, never left out.
+        Send a message in order, without dropping it.
 
         :return: False when the peer does not read any more; it is closed then.
         """
@@ -84,8 +84,8 @@ class Outlet:
         self._wake.set()
         return True
 
-    def say_now(self, key: str, text: str) -> None:
-        """Send something before all that waits; the newest of a key takes the place of others."""
+    def send_urgent(self, key: str, text: str) -> None:
+        """Send a message before all that waits; it replaces one of its key that still waits."""
         self._now.pop(key, None)
         self._now[key] = text
         self._wake.set()
@@ -114,7 +114,7 @@ class Outlet:
                 await self._send_all()
             await self._websocket.close(*self._close)
         except (WebSocketDisconnect, RuntimeError):
-            pass  # the peer has gone: whoever reads notices
+            pass  # the peer has gone: the reading task notices
         except Exception:
             _LOG.exception('a connection is closed because of a defect')
             with suppress(WebSocketDisconnect, RuntimeError):

@@ -27,9 +27,9 @@ from typing import Final
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.gateway.map_topic import MAP_MESSAGE
 from rt_robot_os.gateway.map_topic import message_of
+from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.part import Part
-from rt_robot_os.gateway.part import Ways
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
 from rt_robot_os.linux.file_urls import read_text_file
@@ -46,7 +46,7 @@ MAP_S: Final = 5.0
 _LOOK_S: Final = 0.1
 
 
-class Surroundings(Part):
+class MapPart(Part):
     """
     Name map and nodes in the greeting; send the map when the server has not got it.
 
@@ -58,10 +58,10 @@ class Surroundings(Part):
 
     receives = (ServerWelcome,)
 
-    def __init__(self, ways: Ways) -> None:
-        super().__init__(ways)
-        self._map = self._read_map(ways.settings.map)
-        self._nodes = self._read_nodes(ways.settings.nodes_file)
+    def __init__(self, context: GatewayContext) -> None:
+        super().__init__(context)
+        self._map = self._read_map(context.settings.map)
+        self._nodes = self._read_nodes(context.settings.nodes_file)
         self._wanted = False
         self._is_sent = True
         self._next_s = 0.0
@@ -79,7 +79,7 @@ class Surroundings(Part):
             return MapMessage.pack(columns, rows, grid.resolution_m, (x, y, yaw),
                                    grid.cells.tobytes())
         except (ConfigError, ValueError, OSError) as error:
-            self.ways.tell(f'map {path}: {error}; the page shows none')
+            self.context.tell(f'map {path}: {error}; the page shows none')
             return None
 
     def _read_nodes(self, path: str) -> tuple[NodePosition, ...]:
@@ -91,7 +91,7 @@ class Surroundings(Part):
                 NodePosition(each.id, each.token, each.x, each.y, each.z, each.person)
                 for each in read_survey(text, str(file)))
         except ConfigError as error:
-            self.ways.tell(f'nodes_file {path}: {error}; the page shows none where it hangs')
+            self.context.tell(f'nodes_file {path}: {error}; the page shows none where it hangs')
             return ()
 
     def hello(self) -> Greeting:
@@ -117,7 +117,7 @@ class Surroundings(Part):
             new, self._new = self._new, None
             if new is not None and await self._become(new):
                 self._is_sent = False
-            if (not self._is_sent and self.ways.server.connected
+            if (not self._is_sent and self.context.server.connected
                     and time.monotonic() >= self._next_s):
                 self._send()
 
@@ -126,7 +126,7 @@ class Surroundings(Part):
         self._next_s = time.monotonic() + MAP_S
         if self._map is not None:
             self.maps_sent += 1
-            self.ways.server.send_newest(self._map)
+            self.context.server.send_newest(self._map)
 
     async def _become(self, cdr: bytes) -> bool:
         """Take a map of the topic; return whether it is another one."""
@@ -136,7 +136,7 @@ class Surroundings(Part):
             self.maps_refused += 1
             if str(error) not in self._told and len(self._told) < 10:
                 self._told.add(str(error))
-                self.ways.tell(f'topic {TOPIC}: {error}; the page shows the one before')
+                self.context.tell(f'topic {TOPIC}: {error}; the page shows the one before')
             return False
         is_new = made.sha256 != self._digest
         self._map = made

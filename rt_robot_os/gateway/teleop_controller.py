@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Who drives the robot from afar, whether what they say is young enough, and for how long it holds.
+Which remote driver has the lease, whether a command is recent enough, how long it is active.
 
-Pure decisions with a clock that is handed in; :mod:`rt_robot_os.gateway.drive` connects
-them. What moves the robot has to pass all of this, in this order: it belongs to the lease of the
-moment; its number rises; its ticket is at most ``ticket_s`` old; the hand was seen
-open since the lease began, and since the last gap. Then it holds for ``hold_s``, but never longer
-than ``ticket_s`` after its ticket was given out.
+Pure decisions with a clock that is handed in; :mod:`rt_robot_os.gateway.drive` connects them. What
+moves the robot has to pass all of this, in this order: it belongs to the lease of the moment; its
+number rises; its ticket is at most ``ticket_s`` old; the dead-man switch was seen released since
+the lease began, and since the last gap. Then it is active for ``hold_s``, but never longer than
+``ticket_s`` after its ticket was issued.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _TAKEN: Final = 'taken'
 
 class Order(NamedTuple):
     """
-    What the robot is told.
+    A command for the robot.
 
     :ivar stamp_ns: from when on its age counts, on CLOCK_MONOTONIC.
     """
@@ -54,15 +54,15 @@ class Order(NamedTuple):
     stamp_ns: int
 
 
-class Pilot:
+class TeleopController:
     """
-    Decide what the one who drives may do.
+    Decide what the driver may do.
 
     :param now_ns: on CLOCK_MONOTONIC.
-    :ivar lease: of the one who may drive; empty when nobody may.
+    :ivar lease: of the driver; empty without one.
     :ivar driver: their name.
-    :ivar is_armed: the hand was seen open, so that closing it counts.
-    :ivar grips: the hand is closed, and counts.
+    :ivar is_armed: the dead-man switch was seen released, so that pressing it counts.
+    :ivar deadman_pressed: the dead-man switch is pressed, and counts.
     :ivar moves: the last order was to move.
     :ivar rtt_ms: to the sender and back, by the last command, without the time that its ticket lay
         there; None before.
@@ -75,7 +75,7 @@ class Pilot:
         self.tickets = Tickets()
         self.lease = self.driver = ''
         self.seq = 0
-        self.is_armed = self.grips = self.moves = False
+        self.is_armed = self.deadman_pressed = self.moves = False
         self.rtt_ms: float | None = None
         self.counters = {name: 0 for name in (
             _TAKEN, FOREIGN, DISORDERED, STALE, MALFORMED, NOT_ARMED, 'leases', 'holds_ended')}
@@ -97,9 +97,9 @@ class Pilot:
 
     def end(self, lease: str | None = None) -> Order | None:
         """
-        Let nobody drive any more.
+        End the lease.
 
-        :param lease: the one that ends; None: whichever there is.
+        :param lease: the one that ends; None: any.
         """
         if lease is not None and lease != self.lease:
             return None
@@ -110,7 +110,7 @@ class Pilot:
 
     def stop(self) -> Order | None:
         """Return the order to stand, if it moves; the hand no longer counts."""
-        self.grips = False
+        self.deadman_pressed = False
         if not self.moves:
             return None
         self.moves = False
@@ -167,20 +167,20 @@ class Pilot:
             self._gap_ns = 0
             return self.stop()
         if self._gap_ns and now_ns - self._gap_ns > self.limits.ticket_ns:
-            # It has stood meanwhile: it does not start under a hand that does not expect it.
+            # It has stood meanwhile: it must not start while the driver does not expect it.
             self.is_armed = False
         if not self.is_armed:
             raise _NotTaken(NOT_ARMED)
         self._gap_ns = now_ns
-        self.grips = True
+        self.deadman_pressed = True
         linear, angular = self.limits.bounded(command.linear_m_s, command.angular_rad_s)
         self._until_ns = min(now_ns + self.limits.hold_ns, given_ns + self.limits.ticket_ns)
         if not linear and not angular:
-            # In force like any other: whoever holds the stick in its middle steers.
+            # As active as any other: a stick that is held in its middle steers, too.
             self.moves = False
             return Order(0.0, 0.0, now_ns)
         self.moves = True
-        # The end of a hold that the ticket shortens is told to the core by an older stamp.
+        # A hold that the ticket shortens has an older stamp, by which the core ends it earlier.
         return Order(linear, angular, self._until_ns - self.limits.hold_ns)
 
 
