@@ -55,7 +55,7 @@ _HOUR_CASE = 'slam'
 _EPILOG = """\
 Everything is measured in one run, in turns, each system in a process of its own; tables show the
 median of the repeats. What is not installed is a line in the table. The exit code is 0 also when
-an aim is missed: this is a measurement, not a test. 2: a bad argument; 1: a measurement failed;
+a target is missed: this is a measurement, not a test. 2: a bad argument; 1: a measurement failed;
 130: Ctrl-C, which keeps and shows the cases that were complete, and the rows of stability.
 
 Where `bench` stands here, type `ros2 run rt_robot_os bench`, or `./scripts/run bench`:

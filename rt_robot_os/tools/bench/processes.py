@@ -111,7 +111,7 @@ def _lock(fd: int, wait: bool) -> bool:
 
 def measure(run: Run) -> Outcome:
     """
-    Run a worker in a fresh interpreter, when nobody else measures on this machine.
+    Run a subject in a fresh interpreter, when nobody else measures on this machine.
 
     Its group of processes is ended, whatever happens, before this returns or raises.
 
@@ -122,7 +122,7 @@ def measure(run: Run) -> Outcome:
             prefix='rtb', ignore_cleanup_errors=True) as name:
         folder = Path(name)
         (folder / JOB_FILE).write_text(json.dumps({
-            'worker': run.worker, 'arguments': dict(run.arguments), 'cpu': run.cpu,
+            'subject': run.subject, 'arguments': dict(run.arguments), 'cpu': run.cpu,
             'priority': run.priority, 'build': run.build}))
         with open(folder / _LOG_FILE, 'wb') as log:
             process = start_child(

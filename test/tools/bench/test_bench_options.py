@@ -167,6 +167,6 @@ def test_the_help_says_that_a_missed_aim_is_no_error(capsys: pytest.CaptureFixtu
         run(['--help'])
     assert ended.value.code == 0
     said = capsys.readouterr().out
-    assert 'exit code is 0 also when an aim is missed' in ' '.join(said.split())
+    assert 'exit code is 0 also when a target is missed' in ' '.join(said.split())
     for name in CASES:
         assert name in said

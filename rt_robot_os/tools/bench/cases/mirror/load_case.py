@@ -34,9 +34,9 @@ from rt_robot_os.tools.bench.cases.mirror.load_subjects import NODE_GAVE_IN
 from rt_robot_os.tools.bench.cases.mirror.load_subjects import STEP_NS
 from rt_robot_os.tools.bench.cases.mirror.load_subjects import TRIES
 from rt_robot_os.tools.bench.cases.mirror.turns import STRETCH_NS
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 from rt_robot_os.tools.bench.stats import percentile
 
 _SUBJECTS = f'{__package__}.load_subjects'
@@ -131,7 +131,7 @@ def _gave_in(who: int) -> common.Of:
     return lambda outcome: 100.0 * (outcome.figures['gave_in'] == who)
 
 
-def evaluate(outcomes: Outcomes) -> tuple[Sequence[Table], Sequence[Aim]]:
+def evaluate(outcomes: Outcomes) -> tuple[Sequence[Table], Sequence[Target]]:
     """Make the tables, and what is promised for 50 topics of 200 Hz."""
     costs = [outcomes.row(key, {
         'core': _CORE, 'node': _NODE, 'dropped': common.figure('dropped')})
@@ -146,16 +146,16 @@ def evaluate(outcomes: Outcomes) -> tuple[Sequence[Table], Sequence[Aim]]:
     if ramps:
         tables.append(Table('How many mirrored samples a second', _SATURATION_COLUMNS, ramps,
                             _SATURATION_NOTES))
-    aims = []
+    targets = []
     for delay_ms in _DELAYS_MS:
         key = _cost_key(_TOPICS[-1], delay_ms)
         if key not in outcomes.runs:
             continue  # of a first look
         more = f', delay_ms {delay_ms:g}' if delay_ms else ''
-        aims += [Aim(f'{who}: CPU of an Imu, 50 topics{more}', LIMIT_US,
-                     outcomes.metric(key, of), 'us', why=_why(outcomes, who, key))
-                 for who, of in (('core', _CORE), ('node', _NODE))]
-    return tables, aims
+        targets += [Target(f'{who}: CPU of an Imu, 50 topics{more}', LIMIT_US,
+                           outcomes.metric(key, of), 'us', why=_why(outcomes, who, key))
+                    for who, of in (('core', _CORE), ('node', _NODE))]
+    return tables, targets
 
 
 def _why(outcomes: Outcomes, who: str, key: str) -> str:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What else happened while something was measured: how a missed aim finds its reason."""
+"""What else happened while something was measured: how a missed target finds its reason."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def loop_ns() -> float:
     return statistics.median(blocks)
 
 
-class Surroundings:
+class MachineState:
     """Counters of the process and the machine, from making this to :meth:`figures`."""
 
     def __init__(self) -> None:
