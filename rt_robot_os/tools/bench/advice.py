@@ -61,7 +61,7 @@ USE = (
     'be guaranteed and not only measured, such as for safety. The rows clock_nanosleep and '
     'cyclictest (wakeup) say what this machine gives to any program.')
 WORDS = (
-    'us: microsecond, a thousandth of a millisecond. A dash: not measured, not told by that '
+    'us: microsecond, a thousandth of a millisecond. A dash: not measured, not reported by that '
     'system, or too few samples to say it.',
     'p50, p99, p99.9: the value that 50, 99, 99.9 of 100 samples do not exceed; p50 is the '
     'median. max: the largest sample. In pictures of tails the vertical axis says which part of '

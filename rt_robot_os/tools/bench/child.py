@@ -76,7 +76,7 @@ def _work(job: dict[str, Any], folder: Path) -> Outcome:
 
 
 def write_result(folder: Path, outcome: Outcome) -> None:
-    """Leave an outcome for the parent; it appears at once or not at all."""
+    """Leave an outcome for the parent; the file appears complete or not at all."""
     meta = json.dumps({'status': outcome.status.value, 'reason': outcome.reason,
                        'figures': dict(outcome.figures), 'realtime': list(outcome.realtime)})
     path = folder / 'unfinished.npz'

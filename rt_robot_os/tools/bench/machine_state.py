@@ -101,7 +101,7 @@ def away(figures: Mapping[str, float]) -> float | None:
 
 
 def _waited_ms(figures: Mapping[str, float]) -> float:
-    """Return the waiting that is somebody else's: each wake-up waits for a moment."""
+    """Return the waiting that other processes caused: each wake-up waits for a moment."""
     return (figures.get(_PREFIX + 'waited_ms', 0.0)
             - _WAKE_UP_MS * figures.get(_PREFIX + 'switches', 0.0))
 

@@ -36,7 +36,7 @@ PEERS = (
     'HORUS (horus-robotics on PyPI): one horus.Node a module with rate, order, priority, core '
     'and, for what computes, compute=True, run by horus.run(rt=True), as its documentation shows. '
     'It refuses to pin two nodes to one CPU, and so may use all; in the case preemption the fast '
-    'node is pinned, the one that computes is in its thread pool. It does not tell its time grid: '
+    'node is pinned, the one that computes is in its thread pool. Its time grid is not reported: '
     'the earliest call stands for that, which makes its latencies a little too small.',
     'clock_nanosleep: a bare loop on absolute deadlines in one thread under SCHED_FIFO, called '
     'from Python by one ctypes call: nothing in Python can be earlier. cyclictest: the same in C.',

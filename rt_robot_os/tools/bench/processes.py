@@ -83,12 +83,12 @@ def lock_path() -> Path:
 @contextmanager
 def alone(path: Path, wait: bool = True) -> Iterator[bool]:
     """
-    Wait until nobody else measures: two at the same priority on one CPU would starve each other.
+    Wait until no other bench measures: at the same priority on one CPU they would starve.
 
-    Where the file cannot be had, such as one of another user, there is no waiting.
+    There is no waiting where the file cannot be opened, such as one of another user.
 
-    :param wait: else only look.
-    :return: whether somebody else measures; always False after waiting.
+    :param wait: False: only check.
+    :return: whether another bench measures; always False after waiting.
     """
     try:
         fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
@@ -111,7 +111,7 @@ def _lock(fd: int, wait: bool) -> bool:
 
 def measure(run: Run) -> Outcome:
     """
-    Run a subject in a fresh interpreter, when nobody else measures on this machine.
+    Run a subject in a fresh interpreter, when no other bench measures on this machine.
 
     Its group of processes is ended, whatever happens, before this returns or raises.
 

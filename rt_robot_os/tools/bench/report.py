@@ -133,12 +133,12 @@ def _grid(table: Table) -> Grid:
                                            for row in table.rows)]
     rows: list[Sequence[str]] = []
     kinds: list[str] = []
-    told: set[str] = set()
+    given: set[str] = set()
     for row in table.rows:
         if row.status is Status.OK:
             rows.append((row.label, *(cell(row.metrics.get(c.key), c) for c in columns)))
         else:
-            rows.append((row.label, absence(row, told)))
+            rows.append((row.label, absence(row, given)))
         kinds.append(_kind(row))
     return Grid(('', *(column.title for column in columns)), rows, kinds,
                 groups=(('', ''), *((column.group, column.unit) for column in columns)))

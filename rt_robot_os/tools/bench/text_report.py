@@ -108,12 +108,12 @@ def _part_lines(rows: Sequence[Row], columns: Sequence[Column], label_width: int
     groups = _groups(columns, widths)
     yield ' ' * label_width + groups
     yield _join(' ' * label_width, [column.title for column in columns], widths)
-    told: set[str] = set()
+    given: set[str] = set()
     for row, line_cells in zip(rows, cells):
         if row.status is Status.OK:
             yield _join(row.label.ljust(label_width), line_cells, widths)
         else:
-            yield from _not_measured(row, label_width, told, width)
+            yield from _not_measured(row, label_width, given, width)
 
 
 def _groups(columns: Sequence[Column], widths: list[int]) -> str:
@@ -137,20 +137,20 @@ def _join(label: str, cells: Sequence[str], widths: Sequence[int]) -> str:
                             for cell, width in zip(cells, widths))).rstrip()
 
 
-def absence(row: Row, told: set[str]) -> str:
+def absence(row: Row, given: set[str]) -> str:
     """
     Write why a row has no figures.
 
-    :param told: the reasons that the table has given so far, which are not repeated.
+    :param given: reasons that the table has given already; they are not repeated.
     """
     what = 'not available' if row.status is Status.MISSING else 'failed'
-    known = row.reason in told
-    told.add(row.reason)
+    known = row.reason in given
+    given.add(row.reason)
     return f'{what}, as above' if known else f'{what}: {row.reason}'
 
 
-def _not_measured(row: Row, label_width: int, told: set[str], width: int) -> Iterator[str]:
-    text = absence(row, told)
+def _not_measured(row: Row, label_width: int, given: set[str], width: int) -> Iterator[str]:
+    text = absence(row, given)
     room = max(20, width - label_width - len(_GAP))
     for i, line in enumerate(textwrap.wrap(text, room)[:3]):
         yield (row.label if i == 0 else '').ljust(label_width) + _GAP + line
@@ -191,10 +191,10 @@ def target_lines(targets: Sequence[Target], width: int = WIDTH) -> Iterator[str]
 
 
 def _reasons(targets: Sequence[Target]) -> Iterator[str]:
-    told: set[str] = set()
+    given: set[str] = set()
     for target in targets:
-        yield 'as above' if target.reason and target.reason in told else target.reason
-        told.add(target.reason)
+        yield 'as above' if target.reason and target.reason in given else target.reason
+        given.add(target.reason)
 
 
 def _wrapped(text: str, width: int) -> Sequence[str]:
@@ -226,11 +226,11 @@ def requirement_lines(requirements: Sequence[Requirement], width: int = WIDTH) -
     yield from textwrap.wrap('== which system meets which requirement? "(?)": the median of the '
                              'repeats says so, but not each of them', width)
     systems = [name for name in SYSTEMS if any(each.systems.get(name) for each in requirements)]
-    told = [[f'{name} {text}' if (text := fit(each, name)) else '' for name in systems]
-            for each in requirements]
-    widths = [max(map(len, column)) for column in zip(*told)]
+    cells = [[f'{name} {text}' if (text := fit(each, name)) else '' for name in systems]
+             for each in requirements]
+    widths = [max(map(len, column)) for column in zip(*cells)]
     beside = len(_INDENT) + sum(widths) + len(_GAP) * (len(systems) - 1) <= width
-    for each, texts in zip(requirements, told):
+    for each, texts in zip(requirements, cells):
         yield from textwrap.wrap(f'{each.text} (case {each.case}):', width)
         if beside:
             yield (_INDENT + _GAP.join(map(str.ljust, texts, widths))).rstrip()

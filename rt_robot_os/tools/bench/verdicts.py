@@ -75,7 +75,7 @@ def _missed(targets: Sequence[tuple[str, Target]]) -> Iterator[Block]:
                 f'{target.text} (case {name}): {measured}, the target is {limit}')
     if not reasons:
         return
-    yield Heading('Why targets were missed, as far as the samples tell', 4)
+    yield Heading('Why targets were missed, as far as the samples show', 4)
     # What is not explained comes last.
     for reason in sorted(reasons, key=lambda one: one == NOTHING):
         yield Paragraph(f'{reason[0].upper()}{reason[1:]}:')

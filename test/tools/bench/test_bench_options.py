@@ -80,7 +80,7 @@ def test_what_ros2_launch_appends_is_left_alone() -> None:
     (('--seconds', '-3'), ('--seconds',)),
     (('--hours', '0'), ('--hours', "'0'", 'from 0.001')),
     (('--hours', 'a day'), ('--hours', "'a day'")),
-    (('--repeats', '0'), ('--repeats', "'0'", 'whole number')),
+    (('--repeats', '0'), ('--repeats', "'0'", 'integer')),
     (('--repeats', '1.5'), ('--repeats', "'1.5'")),
     (('--repeats', '9' * 5000), ('--repeats',)),
     (('--quick', '--full'), ('--full', '--quick')),

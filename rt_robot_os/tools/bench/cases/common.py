@@ -183,7 +183,7 @@ def _slower(outcomes: Outcomes, key: str) -> str:
 
 
 def disturbances(outcomes: Outcomes, key: str) -> str:
-    """Return what disturbed a run, as far as its counters tell; the worst of the repeats."""
+    """Return what disturbed a run, as far as its counters show; the last of the repeats."""
     refused = [step for outcome in outcomes.measured(key)
                for step, in_force, _ in outcome.realtime if not in_force and 'FIFO' in step]
     if refused:
@@ -193,5 +193,5 @@ def disturbances(outcomes: Outcomes, key: str) -> str:
     slow = _slower(outcomes, key)
     if slow:
         return slow
-    told = [text for outcome in outcomes.measured(key) if (text := explain(outcome.figures))]
-    return told[-1] if told else NOTHING
+    found = [text for outcome in outcomes.measured(key) if (text := explain(outcome.figures))]
+    return found[-1] if found else NOTHING

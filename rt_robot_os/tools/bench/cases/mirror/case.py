@@ -69,7 +69,7 @@ _NOTES = (
     'Node: CPU time of the publishing thread, blocks of 100.')
 _ROWS = (
     ('core', 'difference_ns', 'core: mirror to a client of the link'),
-    ('single', 'difference_ns', '  with link_gather_ms 0: each at once'),
+    ('single', 'difference_ns', '  with link_gather_ms 0: each immediately'),
     ('floor', 'difference_ns', '  a bare socket: send and wake'),
     ('core', 'without_ns', '  beside: publish without mirror, job'),
     ('node 0', 'carry_ns', 'node: stamp and publish raw'),

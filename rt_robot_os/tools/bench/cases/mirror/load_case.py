@@ -48,7 +48,7 @@ LIMIT_US = 3.0
 _RAMPS = ((1, 'node', 0.0), (50, 'node', 0.0), (50, 'waiting', 20.0), (1, '', 0.0), (50, '', 0.0))
 _PAIRS = 6
 _WARMUP_NS = 1000 * NS_PER_MS
-# So far the ramp of a saturation comes unless somebody gives in before, tries included.
+# Where the ramp of a saturation ends unless a process saturates before, tries included.
 _HIGHEST_HZ = 600_000.0
 
 _COST_COLUMNS = (
@@ -59,8 +59,8 @@ _COST_COLUMNS = (
     Column('dropped', 'dropped', '', 'samples'))
 _COST_NOTES = (
     'Imus (324 B) of 200 Hz from a core to a node with the mirrors of a robot, on the other CPUs;',
-    'nobody listens in DDS. Stretches of 0.25 s: the core publishes on the mirrored topics and on',
-    'as many others, in turns. The difference of the CPU time, by sample, of the whole process.',
+    'there is no subscriber in DDS. Stretches of 0.25 s: the core publishes on the mirrored topics',
+    'and on as many others, in turns. The difference of the CPU time of the process, by sample.',
     'Core: the link, its wake-ups and what its jobs do to the caches, but not publishing. Node:',
     'reading, stamping, rclpy and all threads of DDS. delay_ms: what the mirrors allow. Floor:',
     'rclpy alone gives the same bytes to 50 publishers in turn, without stamp and link.')
