@@ -43,7 +43,7 @@ LAYERS = {
               '[how it is cut](decisions/0127-kernel-in-three-thirds.md)',
     'topics': 'CDR layouts, rings, publishers, subscriptions',
     'sim': 'what simulated devices share: ptys, faults, the server that runs them, and '
-           '[the one world](world.md) that they look at',
+           '[the one world](world.md) that they look at; the runner of scenarios',
     'devices': 'the contract of a driver, the SensorManager, serial lines, I2C, captures; a '
                'folder for each device: driver, wire format, simulated device, page',
     'modules': 'the contract of a function module and the registry',

@@ -30,10 +30,10 @@ from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.cases import punctual
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import tail
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _WARMUP_NS = 2000 * NS_PER_MS
 _LIMIT = 1.1
@@ -70,11 +70,11 @@ _METRICS: dict[str, common.Of] = {
 
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
-    aims = [Aim(f'p99 with {text} / nothing captured', _LIMIT,
-                outcomes.ratio(key, 'none', punctual.latency(0.99)),
-                why='the core copies 64 KiB at a time and the capture processes share the caches '
-                    'and the host; ' + common.disturbances(outcomes, key))
-            for key, text in (('both', 'camera and sound'), ('mirrored', 'both, mirrored'))]
+    targets = [Target(f'p99 with {text} / nothing captured', _LIMIT,
+                      outcomes.ratio(key, 'none', punctual.latency(0.99)),
+                      why='the core copies 64 KiB at a time and the capture processes share the '
+                      'caches and the host; ' + common.disturbances(outcomes, key))
+               for key, text in (('both', 'camera and sound'), ('mirrored', 'both, mirrored'))]
     plot = Plot('capture', 'How late a 1 kHz task of the core is', 'latency, us',
                 'part of the calls that is later',
                 [tail(run.label, np.concatenate(
@@ -84,7 +84,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     rows = [outcomes.row(key, _METRICS) for key in outcomes.runs]
     return CaseResult(CASE.name, CASE.title, (
         Table('The core while a camera and a microphone are captured', _COLUMNS, rows, _NOTES),),
-        aims, (plot,))
+        targets, (plot,))
 
 
 CASE = Case('capture', 'the core beside a camera and a microphone', _plan, _evaluate)

@@ -247,7 +247,7 @@ _AIMS = (
 
 def verdicts(values: Values) -> Iterator[str]:
     """Compare with what was aimed at."""
-    yield from ('', 'Aims (median of the rounds):')
+    yield from ('', 'Targets (median of the rounds):')
     for text, case, name, below, limit, at_most in _AIMS:
         found = values.get(case, {})
         some: Sequence[float | None] = found.get(name, [])

@@ -25,10 +25,10 @@ from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _SUBJECTS = f'{__package__}.subjects'
 _VECTORS, _STEPS = 'vectors', 'steps'
@@ -90,15 +90,16 @@ def _vectors(outcomes: Outcomes) -> Table:
 
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
-    aims = [Aim(f'step of {law}, with all checks', _STEP_LIMIT_US,
-                outcomes.metric(_STEPS, common.part_of(f'{law} follower', 0.5, _PS_PER_US)), 'us',
-                why=common.disturbances(outcomes, _STEPS)) for law in CONTROLLERS]
+    targets = [Target(f'step of {law}, with all checks', _STEP_LIMIT_US,
+                      outcomes.metric(_STEPS, common.part_of(
+                           f'{law} follower', 0.5, _PS_PER_US)), 'us',
+                      why=common.disturbances(outcomes, _STEPS)) for law in CONTROLLERS]
     tables = [_steps(outcomes)]
     if _VECTORS in outcomes.runs:
         tables.insert(0, _vectors(outcomes))
-        aims.insert(0, Aim('worst difference from the vectors', _VECTOR_LIMIT,
-                           outcomes.metric(_VECTORS, _worst(outcomes)), ''))
-    return CaseResult(CASE.name, CASE.title, tables, aims)
+        targets.insert(0, Target('worst difference from the vectors', _VECTOR_LIMIT,
+                                 outcomes.metric(_VECTORS, _worst(outcomes)), ''))
+    return CaseResult(CASE.name, CASE.title, tables, targets)
 
 
 CASE = Case('control', 'trajectory control: step times, vectors of others (--data)', _plan,

@@ -42,14 +42,14 @@ from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
 from rt_robot_os.tools.bench.plot import tail
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
-from rt_robot_os.tools.bench.result import Need
-from rt_robot_os.tools.bench.result import quoted
+from rt_robot_os.tools.bench.result import published_values
+from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 PERIOD_NS = 2 * NS_PER_MS
 SIZES = (64, 256, 1024, 2048, 64 * 1024, 1024 * 1024)
@@ -57,7 +57,7 @@ _PAPER_US = {2048: (31, 32), 1024: (30, 30), 256: (29, 32), 64: (31, 32)}
 _WARMUP_NS, _TURN_WARMUP_NS = NS_PER_S // 10, NS_PER_S // 20
 # Each run has many variants; a quarter of the time is enough for each.
 _SHARE = 4
-_NEED_US = 10.0
+_REQUIRED_US = 10.0
 
 _COLUMNS = (
     Column('p50', 'p50', 'us', 'delay'), Column('p50', 'p50 range', 'us', 'delay', spread=True),
@@ -77,7 +77,7 @@ _BUILD_COLUMNS = (
 _BUILD_NOTES = (
     'Messages of 64 B every 2 ms. Bare loop: publish, take and note in Python, without a kernel,',
     'after 2 ms of sleep: what the caches cost, which are cold then; or after 2 ms of waiting',
-    'awake. Fifth in a row: four other messages just before it have warmed the caches. Aims are',
+    'awake. Fifth in a row: four other messages just before it warmed the caches. Targets are',
     'ratios: how cold the caches of an idle CPU are is decided by the machine, and differs by the',
     'factor of ten from run to run; the loop that sleeps as long has the same.')
 _BUILD_ROWS = ((DELAY, 'from task to task'), (SLEEPING, 'bare loop that sleeps'),
@@ -102,7 +102,7 @@ def _plan(options: Options) -> Sequence[Run]:
     measure_ns = round(options.seconds * NS_PER_S / _SHARE)
     variants = _variants(options)
     seconds = len(variants) * (_WARMUP_NS + measure_ns) / NS_PER_S
-    # Of single figures that aims compare: more of them.
+    # Of single figures that targets compare: more of them.
     turns_ns = 2 * measure_ns
     turns_s = 4 * (2 * _TURN_WARMUP_NS + turns_ns) / NS_PER_S
     arguments = {'variants': variants, 'period_ns': PERIOD_NS, 'warmup_ns': _WARMUP_NS,
@@ -152,20 +152,22 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         name = f'{size_text(size):>6}, {subscribers:>2} sub{"s" if subscribers > 1 else " "}'
         if subscribers == 1 and size in _PAPER_US:
             mean, most = _PAPER_US[size]
-            rows.append(quoted(f'{name} paper', p50=mean, maximum=most))
+            rows.append(published_values(f'{name} paper', p50=mean, maximum=most))
         sample = variant(size, subscribers)
         rows += [outcomes.row(key, {**common.tails_of(sample), 'arrived': _arrived(sample)},
                               f'{name} {run.label}') for key, run in _systems(outcomes)]
     why = _why(outcomes)
     small = common.part_of(variant(SMALL_BYTES, 1), 0.5)
-    aims = [Aim(f'delay p50, {size_text(size)} / {SMALL_BYTES} B', _SIZE_RATIO,
-                outcomes.between('kernel', common.part_of(variant(size, 1), 0.5), 'kernel', small),
-                why=why, paper=f'{_PAPER_US[size][0]} us for each')
-            for size in SIZES if size in _PAPER_US and size > SMALL_BYTES]
-    aims = [*_build_aims(outcomes, why), *aims]
+    targets = [Target(f'delay p50, {size_text(size)} / {SMALL_BYTES} B', _SIZE_RATIO,
+                      outcomes.between('kernel', common.part_of(variant(size, 1), 0.5),
+                                       'kernel', small),
+                      why=why, paper=f'{_PAPER_US[size][0]} us for each')
+               for size in SIZES if size in _PAPER_US and size > SMALL_BYTES]
+    targets = [*_build_targets(outcomes, why), *targets]
     p50 = common.part_of(variant(64, 1), 0.5)
-    needs = (Need('a message to another task of the program in 10 us, median', _NEED_US, 'us',
-                  common.systems(outcomes, p50), case=CASE.name),)
+    requirements = (Requirement(
+        'a message to another task of the program in 10 us, median', _REQUIRED_US, 'us',
+        common.systems(outcomes, p50), case=CASE.name),)
     builds: list[Row] = []
     for sample, label in _BUILD_ROWS:
         builds += common.build_rows(outcomes, 'turns', label, common.tails_of(sample))
@@ -174,7 +176,8 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         (Table('', _COLUMNS, rows, _NOTES),
          Table('Compiled and in pure Python, beside a bare loop', _BUILD_COLUMNS, builds,
                _BUILD_NOTES)),
-        aims, (_sizes_plot(options, outcomes), _tails_plot(outcomes)), needs, _facts(outcomes))
+        targets, (_sizes_plot(options, outcomes), _tails_plot(outcomes)), requirements,
+        _facts(outcomes))
 
 
 def _systems(outcomes: Outcomes) -> Sequence[tuple[str, Run]]:
@@ -182,17 +185,17 @@ def _systems(outcomes: Outcomes) -> Sequence[tuple[str, Run]]:
     return [(key, run) for key, run in outcomes.runs.items() if not run.build]
 
 
-def _build_aims(outcomes: Outcomes, why: str) -> Sequence[Aim]:
+def _build_targets(outcomes: Outcomes, why: str) -> Sequence[Target]:
     key = common.key_of('turns', COMPILED)
 
     def over_bare(outcome: Outcome) -> float | None:
         above, below = _P50[DELAY](outcome), _P50[SLEEPING](outcome)
         return above / below if above and below else None
 
-    return (Aim('delay p50, 64 B, compiled / pure', _BUILD_RATIO,
-                common.build_ratio(outcomes, 'turns', _P50[DELAY]), why=why),
-            Aim('delay p50, 64 B, compiled / bare loop', _BARE_RATIO,
-                outcomes.metric(key, over_bare), why=why))
+    return (Target('delay p50, 64 B, compiled / pure', _BUILD_RATIO,
+                   common.build_ratio(outcomes, 'turns', _P50[DELAY]), why=why),
+            Target('delay p50, 64 B, compiled / bare loop', _BARE_RATIO,
+                   outcomes.metric(key, over_bare), why=why))
 
 
 def _facts(outcomes: Outcomes) -> Mapping[str, Metric | None]:

@@ -24,10 +24,10 @@ from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _SUBJECTS = f'{__package__}.subjects'
 _STEPS, _RECORDED = 'steps', 'recording'
@@ -84,23 +84,23 @@ def _recorded(outcomes: Outcomes) -> Table:
         'same orders at the same times, on motors like those of the recording.'))
 
 
-def _aims(outcomes: Outcomes) -> Sequence[Aim]:
+def _targets(outcomes: Outcomes) -> Sequence[Target]:
     named = {'wrong': 'sentences read wrongly', 'wrong in noise': 'sentences read wrongly, noise',
              'unread': 'bytes of the board not understood',
              'unlike': 'answers of the twin that differ'}
     known = {name for outcome in outcomes.measured(_RECORDED) for name in outcome.figures}
-    return [Aim(text, 0.0, outcomes.metric(_RECORDED, _figure(name)), '')
+    return [Target(text, 0.0, outcomes.metric(_RECORDED, _figure(name)), '')
             for name, text in named.items() if name in known] + [
-        Aim(f'frame of {label}', _FRAME_LIMIT_US,
-            outcomes.metric(_STEPS, common.part_of(name, 0.5, _PS_PER_US)), 'us',
-            why=common.disturbances(outcomes, _STEPS)) for name, label in _FRAMES]
+        Target(f'frame of {label}', _FRAME_LIMIT_US,
+               outcomes.metric(_STEPS, common.part_of(name, 0.5, _PS_PER_US)), 'us',
+               why=common.disturbances(outcomes, _STEPS)) for name, label in _FRAMES]
 
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     tables = [_steps(outcomes)]
     if _RECORDED in outcomes.runs:
         tables.insert(0, _recorded(outcomes))
-    return CaseResult(CASE.name, CASE.title, tables, _aims(outcomes))
+    return CaseResult(CASE.name, CASE.title, tables, _targets(outcomes))
 
 
 CASE = Case('devices', 'StarGazer and motor board: time of a frame, recordings (--data)', _plan,

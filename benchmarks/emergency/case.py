@@ -30,13 +30,13 @@ from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import tail
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
-from rt_robot_os.tools.bench.result import Need
+from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _SAMPLE = 'delay_ns'
 _LIMIT_US = 10_000.0
@@ -77,11 +77,11 @@ def _plan(options: Options) -> Sequence[Run]:
     seconds = options.seconds if options.quick else max(_SHORTEST_S, options.seconds)
 
     def run(path: tuple[str, str, str, int], busy: int, alone: bool) -> Run:
-        key, label, worker, priority = path
+        key, label, subject, priority = path
         here = '' if alone else ', queues here'
         return Run(
             f'{key} {busy}{" here" if here else ""}', f'{label}, {busy} computing{here}',
-            f'{_SUBJECTS}:{worker}', {
+            f'{_SUBJECTS}:{subject}', {
                 'busy': busy, 'alone': alone, 'count': int(seconds / _EMERGENCY_S) + 1,
                 'start_ns': round(_START_S * NS_PER_S), 'measure_ns': round(seconds * NS_PER_S)},
             2.0 + _START_S + seconds, priority=priority)
@@ -101,22 +101,23 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     rows = [_with_ratio(row, outcomes, p99) for row in rows]
     loaded, plain = f'rt {_MOST}', f'plain {_MOST}'
     loads = [busy for busy in _LOADS if f'rt {busy}' in outcomes.runs]
-    aims = (
-        *(Aim(f'alarm to motors, {busy} computing, p99', _LIMIT_US,
-              outcomes.metric(f'rt {busy}', p99), 'us',
-              why=common.disturbances(outcomes, f'rt {busy}')) for busy in loads),
-        *(Aim(f'p99, {busy} computing / none', _RATIO,
-              outcomes.ratio(f'rt {busy}', _none(f'rt {busy}'), p99),
-              why=common.disturbances(outcomes, f'rt {busy}')) for busy in loads if busy),
-        Aim(f'alarms that moved the robot, {_MOST} computing', 100.0,
-            outcomes.metric(loaded, common.figure('answered_percent')), '%', at_most=False))
-    needs = (Need('the robot turned towards an emergency within 10 ms (p99) of the last byte of '
-                  'its alarm, while the program computes', _LIMIT_US, 'us', {
-                      'rt_robot_os': outcomes.metric(loaded, p99),
-                      'threads': outcomes.metric(plain, p99) if plain in outcomes.runs else None,
-                  }, case=CASE.name),)
-    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims,
-                      (_plot(outcomes),), needs)
+    targets = (
+        *(Target(f'alarm to motors, {busy} computing, p99', _LIMIT_US,
+                 outcomes.metric(f'rt {busy}', p99), 'us',
+                 why=common.disturbances(outcomes, f'rt {busy}')) for busy in loads),
+        *(Target(f'p99, {busy} computing / none', _RATIO,
+                 outcomes.ratio(f'rt {busy}', _none(f'rt {busy}'), p99),
+                 why=common.disturbances(outcomes, f'rt {busy}')) for busy in loads if busy),
+        Target(f'alarms that moved the robot, {_MOST} computing', 100.0,
+               outcomes.metric(loaded, common.figure('answered_percent')), '%', at_most=False))
+    requirements = (Requirement(
+        'the robot turned towards an emergency within 10 ms (p99) of the last byte of '
+        'its alarm, while the program computes', _LIMIT_US, 'us', {
+            'rt_robot_os': outcomes.metric(loaded, p99),
+            'threads': outcomes.metric(plain, p99) if plain in outcomes.runs else None,
+        }, case=CASE.name),)
+    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), targets,
+                      (_plot(outcomes),), requirements)
 
 
 def _none(key: str) -> str:

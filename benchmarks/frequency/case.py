@@ -37,12 +37,12 @@ from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
-from rt_robot_os.tools.bench.result import Need
-from rt_robot_os.tools.bench.result import quoted
+from rt_robot_os.tools.bench.result import published_values
+from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 from rt_robot_os.tools.bench.stats import frequencies
 
 RATES_HZ = (2000, 1000, 500, 200)
@@ -51,7 +51,7 @@ _WINDOW_NS = 3 * NS_PER_S
 _WARMUP_NS = 300 * NS_PER_MS
 # Of the frequency that a plain loop reaches: 0.05 % less.
 _LIMIT_RATIO = 0.9995
-_NEED_PERCENT = 0.5
+_REQUIRED_PERCENT = 0.5
 # As in the paper: 500 Hz before 200 Hz before 1000 Hz before 2000 Hz.
 _AS_PAPER = {2000: 20, 1000: 30, 500: 50, 200: 40}
 _MONOTONIC = {2000: 50, 1000: 40, 500: 30, 200: 20}
@@ -68,7 +68,7 @@ _NOTES = (
     'lowest of its samples, and its averages. In rclpy the order of timers cannot be chosen.',
     'One CPU, SCHED_FIFO (MultiThreadedExecutor: all CPUs, without; HORUS: all CPUs). Plain loop:',
     'one loop of clock_nanosleep that calls all four; what the host of a virtual machine takes',
-    'from the CPU it loses as well, so that the aim is 0.05 % less than that, not than nominal.')
+    'from the CPU it loses as well, so the target is 0.05 % less than that, not than nominal.')
 _LATE_HZ, _LATE_S = 100, 0.8
 _LATE_PERIOD_NS = NS_PER_S // _LATE_HZ
 # Three whole periods pass in the meantime, and half of one.
@@ -97,11 +97,11 @@ def _plan(options: Options) -> Sequence[Run]:
     # Room for a whole window of 3 s in all but the quickest look.
     seconds = options.seconds if options.quick else max(options.seconds, 3.5)
 
-    def run(key: str, label: str, worker: str, priorities: dict[int, int] | None = None,
+    def run(key: str, label: str, subject: str, priorities: dict[int, int] | None = None,
             start_s: float = common.START_S, cpu: int = LAST_CPU,
             priority: int = FIFO_PRIORITY, **more: str) -> Run:
         chosen = priorities or _MONOTONIC
-        return Run(key, label, f'{__package__}.{worker}', {
+        return Run(key, label, f'{__package__}.{subject}', {
             'modules': [(rate, chosen[rate]) for rate in RATES_HZ], 'every': 1, 'receive': False,
             'warmup_ns': _WARMUP_NS, 'measure_ns': round(seconds * NS_PER_S), **more},
             start_s + _WARMUP_NS / NS_PER_S + seconds, cpu, priority)
@@ -215,23 +215,25 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         **{f'hz{rate}': _worst_hz(i) for i, rate in enumerate(RATES_HZ)},
         'error': _error, 'cpu': common.figure('cpu_percent')}
     rows = [
-        quoted('paper (STM32F4), lowest', hz2000=1894, hz1000=976, hz500=491,
-               hz200=195, error=5.3),
-        quoted('paper, average', hz2000=1907, hz1000=988, hz500=495, hz200=196, error=4.7),
+        published_values('paper (STM32F4), lowest', hz2000=1894, hz1000=976, hz500=491,
+                         hz200=195, error=5.3),
+        published_values('paper, average', hz2000=1907, hz1000=988, hz500=495, hz200=196,
+                         error=4.7),
         *(outcomes.row(key, columns) for key in outcomes.runs if not key.startswith('late'))]
-    aims = [Aim(f'lowest frequency / plain loop, {name}', _LIMIT_RATIO,
-                outcomes.ratio(key, 'floor', _lowest), at_most=False,
-                why=common.disturbances(outcomes, key), paper='4.7 % less at 2000 Hz')
-            for key, name in zip(_KERNELS, ("the paper's order", 'rate-monotonic'))]
-    needs = (Need('four modules up to 2 kHz, nothing computes long: worst frequency error 0.5 %',
-                  _NEED_PERCENT, '%', common.systems(outcomes, _error, 'monotonic'),
-                  case=CASE.name),)
+    targets = [Target(f'lowest frequency / plain loop, {name}', _LIMIT_RATIO,
+                      outcomes.ratio(key, 'floor', _lowest), at_most=False,
+                      why=common.disturbances(outcomes, key), paper='4.7 % less at 2000 Hz')
+               for key, name in zip(_KERNELS, ("the paper's order", 'rate-monotonic'))]
+    requirements = (Requirement(
+        'four modules up to 2 kHz, nothing computes long: worst frequency error 0.5 %',
+        _REQUIRED_PERCENT, '%', common.systems(outcomes, _error, 'monotonic'),
+        case=CASE.name),)
     late = [outcomes.row(key, _LATE_METRICS) for key in outcomes.runs if key.startswith('late')]
     tables = [Table('', _COLUMNS, rows, _NOTES)]
     if late:
         tables.append(Table('A release that is late', _LATE_COLUMNS, late, _LATE_NOTES))
-    return CaseResult(CASE.name, CASE.title, tables, aims,
-                      (_plot(outcomes),), needs)
+    return CaseResult(CASE.name, CASE.title, tables, targets,
+                      (_plot(outcomes),), requirements)
 
 
 def _plot(outcomes: Outcomes) -> Plot:

@@ -30,10 +30,10 @@ from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.cases import punctual
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import tail
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _WARMUP_NS = 3000 * NS_PER_MS
 _LIMIT = 1.1
@@ -68,12 +68,12 @@ _METRICS: dict[str, common.Of] = {
 
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
-    aims = [Aim(f'p99 with {text} / none', _LIMIT,
-                outcomes.ratio(key, 'none', punctual.latency(0.99)),
-                why='the core sends the samples, and all share the caches and the host; '
-                    + common.disturbances(outcomes, key))
-            for key, text in (('idle', 'a gateway'), ('watched', 'gateway and viewers'))
-            if key in outcomes.runs]
+    targets = [Target(f'p99 with {text} / none', _LIMIT,
+                      outcomes.ratio(key, 'none', punctual.latency(0.99)),
+                      why='the core sends the samples, and all share the caches and the host; '
+                      + common.disturbances(outcomes, key))
+               for key, text in (('idle', 'a gateway'), ('watched', 'gateway and viewers'))
+               if key in outcomes.runs]
     plot = Plot('gateway', 'How late a 1 kHz task of the core is', 'latency, us',
                 'part of the calls that is later',
                 [tail(run.label, np.concatenate(
@@ -83,7 +83,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     rows = [outcomes.row(key, _METRICS) for key in outcomes.runs]
     return CaseResult(CASE.name, CASE.title, (
         Table('The core while a gateway carries to a monitor', _COLUMNS, rows, _NOTES),),
-        aims, (plot,))
+        targets, (plot,))
 
 
 CASE = Case('gateway', 'the core beside a gateway, a server and viewers', _plan, _evaluate)

@@ -34,14 +34,14 @@ from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
-from rt_robot_os.tools.bench.result import Need
-from rt_robot_os.tools.bench.result import quoted
+from rt_robot_os.tools.bench.result import published_values
+from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 from rt_robot_os.tools.bench.stats import frequencies
 
 RATE_HZ = 200
@@ -52,7 +52,7 @@ _WINDOW_NS = 3 * NS_PER_S
 _WARMUP_NS = 400 * NS_PER_MS
 _FLOORS = (100, 1000)
 _DISPATCH_TASKS = (10, 30, 100, 300, 1000)
-_NEED_ERROR = 0.5
+_REQUIRED_ERROR = 0.5
 # Of what a plain loop reaches.
 _LIMIT_RATIO = 0.9995
 
@@ -67,7 +67,7 @@ _NOTES = (
     'stamped. MultiThreadedExecutor: all CPUs, no SCHED_FIFO; with them its threads starve each',
     'other. Frequency: of each module every 3 s, or over the whole run where that is shorter.',
     'Plain loop: it wakes up 200 times a second, publishes, and calls all modules one after the',
-    'other. It loses what the host of a virtual machine takes, as the kernel does: the aims are',
+    'other. It loses what the host of a virtual machine takes, as the kernel does: targets are',
     'ratios to it.')
 _COST_COLUMNS = (
     Column('p50', 'p50', 'us', 'CPU time a job'),
@@ -87,9 +87,9 @@ def _peer_counts(options: Options) -> Sequence[int]:
 def _plan(options: Options) -> Sequence[Run]:
     measure_ns = options.measure_ns
 
-    def run(system: str, count: int, label: str, worker: str, start_s: float = common.START_S,
+    def run(system: str, count: int, label: str, subject: str, start_s: float = common.START_S,
             cpu: int = LAST_CPU, priority: int = FIFO_PRIORITY, **more: str) -> Run:
-        return Run(f'{system} {count}', f'{label}, {count}', f'benchmarks.frequency.{worker}', {
+        return Run(f'{system} {count}', f'{label}, {count}', f'benchmarks.frequency.{subject}', {
             'modules': [(RATE_HZ, 50)] * count, 'every': _every(count), 'receive': True,
             'warmup_ns': _WARMUP_NS, 'measure_ns': measure_ns, **more},
             start_s + _WARMUP_NS / NS_PER_S + options.seconds, cpu, priority)
@@ -143,28 +143,28 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     for count in _counts(options):
         if count in _PAPER:
             mean, error = _PAPER[count]
-            rows.append(quoted(f'paper (FreeRTOS on STM32F4), {count}', mean=mean,
-                               mean_error=error))
+            rows.append(published_values(f'paper (FreeRTOS on STM32F4), {count}', mean=mean,
+                                         mean_error=error))
         rows += [outcomes.row(key, _METRICS) for key in outcomes.runs
                  if key.endswith(f' {count}')]
     costs = [outcomes.row('cost', {'p50': common.part_of(f'{tasks}', 0.5)}, f'{tasks} tasks')
              for tasks in _DISPATCH_TASKS]
-    aims = [Aim(f'{count} modules: {which} frequency / plain loop', _LIMIT_RATIO,
-                outcomes.ratio(f'kernel {count}', f'floor {count}', of), at_most=False,
-                why=common.disturbances(outcomes, f'kernel {count}'), paper=paper)
-            for count, which, of, paper in (
+    targets = [Target(f'{count} modules: {which} frequency / plain loop', _LIMIT_RATIO,
+                      outcomes.ratio(f'kernel {count}', f'floor {count}', of), at_most=False,
+                      why=common.disturbances(outcomes, f'kernel {count}'), paper=paper)
+               for count, which, of, paper in (
                 (1000, 'mean', _mean, '193 of 200 Hz with 100 modules'),
                 (1000, 'lowest', _METRICS['lowest'], ''),
                 (100, 'lowest', _METRICS['lowest'], '3.5 % less in the mean'))]
     return CaseResult(
         CASE.name, CASE.title,
         (Table('', _COLUMNS, rows, _NOTES),
-         Table('Cost of a dispatch', _COST_COLUMNS, costs, _COST_NOTES)), aims,
-        (_plot(options, outcomes), _cost_plot(outcomes)), _needs(outcomes))
+         Table('Cost of a dispatch', _COST_COLUMNS, costs, _COST_NOTES)), targets,
+        (_plot(options, outcomes), _cost_plot(outcomes)), _requirements(outcomes))
 
 
-def _needs(outcomes: Outcomes) -> Sequence[Need]:
-    needs = []
+def _requirements(outcomes: Outcomes) -> Sequence[Requirement]:
+    requirements = []
     for count in (20, 100):
         systems = {
             'rt_robot_os': _metric(outcomes, f'kernel {count}'),
@@ -172,9 +172,10 @@ def _needs(outcomes: Outcomes) -> Sequence[Need]:
                                       _error),
             'HORUS': _metric(outcomes, f'horus {count}'),
             'threads': _metric(outcomes, f'threads {count}')}
-        needs.append(Need(f'{count} modules of 200 Hz: worst frequency error 0.5 %', _NEED_ERROR,
-                          '%', systems, case=CASE.name))
-    return needs
+        requirements.append(Requirement(
+            f'{count} modules of 200 Hz: worst frequency error 0.5 %', _REQUIRED_ERROR,
+            '%', systems, case=CASE.name))
+    return requirements
 
 
 def _metric(outcomes: Outcomes, key: str) -> Metric | None:

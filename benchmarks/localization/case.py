@@ -34,12 +34,12 @@ from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _SUBJECTS = f'{__package__}.subjects'
 _START_S = 1.0
@@ -204,7 +204,7 @@ def _recorded(outcomes: Outcomes) -> Table:
         rows += [Row(f'expected: {name}', {
             'x': outcomes.metric(_RECORDED, _figure(f'expected {name} x_m')),
             'y': outcomes.metric(_RECORDED, _figure(f'expected {name} y_m')),
-            'away': outcomes.metric(_RECORDED, _distance(name))}, quoted=True)
+            'away': outcomes.metric(_RECORDED, _distance(name))}, published=True)
             for name in _others(outcomes)]
     return Table('recording', columns, rows, (
         'The module itself on the recording, on the virtual clock; expected: what stands in the',
@@ -222,11 +222,11 @@ def _steps(outcomes: Outcomes) -> Table:
          'every build; what is late by n steps costs n predictions more.'))
 
 
-def _aims(outcomes: Outcomes) -> Sequence[Aim]:
-    def simulated(text: str, limit: float, of: common.Of, unit: str) -> Aim:
-        return Aim(text, limit, outcomes.metric(_SIMULATED, of), unit)
+def _targets(outcomes: Outcomes) -> Sequence[Target]:
+    def simulated(text: str, limit: float, of: common.Of, unit: str) -> Target:
+        return Target(text, limit, outcomes.metric(_SIMULATED, of), unit)
 
-    aims = [
+    targets = [
         simulated('mean NIS off 3, of its 95 % band: gyroscope', 1.0, _off('gyro'), ''),
         simulated('mean NIS off 3, of its 95 % band: wheels', 1.0, _off('wheels'), ''),
         simulated('position RMS, 10 % false marks', 5.0, _worst('outliers rms_um', 1e4), 'cm'),
@@ -238,18 +238,18 @@ def _aims(outcomes: Outcomes) -> Sequence[Aim]:
         simulated('added by 10 s without a mark, wheels', 15.0,
                   _worst('blind wheels blind_um', 1e4), 'cm'),
         simulated('found after it was carried away', 5.0, _worst('kidnapped found_ms', 1e3), 's'),
-        Aim('step of odometry with a measured pose', _STEP_LIMIT_US,
-            outcomes.metric(_STEPS, common.part_of('step', 0.5, _PS_PER_US)), 'us',
-            why=common.disturbances(outcomes, _STEPS))]
+        Target('step of odometry with a measured pose', _STEP_LIMIT_US,
+               outcomes.metric(_STEPS, common.part_of('step', 0.5, _PS_PER_US)), 'us',
+               why=common.disturbances(outcomes, _STEPS))]
     for outcome in outcomes.measured(_RECORDED)[:1]:
         if 'gyro_gravity_off_deg' in outcome.figures:
-            aims.append(Aim('gravity off the vertical (mounting of the IMU)', _GRAVITY_DEG,
-                            outcomes.metric(_RECORDED, _figure('gyro_gravity_off_deg')),
-                            'degrees'))
+            targets.append(Target('gravity off the vertical (mounting of the IMU)', _GRAVITY_DEG,
+                                  outcomes.metric(_RECORDED, _figure('gyro_gravity_off_deg')),
+                                  'degrees'))
     if 'ekf' in _others(outcomes):
-        aims.append(Aim('end on the recording, from the EKF expected', 0.10,
-                        outcomes.metric(_RECORDED, _distance('ekf')), 'm'))
-    return aims
+        targets.append(Target('end on the recording, from the EKF expected', 0.10,
+                              outcomes.metric(_RECORDED, _distance('ekf')), 'm'))
+    return targets
 
 
 def _series(label: str, samples: Mapping[str, Samples], x: str, y: str, scale_x: float = 1e3,
@@ -308,7 +308,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     tables = [_simulated(outcomes), _steps(outcomes)]
     if _RECORDED in outcomes.runs:
         tables.insert(0, _recorded(outcomes))
-    return CaseResult(CASE.name, CASE.title, tables, _aims(outcomes), _plots(outcomes))
+    return CaseResult(CASE.name, CASE.title, tables, _targets(outcomes), _plots(outcomes))
 
 
 CASE = Case('localization', 'simulated drives, a recording (--data), times of a step',

@@ -29,11 +29,11 @@ from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _WARMUP_NS = 300 * NS_PER_MS
 _START_S = 1.0
@@ -78,7 +78,7 @@ _NOTES = (
     'that is alone. The floors are those of Python and Linux without this package: a bare',
     'wake-up is a loop of clock_nanosleep, called by ctypes, which takes less than 1 us more',
     'than one in C; a call in a row is one of 100 that such a loop makes when it woke up.',
-    'Machines differ by the factor of three, and so did verdicts: aims of the compiled build are',
+    'Machines differ by the factor of three, as verdicts did: targets of the compiled build are',
     'ratios to these floors.')
 
 
@@ -129,22 +129,23 @@ def _rows(options: Options, outcomes: Outcomes) -> list[Row]:
                      for name, label in _FLOORS)]
 
 
-def _aims(outcomes: Outcomes) -> Sequence[Aim]:
+def _targets(outcomes: Outcomes) -> Sequence[Target]:
     operations, call = common.key_of('operations', COMPILED), common.part_of('call', 0.5)
     job, ours = common.part_of('cpu_ns', 0.5), common.ours(outcomes, 'operations')
     why = common.disturbances(outcomes, operations)
 
-    def of_pure(text: str, name: str, limit: float) -> Aim:
-        return Aim(f'{text}, compiled / pure', limit,
-                   common.build_ratio(outcomes, 'operations', common.part_of(name, 0.5)), why=why)
+    def of_pure(text: str, name: str, limit: float) -> Target:
+        return Target(f'{text}, compiled / pure', limit,
+                      common.build_ratio(outcomes, 'operations', common.part_of(name, 0.5)),
+                      why=why)
 
-    def of_calls(text: str, name: str, limit: float) -> Aim:
-        return Aim(f'{text}, compiled / empty call', limit, outcomes.between(
+    def of_calls(text: str, name: str, limit: float) -> Target:
+        return Target(f'{text}, compiled / empty call', limit, outcomes.between(
             operations, common.part_of(name, 0.5), 'floor', call), why=why)
 
-    def of_floor(text: str, key: str, floor: str, name: str, limit: float) -> Aim:
+    def of_floor(text: str, key: str, floor: str, name: str, limit: float) -> Target:
         compiled = common.key_of(key, COMPILED)
-        return Aim(text, limit, outcomes.between(
+        return Target(text, limit, outcomes.between(
             compiled, job, floor, common.part_of(name, 0.5)),
             why=_cold(outcomes) + common.disturbances(outcomes, compiled))
 
@@ -157,9 +158,9 @@ def _aims(outcomes: Outcomes) -> Sequence[Aim]:
         of_calls('publish to a waiting task', _TO_TASK, _TO_TASK_CALLS),
         of_pure('publish and take', _BOTH, _TAKE_RATIO),
         of_pure('publish to a waiting task', _TO_TASK, _TO_TASK_RATIO),
-        Aim('log a line with three arguments', 2.0,
-            outcomes.metric(ours, common.part_of('log three', 0.5, _PS_PER_US)), 'us',
-            why=common.disturbances(outcomes, ours)))
+        Target('log a line with three arguments', 2.0,
+               outcomes.metric(ours, common.part_of('log three', 0.5, _PS_PER_US)), 'us',
+               why=common.disturbances(outcomes, ours)))
 
 
 def _facts(outcomes: Outcomes) -> Mapping[str, Metric | None]:
@@ -177,7 +178,7 @@ def _facts(outcomes: Outcomes) -> Mapping[str, Metric | None]:
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     table = Table('', _COLUMNS, _rows(options, outcomes), _NOTES)
-    return CaseResult(CASE.name, CASE.title, (table,), _aims(outcomes), facts=_facts(outcomes))
+    return CaseResult(CASE.name, CASE.title, (table,), _targets(outcomes), facts=_facts(outcomes))
 
 
 CASE = Case('micro', 'costs of single operations: topics, layouts, dispatching', _plan, _evaluate,

@@ -25,10 +25,10 @@ from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _SUBJECTS = f'{__package__}.subjects'
 _SIMPY = f'{__package__}.peers:simpy_queue'
@@ -111,14 +111,14 @@ def _growth(outcomes: Outcomes) -> common.Of:
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     times = _figure('times_real_time')
-    aims = [Aim(f'{_SMALL} nodes, times real time', _SMALL_TIMES,
-                outcomes.metric(_key(_SMALL), times), at_most=False)]
+    targets = [Target(f'{_SMALL} nodes, times real time', _SMALL_TIMES,
+                      outcomes.metric(_key(_SMALL), times), at_most=False)]
     if _key(_LARGE) in outcomes.runs:
-        aims += [Aim(f'{_LARGE:,} nodes, times real time', _LARGE_TIMES,
-                     outcomes.metric(_key(_LARGE), times), at_most=False),
-                 Aim("growth of an event's cost over that of log n", 1.0,
-                     outcomes.metric(_key(_LARGE), _growth(outcomes)))]
-    return CaseResult(CASE.name, CASE.title, [_networks(outcomes), _queues(outcomes)], aims)
+        targets += [Target(f'{_LARGE:,} nodes, times real time', _LARGE_TIMES,
+                           outcomes.metric(_key(_LARGE), times), at_most=False),
+                    Target("growth of an event's cost over that of log n", 1.0,
+                           outcomes.metric(_key(_LARGE), _growth(outcomes)))]
+    return CaseResult(CASE.name, CASE.title, [_networks(outcomes), _queues(outcomes)], targets)
 
 
 CASE = Case('network', 'simulated sensor networks from 10 to 10,000 nodes', _plan, _evaluate)

@@ -29,12 +29,12 @@ from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import tail
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
-from rt_robot_os.tools.bench.result import Need
+from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _SAMPLE = 'reaction_ns'
 _LIMIT_US = 5000.0
@@ -63,11 +63,11 @@ _LOADS = (('idle', 'nothing computes', 0, False), ('busy', 'computing', 1, False
 def _plan(options: Options) -> Sequence[Run]:
     seconds = options.seconds if options.quick else max(_SHORTEST_S, options.seconds)
     return [Run(f'{key} {load}', f'{label}, {what}',
-                f'{__package__}.subjects:{worker}',
+                f'{__package__}.subjects:{subject}',
                 {'busy': busy, 'alone': alone, 'count': int(seconds / _OBSTACLE_S) + 1,
                  'measure_ns': round(seconds * NS_PER_S)}, 2.0 + seconds, priority=priority)
             for load, what, busy, alone in (_LOADS[:2] if options.quick else _LOADS)
-            for key, label, worker, priority in _PATHS]
+            for key, label, subject, priority in _PATHS]
 
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
@@ -77,27 +77,29 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         'answered': common.figure('answered_percent')}) for key in outcomes.runs]
     key = 'rt alone' if 'rt alone' in outcomes.runs else 'rt busy'
     plain = key.replace('rt', 'plain')
-    aims = (
-        Aim('obstacle to stop, p99, computing', _LIMIT_US,
-            outcomes.metric(key, tails['p99']), 'us', why=common.disturbances(outcomes, key)),
-        Aim('p50, computing / nothing computes', 1.5,
-            outcomes.ratio(key, 'rt idle', tails['p50']),
-            why=common.disturbances(outcomes, key)),
-        Aim('p99 of threads / of the core, computing', 1.0,
-            outcomes.ratio(plain, key, tails['p99']), at_most=False,
-            why=common.disturbances(outcomes, key)))
-    needs = (Need('motors stopped within 5 ms (p99) of an obstacle while the program computes',
-                  _LIMIT_US, 'us', {'rt_robot_os': outcomes.metric(key, tails['p99']),
-                                    'threads': outcomes.metric(plain, tails['p99'])},
-                  case=CASE.name),)
+    targets = (
+        Target('obstacle to stop, p99, computing', _LIMIT_US,
+               outcomes.metric(key, tails['p99']), 'us', why=common.disturbances(outcomes, key)),
+        Target('p50, computing / nothing computes', 1.5,
+               outcomes.ratio(key, 'rt idle', tails['p50']),
+               why=common.disturbances(outcomes, key)),
+        Target('p99 of threads / of the core, computing', 1.0,
+               outcomes.ratio(plain, key, tails['p99']), at_most=False,
+               why=common.disturbances(outcomes, key)))
+    requirements = (Requirement(
+        'motors stopped within 5 ms (p99) of an obstacle while the program computes',
+        _LIMIT_US, 'us', {'rt_robot_os': outcomes.metric(key, tails['p99']),
+                          'threads': outcomes.metric(plain, tails['p99'])},
+        case=CASE.name),)
     series = [tail(outcomes.runs[run].label, np.concatenate(
         [o.samples[_SAMPLE] for o in outcomes.measured(run)]), 1e3)
         for run in outcomes.runs if outcomes.measured(run)]
     plot = Plot('tail', 'From an obstacle to the stop', 'delay, us',
                 'part of the obstacles that is answered later', series,
                 'Further left and lower is better.', True, True)
-    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims, (plot,),
-                      needs)
+    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), targets,
+                      (plot,),
+                      requirements)
 
 
 CASE = Case('reaction', "from an obstacle on a sensor's wire to the stop on the motors' wire",

@@ -31,11 +31,11 @@ from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _SUBJECTS = f'{__package__}.subjects'
 _HOME, _LOAD, _RELAYS = 'home', 'load', 'relays'
@@ -202,10 +202,10 @@ def _relays(options: Options, outcomes: Outcomes) -> Table:
         'all batteries are empty after 4.8 days, whoever relays.'))
 
 
-def _aims(outcomes: Outcomes) -> Sequence[Aim]:
-    def least(text: str, limit: float, key: str) -> Aim:
-        return Aim(text, limit, outcomes.metric(_HOME, _mean(f'{key} delivery_ppm', 1e4)), '%',
-                   at_most=False)
+def _targets(outcomes: Outcomes) -> Sequence[Target]:
+    def least(text: str, limit: float, key: str) -> Target:
+        return Target(text, limit, outcomes.metric(_HOME, _mean(f'{key} delivery_ppm', 1e4)), '%',
+                      at_most=False)
 
     def most(name: str) -> Metric | None:
         values = [outcomes.metric(_HOME, _extreme(f'{key} {name}', 1)) for key in _LABELS]
@@ -216,13 +216,13 @@ def _aims(outcomes: Outcomes) -> Sequence[Aim]:
         least('home, CTP: delivered', 99.5, 'ctp'),
         least('home, paper: delivered', 99.0, 'paper'),
         least('home, paper, sink drives: delivered', 98.0, 'paper moving'),
-        Aim('home, paper, sink drives: longest break', 2 * _BEACON_S,
-            outcomes.metric(_HOME, _extreme('paper moving longest_ms', 1e3)), 's'),
-        Aim('duplicates to the application', 0, most('duplicates'), ''),
-        Aim('packets withheld from the application', 0, most('withheld'), ''),
-        Aim('nodes whose losses are not as in truth', 0, most('differ'), ''),
-        Aim(f'{_MANY} nodes: relay load, driving over standing',
-            1.0, _gain(outcomes, _MANY), '')]
+        Target('home, paper, sink drives: longest break', 2 * _BEACON_S,
+               outcomes.metric(_HOME, _extreme('paper moving longest_ms', 1e3)), 's'),
+        Target('duplicates to the application', 0, most('duplicates'), ''),
+        Target('packets withheld from the application', 0, most('withheld'), ''),
+        Target('nodes whose losses are not as in truth', 0, most('differ'), ''),
+        Target(f'{_MANY} nodes: relay load, driving over standing',
+               1.0, _gain(outcomes, _MANY), '')]
 
 
 def _gain(outcomes: Outcomes, size: int) -> Metric | None:
@@ -260,7 +260,7 @@ def _plots(options: Options, outcomes: Outcomes) -> Sequence[Plot]:
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     return CaseResult(CASE.name, CASE.title, [
         _home(outcomes), _load(options, outcomes), _relays(options, outcomes)],
-        _aims(outcomes), _plots(options, outcomes))
+        _targets(outcomes), _plots(options, outcomes))
 
 
 CASE = Case('routing', 'sensor networks: at home, under load, with a sink that moves',

@@ -31,17 +31,17 @@ from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
 from rt_robot_os.tools.bench.plot import tail
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
-from rt_robot_os.tools.bench.result import Need
+from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _INTERVAL_NS = 10 * NS_PER_MS
 _INTERVAL_FULL_NS = 100 * NS_PER_MS
 _FULL_S = 18.5
-_NEED_US = 1000.0
+_REQUIRED_US = 1000.0
 _PATHS = (('rt', 'rt_robot_os', 'realtime', FIFO_PRIORITY), ('plain', 'plain thread', 'plain', 0))
 
 _COLUMNS = (
@@ -75,19 +75,19 @@ def _plan(options: Options) -> Sequence[Run]:
     interval_ns = _INTERVAL_FULL_NS if options.full else _INTERVAL_NS
     seconds = _FULL_S if options.full else max(1.4, options.seconds)
 
-    def run(key: str, label: str, worker: str, priority: int, processes: int, inside: int,
+    def run(key: str, label: str, subject: str, priority: int, processes: int, inside: int,
             alone: bool = False) -> Run:
-        return Run(key, label, f'{__package__}.subjects:{worker}', {
+        return Run(key, label, f'{__package__}.subjects:{subject}', {
             'processes': processes, 'inside': inside, 'alone': alone, 'interval_ns': interval_ns,
             'measure_ns': round(seconds * NS_PER_S)}, 2.9 + seconds, priority=priority,
             once=options.full)
 
-    runs = [run(f'{key} {count}', f'{label}, {count} busy processes', worker, priority, count, 0)
-            for count in _loads(options) for key, label, worker, priority in _PATHS]
+    runs = [run(f'{key} {count}', f'{label}, {count} busy processes', subject, priority, count, 0)
+            for count in _loads(options) for key, label, subject, priority in _PATHS]
     for alone in (False,) if options.quick else (False, True):
         runs += [run(f'{key} {"alone" if alone else "inside"}',
                      f'{label}, 10 {"inside, queues elsewhere" if alone else "busy inside"}',
-                     worker, priority, 0, 10, alone) for key, label, worker, priority in _PATHS]
+                     subject, priority, 0, 10, alone) for key, label, subject, priority in _PATHS]
     return runs
 
 
@@ -97,21 +97,22 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         'read50': read['p50'], 'read99': read['p99'], 'readmax': read['maximum'],
         'p50': consumed['p50'], 'p99': consumed['p99'], 'maximum': consumed['maximum'],
         'arrived': common.figure('arrived_percent')}) for key in outcomes.runs]
-    aims = (
-        Aim('reader p99, 10 busy processes / none', 1.3,
-            outcomes.ratio('rt 10', 'rt 0', read['p99']),
-            why=_why(outcomes, 'rt 10')),
-        Aim('10 busy inside: p99 of the thread / of the task', 10.0,
-            outcomes.ratio('plain inside', 'rt inside', read['p99']), at_most=False,
-            why=_why(outcomes, 'rt inside')))
-    needs = [Need(f'a serial frame read within 1 ms (p99) while 10 tasks of the same program '
-                  f'compute{what}', _NEED_US,
-                  'us', {'rt_robot_os': outcomes.metric(f'rt {key}', read['p99']),
-                         'threads': outcomes.metric(f'plain {key}', read['p99'])}, case=CASE.name)
-             for key, what in (('inside', ''), ('alone', ", Linux's work queues kept off its CPU"))
-             if f'rt {key}' in outcomes.runs]
-    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims,
-                      (_loads_plot(options, outcomes), _tails_plot(outcomes)), needs)
+    targets = (
+        Target('reader p99, 10 busy processes / none', 1.3,
+               outcomes.ratio('rt 10', 'rt 0', read['p99']),
+               why=_why(outcomes, 'rt 10')),
+        Target('10 busy inside: p99 of the thread / of the task', 10.0,
+               outcomes.ratio('plain inside', 'rt inside', read['p99']), at_most=False,
+               why=_why(outcomes, 'rt inside')))
+    requirements = [
+        Requirement(f'a serial frame read within 1 ms (p99) while 10 tasks of the same program '
+                    f'compute{what}', _REQUIRED_US, 'us', {
+                        'rt_robot_os': outcomes.metric(f'rt {key}', read['p99']),
+                        'threads': outcomes.metric(f'plain {key}', read['p99'])}, case=CASE.name)
+        for key, what in (('inside', ''), ('alone', ", Linux's work queues kept off its CPU"))
+        if f'rt {key}' in outcomes.runs]
+    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), targets,
+                      (_loads_plot(options, outcomes), _tails_plot(outcomes)), requirements)
 
 
 def _why(outcomes: Outcomes, key: str) -> str:

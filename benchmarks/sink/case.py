@@ -34,13 +34,13 @@ from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
 from rt_robot_os.tools.bench.plot import tail
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
-from rt_robot_os.tools.bench.result import Need
-from rt_robot_os.tools.bench.result import quoted
+from rt_robot_os.tools.bench.result import published_values
+from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _SUBJECTS = __package__
 # In --full the paper's 100 ms.
@@ -115,9 +115,9 @@ def _plan(options: Options) -> Sequence[Run]:
     seconds = options.seconds if options.quick else max(
         _FULL_S if options.full else _SHORTEST_S, options.seconds)
 
-    def run(key: str, label: str, worker: str, priority: int, took_s: float,
+    def run(key: str, label: str, subject: str, priority: int, took_s: float,
             arguments: Mapping[str, float], once: bool = False) -> Run:
-        return Run(key, label, f'{_SUBJECTS}.{worker}', {**_ARGUMENTS, **arguments}, 2.9 + took_s,
+        return Run(key, label, f'{_SUBJECTS}.{subject}', {**_ARGUMENTS, **arguments}, 2.9 + took_s,
                    priority=priority, once=once)
 
     cycle_s = (CYCLE + 1 + more) * interval_ns / NS_PER_S
@@ -125,15 +125,15 @@ def _plan(options: Options) -> Sequence[Run]:
     count = 2000 if options.quick else 20_000
     hour_s = _QUICK_S if options.quick else _HOUR_S
     return [
-        *(run(f'{key} {busy}', f'{label}, {busy} computing', worker, priority, took_s, {
+        *(run(f'{key} {busy}', f'{label}, {busy} computing', subject, priority, took_s, {
             'busy': busy, 'interval_ns': interval_ns, 'more': more, 'patience': patience},
             options.full)
-          for busy in _loads(options) for key, label, worker, priority, took_s, patience in (
+          for busy in _loads(options) for key, label, subject, priority, took_s, patience in (
               ('sine rt', 'rt_robot_os', 'subjects:realtime', FIFO_PRIORITY, cycle_s, 1.0),
               ('sine loop', 'loop', 'subjects:loop', 0, 2.0 * cycle_s, 4.0))),
-        *(run(f'{key} {load}', f'{label}, {what}', worker, priority, seconds, {**flood, **more_},
+        *(run(f'{key} {load}', f'{label}, {what}', subject, priority, seconds, {**flood, **more_},
               options.full)
-          for key, label, worker, priority, load, what, more_ in _FLOODS
+          for key, label, subject, priority, load, what, more_ in _FLOODS
           if f'{key} {load}' in _QUICK_FLOODS or not options.quick),
         run('frames', 'a frame', 'host:frames', FIFO_PRIORITY, 0.5, {'count': count}),
         run('hour', 'at full line rate', 'host:hour', 0, hour_s / 60, {'seconds': hour_s},
@@ -170,7 +170,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
               'arrived': common.figure('arrived_percent')}
     sines: list[Row] = []
     if options.full:
-        sines.append(quoted('paper (Xenomai), 0, 5 and 7 tasks', cycle=18.0))
+        sines.append(published_values('paper (Xenomai), 0, 5 and 7 tasks', cycle=18.0))
     sines += [outcomes.row(key, {'cycle': common.figure('cycle_s'), 'error': _longer(options),
                                  **delays}) for key in outcomes.runs if key.startswith('sine')]
     floods: list[Row] = [outcomes.row(key, delays) for key in outcomes.runs
@@ -180,12 +180,13 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
               Table('What packets cost the host', _HOST_COLUMNS, _host_rows(outcomes),
                     _HOST_NOTES))
     p99 = tails['p99']
-    needs = (Need('an alarm of a sensor network handled within 1 ms (p99) in a flood of others, '
-                  'while the program computes', _LIMIT_US, 'us', {
-                      'rt_robot_os': outcomes.metric('flood 10', p99),
-                      'threads': outcomes.metric('threads 10', p99)}, case=CASE.name),)
-    return CaseResult(CASE.name, CASE.title, tables, _aims(options, outcomes),
-                      (_cycle_plot(options, outcomes), _flood_plot(outcomes)), needs)
+    requirements = (Requirement(
+        'an alarm of a sensor network handled within 1 ms (p99) in a flood of others, '
+        'while the program computes', _LIMIT_US, 'us', {
+            'rt_robot_os': outcomes.metric('flood 10', p99),
+            'threads': outcomes.metric('threads 10', p99)}, case=CASE.name),)
+    return CaseResult(CASE.name, CASE.title, tables, _targets(options, outcomes),
+                      (_cycle_plot(options, outcomes), _flood_plot(outcomes)), requirements)
 
 
 def _host_rows(outcomes: Outcomes) -> list[Row]:
@@ -197,28 +198,28 @@ def _host_rows(outcomes: Outcomes) -> list[Row]:
         'cpu': common.figure('cpu_percent')})]
 
 
-def _aims(options: Options, outcomes: Outcomes) -> Sequence[Aim]:
+def _targets(options: Options, outcomes: Outcomes) -> Sequence[Target]:
     p99 = common.part_of(_SAMPLE, 0.99)
     loaded = f'sine rt {_LOADED}'
     why = common.disturbances(outcomes, 'flood 10')
     return (
-        Aim('alarm in a flood, 10 computing, p99', _LIMIT_US, outcomes.metric('flood 10', p99),
-            'us', why=why),
-        Aim('the same, 10 computing / none', _RATIO,
-            outcomes.ratio('flood 10', 'flood 0', p99), why=why),
-        Aim('the same, 10 busy processes / none', _RATIO,
-            outcomes.ratio('flood processes', 'flood 0', p99),
-            why=common.disturbances(outcomes, 'flood processes')),
-        Aim('cycle of the sine off nominal, 10 computing', 0.1,
-            outcomes.metric(loaded, _off(options)), '%',
-            why=common.disturbances(outcomes, loaded), paper='18 s at any load'),
-        Aim('a frame decoded whole, p50', 30.0,
-            outcomes.metric('frames', common.part_of('decode_ns', 0.5)), 'us',
-            why=common.disturbances(outcomes, 'frames')),
-        Aim('frames lost at full line rate', 0.0,
-            outcomes.metric('hour', common.figure('lost'))),
-        Aim('CPU at full line rate', 5.0, outcomes.metric('hour', common.figure('cpu_percent')),
-            '% of a core'))
+        Target('alarm in a flood, 10 computing, p99', _LIMIT_US, outcomes.metric('flood 10', p99),
+               'us', why=why),
+        Target('the same, 10 computing / none', _RATIO,
+               outcomes.ratio('flood 10', 'flood 0', p99), why=why),
+        Target('the same, 10 busy processes / none', _RATIO,
+               outcomes.ratio('flood processes', 'flood 0', p99),
+               why=common.disturbances(outcomes, 'flood processes')),
+        Target('cycle of the sine off nominal, 10 computing', 0.1,
+               outcomes.metric(loaded, _off(options)), '%',
+               why=common.disturbances(outcomes, loaded), paper='18 s at any load'),
+        Target('a frame decoded whole, p50', 30.0,
+               outcomes.metric('frames', common.part_of('decode_ns', 0.5)), 'us',
+               why=common.disturbances(outcomes, 'frames')),
+        Target('frames lost at full line rate', 0.0,
+               outcomes.metric('hour', common.figure('lost'))),
+        Target('CPU at full line rate', 5.0, outcomes.metric('hour', common.figure('cpu_percent')),
+               '% of a core'))
 
 
 def _cycle_plot(options: Options, outcomes: Outcomes) -> Plot:

@@ -29,12 +29,12 @@ from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.cases import punctual
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _SUBJECTS = f'{__package__}.subjects'
 _PEERS = f'{__package__}.peers'
@@ -97,8 +97,9 @@ _RESTART: dict[str, common.Of] = {
 
 
 def _plan(options: Options) -> Sequence[Run]:
-    def run(key: str, label: str, worker: str, seconds: float, **arguments: object) -> Run:
-        return Run(key, label, worker, arguments, common.START_S + _START_S + seconds, LAST_CPU, 0,
+    def run(key: str, label: str, subject: str, seconds: float, **arguments: object) -> Run:
+        took_s = common.START_S + _START_S + seconds
+        return Run(key, label, subject, arguments, took_s, LAST_CPU, 0,
                    once=True)
 
     if options.quick:
@@ -124,8 +125,8 @@ def _logs(options: Options) -> Sequence[Run]:
     beside = Path(options.data).with_name(f'{name}.relations.csv')
     relations = options.expected or (str(beside) if beside.exists() else '')
     arguments = {'data': options.data, 'relations': relations}
-    return tuple(Run(key, f'{label}, {name}', worker, arguments, _LOG_S, LAST_CPU, 0, once=True)
-                 for key, label, worker in (
+    return tuple(Run(key, f'{label}, {name}', subject, arguments, _LOG_S, LAST_CPU, 0, once=True)
+                 for key, label, subject in (
                      ('log', 'mapping', f'{_SUBJECTS}:log'),
                      ('log karto', 'Karto', f'{_PROGRAMS}:karto'),
                      ('log gmapping', 'GMapping', f'{_PROGRAMS}:gmapping'),
@@ -157,33 +158,34 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
             ('The core beside mapping', punctual.COLUMNS, rows(('alone', 'beside'),
                                                                punctual.METRICS), ()))
         if found]
-    return CaseResult(CASE.name, CASE.title, tables, _aims(options, outcomes))
+    return CaseResult(CASE.name, CASE.title, tables, _targets(options, outcomes))
 
 
-def _aims(options: Options, outcomes: Outcomes) -> list[Aim]:
+def _targets(options: Options, outcomes: Outcomes) -> list[Target]:
     def one(key: str, of: common.Of) -> Metric | None:
         return outcomes.metric(key, of) if key in outcomes.runs else None
 
-    aims = [
-        Aim('scans mapped on one core', 20.0, one('flat', _WAY['pace']), '/s', at_most=False),
-        Aim('longest map update', 10.0, one('flat', _WAY['update']), 'ms')]
+    targets = [
+        Target('scans mapped on one core', 20.0, one('flat', _WAY['pace']), '/s', at_most=False),
+        Target('longest map update', 10.0, one('flat', _WAY['update']), 'ms')]
     if options.quick:
-        return aims
+        return targets
     return [
-        *aims,
-        Aim('way in the flat, rms', 0.03, one('flat', _WAY['rms']), 'm'),
-        Aim('way in the flat, rms turn', 0.5, one('flat', _WAY['turn']), 'deg'),
-        Aim('end of a loop of 60 m', _CLOSE_M, one('ring', _WAY['closing']), 'm'),
-        Aim('map of the flat, right within 10 cm', 97.0, one('flat', _WAY['agreement']), '%',
-            at_most=False),
-        Aim('starts that are found within 10 s', 95.0, one('restart', _RESTART['right']), '%',
-            at_most=False),
-        Aim('memory after the flat is known', _SAME_MB, one('memory', common.figure('growth_mb')),
-            'MB more'),
-        Aim('p99 with mapping / alone', 1.1, outcomes.ratio('beside', 'alone',
-                                                            punctual.latency(0.99)),
-            why='the core sends the scans, and both share the caches and the host; '
-                + common.disturbances(outcomes, 'beside'))]
+        *targets,
+        Target('way in the flat, rms', 0.03, one('flat', _WAY['rms']), 'm'),
+        Target('way in the flat, rms turn', 0.5, one('flat', _WAY['turn']), 'deg'),
+        Target('end of a loop of 60 m', _CLOSE_M, one('ring', _WAY['closing']), 'm'),
+        Target('map of the flat, right within 10 cm', 97.0, one('flat', _WAY['agreement']), '%',
+               at_most=False),
+        Target('starts that are found within 10 s', 95.0, one('restart', _RESTART['right']), '%',
+               at_most=False),
+        Target('memory after the flat is known', _SAME_MB,
+               one('memory', common.figure('growth_mb')),
+               'MB more'),
+        Target('p99 with mapping / alone', 1.1, outcomes.ratio('beside', 'alone',
+                                                               punctual.latency(0.99)),
+               why='the core sends the scans, and both share the caches and the host; '
+               + common.disturbances(outcomes, 'beside'))]
 
 
 CASE = Case('slam', 'mapping: accuracy, speed, memory; the core beside it', _plan, _evaluate,

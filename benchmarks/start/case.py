@@ -28,10 +28,10 @@ from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.case import UNPINNED
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _SUBJECT = f'{__package__}.peers:robot'
 _START_S = 6.0
@@ -96,12 +96,12 @@ def _evaluate_start(options: Options, outcomes: Outcomes) -> CaseResult:
     first = _figure('first_message_ns', NS_PER_S)
     rows = [outcomes.row('robot', {
         'first_s': first, 'sample_s': _figure('first_sample_ns', NS_PER_S)})]
-    aims = [Aim('from the start to the first /imu/data', _LIMIT_S,
-                outcomes.metric('robot', first), 's',
-                why='most of it is the start of two interpreters and DDS discovery, which takes '
-                    'the longer the busier the machine is')]
+    targets = [Target('from the start to the first /imu/data', _LIMIT_S,
+                      outcomes.metric('robot', first), 's',
+                      why='most of it is the start of two interpreters and DDS discovery, which '
+                      'takes the longer the busier the machine is')]
     return CaseResult(START.name, START.title,
-                      (Table('', _START_COLUMNS, rows, _START_NOTES),), aims)
+                      (Table('', _START_COLUMNS, rows, _START_NOTES),), targets)
 
 
 def _evaluate_memory(options: Options, outcomes: Outcomes) -> CaseResult:
@@ -109,10 +109,11 @@ def _evaluate_memory(options: Options, outcomes: Outcomes) -> CaseResult:
     rows = [outcomes.row('robot', {
         'resident': resident, 'proportional': _figure('core_proportional', _BYTES_PER_MB),
         'node': _figure('node_resident', _BYTES_PER_MB), 'growth': _growth, 'rate': _rate})]
-    aims = [Aim('resident size of the core', _LIMIT_MB, outcomes.metric('robot', resident), 'MB',
-                why='the modules and topics of the configuration')]
+    size = outcomes.metric('robot', resident)
+    targets = [Target('resident size of the core', _LIMIT_MB, size, 'MB',
+                      why='the modules and topics of the configuration')]
     return CaseResult(MEMORY.name, MEMORY.title,
-                      (Table('', _MEMORY_COLUMNS, rows, _MEMORY_NOTES),), aims)
+                      (Table('', _MEMORY_COLUMNS, rows, _MEMORY_NOTES),), targets)
 
 
 START = Case('start', 'from starting `robot` to its first message', _plan_start, _evaluate_start)

@@ -27,11 +27,11 @@ from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
-from rt_robot_os.tools.bench.result import quoted
+from rt_robot_os.tools.bench.result import published_values
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 from rt_robot_os.tools.bench.stats import percentile
 
 SIZES = (64, 256, 1024, 2048, 16 * 1024, 64 * 1024, 1024 * 1024)
@@ -74,13 +74,13 @@ def _ratio(size: int) -> common.Of:
 
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
-    rows = [quoted('paper (FreeRTOS on STM32F4)', bytes=_PAPER_BYTES_S / 1e6)]
+    rows = [published_values('paper (FreeRTOS on STM32F4)', bytes=_PAPER_BYTES_S / 1e6)]
     rows += [outcomes.row('rings', {
         'messages': _per_second('ring', size, 1e-3),
         'bytes': _per_second('ring', size, size / 1e6),
         'copy': _per_second('copy', size, size / 1e6), 'ratio': _ratio(size),
     }, f'rt_robot_os, {size_text(size)}') for size in SIZES]
-    aims = (Aim('64 KB: time / time of three memcpy', 2.0, outcomes.metric(
+    targets = (Target('64 KB: time / time of three memcpy', 2.0, outcomes.metric(
         'rings', lambda o: _third(_ratio(64 * 1024)(o))),
         why=common.disturbances(outcomes, 'rings')),)
     series = []
@@ -92,7 +92,8 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
                 'Higher is better. memcpy copies the bytes once, the way through a ring three '
                 'times.', True, True,
                 x_ticks=[(size, size_text(size)) for size in SIZES if size != 1024])
-    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims, (plot,))
+    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), targets,
+                      (plot,))
 
 
 def _third(ratio: float | None) -> float | None:

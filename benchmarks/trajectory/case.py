@@ -50,14 +50,14 @@ from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
-from rt_robot_os.tools.bench.result import Need
-from rt_robot_os.tools.bench.result import quoted
+from rt_robot_os.tools.bench.result import published_values
+from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 LOADS: Final = trajectory_plots.LOADS
 PAPER: Final = trajectory_plots.PAPER
@@ -145,21 +145,21 @@ def _eight_systems(options: Options) -> Sequence[str]:
 
 
 def _place(system: str) -> tuple[str, str, int, int, float]:
-    """Return label, worker, CPU, priority and the time it takes to start."""
+    """Return label, subject, CPU, priority and the time it takes to start."""
     if system in common.RCLPY:
         return (common.RCLPY_LABELS[system], f'{_PEERS}:executor',
                 *common.RCLPY_PLACES[system], common.START_PEER_S)
-    label, worker, priority = {
+    label, subject, priority = {
         'rt': ('rt_robot_os', 'kernel', FIFO_PRIORITY),
         'threads': (common.THREADS_LABEL, 'threads', FIFO_PRIORITY),
         'process': (_PROCESS_LABEL, 'threads', 0)}[system]
-    return label, f'{_SUBJECTS}:{worker}', LAST_CPU, priority, common.START_S
+    return label, f'{_SUBJECTS}:{subject}', LAST_CPU, priority, common.START_S
 
 
 def _run(system: str, key: str, what: str, seconds: float, limit_s: float,
          **arguments: object) -> Run:
-    label, worker, cpu, priority, start_s = _place(system)
-    return Run(key, f'{label}, {what}', worker, {
+    label, subject, cpu, priority, start_s = _place(system)
+    return Run(key, f'{label}, {what}', subject, {
         'eight': False, 'inside': 0, 'outside': 0, 'slip': 0.0, 'seed': _SEED, 'executor': system,
         'limit_ns': round(limit_s * NS_PER_S), **arguments},
         start_s + seconds, cpu, priority, once=True)
@@ -209,13 +209,14 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         tables.append(Table('An eight at 50 Hz', _EIGHT_COLUMNS, eights, _EIGHT_NOTES))
     tables.append(Table('Tracking laws on the eight', _LAW_COLUMNS, _law_rows(outcomes),
                         _LAW_NOTES))
-    return CaseResult(CASE.name, CASE.title, tables, _aims(outcomes),
-                      trajectory_plots.plots(outcomes), _needs(outcomes))
+    return CaseResult(CASE.name, CASE.title, tables, _targets(outcomes),
+                      trajectory_plots.plots(outcomes), _requirements(outcomes))
 
 
 def _rows(outcomes: Outcomes) -> list[Row]:
-    rows = [quoted(f'paper, {count} tasks' if count else 'paper, no load', way=way,
-                   over=way - REFERENCE_CM, time=time, shortest=shortest, longest=longest)
+    rows = [published_values(f'paper, {count} tasks' if count else 'paper, no load', way=way,
+                             over=way - REFERENCE_CM, time=time, shortest=shortest,
+                             longest=longest)
             for count, (way, time, shortest, longest) in PAPER.items()]
     return rows + [outcomes.row(key, _METRICS) for key in outcomes.runs
                    if key != 'laws' and not key.startswith('eight ')]
@@ -240,7 +241,7 @@ def _worst(outcomes: Outcomes, keys: Sequence[str], of: common.Of) -> Metric | N
     return max(known, key=lambda each: each.median) if known and len(known) == len(found) else None
 
 
-def _aims(outcomes: Outcomes) -> Sequence[Aim]:
+def _targets(outcomes: Outcomes) -> Sequence[Target]:
     keys = [key for key in outcomes.runs if key.startswith('rt ') and 'slip' not in key]
     slowest = _worst(outcomes, keys, deviation_ms(PAPER_PERIOD_NS, 1.0))
     why = common.disturbances(outcomes, next(
@@ -255,34 +256,34 @@ def _aims(outcomes: Outcomes) -> Sequence[Aim]:
         mine, theirs = (outcome.figures.get(f'{key} rms_m') for key in (ours, pursuit))
         return mine / theirs if mine is not None and theirs else None
 
-    aims = [
-        Aim('300 ms loop, any load: cycle off by', 1.0, slowest, 'ms', why=why,
-            paper='300 ms kept with real time; up to 300 ms off without'),
-        Aim('way of 130 cm, any load: off by', 1.0,
-            _worst(outcomes, keys, off(distance_cm, REFERENCE_CM)), 'cm', why=why,
-            paper='2 to 13 cm without real time'),
-        Aim('time, any load: longest less shortest', PERIOD_MS,
-            _spread(outcomes, keys), 'ms', why=why, paper='1660 ms without real time'),
-        Aim('off the line, RMS after 30 cm, any load', 1.5, _worst(outcomes, keys, cross_cm),
-            'cm', why=why),
-        Aim('heading at the end, any load: off by', 1.0, _worst(outcomes, keys, heading_deg),
-            'deg', why=why),
-        Aim('eight at 0.3 m/s, 50 Hz: RMS', 2.0, law('rms_m', 0.01), 'cm'),
-        Aim('eight at 0.3 m/s, 50 Hz: farthest', 5.0, law('maximum_m', 0.01), 'cm'),
-        Aim('eight at 0.3 m/s: RMS / of pure pursuit', 1.1,
-            outcomes.metric('laws', over_pursuit)),
-        Aim('a step of the controller, p50, warm caches', 40.0, law('control_us', 1.0), 'us',
-            why=common.disturbances(outcomes, 'laws'))]
+    targets = [
+        Target('300 ms loop, any load: cycle off by', 1.0, slowest, 'ms', why=why,
+               paper='300 ms kept with real time; up to 300 ms off without'),
+        Target('way of 130 cm, any load: off by', 1.0,
+               _worst(outcomes, keys, off(distance_cm, REFERENCE_CM)), 'cm', why=why,
+               paper='2 to 13 cm without real time'),
+        Target('time, any load: longest less shortest', PERIOD_MS,
+               _spread(outcomes, keys), 'ms', why=why, paper='1660 ms without real time'),
+        Target('off the line, RMS after 30 cm, any load', 1.5, _worst(outcomes, keys, cross_cm),
+               'cm', why=why),
+        Target('heading at the end, any load: off by', 1.0, _worst(outcomes, keys, heading_deg),
+               'deg', why=why),
+        Target('eight at 0.3 m/s, 50 Hz: RMS', 2.0, law('rms_m', 0.01), 'cm'),
+        Target('eight at 0.3 m/s, 50 Hz: farthest', 5.0, law('maximum_m', 0.01), 'cm'),
+        Target('eight at 0.3 m/s: RMS / of pure pursuit', 1.1,
+               outcomes.metric('laws', over_pursuit)),
+        Target('a step of the controller, p50, warm caches', 40.0, law('control_us', 1.0), 'us',
+               why=common.disturbances(outcomes, 'laws'))]
     slip = paper_key('rt', 7, slip=_SLIP)
     if slip in outcomes.runs:
-        aims.append(Aim('way with 5 % slip, 7 tasks: off by', 2.0,
-                        outcomes.metric(slip, off(distance_cm, REFERENCE_CM)), 'cm',
-                        why=common.disturbances(outcomes, slip)))
+        targets.append(Target('way with 5 % slip, 7 tasks: off by', 2.0,
+                              outcomes.metric(slip, off(distance_cm, REFERENCE_CM)), 'cm',
+                              why=common.disturbances(outcomes, slip)))
     if 'eight rt 7' in outcomes.runs:
-        aims.append(Aim('eight, 7 tasks: cycle off 20 ms, p99.9', 1.0, outcomes.metric(
+        targets.append(Target('eight, 7 tasks: cycle off 20 ms, p99.9', 1.0, outcomes.metric(
             'eight rt 7', deviation_ms(EIGHT_PERIOD_NS, 0.999)), 'ms',
             why=common.disturbances(outcomes, 'eight rt 7')))
-    return aims
+    return targets
 
 
 def _spread(outcomes: Outcomes, keys: Sequence[str]) -> Metric | None:
@@ -292,15 +293,16 @@ def _spread(outcomes: Outcomes, keys: Sequence[str]) -> Metric | None:
     return Metric((max(times) - min(times),)) if times and len(times) == len(known) else None
 
 
-def _needs(outcomes: Outcomes) -> Sequence[Need]:
+def _requirements(outcomes: Outcomes) -> Sequence[Requirement]:
     of: Callable[[Outcome], float | None] = deviation_ms(PAPER_PERIOD_NS, 1.0)
     most = LOADS[-1]
     systems = {'rt_robot_os': f'rt {most}', 'threads': f'threads {most}'}
     found = {name: outcomes.metric(key, of) if key in outcomes.runs else None
              for name, key in systems.items()}
     found['best rclpy'] = common.best(outcomes, [f'{name} {most}' for name in common.RCLPY], of)
-    return (Need(f'a control loop of 300 ms kept to 1 % while {most} tasks of the same program '
-                 'compute 45 ms each', PERIOD_MS / 100, 'ms', found, case=CASE.name),)
+    return (Requirement(
+        f'a control loop of 300 ms kept to 1 % while {most} tasks of the same program '
+        'compute 45 ms each', PERIOD_MS / 100, 'ms', found, case=CASE.name),)
 
 
 CASE = Case('trajectory', 'a robot driven by a loop of 300 ms, under load (paper 2, Table 1)',

@@ -57,7 +57,7 @@ def test_ratios_are_of_the_same_round_and_their_median_is_judged() -> None:
     values = _values('take', old_compiled=[10.0, 1.0, 10.0], new_compiled=[3.0, 0.5, 3.0],
                      floor=[None, None, None])
     assert list(compare_trees.verdicts(values)) == [
-        '', 'Aims (median of the rounds):',
+        '', 'Targets (median of the rounds):',
         '  publish and take, new / old: <= 0.4: 0.3 (0.3..0.5) reached']
     values['take']['new compiled'] = [5.0, 0.5, 3.0]
     assert list(compare_trees.verdicts(values))[-1].endswith('0.5 (0.3..0.5) MISSED')

@@ -21,7 +21,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from benchmarks.control import subjects as worker
+from benchmarks.control import subjects as subject
 from benchmarks.control.case import CASE
 from benchmarks.control.vectors import compare
 from benchmarks.control.vectors import VectorsError
@@ -32,7 +32,7 @@ from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 
 LAW = {'target': [0, 5, 0], 'current': [0, 0, 0], 'gains': [1, 10, 0.2, 2, 0.1, 2.5, 1, 1],
        'kappa': 5.407042, 'v': 0.1460446, 'w': 0.7896695}
@@ -104,10 +104,10 @@ def test_differences_become_a_verdict(tmp_path: Path) -> None:
         'smooth_control_law': [{**LAW, 'v': 0.2}]})))
     runs = {run.key: run for run in CASE.plan(options)}
     outcomes = Outcomes(tuple(runs.values()))
-    measured = worker.vectors(Harness(runs['vectors'].arguments, -2, 0, tmp_path))
+    measured = subject.vectors(Harness(runs['vectors'].arguments, -2, 0, tmp_path))
     outcomes.add('vectors', Outcome(Status.OK, '', measured.samples, measured.figures))
     result = CASE.evaluate(options, outcomes)
-    assert result.aims[0].verdict is Verdict.MISSED
+    assert result.targets[0].verdict is TargetVerdict.MISSED
     assert 'smooth_control_law' in [row.label for row in result.tables[0].rows]
 
 
@@ -119,7 +119,7 @@ def test_without_vectors_the_case_says_nothing_of_them() -> None:
 def test_what_is_measured_drives(law: str) -> None:
     """A job that does nothing would be cheap."""
     pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
-    for step in (worker.FollowerStep(law), worker.ModuleStep(law)):
+    for step in (subject.FollowerStep(law), subject.ModuleStep(law)):
         for _ in range(300):
             step()
         assert math.hypot(*step.pose[:2]) > 0.5

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.devices import sentences
-from benchmarks.devices import subjects as worker
+from benchmarks.devices import subjects as subject
 from benchmarks.devices import transcript
 from benchmarks.devices.case import CASE
 from benchmarks.devices.files import text_of
@@ -33,7 +33,7 @@ from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 
 GOOD = {'text': '~^148|-175.91|+98.74|+7.10|182.39`',
         'landmarks': [[48, -175.91, 98.74, 7.1, 182.39]]}
@@ -42,15 +42,15 @@ SAID = ('0.5 host->board 620d\n0.501 board->host 35373630300d0a\n'
         '0.7 host->board 650d\n0.701 board->host 3020300d0a\n')
 
 
-def verdicts(path: Path) -> set[Verdict]:
+def verdicts(path: Path) -> set[TargetVerdict]:
     """Say how a recording compares; times of frames are not measured here."""
     options = Options(0.1, 1, data=str(path))
     runs = {run.key: run for run in CASE.plan(options)}
     outcomes = Outcomes(tuple(runs.values()))
-    measured = worker.recorded(Harness(runs['recording'].arguments, -2, 0, path.parent))
+    measured = subject.recorded(Harness(runs['recording'].arguments, -2, 0, path.parent))
     outcomes.add('recording', Outcome(Status.OK, '', measured.samples, measured.figures))
-    return {aim.verdict for aim in CASE.evaluate(options, outcomes).aims
-            if aim.verdict is not Verdict.UNKNOWN}
+    return {target.verdict for target in CASE.evaluate(options, outcomes).targets
+            if target.verdict is not TargetVerdict.UNKNOWN}
 
 
 def test_every_sentence_of_the_collection_is_read_right(data_dir: Path) -> None:
@@ -65,17 +65,17 @@ def test_every_sentence_of_the_collection_is_read_right(data_dir: Path) -> None:
 def test_a_sentence_that_means_something_else_is_a_miss(tmp_path: Path) -> None:
     path = tmp_path / 'own.json'
     path.write_text(json.dumps([GOOD, {**GOOD, 'landmarks': [[148, 0, 0, 0, 0]]}]))
-    assert verdicts(path) == {Verdict.MISSED}
+    assert verdicts(path) == {TargetVerdict.MISSED}
     path.write_text(json.dumps([GOOD]))
-    assert verdicts(path) == {Verdict.REACHED}
+    assert verdicts(path) == {TargetVerdict.REACHED}
 
 
 def test_the_answers_of_a_board_are_compared(tmp_path: Path) -> None:
     path = tmp_path / 'board.txt'
     path.write_text(SAID)
-    assert verdicts(path) == {Verdict.REACHED}
+    assert verdicts(path) == {TargetVerdict.REACHED}
     path.write_text(SAID.replace('35373630300d0a', '39363030ff0d0a'))
-    assert verdicts(path) == {Verdict.MISSED}
+    assert verdicts(path) == {TargetVerdict.MISSED}
 
 
 def test_the_real_firmware_answers_as_the_twin_does(data_dir: Path) -> None:
@@ -117,6 +117,6 @@ def test_what_cannot_be_read_is_told(tmp_path: Path) -> None:
 
 
 def test_each_frame_that_is_measured_is_one() -> None:
-    for name, decode in worker.frames().items():
+    for name, decode in subject.frames().items():
         found: Any = decode()
         assert len(found) == 1, name

@@ -30,7 +30,7 @@ from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 from rt_robot_os.tools.plan.analysis import analyse
 from rt_robot_os.tools.plan.chains import ChainRequest
 from rt_robot_os.tools.plan.chains import chains_of
@@ -83,15 +83,15 @@ def test_the_verdict_goes_by_the_99th_of_100_of_each_load() -> None:
         outcomes.add(key, Outcome(Status.OK, '', {
             'delay_ns': np.array([MS] * 480 + [slow] * 20)}, {'answered_percent': 100.0}))
     result = CASE.evaluate(options, outcomes)
-    assert {aim.text: aim.verdict for aim in result.aims} == {
-        'alarm to motors, 0 computing, p99': Verdict.REACHED,
-        'alarm to motors, 5 computing, p99': Verdict.REACHED,
-        'alarm to motors, 7 computing, p99': Verdict.REACHED,
-        'alarm to motors, 20 computing, p99': Verdict.MISSED,
-        'p99, 5 computing / none': Verdict.REACHED,
-        'p99, 7 computing / none': Verdict.REACHED,
-        'p99, 20 computing / none': Verdict.MISSED,
-        'alarms that moved the robot, 20 computing': Verdict.REACHED}
+    assert {target.text: target.verdict for target in result.targets} == {
+        'alarm to motors, 0 computing, p99': TargetVerdict.REACHED,
+        'alarm to motors, 5 computing, p99': TargetVerdict.REACHED,
+        'alarm to motors, 7 computing, p99': TargetVerdict.REACHED,
+        'alarm to motors, 20 computing, p99': TargetVerdict.MISSED,
+        'p99, 5 computing / none': TargetVerdict.REACHED,
+        'p99, 7 computing / none': TargetVerdict.REACHED,
+        'p99, 20 computing / none': TargetVerdict.MISSED,
+        'alarms that moved the robot, 20 computing': TargetVerdict.REACHED}
     assert len(result.tables[0].rows) == 7
 
 
@@ -105,7 +105,7 @@ def test_the_ratio_is_that_of_each_round_and_the_median_of_the_rounds_is_shown()
                 'delay_ns': np.full(200, (own if key == 'rt 7' else others) * MS)},
                 {'answered_percent': 100.0}))
     result = CASE.evaluate(options, outcomes)
-    ratio, = (aim.measured for aim in result.aims if aim.text == 'p99, 7 computing / none')
+    ratio, = (each.measured for each in result.targets if each.text == 'p99, 7 computing / none')
     assert ratio is not None
     assert (ratio.values, ratio.median) == ((1.0, 1.0, 3.0), 1.0)
     rows = {row.run: row.metrics.get('ratio') for row in result.tables[0].rows}

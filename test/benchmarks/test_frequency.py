@@ -30,7 +30,7 @@ from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 
 MS = 1_000_000
 
@@ -78,7 +78,7 @@ def test_a_module_is_late_twice_and_asks_for_its_process_to_be_stopped(
         monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[int] = []
     computed: list[int] = []
-    monkeypatch.setattr(modules, 'Helper', lambda worker, arguments, cpus: SimpleNamespace(
+    monkeypatch.setattr(modules, 'Helper', lambda subject, arguments, cpus: SimpleNamespace(
         process=SimpleNamespace(pid=4711)))
     monkeypatch.setattr(modules.os, 'kill', lambda pid, signo: asked.append(pid))
     monkeypatch.setattr(modules, 'compute', computed.append)
@@ -90,10 +90,10 @@ def test_a_module_is_late_twice_and_asks_for_its_process_to_be_stopped(
     assert module.stamps.count == 40
 
 
-@pytest.mark.parametrize('floor_hz, verdict', [(1990.0, Verdict.REACHED),
-                                               (2000.0, Verdict.MISSED)])
+@pytest.mark.parametrize('floor_hz, verdict', [(1990.0, TargetVerdict.REACHED),
+                                               (2000.0, TargetVerdict.MISSED)])
 def test_a_frequency_is_judged_by_what_a_plain_loop_reaches(
-        floor_hz: float, verdict: Verdict) -> None:
+        floor_hz: float, verdict: TargetVerdict) -> None:
     def measured(hz: float) -> Outcome:
         starts = [np.arange(0, 10**9, round(10**9 / rate / (2000 / hz) ** -1))
                   for rate in frequency.RATES_HZ]
@@ -107,4 +107,5 @@ def test_a_frequency_is_judged_by_what_a_plain_loop_reaches(
     outcomes.add('kernel', measured(1990.0))
     outcomes.add('monotonic', measured(1990.0))
     outcomes.add('floor', measured(floor_hz))
-    assert {aim.verdict for aim in frequency.CASE.evaluate(options, outcomes).aims} == {verdict}
+    result = frequency.CASE.evaluate(options, outcomes)
+    assert {each.verdict for each in result.targets} == {verdict}

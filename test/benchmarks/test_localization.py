@@ -21,7 +21,7 @@ import json
 import math
 from pathlib import Path
 
-from benchmarks.localization import subjects as worker
+from benchmarks.localization import subjects as subject
 from benchmarks.localization.case import CASE
 from benchmarks.localization.plant import DT_S
 from benchmarks.localization.plant import eight
@@ -42,7 +42,7 @@ from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.options import parse
 from rt_robot_os.tools.bench.registry import CASES
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
 
@@ -76,8 +76,8 @@ def test_gravity_that_is_not_where_it_should_be_misses_an_aim(tmp_path: Path) ->
         f'{step / 50},odom,0,0,0,1,0,0,0,0.001,0.01\n{step / 50},imu,0,0,0,0,0,0,0,0,0,-9.81\n'
         for step in range(200)))
     for mounting, off_deg in (((0.0, 0.0, 0.0), 180.0), ((math.pi, 0.0, 0.0), 0.0)):
-        found = worker.recorded(Harness({'data': str(path), 'expected': '',
-                                         'imu_mounting': mounting}, -2, 0, tmp_path))
+        found = subject.recorded(Harness({'data': str(path), 'expected': '',
+                                          'imu_mounting': mounting}, -2, 0, tmp_path))
         assert found.figures['gyro_gravity_off_deg'] == pytest.approx(off_deg, abs=0.1)
 
 
@@ -198,7 +198,7 @@ def measured(key: str, options: Options, tmp_path: Path, **changes: int
     runs = CASE.plan(options)
     one = next(each for each in runs if each.key == key)
     harness = Harness({**one.arguments, **changes}, -2, 0, tmp_path)
-    found = getattr(worker, one.worker.partition(':')[2])(harness)
+    found = getattr(subject, one.subject.partition(':')[2])(harness)
     outcomes = Outcomes(runs)
     outcome = Outcome(Status.OK, '', found.samples, found.figures)
     outcomes.add(key, outcome)
@@ -209,14 +209,14 @@ def test_a_recording_beside_its_expectation_is_a_verdict(tmp_path: Path) -> None
     path = own_recording(tmp_path / 'drive.csv', 5.0)
     options = Options(0.1, 1, quick=True, data=str(path))
     x, y, _ = replay(read(path)).poses[-1]
-    for off, verdict in ((0.05, Verdict.REACHED), (0.5, Verdict.MISSED)):
+    for off, verdict in ((0.05, TargetVerdict.REACHED), (0.5, TargetVerdict.MISSED)):
         (tmp_path / 'drive.expected.json').write_text(json.dumps({'ekf_final': [x + off, y]}))
         outcomes, _ = measured('recording', options, tmp_path)
         result = CASE.evaluate(options, outcomes)
-        aim = result.aims[-1]
-        assert aim.verdict is verdict
-        assert aim.measured is not None
-        assert aim.measured.median == pytest.approx(off)
+        target = result.targets[-1]
+        assert target.verdict is verdict
+        assert target.measured is not None
+        assert target.measured.median == pytest.approx(off)
         table = result.tables[0]
         assert [row.label for row in table.rows] == [
             'rt_robot_os, module localization', 'wheel odometry alone', 'expected: ekf']
@@ -231,9 +231,10 @@ def test_the_aims_of_a_simulated_drive_are_reached(tmp_path: Path) -> None:
     outcomes, outcome = measured('simulation', options, tmp_path, seeds=1)
     assert np.all(outcome.samples['kidnapped found_ms'] < 5000)
     result = CASE.evaluate(options, outcomes)
-    known = {aim.text: aim.verdict for aim in result.aims if aim.verdict is not Verdict.UNKNOWN}
+    known = {each.text: each.verdict for each in result.targets
+             if each.verdict is not TargetVerdict.UNKNOWN}
     assert len(known) == 9
-    assert set(known.values()) == {Verdict.REACHED}
+    assert set(known.values()) == {TargetVerdict.REACHED}
     assert [plot.name for plot in result.plots] == ['way', 'errors']
 
 
@@ -241,7 +242,7 @@ def test_without_a_recording_the_case_says_nothing_of_one() -> None:
     options = Options(0.1, 1)
     result = CASE.evaluate(options, Outcomes(CASE.plan(options)))
     assert [table.title for table in result.tables] == ['simulation', 'time of a step']
-    assert all(aim.verdict is Verdict.UNKNOWN for aim in result.aims)
+    assert all(target.verdict is TargetVerdict.UNKNOWN for target in result.targets)
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [

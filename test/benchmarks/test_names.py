@@ -49,14 +49,14 @@ def test_the_source_tree_has_all_cases_in_their_order() -> None:
 def test_every_run_names_a_function_that_exists(name: str) -> None:
     for full in (False, True):
         for run in CASES[name].plan(Options(1.0, 1, full=full)):
-            module, _, function = run.worker.partition(':')
-            assert function in _functions(module), run.worker
+            module, _, function = run.subject.partition(':')
+            assert function in _functions(module), run.subject
 
 
 def test_an_installed_case_needs_nothing_of_the_source_tree() -> None:
     for case in INSTALLED.values():
         for run in case.plan(Options(1.0, 1, full=True)):
-            assert run.worker.startswith('rt_robot_os.'), run.worker
+            assert run.subject.startswith('rt_robot_os.'), run.subject
     imports = re.compile(r'^\s*(from|import) benchmarks\b', re.MULTILINE)
     assert [path for path in (ROOT / 'rt_robot_os').rglob('*.py')
             if imports.search(path.read_text())] == []

@@ -29,7 +29,7 @@ from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 
 MS = 1_000_000
 
@@ -41,12 +41,12 @@ class _Here(Harness):
         """Do nothing."""
 
 
-@pytest.mark.parametrize('worker', [reaction.realtime, reaction.plain])
+@pytest.mark.parametrize('subject', [reaction.realtime, reaction.plain])
 def test_every_obstacle_on_the_wire_stops_the_motors_on_theirs(
-        worker: reaction.Worker, tmp_path: Path) -> None:
+        subject: reaction.Worker, tmp_path: Path) -> None:
     pytest.importorskip('sensor_msgs', reason='ROS 2 messages are not installed')
-    measured = worker(_Here({'busy': 1, 'alone': False, 'count': 4, 'measure_ns': 600 * MS},
-                            UNPINNED, 0, tmp_path))
+    measured = subject(_Here({'busy': 1, 'alone': False, 'count': 4, 'measure_ns': 600 * MS},
+                             UNPINNED, 0, tmp_path))
     assert len(measured.samples['reaction_ns']) > 0
     assert (measured.samples['reaction_ns'] > 0).all()
 
@@ -59,6 +59,6 @@ def test_the_verdict_goes_by_the_99th_of_100() -> None:
         outcomes.add(key, Outcome(Status.OK, '', {
             'reaction_ns': np.array([MS] * 480 + [slow] * 20)}, {'answered_percent': 100.0}))
     result = CASE.evaluate(options, outcomes)
-    assert [aim.verdict for aim in result.aims] == [
-        Verdict.MISSED, Verdict.REACHED, Verdict.MISSED]
+    assert [target.verdict for target in result.targets] == [
+        TargetVerdict.MISSED, TargetVerdict.REACHED, TargetVerdict.MISSED]
     assert len(result.tables[0].rows) == 6

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchmarks.routing import subjects as worker
+from benchmarks.routing import subjects as subject
 from benchmarks.routing.case import CASE
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 
 USUAL = Options(2.0, 3)
 
@@ -39,12 +39,12 @@ def harness(arguments: dict, folder: Path) -> Harness:
 
 
 def test_the_robot_counts_in_a_flat_as_in_truth(tmp_path: Path) -> None:
-    measured = worker.home(harness({
+    measured = subject.home(harness({
         'rows': [('paper moving', 'home12_moving', 'paper')], 'seconds': 60, 'seeds': 1},
         tmp_path))
     found = {name.removeprefix('paper moving '): values.tolist()
              for name, values in measured.samples.items()}
-    assert set(found) == set(worker.KEPT)
+    assert set(found) == set(subject.KEPT)
     assert found['delivery_ppm'][0] > 980_000
     assert (found['duplicates'], found['withheld'], found['differ']) == ([0], [0], [0])
 
@@ -58,7 +58,7 @@ def outcomes(**changed: int) -> Outcomes:
                      for period in runs[1].arguments['periods_binary_ms']],
             'relays': [f'{size} {sink}' for size in runs[2].arguments['sizes']
                        for sink in ('corner', 'fixed', 'moving')]}
-    usual = dict.fromkeys(worker.KEPT, 0) | {'delivery_ppm': 999_000, 'load_milli': 2000}
+    usual = dict.fromkeys(subject.KEPT, 0) | {'delivery_ppm': 999_000, 'load_milli': 2000}
     for run in runs:
         samples = {f'{key} {name}': np.array([changed.get(
             f'{key} {name}'.replace(' ', '_'), value)])
@@ -69,9 +69,9 @@ def outcomes(**changed: int) -> Outcomes:
 
 def test_what_is_promised_is_judged() -> None:
     result = CASE.evaluate(USUAL, outcomes(**{'200_moving_load_milli': 1500}))
-    assert {aim.verdict for aim in result.aims} == {Verdict.REACHED}
+    assert {target.verdict for target in result.targets} == {TargetVerdict.REACHED}
     assert len(result.tables) == 3
-    gain = result.aims[-1].measured
+    gain = result.targets[-1].measured
     assert gain is not None and gain.median == pytest.approx(0.75)
 
 
@@ -82,4 +82,4 @@ def test_what_is_promised_is_judged() -> None:
     ('200_moving_load_milli', 2001)])
 def test_what_is_missed_is_told(name: str, value: int) -> None:
     result = CASE.evaluate(USUAL, outcomes(**{name: value}))
-    assert [aim.verdict for aim in result.aims].count(Verdict.MISSED) == 1
+    assert [target.verdict for target in result.targets].count(TargetVerdict.MISSED) == 1

@@ -31,7 +31,7 @@ from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 
 MS = 1_000_000
 S = 1_000_000_000
@@ -45,8 +45,8 @@ class _Here(Harness):
         """Do nothing."""
 
 
-def run(worker: sink.Worker, folder: Path, **arguments: float) -> Measured:
-    return worker(_Here({
+def run(subject: sink.Worker, folder: Path, **arguments: float) -> Measured:
+    return subject(_Here({
         'busy': 0, 'processes': 0, 'alone': False, 'interval_ns': 0, 'measure_ns': 300 * MS,
         'start_ns': 200 * MS, 'more': 0, 'patience': 1.0, **arguments}, UNPINNED, 0, folder))
 
@@ -87,7 +87,8 @@ def test_the_verdicts_go_by_their_limits() -> None:
                 'arrived_percent': 100.0, 'cycle_s': 1.8, 'frames': 576_000.0, 'lost': 0.0,
                 'cpu_percent': 6.0}))
     found = CASE.evaluate(options, outcomes)
-    assert [aim.verdict for aim in found.aims] == [
-        Verdict.MISSED, Verdict.MISSED, Verdict.REACHED, Verdict.REACHED, Verdict.REACHED,
-        Verdict.REACHED, Verdict.MISSED]
+    assert [target.verdict for target in found.targets] == [
+        TargetVerdict.MISSED, TargetVerdict.MISSED, TargetVerdict.REACHED, TargetVerdict.REACHED,
+        TargetVerdict.REACHED,
+        TargetVerdict.REACHED, TargetVerdict.MISSED]
     assert [len(table.rows) for table in found.tables] == [8, 5, 3]

@@ -39,7 +39,7 @@ from rt_robot_os.tools.bench.case import UNPINNED  # noqa: E402
 from rt_robot_os.tools.bench.harness import Harness  # noqa: E402
 from rt_robot_os.tools.bench.harness import Unavailable  # noqa: E402
 from rt_robot_os.tools.bench.result import Status  # noqa: E402
-from rt_robot_os.tools.bench.result import Verdict  # noqa: E402
+from rt_robot_os.tools.bench.result import TargetVerdict  # noqa: E402
 
 
 def circle() -> np.ndarray:
@@ -87,10 +87,11 @@ def test_the_aims_follow_the_figures_and_a_missing_peer_is_a_line() -> None:
             'closing_m': off, 'agreement': 99.0}))
     outcomes.add('kiss', Outcome(Status.MISSING, 'pip install kiss-icp'))
     result = CASE.evaluate(options, outcomes)
-    known = {aim.text: aim.verdict for aim in result.aims}
-    assert known['way in the flat, rms'] is known['scans mapped on one core'] is Verdict.REACHED
-    assert known['longest map update'] is known['end of a loop of 60 m'] is Verdict.MISSED
-    assert known['p99 with mapping / alone'] is Verdict.UNKNOWN
+    known = {target.text: target.verdict for target in result.targets}
+    assert known['way in the flat, rms'] is TargetVerdict.REACHED
+    assert known['scans mapped on one core'] is TargetVerdict.REACHED
+    assert known['longest map update'] is known['end of a loop of 60 m'] is TargetVerdict.MISSED
+    assert known['p99 with mapping / alone'] is TargetVerdict.UNKNOWN
     assert all(len(text) <= 48 for text in known)
     row = next(row for row in result.tables[0].rows if row.run == 'kiss')
     assert (row.status, row.reason) == (Status.MISSING, 'pip install kiss-icp')

@@ -41,7 +41,7 @@ from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.harness import Measured
 from rt_robot_os.tools.bench.processes import measure
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 
 BEGIN_NS = 10 * NS_PER_S
 PERIOD_NS = 300 * NS_PER_MS
@@ -155,9 +155,9 @@ def test_the_case_finds_the_aims_reached_and_draws_the_figures() -> None:
         else:
             outcomes.add(key, good if key.startswith('rt ') else slow)
     result = CASE.evaluate(options, outcomes)
-    verdicts = {aim.text: aim.verdict for aim in result.aims}
-    assert verdicts.pop('eight, 7 tasks: cycle off 20 ms, p99.9') is Verdict.UNKNOWN
-    assert set(verdicts.values()) == {Verdict.REACHED}, verdicts
+    verdicts = {target.text: target.verdict for target in result.targets}
+    assert verdicts.pop('eight, 7 tasks: cycle off 20 ms, p99.9') is TargetVerdict.UNKNOWN
+    assert set(verdicts.values()) == {TargetVerdict.REACHED}, verdicts
     plots = {plot.name: plot for plot in result.plots}
     assert list(plots) == ['1-way', '1-time', '12a-way', '12b-way', '13a-heading', '13b-heading',
                            '14a-cycle', '14b-cycle']
@@ -170,7 +170,7 @@ def test_the_case_finds_the_aims_reached_and_draws_the_figures() -> None:
         'paper, without real time', 'rt_robot_os', 'Python threads', 'Process without real time',
         'rclpy SingleThreadedExecutor', 'rclpy MultiThreadedExecutor'}
     rows = {row.label: row for row in result.tables[0].rows}
-    assert rows['paper, 5 tasks'].quoted
+    assert rows['paper, 5 tasks'].published
     found = rows['rt_robot_os, 7 inside'].metrics['longest']
     assert found is not None and found.median == pytest.approx(300.0)
 

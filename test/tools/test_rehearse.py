@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rehearsals: the shipped robot's own modules meet stories, and stories are judged."""
+"""Scenarios with the shipped robot's own modules, and the checks of what happened."""
 
 import json
 from pathlib import Path
@@ -23,21 +23,21 @@ from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.features.agent.edges import EDGES
 from rt_robot_os.settings import load
 from rt_robot_os.sim.world import World
+from rt_robot_os.tools.rehearse.checks import check
 from rt_robot_os.tools.rehearse.command import run
 from rt_robot_os.tools.rehearse.coverage import edges_taken
 from rt_robot_os.tools.rehearse.coverage import name_of
-from rt_robot_os.tools.rehearse.director import Director
-from rt_robot_os.tools.rehearse.director import Record
-from rt_robot_os.tools.rehearse.noticed import emergencies_of
-from rt_robot_os.tools.rehearse.story import Carer
-from rt_robot_os.tools.rehearse.story import draw
-from rt_robot_os.tools.rehearse.story import quiet
-from rt_robot_os.tools.rehearse.story import Scene
-from rt_robot_os.tools.rehearse.story import Story
-from rt_robot_os.tools.rehearse.verdict import judge
+from rt_robot_os.tools.rehearse.detectable import detectable_emergencies
+from rt_robot_os.tools.rehearse.scenario import CaregiverProfile
+from rt_robot_os.tools.rehearse.scenario import Occurrence
+from rt_robot_os.tools.rehearse.scenario import quiet_scenario
+from rt_robot_os.tools.rehearse.scenario import random_scenario
+from rt_robot_os.tools.rehearse.scenario import Scenario
+from rt_robot_os.tools.rehearse.scenario_run import RunRecord
+from rt_robot_os.tools.rehearse.scenario_run import ScenarioRun
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
-PROMPT = Carer(20.0, 30.0)
+PROMPT = CaregiverProfile(20.0, 30.0)
 
 
 @pytest.fixture(scope='module', name='flat')
@@ -50,7 +50,7 @@ def event(alarm, what, state, t_s, level='critical', subject='anna'):
             'level': level, 'subject': subject, 'kinds': ['fall'], 'text': ''}
 
 
-FALL = Story(1, (Scene(10.0, 'fall', 'anna', 0.0, 'silent'),), PROMPT)
+FALL = Scenario(1, (Occurrence(10.0, 'fall', 'anna', 0.0, 'silent'),), PROMPT)
 RAISED = event('1', 'raised', 'raised', 12.0)
 
 
@@ -61,25 +61,26 @@ RAISED = event('1', 'raised', 'raised', 12.0)
     ([], 'hangs', 'alarm 1 of anna hangs: raised'),
 ])
 def test_an_alarm_that_comes_to_no_end_is_a_problem(more, end, problem):
-    verdict = judge(FALL, Record(events=[RAISED, *more]))
+    verdict = check(FALL, RunRecord(events=[RAISED, *more]))
     assert verdict.ends == {'1': end}
     assert (problem in ''.join(verdict.problems)) if problem else not verdict.problems
 
 
 def test_an_emergency_without_an_alarm_is_a_problem_unless_the_core_was_dead():
     late = event('1', 'raised', 'resolved', 300.0)
-    assert 'fall of anna at 10.0 s became no alarm' in judge(
-        FALL, Record(events=[late])).problems
-    killed = FALL._replace(scenes=(*FALL.scenes, Scene(11.0, 'core_killed', '', 5.0)))
-    assert not judge(killed, Record()).problems
-    other = FALL._replace(scenes=(*FALL.scenes, Scene(11.0, 'node_dies', 'hall')))
-    assert judge(other, Record()).problems
+    assert 'fall of anna at 10.0 s became no alarm' in check(
+        FALL, RunRecord(events=[late])).problems
+    killed = FALL._replace(occurrences=(
+        *FALL.occurrences, Occurrence(11.0, 'core_killed', '', 5.0)))
+    assert not check(killed, RunRecord()).problems
+    other = FALL._replace(occurrences=(*FALL.occurrences, Occurrence(11.0, 'node_dies', 'hall')))
+    assert check(other, RunRecord()).problems
 
 
 def test_a_message_that_a_person_sees_twice_is_a_problem():
     done = [RAISED, event('1', 'resolved', 'resolved', 60.0)]
-    assert not judge(FALL, Record(events=done, shown={'1.1': 1})).problems
-    assert judge(FALL, Record(events=done, shown={'1.1': 2})).problems == (
+    assert not check(FALL, RunRecord(events=done, shown={'1.1': 1})).problems
+    assert check(FALL, RunRecord(events=done, shown={'1.1': 2})).problems == (
         '1.1 was shown 2 times',)
 
 
@@ -92,23 +93,23 @@ SERVED = [step('idle', 'approach', 'raised: anna: fall'),
 
 
 @pytest.mark.parametrize(('record', 'problem'), [
-    (Record(transitions=SERVED), ''),
-    (Record(transitions=SERVED, disobeyed=['a goal at 3.00 s: the operator had the robot']),
+    (RunRecord(transitions=SERVED), ''),
+    (RunRecord(transitions=SERVED, violations=['a goal at 3.00 s: the operator had the robot']),
      'the agent ordered a goal at 3.00 s: the operator had the robot'),
-    (Record(transitions=[*SERVED, step('idle', 'approach', 'raised: anna: fall'),
-                         step('approach', 'operator', 'operator: teleop steers')]),
+    (RunRecord(transitions=[*SERVED, step('idle', 'approach', 'raised: anna: fall'),
+                            step('approach', 'operator', 'operator: teleop steers')]),
      'the agent ended in operator'),
-    (Record(transitions=[*SERVED, step('idle', 'approach', 'raised: anna: fall'),
-                         step('approach', 'operator', 'operator: teleop steers')],
-            taken=True), ''),
-    (Record(transitions=[SERVED[0], step('approach', 'give_up', 'blocked'),
-                         step('give_up', 'idle', 'timeout: after 120 s')]),
+    (RunRecord(transitions=[*SERVED, step('idle', 'approach', 'raised: anna: fall'),
+                            step('approach', 'operator', 'operator: teleop steers')],
+               overridden=True), ''),
+    (RunRecord(transitions=[SERVED[0], step('approach', 'give_up', 'blocked'),
+                            step('give_up', 'idle', 'timeout: after 120 s')]),
      'the agent gave up without a reason: blocked'),
-    (Record(has_agent=True), 'the agent forgot alarm 1'), (Record(), ''),
+    (RunRecord(has_agent=True), 'the agent forgot alarm 1'), (RunRecord(), ''),
 ], ids=['well', 'disobeyed', 'hangs', 'taken', 'no reason', 'forgot', 'no agent'])
 def test_what_the_agent_does_is_judged(record, problem):
     record.events = [RAISED, event('1', 'top', 'raised', 60.0)]
-    assert judge(FALL, record).problems == ((problem,) if problem else ())
+    assert check(FALL, record).problems == ((problem,) if problem else ())
 
 
 def test_the_edges_that_were_taken_are_those_of_the_table():
@@ -125,42 +126,45 @@ def test_the_edges_that_were_taken_are_those_of_the_table():
     assert len({name_of(edge) for edge in EDGES}) == len(EDGES)
 
 
-def test_a_story_is_the_same_each_time_it_is_drawn():
-    assert draw(7, [('fall', 'anna')], ['hall']) == draw(7, [('fall', 'anna')], ['hall'])
-    assert len({draw(number, [('fall', 'anna')], ['hall']) for number in range(20)}) == 20
+def test_a_scenario_is_the_same_each_time_it_is_drawn():
+    first, again = (random_scenario(7, [('fall', 'anna')], ['hall']) for _ in range(2))
+    assert first == again
+    assert len({random_scenario(seed, [('fall', 'anna')], ['hall']) for seed in range(20)}) == 20
 
 
 def test_the_shipped_robot_notices_a_fall_and_the_carer_ends_it(flat):
-    assert ('fall', 'anna') in emergencies_of(flat, World(flat.world))
-    record = Director(flat, FALL).tell()
-    verdict = judge(FALL, record)
+    assert ('fall', 'anna') in detectable_emergencies(flat, World(flat.world))
+    record = ScenarioRun(flat, FALL).run()
+    verdict = check(FALL, record)
     assert not verdict.problems
     assert 'resolved' in verdict.ends.values()
     assert record.moved_m > 0.5
     states = [each['to'] for each in record.transitions]
     assert states[0] == 'confirm' and {'observe', 'report', 'return'} <= set(states)
-    again = Director(flat, FALL).tell()
+    again = ScenarioRun(flat, FALL).run()
     assert again.transitions == record.transitions and again.events == record.events
 
 
 def test_who_was_looked_after_gets_up_and_who_lies_cannot_fall(flat):
-    story = Story(3, (Scene(20.0, 'fall', 'anna', 0.0, 'help'),
-                      Scene(110.0, 'fall', 'anna', 40.0, 'fine')), Carer(5.0, 30.0))
-    record = Director(flat, story).tell()
-    assert not record.no_falls and judge(story, record).noticed == 2
-    again = Scene(45.0, 'fall', 'anna', 40.0, 'fine')
-    story = Story(3, (Scene(20.0, 'fall', 'anna', 100.0, 'fine'), again), PROMPT)
-    record = Director(flat, story).tell()
-    assert record.no_falls == [again] and not judge(story, record).problems
+    scenario = Scenario(3, (
+        Occurrence(20.0, 'fall', 'anna', 0.0, 'help'),
+        Occurrence(110.0, 'fall', 'anna', 40.0, 'fine')), CaregiverProfile(5.0, 30.0))
+    record = ScenarioRun(flat, scenario).run()
+    assert not record.no_falls and check(scenario, record).noticed == 2
+    again = Occurrence(45.0, 'fall', 'anna', 40.0, 'fine')
+    scenario = Scenario(3, (Occurrence(20.0, 'fall', 'anna', 100.0, 'fine'), again), PROMPT)
+    record = ScenarioRun(flat, scenario).run()
+    assert record.no_falls == [again] and not check(scenario, record).problems
 
 
 def test_an_operator_who_takes_the_robot_has_it_and_the_camera_answers(flat):
-    story = Story(3, (Scene(10.0, 'fall', 'anna', 0.0, 'help'),
-                      Scene(13.0, 'operator_drives', '', 6.0),
-                      Scene(24.0, 'operator_sends'), Scene(75.0, 'operator_says', 'stay'),
-                      Scene(80.0, 'noise', '', 5.0)), Carer(90.0, 20.0))
-    record = Director(flat, story).tell()
-    assert not judge(story, record).problems
+    scenario = Scenario(3, (
+        Occurrence(10.0, 'fall', 'anna', 0.0, 'help'),
+        Occurrence(13.0, 'operator_drives', '', 6.0), Occurrence(24.0, 'operator_sends'),
+        Occurrence(75.0, 'operator_says', 'stay'), Occurrence(80.0, 'noise', '', 5.0)),
+        CaregiverProfile(90.0, 20.0))
+    record = ScenarioRun(flat, scenario).run()
+    assert not check(scenario, record).problems
     taken = [name_of(edge) for edge in edges_taken(record.transitions)]
     assert sum('operator: operator' in each for each in taken) == 2
     assert 'observe --> report: observed' in taken
@@ -170,18 +174,18 @@ def test_an_operator_who_takes_the_robot_has_it_and_the_camera_answers(flat):
     ('cellar', 'blocked: no place to stand beside it'),
     ('intercom', 'no_place: nobody knows where it is')])
 def test_a_call_from_where_the_robot_cannot_go_is_given_up_with_the_reason(flat, caller, cause):
-    story = Story(3, (Scene(10.0, 'call', caller, 30.0),), Carer(20.0, 10.0))
-    verdict = judge(story, Director(flat, story).tell())
+    scenario = Scenario(3, (Occurrence(10.0, 'call', caller, 30.0),), CaregiverProfile(20.0, 10.0))
+    verdict = check(scenario, ScenarioRun(flat, scenario).run())
     assert not verdict.problems and cause in verdict.gave_up
 
 
 def test_a_killed_core_goes_on_with_its_alarm(flat):
-    story = Story(3, (*FALL.scenes, Scene(50.0, 'core_killed', '', 3.0)),
-                  Carer(float('inf'), 10.0))
-    record = Director(flat, story).tell()
+    scenario = Scenario(3, (*FALL.occurrences, Occurrence(50.0, 'core_killed', '', 3.0)),
+                        CaregiverProfile(float('inf'), 10.0))
+    record = ScenarioRun(flat, scenario).run()
     assert record.crashes == 1
-    assert not judge(story, record).problems
-    assert 'escalated' in judge(story, record).ends.values()
+    assert not check(scenario, record).problems
+    assert 'escalated' in check(scenario, record).ends.values()
 
 
 def test_the_command_says_how_many_became_alarms(capsys):
@@ -193,7 +197,7 @@ def test_the_command_says_how_many_became_alarms(capsys):
 
 def test_nobody_rests_so_long_in_quiet_hours_that_a_rule_is_right_to_ask():
     for seed in range(30):
-        rests = [each.for_s for each in quiet(seed, 24.0, ['anna'], ['wrist']).scenes
+        rests = [each.for_s for each in quiet_scenario(seed, 24.0, ['anna'], ['wrist']).occurrences
                  if each.what in ('sit', 'sleep')]
         assert rests and max(rests) < 7200.0  # still_s of assisted_living.yaml
 
@@ -206,4 +210,4 @@ def test_quiet_minutes_alarm_nobody(capsys):
 def test_a_robot_that_notices_nothing_is_refused():
     robot = load([CONFIG / 'service_robot.yaml'], node='robot')
     with pytest.raises(ConfigError, match='would notice no emergency'):
-        emergencies_of(robot, World(robot.world))
+        detectable_emergencies(robot, World(robot.world))

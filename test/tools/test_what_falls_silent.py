@@ -18,13 +18,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from random import Random
 
 import pytest
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.settings.load import load_from_arguments
-from rt_robot_os.tools.rehearse.office import Disk
-from rt_robot_os.tools.rehearse.stage import Stage
+from rt_robot_os.tools.rehearse.fixture import CoreFixture
+from rt_robot_os.tools.rehearse.journal_device import JournalDevice
 
 pytest.importorskip('std_msgs.msg', reason='the ROS 2 messages are not installed')
 
@@ -38,12 +39,12 @@ class Silence:
     def __init__(self) -> None:
         self.raised: dict[str, tuple[str, str, str]] = {}
 
-    def enter(self, stage: Stage) -> None:
-        events, battery = stage.reader('alarms/events'), stage.publisher('battery')
+    def attach(self, fixture: CoreFixture) -> None:
+        events, battery = fixture.reader('alarms/events'), fixture.publisher('battery')
         assert events is not None and battery is not None
         self.events, self.battery = events, battery
 
-    def act(self, now_ns: int) -> None:
+    def step(self, now_ns: int) -> None:
         if now_ns % NS_PER_S == 0:
             self.battery.msg.percentage = 0.5 if now_ns < FULL_NS else 0.1
             self.battery.publish(now_ns)
@@ -56,12 +57,12 @@ class Silence:
 def test_sink_wearables_notifier_and_battery_are_technical_alarms_of_their_own() -> None:
     settings, _ = load_from_arguments(['--ros-args', '--params-file', str(CONFIG)])
     silence = Silence()
-    stage = Stage(settings, (Disk(), silence))
+    fixture = CoreFixture(settings, (JournalDevice(Random(1)), silence))
     try:
-        stage.core.prepare_modules()
-        stage.run(130 * NS_PER_S)
+        fixture.core.prepare_modules()
+        fixture.run(130 * NS_PER_S)
     finally:
-        stage.close()
+        fixture.close()
     assert {subject: kind for subject, (_, _, kind) in silence.raised.items()} == {
         'sink': 'sink_silent', 'belt': 'sensor_off', 'oximeter': 'sensor_off',
         'wrist': 'sensor_off', 'bracelet': 'sensor_off', 'notifier': 'monitor_silent',

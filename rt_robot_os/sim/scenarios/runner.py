@@ -43,8 +43,13 @@ def run_scenarios(run: Callable[[int], _Outcome], numbers: Iterable[int], jobs: 
     if jobs < 2:
         yield from map(run, numbers)
         return
-    with ProcessPoolExecutor(jobs, get_context('spawn'), _in_pool.append, (run,)) as pool:
+    with ProcessPoolExecutor(jobs, get_context('spawn'), _prepare, (run,)) as pool:
         yield from pool.map(_run_here, numbers, chunksize=_CHUNK)
+
+
+def _prepare(run: Callable[[int], Any]) -> None:
+    """Give a process of the pool what it runs."""
+    _in_pool.append(run)
 
 
 def _run_here(number: int) -> Any:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which system for which need: what the figures say, and what no figure says."""
+"""Which system for which requirement: what the figures say, and what no figure says."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rt_robot_os.tools.bench.blocks import Grid
 from rt_robot_os.tools.bench.blocks import Heading
 from rt_robot_os.tools.bench.blocks import Paragraph
 from rt_robot_os.tools.bench.result import CaseResult
-from rt_robot_os.tools.bench.result import Need
+from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.text_report import fit
 from rt_robot_os.tools.bench.text_report import SYSTEMS
 
@@ -61,7 +61,7 @@ USE = (
     'be guaranteed and not only measured, such as for safety. The rows clock_nanosleep and '
     'cyclictest (wakeup) say what this machine gives to any program.')
 WORDS = (
-    'us: microsecond, a thousandth of a millisecond. A dash: not measured, not told by that '
+    'us: microsecond, a thousandth of a millisecond. A dash: not measured, not reported by that '
     'system, or too few samples to say it.',
     'p50, p99, p99.9: the value that 50, 99, 99.9 of 100 samples do not exceed; p50 is the '
     'median. max: the largest sample. In pictures of tails the vertical axis says which part of '
@@ -82,29 +82,29 @@ WORDS = (
     'what they describe. Their figures are quoted in italics; nothing of them ran here.')
 
 
-def needs(results: Sequence[CaseResult]) -> Iterator[Block]:
+def requirements(results: Sequence[CaseResult]) -> Iterator[Block]:
     """Show which system is good enough for what, with the figures that say so."""
-    known = [need for result in results for need in result.needs if need.known]
+    known = [each for result in results for each in result.requirements if each.known]
     if not known:
         return
-    yield Heading('Which system for which need', 2)
+    yield Heading('Which system meets which requirement', 2)
     yield Paragraph(
         'Yes: what was measured here, as the median of the repeats, is at least as good as the '
-        'need says; (?): the median says so, but not each of the repeats; a dash: that was not '
-        'measured. Best rclpy: the best of its executors in that row. p99: 99 of 100 are at most '
-        'that late. The case named has all figures. The advice below the table holds on any '
+        'requirement says; (?): the median says so, but not each of the repeats; a dash: that was '
+        'not measured. Best rclpy: the best of its executors in that row. p99: 99 of 100 are at '
+        'most that late. The case named has all figures. The advice below the table holds on any '
         'machine, its yes and no on this one.')
     systems = [name for name in SYSTEMS
-               if any(need.systems.get(name) is not None for need in known)]
-    yield Grid(('need', 'case', *systems, 'good enough'), [
-        (need.text, need.case, *(fit(need, name) or '-' for name in systems), _use(need))
-        for need in known], [''] * len(known), 2)
+               if any(each.systems.get(name) is not None for each in known)]
+    yield Grid(('requirement', 'case', *systems, 'good enough'), [
+        (each.text, each.case, *(fit(each, name) or '-' for name in systems), _use(each))
+        for each in known], [''] * len(known), 2)
     yield Bullets(USE)
 
 
-def _use(need: Need) -> str:
-    known = [name for name in SYSTEMS if need.gives(name) is not None]
-    fitting = [name + ('' if need.agreed(name) else ' (?)') for name in known if need.gives(name)]
-    if len(fitting) == len(known) > 1 and all(need.agreed(name) for name in known):
+def _use(each: Requirement) -> str:
+    known = [name for name in SYSTEMS if each.meets(name) is not None]
+    fitting = [name + ('' if each.agrees(name) else ' (?)') for name in known if each.meets(name)]
+    if len(fitting) == len(known) > 1 and all(each.agrees(name) for name in known):
         return 'all that were measured'
     return ', '.join(fitting) or 'none of these'

@@ -58,7 +58,7 @@ class Grid:
     A table.
 
     :ivar rows: cells as text, the label first; shorter rows have their last cell widened.
-    :ivar kinds: of each row: ``ours``, ``quoted``, ``absent``, ``reached``, ``missed`` or empty.
+    :ivar kinds: of each row: ``ours``, ``published``, ``absent``, ``reached``, ``missed``, empty.
     :ivar words: columns, from the left, that hold words and not numbers.
     :ivar groups: (name, unit) over each heading; equal neighbours share it; or empty.
     """

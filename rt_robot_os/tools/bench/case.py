@@ -84,9 +84,9 @@ class Run:
 
     :ivar key: names it in its case.
     :ivar label: names it for people.
-    :ivar worker: ``package.module:function``; called in the child with a
+    :ivar subject: ``package.module:function``; called in the child with a
         :class:`rt_robot_os.tools.bench.child.Harness`.
-    :ivar arguments: plain values for the worker.
+    :ivar arguments: plain values for the subject.
     :ivar seconds: how long it is expected to take, start included.
     :ivar cpu: that the child is pinned to; ``LAST_CPU`` or ``UNPINNED``.
     :ivar priority: of SCHED_FIFO; 0 for an ordinary process.
@@ -96,7 +96,7 @@ class Run:
 
     key: str
     label: str
-    worker: str
+    subject: str
     arguments: Mapping[str, Any]
     seconds: float
     cpu: int = LAST_CPU

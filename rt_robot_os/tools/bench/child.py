@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The child process of one measurement: a fresh interpreter that runs one worker and ends.
+The child process of one measurement: a fresh interpreter that runs one subject and ends.
 
 Run as ``python -m rt_robot_os.tools.bench.child PARENT FOLDER`` with the job as JSON in
 ``job.json`` of that folder; it leaves ``result.npz`` there.
@@ -54,7 +54,7 @@ def _work(job: dict[str, Any], folder: Path) -> Outcome:
     if why:
         return Outcome(Status.MISSING, why)
     try:
-        measured = load_function(job['worker'])(harness)
+        measured = load_function(job['subject'])(harness)
     except ImportError as error:
         name = (error.name or '').partition('.')[0]
         if name == _OWN or not name:
@@ -70,13 +70,13 @@ def _work(job: dict[str, Any], folder: Path) -> Outcome:
         if isinstance(error.__cause__, ImportError):  # such as that of a message package
             return Outcome(Status.MISSING, str(error))
         return Outcome(Status.FAILED, f'{type(error).__name__}: {error}')
-    figures = {**harness.surroundings.figures(), **builds.figures(), **measured.figures}
+    figures = {**harness.machine_state.figures(), **builds.figures(), **measured.figures}
     return Outcome(Status.OK, '', measured.samples, figures,
                    [(r.step, r.ok, r.reason) for r in harness.realtime])
 
 
 def write_result(folder: Path, outcome: Outcome) -> None:
-    """Leave an outcome for the parent; it appears at once or not at all."""
+    """Leave an outcome for the parent; the file appears complete or not at all."""
     meta = json.dumps({'status': outcome.status.value, 'reason': outcome.reason,
                        'figures': dict(outcome.figures), 'realtime': list(outcome.realtime)})
     path = folder / 'unfinished.npz'
@@ -95,7 +95,7 @@ def read_result(folder: Path) -> Outcome:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run one worker."""
+    """Run one subject."""
     folder = Path(argv[0])
     job = json.loads((folder / JOB_FILE).read_text())
 

@@ -28,7 +28,7 @@ from rt_robot_os.linux.realtime import RtResult
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.helper import Helper
-from rt_robot_os.tools.bench.surroundings import Surroundings
+from rt_robot_os.tools.bench.machine_state import MachineState
 
 
 class Unavailable(Exception):
@@ -38,7 +38,7 @@ class Unavailable(Exception):
 @dataclass(frozen=True)
 class Measured:
     """
-    What a worker returns.
+    What a subject returns.
 
     :ivar samples: raw, by name; integers.
     :ivar figures: single numbers, by name.
@@ -50,7 +50,7 @@ class Measured:
 
 class Harness:
     """
-    The surroundings of one worker.
+    The surroundings of one subject.
 
     :param arguments: those of its :class:`rt_robot_os.tools.bench.case.Run`.
     :param folder: for files; gone afterwards.
@@ -64,7 +64,7 @@ class Harness:
         self.arguments = arguments
         self.priority = priority
         self.folder = folder
-        self.surroundings = Surroundings()
+        self.machine_state = MachineState()
         self.realtime: list[RtResult] = []
         self._cpu = cpu
         self._allowed = sorted(os.sched_getaffinity(0))
@@ -85,24 +85,24 @@ class Harness:
             realtime.freeze_garbage()
         if self.priority:
             self.realtime.append(realtime.set_fifo(self.priority))
-        self.surroundings = Surroundings()
+        self.machine_state = MachineState()
 
     @property
     def own_cpu(self) -> int:
-        """Return which CPU this worker is, or will be, pinned to."""
+        """Return which CPU this subject is, or will be, pinned to."""
         return self._allowed[-1] if self._cpu < 0 else self._cpu
 
-    def helper(self, worker: str, arguments: Mapping[str, Any], same_cpu: bool) -> Helper:
+    def helper(self, subject: str, arguments: Mapping[str, Any], same_cpu: bool) -> Helper:
         """
         Start a process beside this one, without real time; it is ready when this returns.
 
-        :param worker: ``package.module:function``; called with the arguments and a callable that
+        :param subject: ``package.module:function``; called with the arguments and a callable that
             says "ready".
-        :param same_cpu: on the worker's CPU; else on the others, where there are any.
+        :param same_cpu: on the subject's CPU; else on the others, where there are any.
         """
         others = [cpu for cpu in self._allowed if cpu != self.own_cpu]
         cpus = [self.own_cpu] if same_cpu or not others else others
-        return Helper(worker, arguments, cpus)
+        return Helper(subject, arguments, cpus)
 
 
 def prepare(harness: Harness) -> Measured:

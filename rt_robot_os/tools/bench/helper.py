@@ -56,22 +56,22 @@ class Helper:
     :raises RuntimeError: it did not get ready.
     """
 
-    def __init__(self, worker: str, arguments: Mapping[str, Any], cpus: Sequence[int]) -> None:
-        job = {'worker': worker, 'arguments': dict(arguments), 'cpus': list(cpus)}
+    def __init__(self, subject: str, arguments: Mapping[str, Any], cpus: Sequence[int]) -> None:
+        job = {'subject': subject, 'arguments': dict(arguments), 'cpus': list(cpus)}
         self.process = start_child(
             'rt_robot_os.tools.bench.helper', os.getpid(), json.dumps(job), stdout=subprocess.PIPE,
             own_session=False)  # it is ended with the group of the measurement
         try:
-            self._wait_until_ready(worker)
+            self._wait_until_ready(subject)
         except BaseException:
             self.close()
             raise
 
-    def _wait_until_ready(self, worker: str) -> None:
+    def _wait_until_ready(self, subject: str) -> None:
         pipe = self.process.stdout
         if pipe is None or not select.select([pipe], [], [], _START_TIMEOUT_S)[0] or (
                 pipe.readline().strip() != b'ready'):
-            raise RuntimeError(f'helper {worker} did not get ready '
+            raise RuntimeError(f'helper {subject} did not get ready '
                                f'(exit code {self.process.poll()})')
 
     def close(self) -> None:
@@ -94,7 +94,7 @@ def main(argv: Sequence[str]) -> int:
     job = json.loads(argv[0])
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     os.sched_setaffinity(0, job['cpus'])
-    load_function(job['worker'])(job['arguments'], lambda: print('ready', flush=True))
+    load_function(job['subject'])(job['arguments'], lambda: print('ready', flush=True))
     return 0
 
 

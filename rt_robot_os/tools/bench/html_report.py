@@ -46,7 +46,7 @@ tr.groups span { display: block; border-bottom: 1px solid #bbb; padding: 0 .35re
 td { white-space: nowrap; } td.w { white-space: normal; }
 td.w:first-child { white-space: pre-wrap; min-width: 14rem; }
 tr.ours { font-weight: 600; background: #eef6ee; }
-tr.quoted { font-style: italic; background: #f5f2e8; }
+tr.published { font-style: italic; background: #f5f2e8; }
 tr.absent { color: #777; }
 tr.missed td:last-child { color: #b00020; font-weight: 700; }
 tr.reached td:last-child { color: #1b6e1b; font-weight: 700; }

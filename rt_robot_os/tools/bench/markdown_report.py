@@ -30,7 +30,7 @@ from rt_robot_os.tools.bench.blocks import Paragraph
 
 # How rows are marked, and in which columns.
 _MARKS: Mapping[str, tuple[str, Sequence[int]]] = {
-    'ours': ('**', (0,)), 'missed': ('**', (0, -1)), 'quoted': ('*', (0,))}
+    'ours': ('**', (0,)), 'missed': ('**', (0, -1)), 'published': ('*', (0,))}
 
 
 def markdown(blocks: Iterable[Block], images: str) -> str:

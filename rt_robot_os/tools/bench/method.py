@@ -36,11 +36,11 @@ PEERS = (
     'HORUS (horus-robotics on PyPI): one horus.Node a module with rate, order, priority, core '
     'and, for what computes, compute=True, run by horus.run(rt=True), as its documentation shows. '
     'It refuses to pin two nodes to one CPU, and so may use all; in the case preemption the fast '
-    'node is pinned, the one that computes is in its thread pool. It does not tell its time grid: '
+    'node is pinned, the one that computes is in its thread pool. Its time grid is not reported: '
     'the earliest call stands for that, which makes its latencies a little too small.',
     'clock_nanosleep: a bare loop on absolute deadlines in one thread under SCHED_FIFO, called '
     'from Python by one ctypes call: nothing in Python can be earlier. cyclictest: the same in C.',
-    'Floors, against which aims are judged: that loop (how late, and the CPU time of a wake-up; '
+    'Floors, to which targets are ratios: that loop (how late, and the CPU time of a wake-up; '
     'ctypes takes less than 1 us of it); a plain loop that calls functions one after the other '
     'when it woke up, leaves out what it is too late for and stays on the grid, as the kernel '
     'does (how often, and the CPU time of a call); a bare signal handler of Python that '
@@ -95,7 +95,7 @@ def method(machine: Mapping[str, Any], conditions: Mapping[str, Any],
         'Warm-up: the first 0.2 to 0.6 s of each run are not counted; imports, set-up and '
         'matching of publishers lie before.',
         f'The harness: a sample is one clock reading into memory that was allocated before, '
-        f'{cost_ns / 1000:.2f} us on this machine in this run (aim: at most '
+        f'{cost_ns / 1000:.2f} us on this machine in this run (target: at most '
         f'{COST_AIM_NS / 1000:g} us, {"reached" if cost_ns <= COST_AIM_NS else "MISSED"}). It is '
         'in the figures of all systems alike and is not taken off. Costs of single operations are '
         'means of blocks of calls with the empty loop taken off.',

@@ -55,7 +55,7 @@ _HOUR_CASE = 'slam'
 _EPILOG = """\
 Everything is measured in one run, in turns, each system in a process of its own; tables show the
 median of the repeats. What is not installed is a line in the table. The exit code is 0 also when
-an aim is missed: this is a measurement, not a test. 2: a bad argument; 1: a measurement failed;
+a target is missed: this is a measurement, not a test. 2: a bad argument; 1: a measurement failed;
 130: Ctrl-C, which keeps and shows the cases that were complete, and the rows of stability.
 
 Where `bench` stands here, type `ros2 run rt_robot_os bench`, or `./scripts/run bench`:
@@ -97,7 +97,7 @@ class Request:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        """Tell what is wrong in one line; the usage would hide it."""
+        """Print the error in one line; the usage would hide it."""
         print(f'{self.prog}: {message} (see {self.prog} --help)', file=sys.stderr)
         sys.exit(2)
 
@@ -179,7 +179,7 @@ def _mounting(text: str) -> tuple[float, float, float]:
 def _repeats(text: str) -> int:
     if not (text.isascii() and text.isdigit() and 1 <= int(text[:9]) <= _REPEATS_MAXIMUM):
         raise argparse.ArgumentTypeError(
-            f'{text!r} is not a whole number from 1 to {_REPEATS_MAXIMUM}')
+            f'{text!r} is not an integer from 1 to {_REPEATS_MAXIMUM}')
     return int(text)
 
 
@@ -233,7 +233,7 @@ def _check_together(parser: _Parser, given: argparse.Namespace) -> None:
 
 
 def _check_data(parser: _Parser, given: argparse.Namespace, chosen: Sequence[Case]) -> None:
-    """See that a recording can be read, and that somebody reads it."""
+    """Check that a recording can be read, and that a chosen case reads it."""
     if given.expected is not None and given.data is None:
         parser.error(f'--expected {given.expected}: of which recording? name it with --data FILE')
     if given.imu_mounting is not None and given.data is None:

@@ -60,7 +60,7 @@ def write_results(folder: Path, content: Mapping[str, Any], results: Sequence[Ca
 
 class EarlierRun:
     """
-    The results of an earlier call, evaluated anew from its raw samples.
+    The results of an earlier call, evaluated again from its raw samples.
 
     :raises RtRobotError: the folder holds none, or they are of another version.
     """

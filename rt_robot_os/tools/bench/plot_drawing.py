@@ -39,9 +39,9 @@ _SIZE_INCHES = (7.2, 3.6)
 # Of pictures of tails: which part is later, and the percentile that this is.
 _TAIL_TICKS = ((1.0, 'all'), (0.5, '50 % (p50)'), (0.1, '10 % (p90)'), (0.01, '1 % (p99)'),
                (1e-3, '0.1 % (p99.9)'), (1e-4, '0.01 %'), (1e-5, '0.001 %'))
-# One colour for each system in all pictures, told apart by everybody (mostly of Okabe and Ito, and
-# of Tol): ours begins with blue, rclpy is warm, floors are black and grey. The first text that a
-# label begins with decides.
+# One colour for each system in all pictures, distinguishable with any colour vision (mostly of
+# Okabe and Ito, and of Tol): ours begins with blue, rclpy is warm, floors are black and grey. The
+# first text that a label begins with decides.
 _SYSTEMS = (
     ('rclpy Single', ('#D55E00',)), ('rclpy Multi', ('#E69F00',)), ('rclpy', ('#8B1A1A',)),
     ('HORUS', ('#009E73',)), ('Python threads', ('#CC79A7',)), ('plain thread', ('#CC79A7',)),
@@ -54,7 +54,7 @@ _SYSTEMS = (
 _VARIANTS = ('#0072B2', '#882255', '#44AA99', '#56B4E9', '#999933', '#D55E00')
 _DASHES = ('-', '--', '-.', ':')
 _MARKS = 'osD^vPX<>'
-# So many marks are on a curve of many points.
+# Number of marks on a curve of many points.
 _MARKS_ON_CURVE = 8
 
 

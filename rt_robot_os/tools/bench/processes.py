@@ -83,12 +83,12 @@ def lock_path() -> Path:
 @contextmanager
 def alone(path: Path, wait: bool = True) -> Iterator[bool]:
     """
-    Wait until nobody else measures: two at the same priority on one CPU would starve each other.
+    Wait until no other bench measures: at the same priority on one CPU they would starve.
 
-    Where the file cannot be had, such as one of another user, there is no waiting.
+    There is no waiting where the file cannot be opened, such as one of another user.
 
-    :param wait: else only look.
-    :return: whether somebody else measures; always False after waiting.
+    :param wait: False: only check.
+    :return: whether another bench measures; always False after waiting.
     """
     try:
         fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
@@ -111,7 +111,7 @@ def _lock(fd: int, wait: bool) -> bool:
 
 def measure(run: Run) -> Outcome:
     """
-    Run a worker in a fresh interpreter, when nobody else measures on this machine.
+    Run a subject in a fresh interpreter, when no other bench measures on this machine.
 
     Its group of processes is ended, whatever happens, before this returns or raises.
 
@@ -122,7 +122,7 @@ def measure(run: Run) -> Outcome:
             prefix='rtb', ignore_cleanup_errors=True) as name:
         folder = Path(name)
         (folder / JOB_FILE).write_text(json.dumps({
-            'worker': run.worker, 'arguments': dict(run.arguments), 'cpu': run.cpu,
+            'subject': run.subject, 'arguments': dict(run.arguments), 'cpu': run.cpu,
             'priority': run.priority, 'build': run.build}))
         with open(folder / _LOG_FILE, 'wb') as log:
             process = start_child(

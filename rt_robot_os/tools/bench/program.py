@@ -15,7 +15,7 @@
 """
 The program `bench`: this package and its peers, measured side by side on this machine.
 
-Measure; the exit code is 2 for bad arguments, and 0 also when an aim is missed.
+Measure; the exit code is 2 for bad arguments, and 0 also when a target is missed.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ class Progress:
         return left_s * (time.monotonic() - self._begun) / self._done_s
 
     def done(self, expected_s: float) -> None:
-        """Note that something is over that was expected to take so long."""
+        """Note the end of something with its expected duration."""
         self._done_s += expected_s
 
     def clear(self) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The whole report of one call as blocks: needs, verdicts, machine, method, cases."""
+"""The whole report of one call as blocks: requirements, verdicts, machine, method, cases."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from typing import Any
 from rt_robot_os.tools.bench import expectations
 from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.advice import INTRODUCTION
-from rt_robot_os.tools.bench.advice import needs
+from rt_robot_os.tools.bench.advice import requirements
 from rt_robot_os.tools.bench.advice import WORDS
 from rt_robot_os.tools.bench.blocks import Block
 from rt_robot_os.tools.bench.blocks import Bullets
@@ -72,7 +72,7 @@ def report(content: Mapping[str, Any], results: Sequence[CaseResult]) -> Iterato
     refused = [f'Refused to the measured processes: {step}: {state}'
                for step, state in content['realtime'].items() if state != IN_FORCE]
     yield Bullets([*summary(content['machine']), *warnings(content['machine']), *refused])
-    yield from needs(results)
+    yield from requirements(results)
     yield from verdicts(results)
     yield Heading('Words', 2)
     yield Bullets(WORDS)
@@ -133,20 +133,20 @@ def _grid(table: Table) -> Grid:
                                            for row in table.rows)]
     rows: list[Sequence[str]] = []
     kinds: list[str] = []
-    told: set[str] = set()
+    given: set[str] = set()
     for row in table.rows:
         if row.status is Status.OK:
             rows.append((row.label, *(cell(row.metrics.get(c.key), c) for c in columns)))
         else:
-            rows.append((row.label, absence(row, told)))
+            rows.append((row.label, absence(row, given)))
         kinds.append(_kind(row))
     return Grid(('', *(column.title for column in columns)), rows, kinds,
                 groups=(('', ''), *((column.group, column.unit) for column in columns)))
 
 
 def _kind(row: Row) -> str:
-    if row.quoted:
-        return 'quoted'
+    if row.published:
+        return 'published'
     if row.status is not Status.OK:
         return 'absent'
     # Of two builds the compiled one is what most users have.

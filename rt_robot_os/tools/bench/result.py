@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a case finds: metrics over the repeats, rows of tables, aims and whether they are met."""
+"""What a case finds: metrics over the repeats, rows of tables, targets and verdicts."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from enum import Enum
 import statistics
 from typing import Any
 
+from rt_robot_os.tools.bench.machine_state import NOTHING
 from rt_robot_os.tools.bench.plot import Plot
-from rt_robot_os.tools.bench.surroundings import NOTHING
 
 
 class Status(Enum):
@@ -36,8 +36,8 @@ class Status(Enum):
     FAILED = 'failed'
 
 
-class Verdict(Enum):
-    """Whether an aim is reached; shown always."""
+class TargetVerdict(Enum):
+    """Whether a target is reached; shown always."""
 
     REACHED = 'reached'
     MISSED = 'MISSED'
@@ -101,7 +101,7 @@ class Row:
 
     :ivar metrics: by key; None where there were too few samples.
     :ivar reason: why it was not measured; empty when it was.
-    :ivar quoted: the figures are those of a publication; nothing of it ran here.
+    :ivar published: the figures are those of a publication; nothing of it ran here.
     :ivar run: key of the run in the raw samples; empty when it is not of one run.
     """
 
@@ -109,20 +109,20 @@ class Row:
     metrics: Mapping[str, Metric | None] = field(default_factory=dict)
     status: Status = Status.OK
     reason: str = ''
-    quoted: bool = False
+    published: bool = False
     run: str = ''
 
     def as_json(self) -> dict[str, Any]:
         """Return plain values."""
         return {'label': self.label, 'status': self.status.value, 'reason': self.reason,
-                'quoted': self.quoted, 'run': self.run,
+                'quoted': self.published, 'run': self.run,
                 'metrics': {key: None if metric is None else metric.as_json()
                             for key, metric in self.metrics.items()}}
 
 
-def quoted(label: str, **figures: float) -> Row:
-    """Make a row of the figures that somebody else published."""
-    return Row(label, {key: Metric((value,)) for key, value in figures.items()}, quoted=True)
+def published_values(label: str, **figures: float) -> Row:
+    """Make a row of the figures of a publication."""
+    return Row(label, {key: Metric((value,)) for key, value in figures.items()}, published=True)
 
 
 @dataclass(frozen=True)
@@ -148,9 +148,9 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Aim:
+class Target:
     """
-    Something that this package promises, as a number.
+    A promise of this package, as a number.
 
     :ivar text: what is measured.
     :ivar limit: the number.
@@ -171,19 +171,19 @@ class Aim:
     @property
     def reason(self) -> str:
         """Return why it is missed; empty unless it is."""
-        if self.verdict is not Verdict.MISSED:
+        if self.verdict is not TargetVerdict.MISSED:
             return ''
         # "No disturbance" adds nothing to a reason that is known.
         return self.why.removesuffix(f'; {NOTHING}')
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> TargetVerdict:
         """Compare the median with the limit."""
         if self.measured is None:
-            return Verdict.UNKNOWN
+            return TargetVerdict.UNKNOWN
         median = self.measured.median
         met = median <= self.limit if self.at_most else median >= self.limit
-        return Verdict.REACHED if met else Verdict.MISSED
+        return TargetVerdict.REACHED if met else TargetVerdict.MISSED
 
     def as_json(self) -> dict[str, Any]:
         """Return plain values."""
@@ -194,11 +194,11 @@ class Aim:
 
 
 @dataclass(frozen=True)
-class Need:
+class Requirement:
     """
-    What somebody may want of a system, and which systems give it.
+    A requirement of users, and which systems meet it.
 
-    :ivar text: the need, with the number that is good enough.
+    :ivar text: the requirement, with the number that is good enough.
     :ivar limit: that number.
     :ivar systems: what was measured, by system; None where it was not.
     :ivar case: the case that measured it.
@@ -216,13 +216,13 @@ class Need:
         """Return whether it was measured for any system."""
         return any(metric is not None for metric in self.systems.values())
 
-    def gives(self, system: str) -> bool | None:
-        """Return whether a system gives it; None when that is not known."""
+    def meets(self, system: str) -> bool | None:
+        """Return whether a system meets it; None when that is not known."""
         metric = self.systems.get(system)
         return None if metric is None else self._enough(metric.median)
 
-    def agreed(self, system: str) -> bool:
-        """Return whether each repeat by itself says the same as their median."""
+    def agrees(self, system: str) -> bool:
+        """Return whether each repeat has the same result as their median."""
         metric = self.systems.get(system)
         return metric is None or len({self._enough(value) for value in metric.values}) == 1
 
@@ -248,17 +248,17 @@ class CaseResult:
     name: str
     title: str
     tables: Sequence[Table]
-    aims: Sequence[Aim]
+    targets: Sequence[Target]
     plots: Sequence[Plot] = ()
-    needs: Sequence[Need] = ()
+    requirements: Sequence[Requirement] = ()
     facts: Mapping[str, Metric | None] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
         """Return plain values."""
         return {'name': self.name, 'title': self.title,
                 'tables': [table.as_json() for table in self.tables],
-                'aims': [aim.as_json() for aim in self.aims],
+                'aims': [target.as_json() for target in self.targets],
                 'plots': [plot.as_json() for plot in self.plots],
-                'needs': [need.as_json() for need in self.needs],
+                'needs': [each.as_json() for each in self.requirements],
                 'facts': {name: metric.as_json() for name, metric in self.facts.items()
                           if metric is not None}}

@@ -52,7 +52,7 @@ def run_case(case: Case, options: Options, progress: Progress, measured: Measure
 
     The order is reversed every other time: no run profits from always being after the same one.
 
-    :param progress: told before each run what is done, and after it.
+    :param progress: is notified before and after each run.
     :param measured: runs one of them.
     """
     runs = list(case.plan(options))

@@ -35,6 +35,7 @@ from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.json_report import document
 from rt_robot_os.tools.bench.json_report import write_json
 from rt_robot_os.tools.bench.json_report import write_samples
+from rt_robot_os.tools.bench.machine_state import LOOP
 from rt_robot_os.tools.bench.options import Request
 from rt_robot_os.tools.bench.output import DOCUMENT_FILE
 from rt_robot_os.tools.bench.output import PAGE_FILE
@@ -49,7 +50,6 @@ from rt_robot_os.tools.bench.runner import expected_seconds
 from rt_robot_os.tools.bench.runner import Measure
 from rt_robot_os.tools.bench.runner import run_case
 from rt_robot_os.tools.bench.stamps import cost_ns
-from rt_robot_os.tools.bench.surroundings import LOOP
 from rt_robot_os.tools.bench.text_report import case_lines
 from rt_robot_os.tools.bench.text_report import terminal_width
 

@@ -35,7 +35,7 @@ def percentile(samples: Samples | Sequence[int], part: float) -> float | None:
     Return the least sample that a part of all samples does not exceed (nearest rank).
 
     :param part: above 0 and at most 1; 1 gives the maximum.
-    :return: a sample, never a value between two; None when there are too few of them to tell it
+    :return: a sample, never a value between two; None when there are too few of them
         from the maximum.
     """
     count = len(samples)

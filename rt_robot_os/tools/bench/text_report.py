@@ -23,18 +23,18 @@ import shutil
 import sys
 import textwrap
 
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
-from rt_robot_os.tools.bench.result import Need
+from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import Target
+from rt_robot_os.tools.bench.result import TargetVerdict
 
 WIDTH = 100
-# The systems that a need is compared for, in the order of the columns.
+# The systems that are compared, in the order of the columns.
 SYSTEMS = ('rt_robot_os', 'best rclpy', 'HORUS', 'threads')
 _GAP = '  '
 _DIGITS = 3
@@ -108,12 +108,12 @@ def _part_lines(rows: Sequence[Row], columns: Sequence[Column], label_width: int
     groups = _groups(columns, widths)
     yield ' ' * label_width + groups
     yield _join(' ' * label_width, [column.title for column in columns], widths)
-    told: set[str] = set()
+    given: set[str] = set()
     for row, line_cells in zip(rows, cells):
         if row.status is Status.OK:
             yield _join(row.label.ljust(label_width), line_cells, widths)
         else:
-            yield from _not_measured(row, label_width, told, width)
+            yield from _not_measured(row, label_width, given, width)
 
 
 def _groups(columns: Sequence[Column], widths: list[int]) -> str:
@@ -137,52 +137,52 @@ def _join(label: str, cells: Sequence[str], widths: Sequence[int]) -> str:
                             for cell, width in zip(cells, widths))).rstrip()
 
 
-def absence(row: Row, told: set[str]) -> str:
+def absence(row: Row, given: set[str]) -> str:
     """
     Write why a row has no figures.
 
-    :param told: the reasons that the table has given so far, which are not repeated.
+    :param given: reasons that the table has given already; they are not repeated.
     """
     what = 'not available' if row.status is Status.MISSING else 'failed'
-    known = row.reason in told
-    told.add(row.reason)
+    known = row.reason in given
+    given.add(row.reason)
     return f'{what}, as above' if known else f'{what}: {row.reason}'
 
 
-def _not_measured(row: Row, label_width: int, told: set[str], width: int) -> Iterator[str]:
-    text = absence(row, told)
+def _not_measured(row: Row, label_width: int, given: set[str], width: int) -> Iterator[str]:
+    text = absence(row, given)
     room = max(20, width - label_width - len(_GAP))
     for i, line in enumerate(textwrap.wrap(text, room)[:3]):
         yield (row.label if i == 0 else '').ljust(label_width) + _GAP + line
 
 
-def aim_cells(aim: Aim) -> tuple[str, str]:
+def target_cells(target: Target) -> tuple[str, str]:
     """Write limit and measured value, the latter as exactly as the limit at least."""
-    unit = f' {aim.unit}' if aim.unit else ''
-    limit = f'{aim.limit:g}'
-    if aim.measured is None:
+    unit = f' {target.unit}' if target.unit else ''
+    limit = f'{target.limit:g}'
+    if target.measured is None:
         measured = '-'
     else:
-        value, decimals = aim.measured.median, len(limit.partition('.')[2])
+        value, decimals = target.measured.median, len(limit.partition('.')[2])
         measured = f'{value:.0f}' if not unit and value % 1 == 0 else max(
             number(value), f'{value:.{decimals}f}', key=len)
         measured += unit
-    return f'{"≤" if aim.at_most else "≥"} {limit}{unit}', measured
+    return f'{"≤" if target.at_most else "≥"} {limit}{unit}', measured
 
 
-def aim_lines(aims: Sequence[Aim], width: int = WIDTH) -> Iterator[str]:
+def target_lines(targets: Sequence[Target], width: int = WIDTH) -> Iterator[str]:
     """Write what was promised, what was measured, and the verdict."""
-    rows = [('aim', 'limit', 'measured', 'verdict', 'range')]
-    for aim in aims:
-        limit, measured = aim_cells(aim)
+    rows = [('target', 'limit', 'measured', 'verdict', 'range')]
+    for target in targets:
+        limit, measured = target_cells(target)
         # Not every terminal has the signs of the page.
-        rows.append((aim.text, limit.replace('≤', '<=').replace('≥', '>='), measured,
-                     aim.verdict.value, spread(aim.measured)))
+        rows.append((target.text, limit.replace('≤', '<=').replace('≥', '>='), measured,
+                     target.verdict.value, spread(target.measured)))
     widths = [max(len(row[i]) for row in rows) for i in range(5)]
     if not any(row[4] for row in rows[1:]) or sum(widths) + 4 * len(_GAP) > width:
         rows = [(*row[:4], '') for row in rows]  # there was one repeat, or there is no room
-    reasons = ['', *(_reasons(aims))]
-    for row, about, reason in zip(rows, (None, *aims), reasons):
+    reasons = ['', *(_reasons(targets))]
+    for row, about, reason in zip(rows, (None, *targets), reasons):
         yield (f'{row[0]:<{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]:>{widths[2]}}  '
                f'{row[3]:<{widths[3]}}  {row[4]}').rstrip()
         if about is not None:
@@ -190,11 +190,11 @@ def aim_lines(aims: Sequence[Aim], width: int = WIDTH) -> Iterator[str]:
             yield from _wrapped(about.paper and f'paper: {about.paper}', width)
 
 
-def _reasons(aims: Sequence[Aim]) -> Iterator[str]:
-    told: set[str] = set()
-    for aim in aims:
-        yield 'as above' if aim.reason and aim.reason in told else aim.reason
-        told.add(aim.reason)
+def _reasons(targets: Sequence[Target]) -> Iterator[str]:
+    given: set[str] = set()
+    for target in targets:
+        yield 'as above' if target.reason and target.reason in given else target.reason
+        given.add(target.reason)
 
 
 def _wrapped(text: str, width: int) -> Sequence[str]:
@@ -207,31 +207,31 @@ def case_lines(result: CaseResult, width: int = WIDTH) -> Iterator[str]:
     for table in result.tables:
         yield ''
         yield from table_lines(table, width)
-    if result.aims:
+    if result.targets:
         yield ''
-        yield from aim_lines(result.aims, width)
+        yield from target_lines(result.targets, width)
 
 
 def closing_lines(results: Sequence[CaseResult], width: int = WIDTH) -> Iterator[str]:
-    """Write what all cases together say: which system for which need, and the verdicts."""
-    yield from need_lines([need for result in results for need in result.needs if need.known],
-                          width)
+    """Write which systems meet which requirements, and the verdicts of all cases."""
+    known = [each for result in results for each in result.requirements if each.known]
+    yield from requirement_lines(known, width)
     yield from textwrap.wrap(verdict_line(results), width)
 
 
-def need_lines(needs: Sequence[Need], width: int = WIDTH) -> Iterator[str]:
-    """Write which systems give what somebody may need."""
-    if not any(need.known for need in needs):
+def requirement_lines(requirements: Sequence[Requirement], width: int = WIDTH) -> Iterator[str]:
+    """Write which systems meet each requirement."""
+    if not any(each.known for each in requirements):
         return
-    yield from textwrap.wrap('== which system for which need? "(?)": the median of the repeats '
-                             'says so, but not each of them', width)
-    systems = [name for name in SYSTEMS if any(need.systems.get(name) for need in needs)]
-    told = [[f'{name} {text}' if (text := fit(need, name)) else '' for name in systems]
-            for need in needs]
-    widths = [max(map(len, column)) for column in zip(*told)]
+    yield from textwrap.wrap('== which system meets which requirement? "(?)": the median of the '
+                             'repeats says so, but not each of them', width)
+    systems = [name for name in SYSTEMS if any(each.systems.get(name) for each in requirements)]
+    cells = [[f'{name} {text}' if (text := fit(each, name)) else '' for name in systems]
+             for each in requirements]
+    widths = [max(map(len, column)) for column in zip(*cells)]
     beside = len(_INDENT) + sum(widths) + len(_GAP) * (len(systems) - 1) <= width
-    for need, texts in zip(needs, told):
-        yield from textwrap.wrap(f'{need.text} (case {need.case}):', width)
+    for each, texts in zip(requirements, cells):
+        yield from textwrap.wrap(f'{each.text} (case {each.case}):', width)
         if beside:
             yield (_INDENT + _GAP.join(map(str.ljust, texts, widths))).rstrip()
         else:
@@ -239,19 +239,20 @@ def need_lines(needs: Sequence[Need], width: int = WIDTH) -> Iterator[str]:
     yield ''
 
 
-def fit(need: Need, system: str) -> str:
+def fit(each: Requirement, system: str) -> str:
     """Write whether a system gives what is needed, and its figure; empty when it is not known."""
-    metric = need.systems.get(system)
+    metric = each.systems.get(system)
     if metric is None:
         return ''
-    sure = '' if need.agreed(system) else ' (?)'
-    return (f'{"yes" if need.gives(system) else "no"}{sure}, {number(metric.median)} '
-            f'{need.unit}').strip()
+    sure = '' if each.agrees(system) else ' (?)'
+    return (f'{"yes" if each.meets(system) else "no"}{sure}, {number(metric.median)} '
+            f'{each.unit}').strip()
 
 
 def verdict_line(results: Sequence[CaseResult]) -> str:
     """Count the verdicts of all cases in one line."""
-    aims = [aim for result in results for aim in result.aims]
-    counts = {verdict: sum(aim.verdict is verdict for aim in aims) for verdict in Verdict}
-    return (f'aims: {counts[Verdict.REACHED]} of {len(aims)} reached, {counts[Verdict.MISSED]} '
-            f'missed, {counts[Verdict.UNKNOWN]} not measured')
+    targets = [target for result in results for target in result.targets]
+    reached, missed, unknown = (sum(target.verdict is each for target in targets) for each in (
+        TargetVerdict.REACHED, TargetVerdict.MISSED, TargetVerdict.UNKNOWN))
+    return (f'targets: {reached} of {len(targets)} reached, {missed} missed, {unknown} not '
+            'measured')

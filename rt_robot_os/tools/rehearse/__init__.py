@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rehearsals: emergencies and quiet days on the virtual clock, with a robot's own settings."""
+"""Scenario tests of a robot's own settings on the virtual clock: emergencies and quiet hours."""

@@ -38,5 +38,5 @@ def run(argv: Sequence[str]) -> int:
     :raises RtRobotError: it failed.
     """
     return run_command(
-        'rehearse', "Emergencies and quiet days in virtual time: a robot's own modules decide, "
-        'its body and its home are played.', _COMMANDS, argv)
+        'rehearse', "Scenario tests in virtual time: a robot's own modules run, its body and its "
+        'home are simulated.', _COMMANDS, argv)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which edges of the agent's table were taken, by the transitions that it told."""
+"""Which edges of the agent's table were taken, by its published transitions."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def edges_taken(transitions: Iterable[Mapping[str, Any]]) -> Iterator[StateEdge]
     """
     Yield the edge of each transition, in their order.
 
-    What happened in a pause and leads on from what is done afterwards is none.
+    A transition that a pause delays, and that has no edge of its own, is left out.
 
-    :param transitions: as the agent told them.
+    :param transitions: as the agent published them.
     """
     before = AgentState.IDLE.value
-    for told in transitions:
-        source, target = str(told['from']), str(told['to'])
-        event = str(told['cause']).partition(':')[0]
+    for each in transitions:
+        source, target = str(each['from']), str(each['to'])
+        event = str(each['cause']).partition(':')[0]
         key = source, event, target
         if event == 'released' and target == before:
             key = source, event, BEFORE

@@ -12,18 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Command ``rehearse emergencies``: many random stories, each judged."""
+"""Command ``rehearse emergencies``: many random scenarios, each checked."""
 
 from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Iterable
 from collections.abc import Iterator
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from functools import partial
 import json
-from multiprocessing import get_context
 import time
 from typing import Any
 from typing import Final
@@ -36,39 +35,38 @@ from rt_robot_os.features.agent.edges import EDGES
 from rt_robot_os.settings import from_json
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.settings import to_json
+from rt_robot_os.sim.scenarios.runner import run_scenarios
 from rt_robot_os.sim.world import World
+from rt_robot_os.tools.rehearse.checks import check
+from rt_robot_os.tools.rehearse.checks import CheckResult
 from rt_robot_os.tools.rehearse.coverage import edges_taken
 from rt_robot_os.tools.rehearse.coverage import name_of
-from rt_robot_os.tools.rehearse.director import Director
-from rt_robot_os.tools.rehearse.director import Record
-from rt_robot_os.tools.rehearse.noticed import emergencies_of
-from rt_robot_os.tools.rehearse.noticed import nodes_of
+from rt_robot_os.tools.rehearse.detectable import detectable_emergencies
+from rt_robot_os.tools.rehearse.detectable import nodes_of
 from rt_robot_os.tools.rehearse.options import add_settings
 from rt_robot_os.tools.rehearse.options import settings_of
-from rt_robot_os.tools.rehearse.story import draw
-from rt_robot_os.tools.rehearse.story import Story
-from rt_robot_os.tools.rehearse.verdict import judge
-from rt_robot_os.tools.rehearse.verdict import Verdict
+from rt_robot_os.tools.rehearse.scenario import random_scenario
+from rt_robot_os.tools.rehearse.scenario import Scenario
+from rt_robot_os.tools.rehearse.scenario_run import RunRecord
+from rt_robot_os.tools.rehearse.scenario_run import ScenarioRun
 
 _PROBLEMS_SHOWN: Final = 20
-# Of a process of the pool.
-_HERE: Final[list[RobotSettings]] = []
 
 
 def add_to(commands: Any) -> None:
     """Add the parser of the command."""
     parser = commands.add_parser(
-        'emergencies', help='random emergencies, with all that goes wrong besides',
-        description='Tell random stories (falls, calls for help, illness, smoke; dead nodes, '
-        'blocked ways, a killed core, a full disk ...) to the real modules of a robot in virtual '
-        'time, and judge whether each emergency was noticed and each alarm came to an end: '
-        'resolved, cancelled, told to the last who can be told, or given up with a reason.')
+        'emergencies', help='random emergencies and faults',
+        description='Run random scenarios (falls, calls for help, illness, smoke; dead nodes, '
+        'blocked paths, a killed core, a full disk ...) with the real modules of a robot in '
+        'virtual time, and check whether each emergency was detected and each alarm came to an '
+        'end: resolved, cancelled, escalated to the last step, or given up with a reason.')
     add_settings(parser)
     parser.add_argument('--stories', type=int, default=1000, metavar='N',
-                        help='how many (%(default)s)')
-    parser.add_argument('--seed', type=int, default=1, help='number of the first (%(default)s)')
+                        help='number of scenarios (%(default)s)')
+    parser.add_argument('--seed', type=int, default=1, help='seed of the first (%(default)s)')
     parser.add_argument('--tell', action='store_true',
-                        help='only the story of --seed, with all that happened')
+                        help='run only the scenario of --seed, and print all that happens')
     parser.add_argument('--jobs', type=int, default=1, metavar='N',
                         help='processes at a time (%(default)s)')
     parser.set_defaults(run=run)
@@ -76,17 +74,18 @@ def add_to(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """
-    Tell and judge.
+    Run and check.
 
     :raises ConfigError: the settings cannot be used.
     """
     settings = settings_of(arguments)
-    story = _story_of(settings, arguments.seed)
+    scenario = _scenario(settings, arguments.seed)  # before any process starts
     if arguments.tell:
-        return _tell(settings, story)
+        return _show(settings, scenario)
     begin_s = time.monotonic()
     numbers = range(arguments.seed, arguments.seed + max(arguments.stories, 1))
-    found = _summary(list(_judged(settings, numbers, arguments.jobs)), begin_s)
+    checked = partial(_run_checked, to_json(settings))
+    found = _summary(list(run_scenarios(checked, numbers, arguments.jobs)), begin_s)
     if arguments.json:
         print(json.dumps(found, indent=1))
     else:
@@ -94,72 +93,64 @@ def run(arguments: argparse.Namespace) -> int:
     return FAILED if found['problems'] else OK
 
 
-def _story_of(settings: RobotSettings, number: int) -> Story:
+def _scenario(settings: RobotSettings, seed: int) -> Scenario:
     world = World(settings.world)
-    return draw(number, emergencies_of(settings, world), nodes_of(world))
+    return random_scenario(seed, detectable_emergencies(settings, world), nodes_of(world))
 
 
-class Told(NamedTuple):
+class Outcome(NamedTuple):
     """
-    A story that was told and judged.
+    A scenario that was run and checked.
 
-    :ivar verdict: on it.
-    :ivar lasted_s: of virtual time.
-    :ivar edges: of the agent's table that it took, and how often.
+    :ivar result: of the checks.
+    :ivar lasted_s: in virtual time.
+    :ivar edges: of the agent's table that were taken, and how often.
     """
 
-    verdict: Verdict
+    result: CheckResult
     lasted_s: float = 0.0
     edges: Mapping[str, int] = {}
 
 
-def judged(settings: RobotSettings, number: int) -> Told:
-    """Tell one story and judge it."""
-    story = _story_of(settings, number)
+def _run_checked(settings: str, seed: int) -> Outcome:
+    """
+    Run a scenario and check it.
+
+    :param settings: as JSON, for processes of their own.
+    """
+    robot = _robot(settings)
+    scenario = _scenario(robot, seed)
     try:
-        record = Director(settings, story).tell()
+        record = ScenarioRun(robot, scenario).run()
     except AssertionError as error:
-        return Told(Verdict(number, {}, (str(error),), 0, 0, ()))
+        return Outcome(CheckResult(seed, {}, (str(error),), 0, 0, ()))
     edges = Counter(name_of(edge) for edge in edges_taken(record.transitions))
-    return Told(judge(story, record), record.lasted_s, edges)
+    return Outcome(check(scenario, record), record.lasted_s, edges)
 
 
-def _judged(settings: RobotSettings, numbers: Iterable[int], jobs: int
-            ) -> Iterator[Told]:
-    if jobs < 2:
-        yield from (judged(settings, number) for number in numbers)
-        return
-    with ProcessPoolExecutor(jobs, get_context('spawn'), _prepare, (to_json(settings),)) as pool:
-        yield from pool.map(_judged_here, numbers, chunksize=4)
+@cache
+def _robot(settings: str) -> RobotSettings:
+    return from_json(settings)
 
 
-def _prepare(settings: str) -> None:
-    """Give a process of the pool its robot."""
-    _HERE.append(from_json(settings))
-
-
-def _judged_here(number: int) -> Told:
-    return judged(_HERE[-1], number)
-
-
-def _summary(told: list[Told], begin_s: float) -> dict[str, Any]:
-    verdicts = [each.verdict for each in told]
+def _summary(outcomes: list[Outcome], begin_s: float) -> dict[str, Any]:
+    results = [each.result for each in outcomes]
     edges: Counter[str] = Counter()
-    for each in told:
+    for each in outcomes:
         edges.update(each.edges)
-    ends = Counter(end for verdict in verdicts for end in verdict.ends.values())
+    ends = Counter(end for result in results for end in result.ends.values())
     return {
-        'stories': len(verdicts),
-        'virtual_s': round(sum(each.lasted_s for each in told), 1),
+        'stories': len(results),
+        'virtual_s': round(sum(each.lasted_s for each in outcomes), 1),
         'wall_s': round(time.monotonic() - begin_s, 1),
-        'emergencies': sum(each.noticed + each.hidden for each in verdicts),
-        'noticed': sum(each.noticed for each in verdicts),
-        'hidden': sum(each.hidden for each in verdicts),
+        'emergencies': sum(each.noticed + each.hidden for each in results),
+        'noticed': sum(each.noticed for each in results),
+        'hidden': sum(each.hidden for each in results),
         'alarms': dict(sorted(ends.items())),
-        'gave_up': dict(Counter(why for each in verdicts for why in each.gave_up).most_common(12)),
+        'gave_up': dict(Counter(why for each in results for why in each.gave_up).most_common(12)),
         'edges': {name: edges[name] for name in map(name_of, EDGES)},
-        'problems': [{'story': verdict.number, 'problem': problem}
-                     for verdict in verdicts for problem in verdict.problems]}
+        'problems': [{'story': result.seed, 'problem': problem}
+                     for result in results for problem in result.problems]}
 
 
 def _print(found: dict[str, Any]) -> None:
@@ -178,26 +169,26 @@ def _print(found: dict[str, Any]) -> None:
                                          if problems else ''))
 
 
-# ---- one story at length -----------------------------------------------------------------------
-
-def _tell(settings: RobotSettings, story: Story) -> int:
-    record = Director(settings, story).tell()
-    for at_s, line in sorted(_lines(story, record), key=lambda each: each[0]):
+def _show(settings: RobotSettings, scenario: Scenario) -> int:
+    """Print everything that happens in one scenario."""
+    record = ScenarioRun(settings, scenario).run()
+    for at_s, line in sorted(_lines(scenario, record), key=lambda each: each[0]):
         print(f'{at_s:8.2f}  {line}')
-    verdict = judge(story, record)
-    print('\n'.join(verdict.problems) or 'no problems')
-    return FAILED if verdict.problems else OK
+    result = check(scenario, record)
+    print('\n'.join(result.problems) or 'no problems')
+    return FAILED if result.problems else OK
 
 
-def _lines(story: Story, record: Record) -> Iterator[tuple[float, str]]:
-    for scene in story.scenes:
-        lasts = f' for {scene.for_s:.0f} s' if scene.for_s else ''
-        yield scene.at_s, f'* {scene.what} {scene.who}{lasts} {scene.answer}'.rstrip()
-    for each in record.events:
-        why = ' '.join(filter(None, (each.get('by'), each.get('why'))))
-        yield each['t_ns'] / NS_PER_S, (
-            f'  alarm {each["alarm"]} of {each["subject"]}: {each["event"]} ({each["state"]}) '
+def _lines(scenario: Scenario, record: RunRecord) -> Iterator[tuple[float, str]]:
+    for each in scenario.occurrences:
+        lasts = f' for {each.for_s:.0f} s' if each.for_s else ''
+        yield each.at_s, f'* {each.what} {each.who}{lasts} {each.answer}'.rstrip()
+    for event in record.events:
+        why = ' '.join(filter(None, (event.get('by'), event.get('why'))))
+        yield event['t_ns'] / NS_PER_S, (
+            f'  alarm {event["alarm"]} of {event["subject"]}: {event["event"]} '
+            f'({event["state"]}) '
             f'{why}').rstrip()
-    for each in record.transitions:
-        yield each['t_ns'] / NS_PER_S, (
-            f'    agent: {each["from"]} -> {each["to"]}: {each["cause"]}')
+    for step in record.transitions:
+        yield step['t_ns'] / NS_PER_S, (
+            f'    agent: {step["from"]} -> {step["to"]}: {step["cause"]}')

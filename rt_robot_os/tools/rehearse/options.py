@@ -27,7 +27,7 @@ _SHIPPED = 'assisted_living.yaml'
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add what says which robot it is."""
+    """Add the options that name the robot."""
     parser.add_argument('--params-file', type=Path, action='append', default=[], metavar='FILE',
                         help='settings of the robot (when absent those of assisted_living.yaml)')
     parser.add_argument('--node', default='robot', help='whose parameters in it (%(default)s)')

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The program `rehearse`: emergencies and quiet days in virtual time, with a robot's own settings.
+The program `rehearse`: scenario tests in virtual time, with a robot's own settings.
 
-The exit code is 1 when something ended badly, and 2 for a wrong command line.
+The exit code is 1 when a check failed, and 2 for a wrong command line.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Command ``rehearse quiet``: hours in which nobody needs help, and what is alarmed then."""
+"""Command ``rehearse quiet``: hours without an emergency, and what is alarmed then."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ from rt_robot_os.base.programs import OK
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.sim.world import World
-from rt_robot_os.tools.rehearse.director import Director
-from rt_robot_os.tools.rehearse.noticed import nodes_of
+from rt_robot_os.tools.rehearse.detectable import nodes_of
 from rt_robot_os.tools.rehearse.options import add_settings
 from rt_robot_os.tools.rehearse.options import settings_of
-from rt_robot_os.tools.rehearse.story import quiet
+from rt_robot_os.tools.rehearse.scenario import quiet_scenario
+from rt_robot_os.tools.rehearse.scenario_run import ScenarioRun
 
 
 def add_to(commands: Any) -> None:
     """Add the parser of the command."""
     parser = commands.add_parser(
-        'quiet', help='hours in which nobody needs help',
+        'quiet', help='hours without an emergency',
         description='Let people walk, sit and sleep for hours of virtual time, while nodes, sink, '
-        'sensors, channels, disk and core fail and come back. Every alarm but a technical one is '
-        'a false one.')
+        'sensors, channels, disk and core fail and come back. Every alarm that is not technical '
+        'is a false alarm.')
     add_settings(parser)
-    parser.add_argument('--hours', type=float, default=24.0, help='how long (%(default)s)')
-    parser.add_argument('--seed', type=int, default=1, help='of all chance (%(default)s)')
+    parser.add_argument('--hours', type=float, default=24.0, help='duration (%(default)s)')
+    parser.add_argument('--seed', type=int, default=1, help='of all random numbers (%(default)s)')
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """
-    Let time pass, and count alarms.
+    Let time pass, and count the alarms.
 
     :raises ConfigError: the settings cannot be used.
     """
@@ -73,15 +73,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def quiet_hours(settings: RobotSettings, hours: float, seed: int) -> dict[str, Any]:
     """
-    Let quiet hours pass.
+    Run quiet hours.
 
-    :return: what was alarmed, as it is written in JSON.
+    :return: the alarms, as the JSON has them.
     :raises AssertionError: a job of the robot failed.
     """
     world = World(settings.world)
     people = [person.name for person in world.people]
-    story = quiet(seed, hours, people, nodes_of(world))
-    record = Director(settings, story, hours * 3600.0).tell()
+    scenario = quiet_scenario(seed, hours, people, nodes_of(world))
+    record = ScenarioRun(settings, scenario, hours * 3600.0).run()
     technical: Counter[str] = Counter()
     false = []
     for events in record.alarms().values():
@@ -94,7 +94,7 @@ def quiet_hours(settings: RobotSettings, hours: float, seed: int) -> dict[str, A
     return {
         'hours': hours, 'people': len(people), 'restarts': record.crashes,
         'troubles': sum(each.what not in ('sit', 'sleep', 'core_killed')
-                        for each in story.scenes),
+                        for each in scenario.occurrences),
         'technical': dict(technical.most_common()), 'false_alarms': false,
         'false_alarms_per_person_day': len(false) / max(len(people), 1) / hours * 24.0,
         'robot_moved_m': round(record.moved_m, 1)}

@@ -46,7 +46,7 @@ from rt_robot_os.tools.bench.registry import CASES
 from rt_robot_os.tools.bench.report import _case
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 from rt_robot_os.tools.bench.text_report import case_lines
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -66,7 +66,7 @@ def test_a_build_is_chosen_by_the_environment_and_else_left_to_the_user() -> Non
 def test_a_child_without_the_compiled_build_says_why_and_measures_nothing(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def job(build: str) -> dict[str, object]:
-        return {'worker': 'no.such.module:work', 'arguments': {}, 'cpu': UNPINNED, 'priority': 0,
+        return {'subject': 'no.such.module:work', 'arguments': {}, 'cpu': UNPINNED, 'priority': 0,
                 'build': build}
 
     monkeypatch.setattr(builds, 'state', lambda: State(False, 'pure Python: not compiled'))
@@ -148,16 +148,16 @@ def test_with_both_builds_their_ratio_is_shown_and_judged(name: str) -> None:
     ratios = [row.metrics['ratio'] for table in case.tables for row in table.rows
               if 'ratio' in row.metrics]
     assert ratios and {metric.median for metric in ratios if metric is not None} == {0.125}
-    aims = [aim for aim in case.aims if aim.text.endswith('compiled / pure')]
-    assert aims and {aim.verdict for aim in aims} == {Verdict.REACHED}
+    targets = [target for target in case.targets if target.text.endswith('compiled / pure')]
+    assert targets and {target.verdict for target in targets} == {TargetVerdict.REACHED}
 
 
 @pytest.mark.parametrize('name', ['micro', 'delay', 'spacing'])
 def test_without_a_compiled_build_the_reason_is_told_once_and_nothing_is_missed_for_it(
         name: str) -> None:
     case = _evaluate(name, _only_pure)
-    aims = [aim for aim in case.aims if 'compiled /' in aim.text]
-    assert aims and {aim.verdict for aim in aims} == {Verdict.UNKNOWN}
+    targets = [target for target in case.targets if 'compiled /' in target.text]
+    assert targets and {target.verdict for target in targets} == {TargetVerdict.UNKNOWN}
     said = '\n'.join(case_lines(case))
     assert said.count('pure Python: it was not compiled') == len(case.tables) - (name == 'delay')
     assert 'not available, as above' in said
@@ -168,9 +168,10 @@ def test_without_a_compiled_build_the_reason_is_told_once_and_nothing_is_missed_
 
 def test_what_holds_for_any_build_is_judged_by_the_one_that_is_there() -> None:
     def measured(case: CaseResult) -> float:
-        aim = next(aim for aim in case.aims if aim.text == 'log a line with three arguments')
-        assert aim.measured is not None
-        return aim.measured.median
+        target = next(each for each in case.targets
+                      if each.text == 'log a line with three arguments')
+        assert target.measured is not None
+        return target.measured.median
 
     assert measured(_evaluate('micro', _both)) == 0.5
     assert measured(_evaluate('micro', _only_pure)) == 1.0

@@ -68,8 +68,8 @@ def _first(name: str, key: str) -> Run:
 @pytest.mark.parametrize('name', sorted(CASES))
 def test_every_worker_that_a_case_names_exists(name: str) -> None:
     for one in CASES[name].plan(Options(1.0, 1, full=True)):
-        if HAS_ROS or '.peers.' not in one.worker:
-            assert callable(load_function(one.worker))
+        if HAS_ROS or '.peers.' not in one.subject:
+            assert callable(load_function(one.subject))
 
 
 @pytest.mark.parametrize('key', ['kernel', 'floor none', 'floor same'])
@@ -110,7 +110,7 @@ def test_a_program_that_is_not_installed_is_missing_with_its_remedy(
         'def work(harness):\n'
         '    wakeup._PATH = "/nowhere"\n    return wakeup.cyclictest(harness)\n')
     monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{os.environ["PYTHONPATH"]}')
-    outcome = measure(replace(_gentle(_first('wakeup', 'cyclictest')), worker='without:work'))
+    outcome = measure(replace(_gentle(_first('wakeup', 'cyclictest')), subject='without:work'))
     assert outcome.status is Status.MISSING
     assert outcome.reason == 'cyclictest is not installed (remedy: apt-get install rt-tests)'
 
@@ -139,7 +139,7 @@ def test_short_real_runs_can_be_evaluated(name: str, key: str) -> None:
     assert outcomes.all(key)[0].status is Status.OK, outcomes.all(key)[0].reason
     result = CASES[name].evaluate(options, outcomes)
     measured = [row for table in result.tables for row in table.rows
-                if row.status is Status.OK and not row.quoted]
+                if row.status is Status.OK and not row.published]
     assert measured
     assert any(metric is not None for row in measured for metric in row.metrics.values())
 

@@ -33,7 +33,7 @@ from rt_robot_os.tools.bench.cases.spacing import floor as spacing_floor
 from rt_robot_os.tools.bench.cases.stability import subjects as stability
 from rt_robot_os.tools.bench.cases.wakeup import subjects as wakeup
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 from rt_robot_os.tools.bench.subjects import plain_loop as floors
 from rt_robot_os.tools.bench.subjects.plain_loop import Group
 from rt_robot_os.tools.bench.subjects.plain_loop import plain_loop
@@ -163,11 +163,11 @@ def test_callbacks_that_are_called_after_the_end_do_not_count(
 
 def test_overload_is_judged_by_threads_of_the_same_run() -> None:
     options = Options(1.0, 1, quick=True)
-    for served, verdict in ((90.0, Verdict.REACHED), (85.0, Verdict.MISSED)):
+    for served, verdict in ((90.0, TargetVerdict.REACHED), (85.0, TargetVerdict.MISSED)):
         outcomes = Outcomes(overload.CASE.plan(options))
         for key, percent in (('kernel', served), ('threads', 91.0)):
             outcomes.add(key, Outcome(Status.OK, '', {}, {
                 f'served {load} {number}': percent for load in overload.LOADS
                 for number in range(overload.TASKS)} | {
                 f'jobs {load}': 1.0 for load in overload.LOADS}))
-        assert overload.CASE.evaluate(options, outcomes).aims[0].verdict is verdict
+        assert overload.CASE.evaluate(options, outcomes).targets[0].verdict is verdict

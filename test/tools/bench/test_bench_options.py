@@ -80,7 +80,7 @@ def test_what_ros2_launch_appends_is_left_alone() -> None:
     (('--seconds', '-3'), ('--seconds',)),
     (('--hours', '0'), ('--hours', "'0'", 'from 0.001')),
     (('--hours', 'a day'), ('--hours', "'a day'")),
-    (('--repeats', '0'), ('--repeats', "'0'", 'whole number')),
+    (('--repeats', '0'), ('--repeats', "'0'", 'integer')),
     (('--repeats', '1.5'), ('--repeats', "'1.5'")),
     (('--repeats', '9' * 5000), ('--repeats',)),
     (('--quick', '--full'), ('--full', '--quick')),
@@ -167,6 +167,6 @@ def test_the_help_says_that_a_missed_aim_is_no_error(capsys: pytest.CaptureFixtu
         run(['--help'])
     assert ended.value.code == 0
     said = capsys.readouterr().out
-    assert 'exit code is 0 also when an aim is missed' in ' '.join(said.split())
+    assert 'exit code is 0 also when a target is missed' in ' '.join(said.split())
     for name in CASES:
         assert name in said

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The pace of the machine: measured beside each run, and the reason that a missed aim is given."""
+"""The pace of the machine: measured with each run, and a reason of missed targets."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases.common import disturbances
+from rt_robot_os.tools.bench.machine_state import LOOP
+from rt_robot_os.tools.bench.machine_state import MachineState
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.surroundings import LOOP
-from rt_robot_os.tools.bench.surroundings import Surroundings
 
 
 def outcomes_with(*paces: tuple[str, float]) -> Outcomes:
@@ -35,7 +35,7 @@ def outcomes_with(*paces: tuple[str, float]) -> Outcomes:
 
 
 def test_each_measurement_brings_the_pace_of_a_plain_loop() -> None:
-    figures = Surroundings().figures()
+    figures = MachineState().figures()
     assert 0.1 < figures[LOOP] < 100_000
 
 

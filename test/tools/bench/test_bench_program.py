@@ -43,7 +43,7 @@ from rt_robot_os.tools.bench.progress import Progress
 from rt_robot_os.tools.bench.registry import CASES
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 from rt_robot_os.tools.bench.runner import run_case
 from rt_robot_os.tools.bench.text_report import case_lines
 from rt_robot_os.tools.bench.text_report import WIDTH
@@ -55,7 +55,7 @@ GRANTED = (('CPU 1', True, ''), ('SCHED_FIFO priority 80', False, 'not permitted
 
 def _preemption(measured: Run) -> Outcome:
     """Make up a run: ours and the floor late by 20 us, a peer by up to 20 ms."""
-    if 'peers' in measured.worker or 'threads' in measured.worker:
+    if 'peers' in measured.subject or 'threads' in measured.subject:
         return MISSING
     late_ns = 20_000 if measured.key.startswith('floor') else 24_000
     starts = np.arange(-1, 2000) * PERIOD_NS + late_ns
@@ -83,7 +83,7 @@ def test_tables_verdicts_and_what_linux_refuses_are_shown(
     assert 'rt_robot_os kernel' in said
     assert 'not available: rclpy is not installed' in said
     assert 'not measured' in said
-    assert 'aims: 2 of 4 reached, 0 missed, 2 not measured' in said
+    assert 'targets: 2 of 4 reached, 0 missed, 2 not measured' in said
     assert max(len(line) for line in said.splitlines()) <= WIDTH
 
 
@@ -123,7 +123,7 @@ def test_the_document_holds_conditions_metrics_and_verdicts(tmp_path: Path) -> N
     assert ours['metrics']['p99']['repeats'] == [24.0, 24.0, 24.0]
     assert ours['metrics']['calls_part']['median'] == 100.0
     assert rows['rclpy EventsExecutor']['status'] == 'missing'
-    assert {aim['verdict'] for aim in case['aims']} == {'reached', 'not measured'}
+    assert {target['verdict'] for target in case['aims']} == {'reached', 'not measured'}
     assert case['aims'][0]['measured']['median'] == pytest.approx(1.2)
 
 
@@ -132,7 +132,8 @@ def test_the_page_needs_nothing_but_itself(tmp_path: Path) -> None:
     assert _run('--quick', '--repeats', '2', '--out', str(out)) == 0
     said = (out / 'index.html').read_text()
     for words in (f'rt_robot_os: {escape(state().text)}', 'What to expect on your machine',
-                  'Which system for which need', 'Aims and verdicts', 'How each system is run',
+                  'Which system meets which requirement', 'Targets and verdicts',
+                  'How each system is run',
                   'rt_robot_os kernel', 'not available: rclpy', 'bench --quick --repeats 2',
                   'Refused to the measured processes: SCHED_FIFO priority 80: not permitted'):
         assert words in said, words
@@ -171,7 +172,7 @@ def test_the_figures_can_be_computed_again_from_the_samples(
     assert _run('--page', str(out)) == 0
     assert json.loads((out / 'bench.json').read_text()) == before
     assert (out / 'index.html').exists()
-    assert 'aims: 2 of 4 reached' in capsys.readouterr().out
+    assert 'targets: 2 of 4 reached' in capsys.readouterr().out
 
 
 def test_a_folder_without_results_is_one_clear_line(
@@ -279,10 +280,11 @@ def test_every_case_tells_that_nothing_could_be_measured(name: str, status: Stat
     outcomes = run_case(case, options, _quiet(), lambda one: Outcome(status, 'no such luck'))
     result = case.evaluate(options, outcomes)
     assert result.name == name
-    assert result.aims and {aim.verdict for aim in result.aims} == {Verdict.UNKNOWN}
+    assert result.targets and {each.verdict for each in result.targets} == {
+        TargetVerdict.UNKNOWN}
     rows = [row for table in result.tables for row in table.rows]
-    assert rows and all(row.quoted or row.reason == 'no such luck' for row in rows)
+    assert rows and all(row.published or row.reason == 'no such luck' for row in rows)
     assert max(len(line) for line in case_lines(result)) <= WIDTH
     # Limit, measured, verdict and range have to fit beside it.
-    assert max(len(aim.text) for aim in result.aims) <= 48
+    assert max(len(target.text) for target in result.targets) <= 48
     json.dumps(result.as_json(), allow_nan=False)

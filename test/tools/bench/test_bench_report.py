@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the report is made of: plots, needs, Markdown, the progress bar, the command to repeat."""
+"""The parts of the report: plots, requirements, Markdown, progress bar, the command to repeat."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from rt_robot_os.tools.bench.advice import needs
+from rt_robot_os.tools.bench.advice import requirements
 from rt_robot_os.tools.bench.blocks import Bullets
 from rt_robot_os.tools.bench.blocks import Grid
 from rt_robot_os.tools.bench.blocks import Paragraph
 from rt_robot_os.tools.bench.html_report import page
 from rt_robot_os.tools.bench.machine import describe
 from rt_robot_os.tools.bench.machine import warnings
+from rt_robot_os.tools.bench.machine_state import NOTHING
 from rt_robot_os.tools.bench.markdown_report import markdown
 from rt_robot_os.tools.bench.plot import histogram
 from rt_robot_os.tools.bench.plot import Plot
@@ -42,13 +43,12 @@ from rt_robot_os.tools.bench.plot_drawing import svg
 from rt_robot_os.tools.bench.progress import duration
 from rt_robot_os.tools.bench.progress import Progress
 from rt_robot_os.tools.bench.report import _case
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Metric
-from rt_robot_os.tools.bench.result import Need
+from rt_robot_os.tools.bench.result import Requirement
+from rt_robot_os.tools.bench.result import Target
 from rt_robot_os.tools.bench.session import command
-from rt_robot_os.tools.bench.surroundings import NOTHING
-from rt_robot_os.tools.bench.text_report import need_lines
+from rt_robot_os.tools.bench.text_report import requirement_lines
 from rt_robot_os.tools.bench.verdicts import verdicts
 
 
@@ -107,38 +107,40 @@ def test_a_floor_is_named_and_an_empty_curve_is_left_out() -> None:
 
 
 def test_a_need_tells_who_gives_it() -> None:
-    need = Need('late by 1 ms', 1000.0, 'us', {
+    requirement = Requirement('late by 1 ms', 1000.0, 'us', {
         'rt_robot_os': Metric((40.0,)), 'best rclpy': Metric((20_000.0,)), 'HORUS': None},
         case='preemption')
-    assert [need.gives(name) for name in ('rt_robot_os', 'best rclpy', 'HORUS')] == [
+    assert [requirement.meets(name) for name in ('rt_robot_os', 'best rclpy', 'HORUS')] == [
         True, False, None]
-    lines = list(need_lines([need]))
+    lines = list(requirement_lines([requirement]))
     assert lines[-2] == '    rt_robot_os yes, 40.0 us  best rclpy no, 20000 us'
-    assert list(need_lines([Need('nobody', 1.0, '', {'HORUS': None})])) == []
+    assert list(requirement_lines([Requirement('nobody', 1.0, '', {'HORUS': None})])) == []
 
 
 def test_where_the_repeats_differ_a_need_says_so() -> None:
-    need = Need('late by 1 ms', 1000.0, 'us', {
+    requirement = Requirement('late by 1 ms', 1000.0, 'us', {
         'rt_robot_os': Metric((40.0, 50.0, 9000.0)), 'threads': Metric((5000.0,) * 3)}, case='x')
-    assert (need.agreed('rt_robot_os'), need.agreed('threads')) == (False, True)
-    grid = next(b for b in needs([CaseResult('x', 'x', (), (), needs=(need,))])
+    assert (requirement.agrees('rt_robot_os'), requirement.agrees('threads')) == (False, True)
+    result = CaseResult('x', 'x', (), (), requirements=(requirement,))
+    grid = next(b for b in requirements([result])
                 if isinstance(b, Grid))
     assert grid.rows == [('late by 1 ms', 'x', 'yes (?), 50.0 us', 'no, 5000 us',
                           'rt_robot_os (?)')]
-    assert 'rt_robot_os yes (?), 50.0 us  threads no, 5000 us' in '\n'.join(need_lines([need]))
+    lines = '\n'.join(requirement_lines([requirement]))
+    assert 'rt_robot_os yes (?), 50.0 us  threads no, 5000 us' in lines
 
 
 def test_missed_aims_stand_under_their_reason_what_is_not_explained_last() -> None:
-    def missed(text: str, why: str) -> Aim:
-        return Aim(text, 1.0, Metric((2.5,)), 'us', why=why)
+    def missed(text: str, why: str) -> Target:
+        return Target(text, 1.0, Metric((2.5,)), 'us', why=why)
 
     result = CaseResult('x', 'x', (), (
         missed('a', NOTHING), missed('b', f'cold caches; {NOTHING}'), missed('c', 'cold caches'),
-        Aim('d', 1.0, Metric((0.5,)), why='cold caches')))
+        Target('d', 1.0, Metric((0.5,)), why='cold caches')))
     lists = [block.items for block in verdicts([result]) if isinstance(block, Bullets)]
     assert lists == [
-        ['b (case x): 2.50 us, the aim is ≤ 1 us', 'c (case x): 2.50 us, the aim is ≤ 1 us'],
-        ['a (case x): 2.50 us, the aim is ≤ 1 us']]
+        ['b (case x): 2.50 us, the target is ≤ 1 us', 'c (case x): 2.50 us, the target is ≤ 1 us'],
+        ['a (case x): 2.50 us, the target is ≤ 1 us']]
 
 
 def test_a_system_has_its_colour_in_every_picture_and_no_curves_look_alike() -> None:

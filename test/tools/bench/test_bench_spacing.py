@@ -33,7 +33,7 @@ from rt_robot_os.tools.bench.cases.spacing.case import SPACINGS_US
 from rt_robot_os.tools.bench.cases.spacing.subjects import tasks_at
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Status
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import TargetVerdict
 
 MS = 1_000_000
 OPTIONS = Options(1.0, 3)
@@ -120,18 +120,19 @@ def test_one_missed_release_spoils_a_try() -> None:
 
 
 @pytest.mark.parametrize('reached_hz, plain_hz, together, spread', [
-    (199.8, 200.0, Verdict.MISSED, Verdict.REACHED),
-    (190.0, 190.0, Verdict.REACHED, Verdict.REACHED),  # what the host takes, it takes from both
-    (190.0, 200.0, Verdict.MISSED, Verdict.MISSED)])
+    (199.8, 200.0, TargetVerdict.MISSED, TargetVerdict.REACHED),
+    (190.0, 190.0, TargetVerdict.REACHED, TargetVerdict.REACHED),  # the host takes it from both
+    (190.0, 200.0, TargetVerdict.MISSED, TargetVerdict.MISSED)])
 def test_the_rate_of_a_thousand_tasks_is_compared_with_a_plain_loop(
-        reached_hz: float, plain_hz: float, together: Verdict, spread: Verdict) -> None:
-    aims = {aim.text: aim for aim in _evaluate((0, 1, 0), reached_hz, plain_hz).aims}
-    assert aims['1000 tasks together: rate / plain loop'].verdict is together
-    missed = aims['1000 tasks spread: rate / plain loop']
+        reached_hz: float, plain_hz: float, together: TargetVerdict, spread: TargetVerdict
+        ) -> None:
+    targets = {each.text: each for each in _evaluate((0, 1, 0), reached_hz, plain_hz).targets}
+    assert targets['1000 tasks together: rate / plain loop'].verdict is together
+    missed = targets['1000 tasks spread: rate / plain loop']
     assert missed.verdict is spread
-    assert spread is Verdict.REACHED or 'all of them ask for 80 % of a CPU' in missed.reason
+    assert spread is TargetVerdict.REACHED or 'all of them ask for 80 % of a CPU' in missed.reason
 
 
 def test_a_wake_up_of_ones_own_is_compared_with_a_bare_one() -> None:
-    aim = next(aim for aim in _evaluate((0, 0, 0)).aims if 'bare wake-up' in aim.text)
-    assert aim.measured is not None and aim.measured.values == (1.0, 1.0, 1.0)
+    target = next(each for each in _evaluate((0, 0, 0)).targets if 'bare wake-up' in each.text)
+    assert target.measured is not None and target.measured.values == (1.0, 1.0, 1.0)

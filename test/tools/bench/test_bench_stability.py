@@ -117,8 +117,9 @@ def test_what_is_missed_while_the_host_has_the_cpu_is_not_the_kernels(
     samples |= {'time_s': np.array([5.0, 10.0]), 'missed': np.array([0.0, 14.0])}
     outcomes.add('kernel', Outcome(Status.OK, '', samples, {
         'env waited_ms': waited_ms, 'env stolen_ms': stolen_ms, 'env switches': 0.0}))
-    aim = next(aim for aim in CASE.evaluate(options, outcomes).aims if 'missed' in aim.text)
-    assert aim.measured is not None and aim.measured.median == pytest.approx(percent)
+    target = next(each for each in CASE.evaluate(options, outcomes).targets
+                  if 'missed' in each.text)
+    assert target.measured is not None and target.measured.median == pytest.approx(percent)
 
 
 def test_an_interrupted_run_goes_on_after_its_last_row(tmp_path: Path) -> None:

@@ -21,9 +21,9 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import Metric
-from rt_robot_os.tools.bench.result import Verdict
+from rt_robot_os.tools.bench.result import Target
+from rt_robot_os.tools.bench.result import TargetVerdict
 from rt_robot_os.tools.bench.stats import frequencies
 from rt_robot_os.tools.bench.stats import inside_any
 from rt_robot_os.tools.bench.stats import percentile
@@ -111,13 +111,14 @@ def test_a_metric_is_the_median_of_the_repeats_with_their_range() -> None:
 
 
 @pytest.mark.parametrize('measured, at_most, verdict', [
-    (Metric((4.9,)), True, Verdict.REACHED), (Metric((5.0,)), True, Verdict.REACHED),
-    (Metric((5.1,)), True, Verdict.MISSED), (Metric((1.0, 9.0, 9.0)), True, Verdict.MISSED),
-    (Metric((4.9,)), False, Verdict.MISSED), (Metric((5.1,)), False, Verdict.REACHED),
-    (None, True, Verdict.UNKNOWN)])
+    (Metric((4.9,)), True, TargetVerdict.REACHED), (Metric((5.0,)), True, TargetVerdict.REACHED),
+    (Metric((5.1,)), True, TargetVerdict.MISSED),
+    (Metric((1.0, 9.0, 9.0)), True, TargetVerdict.MISSED),
+    (Metric((4.9,)), False, TargetVerdict.MISSED), (Metric((5.1,)), False, TargetVerdict.REACHED),
+    (None, True, TargetVerdict.UNKNOWN)])
 def test_a_verdict_compares_the_median_with_the_limit(
-        measured: Metric | None, at_most: bool, verdict: Verdict) -> None:
-    assert Aim('x', 5.0, measured, 'us', at_most).verdict is verdict
+        measured: Metric | None, at_most: bool, verdict: TargetVerdict) -> None:
+    assert Target('x', 5.0, measured, 'us', at_most).verdict is verdict
 
 
 def test_the_frequency_of_a_punctual_module_is_exact_whatever_the_window() -> None:

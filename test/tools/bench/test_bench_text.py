@@ -18,17 +18,17 @@ from __future__ import annotations
 
 import pytest
 
-from rt_robot_os.tools.bench.result import Aim
+from rt_robot_os.tools.bench.machine_state import NOTHING
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.tools.bench.surroundings import NOTHING
-from rt_robot_os.tools.bench.text_report import aim_cells
+from rt_robot_os.tools.bench.result import Target
 from rt_robot_os.tools.bench.text_report import case_lines
 from rt_robot_os.tools.bench.text_report import number
+from rt_robot_os.tools.bench.text_report import target_cells
 from rt_robot_os.tools.bench.text_report import verdict_line
 from rt_robot_os.tools.bench.text_report import WIDTH
 
@@ -37,8 +37,8 @@ COLUMNS = (Column('p50', 'p50', 'us', 'latency'), Column('p99', 'p99', 'us', 'la
            Column('part', 'of due', '%', 'calls'))
 
 
-def _result(*rows: Row, aims: tuple[Aim, ...] = ()) -> CaseResult:
-    return CaseResult('tested', 'how it looks', (Table('', COLUMNS, rows, ('A note.',)),), aims)
+def _result(*rows: Row, targets: tuple[Target, ...] = ()) -> CaseResult:
+    return CaseResult('tested', 'how it looks', (Table('', COLUMNS, rows, ('A note.',)),), targets)
 
 
 def _row(label: str, *repeats: float) -> Row:
@@ -85,17 +85,18 @@ def test_a_long_reason_stays_within_the_terminal() -> None:
     assert max(len(line) for line in lines) <= WIDTH
 
 
-def test_a_missed_aim_is_as_visible_as_one_that_is_reached() -> None:
-    result = _result(_row('ours', 1.0), aims=(
-        Aim('quick', 2.0, Metric((1.0, 1.2, 1.1)), 'us'), Aim('slow', 2.0, Metric((3.0,)), 'us'),
-        Aim('many', 100.0, None, at_most=False)))
+def test_a_missed_target_is_as_visible_as_one_that_is_reached() -> None:
+    result = _result(_row('ours', 1.0), targets=(
+        Target('quick', 2.0, Metric((1.0, 1.2, 1.1)), 'us'),
+        Target('slow', 2.0, Metric((3.0,)), 'us'),
+        Target('many', 100.0, None, at_most=False)))
     assert list(case_lines(result))[-4:] == [
-        'aim      limit  measured  verdict       range',
-        'quick  <= 2 us   1.10 us  reached       1.00..1.20',
-        'slow   <= 2 us   3.00 us  MISSED',
-        'many    >= 100         -  not measured']
+        'target    limit  measured  verdict       range',
+        'quick   <= 2 us   1.10 us  reached       1.00..1.20',
+        'slow    <= 2 us   3.00 us  MISSED',
+        'many     >= 100         -  not measured']
     assert 'range' not in '\n'.join(list(case_lines(result, 40))[-4:])  # there is no room
-    assert verdict_line([result]) == 'aims: 1 of 3 reached, 1 missed, 1 not measured'
+    assert verdict_line([result]) == 'targets: 1 of 3 reached, 1 missed, 1 not measured'
 
 
 def test_a_narrow_terminal_gets_a_wide_table_in_parts() -> None:
@@ -108,13 +109,13 @@ def test_a_narrow_terminal_gets_a_wide_table_in_parts() -> None:
 
 def test_a_measured_value_can_be_compared_with_its_limit() -> None:
     # Three digits of 199.97 would be "200", and 199.94 as well.
-    assert aim_cells(Aim('rate', 199.95, Metric((199.94,)), 'Hz', at_most=False)) == (
+    assert target_cells(Target('rate', 199.95, Metric((199.94,)), 'Hz', at_most=False)) == (
         '≥ 199.95 Hz', '199.94 Hz')
-    assert aim_cells(Aim('missed', 0.0, Metric((4.0,)))) == ('≤ 0', '4')
-    assert aim_cells(Aim('delay', 3.0, Metric((2.0,)), 'us')) == ('≤ 3 us', '2.00 us')
+    assert target_cells(Target('missed', 0.0, Metric((4.0,)))) == ('≤ 0', '4')
+    assert target_cells(Target('delay', 3.0, Metric((2.0,)), 'us')) == ('≤ 3 us', '2.00 us')
 
 
 def test_a_known_reason_is_not_followed_by_none() -> None:
-    assert Aim('x', 1.0, Metric((2.0,)), why=f'cold caches; {NOTHING}').reason == 'cold caches'
-    assert Aim('x', 1.0, Metric((2.0,)), why=NOTHING).reason == NOTHING
-    assert Aim('x', 1.0, Metric((0.5,)), why=NOTHING).reason == ''
+    assert Target('x', 1.0, Metric((2.0,)), why=f'cold caches; {NOTHING}').reason == 'cold caches'
+    assert Target('x', 1.0, Metric((2.0,)), why=NOTHING).reason == NOTHING
+    assert Target('x', 1.0, Metric((0.5,)), why=NOTHING).reason == ''

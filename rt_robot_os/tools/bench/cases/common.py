@@ -32,13 +32,13 @@ from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import PURE
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.case import UNPINNED
+from rt_robot_os.tools.bench.machine_state import explain
+from rt_robot_os.tools.bench.machine_state import LOOP
+from rt_robot_os.tools.bench.machine_state import NOTHING
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.stats import percentile
-from rt_robot_os.tools.bench.surroundings import explain
-from rt_robot_os.tools.bench.surroundings import LOOP
-from rt_robot_os.tools.bench.surroundings import NOTHING
 
 Of = Callable[[Outcome], 'float | None']
 
@@ -121,7 +121,7 @@ def best_ratio(outcomes: Outcomes, keys: Sequence[str], ours: str, of: Of) -> Me
 
 def systems(outcomes: Outcomes, of: Of, ours: str = 'kernel', least: bool = True
             ) -> Mapping[str, Metric | None]:
-    """Take a figure of each system that a need is compared for."""
+    """Take a figure of each system that is compared."""
     def metric(key: str) -> Metric | None:
         return outcomes.metric(key, of) if key in outcomes.runs else None
 
@@ -183,7 +183,7 @@ def _slower(outcomes: Outcomes, key: str) -> str:
 
 
 def disturbances(outcomes: Outcomes, key: str) -> str:
-    """Return what disturbed a run, as far as its counters tell; the worst of the repeats."""
+    """Return what disturbed a run, as far as its counters show; the last of the repeats."""
     refused = [step for outcome in outcomes.measured(key)
                for step, in_force, _ in outcome.realtime if not in_force and 'FIFO' in step]
     if refused:
@@ -193,5 +193,5 @@ def disturbances(outcomes: Outcomes, key: str) -> str:
     slow = _slower(outcomes, key)
     if slow:
         return slow
-    told = [text for outcome in outcomes.measured(key) if (text := explain(outcome.figures))]
-    return told[-1] if told else NOTHING
+    found = [text for outcome in outcomes.measured(key) if (text := explain(outcome.figures))]
+    return found[-1] if found else NOTHING

@@ -26,7 +26,7 @@ from rt_robot_os.linux.timer import Sleeper
 
 
 def compute(duration_ns: int) -> None:
-    """Compute in plain Python for so long, by the clock on the wall."""
+    """Compute in plain Python for a duration of wall-clock time."""
     now_ns = time.monotonic_ns
     end_ns = now_ns() + duration_ns
     value = 1

@@ -31,7 +31,7 @@ def connect(path: Path) -> LinkClient:
     """
     Connect as soon as the core has its socket.
 
-    :raises LinkError: nobody listens there.
+    :raises LinkError: no server listens there.
     """
     while not path.exists():
         time.sleep(0.01)

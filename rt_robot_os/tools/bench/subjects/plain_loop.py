@@ -64,7 +64,7 @@ def plain_loop(groups: Sequence[Group], begin_ns: int, end_ns: int) -> None:
     """
     Call each group at its moments, the one that is due first before others.
 
-    :param groups: of two that are due at once the first is called first.
+    :param groups: of two that are due at the same moment the first is called first.
     """
     sleep_until_ns, now_ns = Sleeper().sleep_until_ns, time.monotonic_ns
     for group in groups:

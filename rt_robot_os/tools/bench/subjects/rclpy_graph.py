@@ -71,7 +71,7 @@ class Graph:
             clock=self._clock)
 
     def spin(self, duration_ns: int) -> None:
-        """Run the callbacks for so long, or until :meth:`end`."""
+        """Run the callbacks for a duration, or until :meth:`end`."""
         self._over = Future()
         timer = self.timer(duration_ns, self.end)
         # Without a time limit the EventsExecutor of rclpy 7.1 does not come back.

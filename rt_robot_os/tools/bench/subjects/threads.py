@@ -51,7 +51,7 @@ class Threads:
                          for job in jobs]
 
     def run(self) -> None:
-        """Let them run until the time is over."""
+        """Run them until the end of the time."""
         for thread in self._threads:
             thread.start()
         for thread in self._threads:

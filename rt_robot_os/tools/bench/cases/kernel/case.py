@@ -29,12 +29,12 @@ from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import tail
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _WARMUP_NS = 200 * NS_PER_MS
 _PERIOD_NS = NS_PER_MS
@@ -71,8 +71,8 @@ _LATE_NOTES = (
 def _plan(options: Options) -> Sequence[Run]:
     measure_ns = options.measure_ns
 
-    def run(key: str, label: str, worker: str, **more: int | bool) -> Run:
-        return Run(key, label, worker, {
+    def run(key: str, label: str, subject: str, **more: int | bool) -> Run:
+        return Run(key, label, subject, {
             'warmup_ns': _WARMUP_NS, 'measure_ns': measure_ns, 'period_ns': _PERIOD_NS, **more},
             common.START_S + _WARMUP_NS / NS_PER_S + options.seconds)
 
@@ -122,22 +122,22 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     lates = [outcomes.row(key, {**late, 'collections': common.figure('collections')})
              for key in _LATE]
     p99 = late['p99']
-    aims = (
-        Aim('enter and leave a resource / an empty "with"', 5.0, outcomes.between(
+    targets = (
+        Target('enter and leave a resource / an empty "with"', 5.0, outcomes.between(
             'operations', common.part_of('resource', 0.5), 'operations',
             common.part_of('with', 0.5)),
-            why=common.disturbances(outcomes, 'operations')),
-        Aim('a black box record, part of a job without it', 15.0, _share(outcomes), '%',
-            why=common.disturbances(outcomes, 'operations')),
-        Aim('abort after a budget, p99 / bare handler', 4.0,
-            outcomes.ratio('abort', 'strike', p99),
-            why=common.disturbances(outcomes, 'abort')),
-        Aim('interrupt by a lower task: p99 / clock_nanosleep', 2.0,
-            outcomes.ratio('own', 'floor', p99), why=common.disturbances(outcomes, 'own')),
-        Aim('by another process: p99 / clock_nanosleep', 2.0,
-            outcomes.ratio('interrupt', 'floor', p99),
-            why='the write itself, in the other process, is in the delay; '
-                + common.disturbances(outcomes, 'interrupt')))
+               why=common.disturbances(outcomes, 'operations')),
+        Target('a black box record, part of a job without it', 15.0, _share(outcomes), '%',
+               why=common.disturbances(outcomes, 'operations')),
+        Target('abort after a budget, p99 / bare handler', 4.0,
+               outcomes.ratio('abort', 'strike', p99),
+               why=common.disturbances(outcomes, 'abort')),
+        Target('interrupt by a lower task: p99 / clock_nanosleep', 2.0,
+               outcomes.ratio('own', 'floor', p99), why=common.disturbances(outcomes, 'own')),
+        Target('by another process: p99 / clock_nanosleep', 2.0,
+               outcomes.ratio('interrupt', 'floor', p99),
+               why='the write itself, in the other process, is in the delay; '
+               + common.disturbances(outcomes, 'interrupt')))
     series = [tail(outcomes.runs[key].label, np.concatenate(
         [o.samples['late_ns'] for o in outcomes.measured(key)]), 1e3)
         for key in _LATE
@@ -147,7 +147,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
                 True, True)
     return CaseResult(CASE.name, CASE.title, (
         Table('Costs', _COST_COLUMNS, costs, _COST_NOTES),
-        Table('Delays', _LATE_COLUMNS, lates, _LATE_NOTES)), aims, (plot,))
+        Table('Delays', _LATE_COLUMNS, lates, _LATE_NOTES)), targets, (plot,))
 
 
 CASE = Case('kernel', 'resources, aborts, interrupts, black box, garbage: costs and delays',

@@ -35,10 +35,10 @@ from rt_robot_os.tools.bench.cases.mirror import load_case as mirror_load
 from rt_robot_os.tools.bench.cases.mirror.turns import STRETCH_NS
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import tail
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 from rt_robot_os.tools.bench.stats import percentile
 
 _RATE_HZ = 2000
@@ -69,7 +69,7 @@ _NOTES = (
     'Node: CPU time of the publishing thread, blocks of 100.')
 _ROWS = (
     ('core', 'difference_ns', 'core: mirror to a client of the link'),
-    ('single', 'difference_ns', '  with link_gather_ms 0: each at once'),
+    ('single', 'difference_ns', '  with link_gather_ms 0: each immediately'),
     ('floor', 'difference_ns', '  a bare socket: send and wake'),
     ('core', 'without_ns', '  beside: publish without mirror, job'),
     ('node 0', 'carry_ns', 'node: stamp and publish raw'),
@@ -118,19 +118,19 @@ _ISOLATION_METRICS: dict[str, common.Of] = {
     'sent': lambda outcome: outcome.figures['sent'] / (outcome.figures['measure_ns'] / NS_PER_S)}
 
 
-def _isolation(outcomes: Outcomes) -> tuple[Table, Sequence[Aim], Plot]:
+def _isolation(outcomes: Outcomes) -> tuple[Table, Sequence[Target], Plot]:
     keys = [key for key in outcomes.runs if key in ('storm', 'stop') or key[:6] == 'mirror']
     rows = [outcomes.row(key, _ISOLATION_METRICS) for key in keys]
-    aims = [Aim(f'p99 with {text} / no topic mirrored', _ISOLATION_LIMIT,
-                outcomes.ratio(key, 'mirror 0', punctual.latency(0.99)),
-                why='sending is a task of the core: when a send is under way as an alarm comes, '
-                    'the alarm waits for the end of the system call; '
-                    + common.disturbances(outcomes, key))
-            for key, text in (('mirror 50', '50 topics'), ('stop', 'the node stopped'))]
-    aims.append(Aim('p99 with a DDS storm / no topic mirrored', _ISOLATION_LIMIT,
-                    outcomes.ratio('storm', 'mirror 0', punctual.latency(0.99)),
-                    why='the storm takes the other CPU and its share of the caches and of the '
-                        'host; ' + common.disturbances(outcomes, 'storm')))
+    targets = [Target(f'p99 with {text} / no topic mirrored', _ISOLATION_LIMIT,
+                      outcomes.ratio(key, 'mirror 0', punctual.latency(0.99)),
+                      why='sending is a task of the core: when a send is under way as an alarm '
+                      'comes, the alarm waits for the end of the system call; '
+                      + common.disturbances(outcomes, key))
+               for key, text in (('mirror 50', '50 topics'), ('stop', 'the node stopped'))]
+    targets.append(Target('p99 with a DDS storm / no topic mirrored', _ISOLATION_LIMIT,
+                          outcomes.ratio('storm', 'mirror 0', punctual.latency(0.99)),
+                          why='the storm takes the other CPU and its share of the caches and of '
+                          'the host; ' + common.disturbances(outcomes, 'storm')))
     plot = Plot('isolation', 'How late a 1 kHz task of the core is', 'latency, us',
                 'part of the calls that is later',
                 [tail(outcomes.runs[key].label, np.concatenate(
@@ -138,7 +138,7 @@ def _isolation(outcomes: Outcomes) -> tuple[Table, Sequence[Aim], Plot]:
                  for key in keys if outcomes.measured(key) and key not in _NOT_DRAWN],
                 'The closer the curves, the less the ROS side reaches the core.', True, True)
     return Table('The core while the ROS side is busy', _ISOLATION_COLUMNS, rows,
-                 _ISOLATION_NOTES), aims, plot
+                 _ISOLATION_NOTES), targets, plot
 
 
 def _cost(name: str, part: float) -> Callable[[Outcome], float | None]:
@@ -169,20 +169,20 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     rows = [outcomes.row(key, {column: _cost(name, part) for column, part in (
         ('p10', 0.1), ('p50', 0.5), ('p90', 0.9))}, label)
         for key, name, label in _ROWS if key in outcomes.runs]
-    load, load_aims = mirror_load.evaluate(outcomes)
-    aims = (
-        Aim('core: CPU of an Imu of one topic of 2 kHz', mirror_load.LIMIT_US,
-            outcomes.metric('core', _dearer), 'us',
-            why=_sending(outcomes)),
-        Aim('node: CPU of an Imu, publishing thread alone', mirror_load.LIMIT_US,
-            outcomes.metric('node 0', _cost('carry_ns', 0.5)), 'us',
-            why=common.disturbances(outcomes, 'node 0')),
-        *load_aims)
-    isolation, isolation_aims, plot = _isolation(outcomes)
+    load, load_targets = mirror_load.evaluate(outcomes)
+    targets = (
+        Target('core: CPU of an Imu of one topic of 2 kHz', mirror_load.LIMIT_US,
+               outcomes.metric('core', _dearer), 'us',
+               why=_sending(outcomes)),
+        Target('node: CPU of an Imu, publishing thread alone', mirror_load.LIMIT_US,
+               outcomes.metric('node 0', _cost('carry_ns', 0.5)), 'us',
+               why=common.disturbances(outcomes, 'node 0')),
+        *load_targets)
+    isolation, isolation_targets, plot = _isolation(outcomes)
     return CaseResult(
         CASE.name, CASE.title,
         (isolation, *load, Table('Cost of one mirrored Imu', _COLUMNS, rows, _NOTES)),
-        (*isolation_aims, *aims), (plot,))
+        (*isolation_targets, *targets), (plot,))
 
 
 CASE = Case('mirror', 'the core under mirrored topics, a DDS storm, a stopped node; costs', _plan,

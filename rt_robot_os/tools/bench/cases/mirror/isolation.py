@@ -44,7 +44,7 @@ def core(harness: Harness) -> Measured:
     Publish ``topics`` at ``rate_hz`` in a core of which ``mirrored`` are mirrored by a ROS node.
 
     With ``storm`` participants join and leave all the time; with ``stop`` the node is stopped
-    (SIGSTOP) when the warm-up is over. A 1 kHz task notes when it runs.
+    (SIGSTOP) at the end of the warm-up. A 1 kHz task notes when it runs.
     """
     a = harness.arguments
     path = socket_path('bench')

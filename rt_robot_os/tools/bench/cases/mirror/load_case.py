@@ -34,9 +34,9 @@ from rt_robot_os.tools.bench.cases.mirror.load_subjects import NODE_GAVE_IN
 from rt_robot_os.tools.bench.cases.mirror.load_subjects import STEP_NS
 from rt_robot_os.tools.bench.cases.mirror.load_subjects import TRIES
 from rt_robot_os.tools.bench.cases.mirror.turns import STRETCH_NS
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 from rt_robot_os.tools.bench.stats import percentile
 
 _SUBJECTS = f'{__package__}.load_subjects'
@@ -48,7 +48,7 @@ LIMIT_US = 3.0
 _RAMPS = ((1, 'node', 0.0), (50, 'node', 0.0), (50, 'waiting', 20.0), (1, '', 0.0), (50, '', 0.0))
 _PAIRS = 6
 _WARMUP_NS = 1000 * NS_PER_MS
-# So far the ramp of a saturation comes unless somebody gives in before, tries included.
+# Where the ramp of a saturation ends unless a process saturates before, tries included.
 _HIGHEST_HZ = 600_000.0
 
 _COST_COLUMNS = (
@@ -59,8 +59,8 @@ _COST_COLUMNS = (
     Column('dropped', 'dropped', '', 'samples'))
 _COST_NOTES = (
     'Imus (324 B) of 200 Hz from a core to a node with the mirrors of a robot, on the other CPUs;',
-    'nobody listens in DDS. Stretches of 0.25 s: the core publishes on the mirrored topics and on',
-    'as many others, in turns. The difference of the CPU time, by sample, of the whole process.',
+    'there is no subscriber in DDS. Stretches of 0.25 s: the core publishes on the mirrored topics',
+    'and on as many others, in turns. The difference of the CPU time of the process, by sample.',
     'Core: the link, its wake-ups and what its jobs do to the caches, but not publishing. Node:',
     'reading, stamping, rclpy and all threads of DDS. delay_ms: what the mirrors allow. Floor:',
     'rclpy alone gives the same bytes to 50 publishers in turn, without stamp and link.')
@@ -131,7 +131,7 @@ def _gave_in(who: int) -> common.Of:
     return lambda outcome: 100.0 * (outcome.figures['gave_in'] == who)
 
 
-def evaluate(outcomes: Outcomes) -> tuple[Sequence[Table], Sequence[Aim]]:
+def evaluate(outcomes: Outcomes) -> tuple[Sequence[Table], Sequence[Target]]:
     """Make the tables, and what is promised for 50 topics of 200 Hz."""
     costs = [outcomes.row(key, {
         'core': _CORE, 'node': _NODE, 'dropped': common.figure('dropped')})
@@ -146,16 +146,16 @@ def evaluate(outcomes: Outcomes) -> tuple[Sequence[Table], Sequence[Aim]]:
     if ramps:
         tables.append(Table('How many mirrored samples a second', _SATURATION_COLUMNS, ramps,
                             _SATURATION_NOTES))
-    aims = []
+    targets = []
     for delay_ms in _DELAYS_MS:
         key = _cost_key(_TOPICS[-1], delay_ms)
         if key not in outcomes.runs:
             continue  # of a first look
         more = f', delay_ms {delay_ms:g}' if delay_ms else ''
-        aims += [Aim(f'{who}: CPU of an Imu, 50 topics{more}', LIMIT_US,
-                     outcomes.metric(key, of), 'us', why=_why(outcomes, who, key))
-                 for who, of in (('core', _CORE), ('node', _NODE))]
-    return tables, aims
+        targets += [Target(f'{who}: CPU of an Imu, 50 topics{more}', LIMIT_US,
+                           outcomes.metric(key, of), 'us', why=_why(outcomes, who, key))
+                    for who, of in (('core', _CORE), ('node', _NODE))]
+    return tables, targets
 
 
 def _why(outcomes: Outcomes, who: str, key: str) -> str:

@@ -49,7 +49,7 @@ _WARM = 20
 
 
 def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
-    """Be that node, with nobody who listens."""
+    """Be that node, without subscribers."""
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     made = Node('bench_robot', start_parameter_services=False, enable_rosout=False)
     mapper = StampMapper()

@@ -36,7 +36,7 @@ from rt_robot_os.tools.bench.subjects.link_client import stay
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU_SHAPE
 
-# Each rate is tried so long, and the next is this much higher.
+# Duration of each rate, and the factor from one to the next.
 STEP_NS = 300 * NS_PER_MS
 GROWTH = 1.3
 FIRST_HZ, LAST_HZ = 10_000.0, 1_000_000.0
@@ -47,7 +47,7 @@ _TICK_HZ = 1000.0
 # time does not count.
 _BEARABLE = 0.001
 _BEHIND = 0.02
-# So often in a row: once may be something else that the machine does.
+# How often in a row: a single one may have another reason.
 TRIES = 3
 CORE_GAVE_IN, NODE_GAVE_IN, NOBODY_GAVE_IN = 1, 2, 0
 _NODE = f'{__package__}.load_peers:node'
@@ -116,7 +116,7 @@ class Ramp:
     A job for a task of 1 kHz that publishes more and more a second, until something is dropped.
 
     :param publish: by topic; each in its turn.
-    :param dropped: tells how many samples the core could not send in time, and how many the
+    :param dropped: returns how many samples the core could not send in time, and how many the
         client's socket refused, both since the beginning.
     :ivar rate_hz: the highest rate at which nothing was.
     :ivar gave_in: who could not do more: ``CORE_GAVE_IN``, ``NODE_GAVE_IN``.

@@ -39,7 +39,7 @@ class Turns:
     :param with_it: does what is measured.
     :param without: the same without.
     :param between: called after each stretch, outside of what is measured.
-    :param peer: tells the CPU time that another process has used, in ns.
+    :param peer: returns the CPU time that another process has used, in ns.
     """
 
     def __init__(self, with_it: Callable[[], object], without: Callable[[], object],

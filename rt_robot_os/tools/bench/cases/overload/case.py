@@ -29,10 +29,10 @@ from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.cases.overload.subjects import TASKS
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 LOADS = (20, 50, 80, 120, 200, 500, 1000)
 _WORK_NS = 100 * NS_PER_US
@@ -51,7 +51,7 @@ _NOTES = (
     'Twenty callbacks that compute for 100 us each, at the same rate, which rises until together',
     'they ask for ten times what one CPU has. First and last: the callback of the highest and of',
     'the lowest priority (of rclpy: made first and last), in percent of the calls asked for.',
-    'Linux takes 5 % of the CPU from real-time processes that compute all the time: the aim is',
+    'Linux takes 5 % of the CPU from real-time processes that compute all the time: the target is',
     'what twenty threads reach, which are alone on the same CPU with falling priorities of',
     'SCHED_FIFO.')
 
@@ -62,8 +62,8 @@ def _plan(options: Options) -> Sequence[Run]:
                  'longer_ns': {str(_JUDGED): _JUDGED_NS}}
     total_s = (seconds * (len(LOADS) - 1) + _JUDGED_NS / NS_PER_S) * 1.1
 
-    def run(key: str, label: str, worker: str, start_s: float, **more: str) -> Run:
-        return Run(key, label, f'{__package__}.{worker}', {**arguments, **more},
+    def run(key: str, label: str, subject: str, start_s: float, **more: str) -> Run:
+        return Run(key, label, f'{__package__}.{subject}', {**arguments, **more},
                    start_s + total_s, *common.RCLPY_PLACES.get(key, (LAST_CPU, FIFO_PRIORITY)))
 
     return (run('kernel', common.KERNEL_LABEL, 'subjects:kernel', common.START_S),
@@ -83,10 +83,11 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
         columns[f'last{load}'] = _served(load, TASKS - 1)
         columns[f'jobs{load}'] = common.figure(f'jobs {load}')
     rows = [outcomes.row(key, columns) for key in outcomes.runs]
-    aims = (Aim(f'highest priority at {_JUDGED} % load / of threads', _LEAST_RATIO, outcomes.ratio(
-        'kernel', 'threads', _served(_JUDGED, 0)), at_most=False,
+    ratio = outcomes.ratio('kernel', 'threads', _served(_JUDGED, 0))
+    targets = (Target(
+        f'highest priority at {_JUDGED} % load / of threads', _LEAST_RATIO, ratio, at_most=False,
         why=common.disturbances(outcomes, 'kernel')),)
-    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims,
+    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), targets,
                       (_by_priority(outcomes), _first(outcomes)))
 
 

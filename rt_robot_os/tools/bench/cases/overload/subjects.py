@@ -37,7 +37,7 @@ class Crowd:
 
     :ivar measure_ns: how long it runs.
     :ivar period_ns: of each.
-    :ivar jobs: what they do: compute for ``work_ns``, until the time is over.
+    :ivar jobs: what they do: compute for ``work_ns``, until the end of the measurement.
     :ivar over: is called then: the timer that ends an executor may never get its turn.
     :ivar counts: how often each did.
     """

@@ -40,12 +40,12 @@ from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import histogram
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import tail
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
-from rt_robot_os.tools.bench.result import Need
+from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 from rt_robot_os.tools.bench.stats import inside_any
 from rt_robot_os.tools.bench.stats import percentile
 from rt_robot_os.tools.bench.stats import Timing
@@ -62,8 +62,8 @@ _FLOOR_RATIO = 1.5
 _PEER_RATIO, _ANY_PEER_RATIO = 100.0, 10.0
 _MIDDLE_PERIOD_NS = 5 * NS_PER_MS
 _MIDDLE_BUSY_NS = NS_PER_MS
-_NEED_US = 100.0
-_NEED_NATIVE_US = 1000.0
+_REQUIRED_US = 100.0
+_REQUIRED_NATIVE_US = 1000.0
 _PURE_KEY = common.key_of('kernel', PURE)
 _KERNELS = ('kernel', _PURE_KEY)
 _HANDLER = 'floor handler'
@@ -108,9 +108,9 @@ def _plan(options: Options) -> Sequence[Run]:
         'measure_ns': options.measure_ns}
     seconds = options.seconds + _WARMUP_NS / NS_PER_S + common.START_S
 
-    def run(key: str, label: str, worker: str, arguments: Mapping[str, Any], cpu: int = LAST_CPU,
+    def run(key: str, label: str, subject: str, arguments: Mapping[str, Any], cpu: int = LAST_CPU,
             priority: int = FIFO_PRIORITY) -> Run:
-        return Run(key, label, worker, {**common_arguments, **arguments}, seconds, cpu, priority)
+        return Run(key, label, subject, {**common_arguments, **arguments}, seconds, cpu, priority)
 
     def peer(key: str, label: str, executor: str, arguments: Mapping[str, Any],
              **more: int) -> Run:
@@ -206,34 +206,35 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
             rows.append(outcomes.row(key, _metrics(True), f'  into the computation{pure}'))
     why = common.disturbances(outcomes, 'kernel')
     all_rclpy = (*common.RCLPY, 'multi free', 'multi free tuned')
-    aims = (
-        Aim('p99 / that of clock_nanosleep, CPU busy 20 %', _FLOOR_RATIO,
-            outcomes.ratio('kernel', 'floor same', _latency(0.99)), why=why),
-        Aim('p99 in the computation / of a bare handler', _FLOOR_RATIO,
-            outcomes.ratio('kernel', _HANDLER, _latency(0.99, True)), why=why),
-        Aim('p99 of the best rclpy executor / of the kernel', _PEER_RATIO,
-            common.best_ratio(outcomes, common.RCLPY, 'kernel', _latency(0.99)), at_most=False,
-            why=why),
-        Aim('p99 of the best rclpy row of all / of the kernel', _ANY_PEER_RATIO,
-            common.best_ratio(outcomes, all_rclpy, 'kernel', _latency(0.99)), at_most=False,
-            why='a switch interval of 0.1 ms makes the threads of rclpy hand over sooner; the '
-                f'kernel cannot be earlier than the floor of the machine; {why}'),
+    targets = (
+        Target('p99 / that of clock_nanosleep, CPU busy 20 %', _FLOOR_RATIO,
+               outcomes.ratio('kernel', 'floor same', _latency(0.99)), why=why),
+        Target('p99 in the computation / of a bare handler', _FLOOR_RATIO,
+               outcomes.ratio('kernel', _HANDLER, _latency(0.99, True)), why=why),
+        Target('p99 of the best rclpy executor / of the kernel', _PEER_RATIO,
+               common.best_ratio(outcomes, common.RCLPY, 'kernel', _latency(0.99)), at_most=False,
+               why=why),
+        Target('p99 of the best rclpy row of all / of the kernel', _ANY_PEER_RATIO,
+               common.best_ratio(outcomes, all_rclpy, 'kernel', _latency(0.99)), at_most=False,
+               why='a switch interval of 0.1 ms makes the threads of rclpy hand over sooner; the '
+               f'kernel cannot be earlier than the floor of the machine; {why}'),
     )
-    needs = (Need('1 kHz task at most 100 us late (p99) while another computes 20 ms of Python',
-                  _NEED_US, 'us', {
-                      **common.systems(outcomes, _latency(0.99)),
-                      'best rclpy': common.best(outcomes, all_rclpy, _latency(0.99))},
-                  case=CASE.name),
-             Need('1 kHz task at most 1 ms late (p99) while another is in native code for 20 ms',
-                  _NEED_NATIVE_US, 'us', {
-                      'rt_robot_os': outcomes.metric('native kernel', _latency(0.99)),
-                      'best rclpy': outcomes.metric('native events', _latency(0.99))},
-                  case=CASE.name))
+    requirements = (
+        Requirement('1 kHz task at most 100 us late (p99) while another computes 20 ms of Python',
+                    _REQUIRED_US, 'us', {
+                        **common.systems(outcomes, _latency(0.99)),
+                        'best rclpy': common.best(outcomes, all_rclpy, _latency(0.99))},
+                    case=CASE.name),
+        Requirement('1 kHz task at most 1 ms late (p99) while another is in native code for 20 ms',
+                    _REQUIRED_NATIVE_US, 'us', {
+                        'rt_robot_os': outcomes.metric('native kernel', _latency(0.99)),
+                        'best rclpy': outcomes.metric('native events', _latency(0.99))},
+                    case=CASE.name))
     return CaseResult(
         CASE.name, CASE.title,
         (Table('', _COLUMNS, rows, _NOTES),
-         Table('Three levels, and native code', _LEVEL_COLUMNS, levels, _LEVEL_NOTES)), aims,
-        (_intervals_plot(outcomes), *_tails_plots(outcomes)), needs,
+         Table('Three levels, and native code', _LEVEL_COLUMNS, levels, _LEVEL_NOTES)), targets,
+        (_intervals_plot(outcomes), *_tails_plots(outcomes)), requirements,
         {facts.PREEMPTING_P99: outcomes.metric('kernel', _latency(0.99)),
          facts.LOADED_LATE_P99: outcomes.metric('floor same', _latency(0.99))})
 

@@ -37,7 +37,7 @@ def nodes(harness: Harness) -> Measured:
     """
     Run a fast node on the last CPU beside one that computes in HORUS's own thread pool.
 
-    Its grid is not told: the earliest call gives it, so that latencies are a little too small.
+    HORUS does not report its grid. The earliest call gives it: latencies are a little too small.
     """
     a = harness.arguments
     horus = import_module('horus')

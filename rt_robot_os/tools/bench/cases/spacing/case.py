@@ -33,12 +33,12 @@ from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.cases.spacing.subjects import tasks_at
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 TASKS, RATE_HZ = 100, 200
 SPACINGS_US = (0, 1, 2, 5, 10, 20, 50, 100, 200, 500)
@@ -88,9 +88,9 @@ _MANY_NOTES = (
     'us from the next). Reached: the rate, by the share of the releases that a job served. Each',
     'repeat is a try; ten tries of ten seconds: `bench spacing --seconds 10 --repeats 10`. Linux',
     'takes 5 % of the CPU from real-time processes that compute all the time. Plain loop: it',
-    'calls 1000 functions when it woke up, or waits awake from one moment to the next; aims are',
-    'ratios to it. That a try misses nothing is shown, but is no aim: a host that takes the CPU',
-    'for 5 ms in ten seconds decides it.')
+    'calls 1000 functions when it woke up, or waits awake from one moment to the next. Targets',
+    'are ratios to it. That a try misses nothing is shown, but not a target: a host that takes',
+    'the CPU for 5 ms in ten seconds decides it.')
 
 
 def _spacings(options: Options) -> Sequence[int]:
@@ -172,22 +172,22 @@ def _many_metrics(key: str) -> Mapping[str, common.Of]:
             'cpu': common.figure(f'cpu_percent {key}')}
 
 
-def _aims(outcomes: Outcomes) -> Sequence[Aim]:
+def _targets(outcomes: Outcomes) -> Sequence[Target]:
     ours = common.ours(outcomes, 'curve')
-    aims = [
-        Aim('job, 100 tasks together: compiled / pure', _TOGETHER_RATIO,
-            common.build_ratio(outcomes, 'curve', _cost(0)),
-            why=common.disturbances(outcomes, ours)),
-        Aim('job, 50 us apart / a bare wake-up', _WAKE_RATIO,
-            outcomes.ratio(ours, 'wakes', _cost(_SPREAD_US)),
-            why=_woken(outcomes, ours) + common.disturbances(outcomes, ours))]
+    targets = [
+        Target('job, 100 tasks together: compiled / pure', _TOGETHER_RATIO,
+               common.build_ratio(outcomes, 'curve', _cost(0)),
+               why=common.disturbances(outcomes, ours)),
+        Target('job, 50 us apart / a bare wake-up', _WAKE_RATIO,
+               outcomes.ratio(ours, 'wakes', _cost(_SPREAD_US)),
+               why=_woken(outcomes, ours) + common.disturbances(outcomes, ours))]
     many = common.ours(outcomes, 'many')
     for key, _ in _MANY:
         why = _asked_for(outcomes, many, key) + common.disturbances(outcomes, many)
-        aims.append(Aim(f'{MANY} tasks {key}: rate / plain loop', _RATE_RATIOS[key],
-                        outcomes.ratio(many, 'plain', common.figure(f'reached_hz {key}')),
-                        at_most=False, why=why))
-    return aims
+        targets.append(Target(f'{MANY} tasks {key}: rate / plain loop', _RATE_RATIOS[key],
+                              outcomes.ratio(many, 'plain', common.figure(f'reached_hz {key}')),
+                              at_most=False, why=why))
+    return targets
 
 
 def _asked_for(outcomes: Outcomes, run: str, key: str) -> str:
@@ -247,7 +247,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     return CaseResult(CASE.name, CASE.title, (
         Table('', _COLUMNS, _curve_rows(options, outcomes), _NOTES),
         Table('A thousand tasks', _MANY_COLUMNS, _many_rows(outcomes), _MANY_NOTES)),
-        _aims(outcomes), (_plot(outcomes),), facts=_facts(outcomes))
+        _targets(outcomes), (_plot(outcomes),), facts=_facts(outcomes))
 
 
 CASE = Case('spacing', 'cost of a job by the spacing of releases; 1000 tasks', _plan, _evaluate,

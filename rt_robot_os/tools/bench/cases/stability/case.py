@@ -36,15 +36,15 @@ from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.cases.stability.subjects import measured_s
 from rt_robot_os.tools.bench.cases.stability.subjects import read_csv
+from rt_robot_os.tools.bench.machine_state import away
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
-from rt_robot_os.tools.bench.result import quoted
+from rt_robot_os.tools.bench.result import published_values
 from rt_robot_os.tools.bench.result import Status
 from rt_robot_os.tools.bench.result import Table
-from rt_robot_os.tools.bench.surroundings import away
+from rt_robot_os.tools.bench.result import Target
 
 _WARMUP_NS = 600 * NS_PER_MS
 _QUICK_S = 3.0
@@ -69,7 +69,7 @@ _NOTES = (
     'last row less the first (the black box fills in the first seconds). The paper: 24 h. An',
     'interrupted run goes on after its last row; the time between is not in the figures. Plain',
     'loop: for 20 s at the most. While the host of a virtual machine has the CPU, every program',
-    'misses what is due; Linux counts that time, and the aim is about the releases beside it.')
+    'misses what is due; Linux counts that time, and the target is about the releases beside it.')
 
 
 def _measure_s(options: Options) -> float:
@@ -81,14 +81,14 @@ def _csv(options: Options, key: str) -> str:
 
 
 def _plan(options: Options) -> Sequence[Run]:
-    def run(key: str, label: str, worker: str, seconds: float, start_s: float,
+    def run(key: str, label: str, subject: str, seconds: float, start_s: float,
             **more: str) -> Run:
         row_s = min(_ROW_S, seconds / 10)
         csv = _csv(options, key)
         before_s = measured_s(Path(csv)) if csv else 0.0
         # Less than a row is no more worth starting for.
         left_s = seconds - before_s if seconds - before_s > row_s / 2 else 0.0
-        return Run(key, label, f'{__package__}.{worker}', {
+        return Run(key, label, f'{__package__}.{subject}', {
             'warmup_ns': _WARMUP_NS, 'measure_ns': round(left_s * NS_PER_S), 'from_s': before_s,
             'row_ns': round(row_s * NS_PER_S), 'csv': csv, **more},
             start_s + (_WARMUP_NS / NS_PER_S + left_s) * 1.01,
@@ -159,20 +159,21 @@ _METRICS: Mapping[str, common.Of] = {
 
 
 def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
-    rows = [quoted('paper (STM32F4), 24 h', acquire_hz=999, attitude_hz=400,
-                   receive_hz=194, delay_mean=30, delay_max=36)]
+    rows = [published_values('paper (STM32F4), 24 h', acquire_hz=999, attitude_hz=400,
+                             receive_hz=194, delay_mean=30, delay_max=36)]
     for key in outcomes.runs:
         metrics = dict(_METRICS)
         if key not in ('kernel', _FLOOR):
             del metrics['missed']  # rclpy does not count them
         rows.append(outcomes.row(key, metrics))
     why = common.disturbances(outcomes, 'kernel')
-    aims = (
-        Aim('mean delay', 30.0, outcomes.metric('kernel', _METRICS['delay_mean']), 'us', why=why,
-            paper='28 to 32 us'),
-        Aim('releases missed while the CPU was there', _MISSED_PERCENT,
-            outcomes.metric('kernel', _missed), '%', why=why, paper='3 % (200 Hz module)'))
-    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims,
+    targets = (
+        Target('mean delay', 30.0, outcomes.metric('kernel', _METRICS['delay_mean']), 'us',
+               why=why,
+               paper='28 to 32 us'),
+        Target('releases missed while the CPU was there', _MISSED_PERCENT,
+               outcomes.metric('kernel', _missed), '%', why=why, paper='3 % (200 Hz module)'))
+    return CaseResult(CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), targets,
                       _plots(outcomes))
 
 

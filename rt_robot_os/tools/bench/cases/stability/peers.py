@@ -41,7 +41,7 @@ _DEPTH = 10
 
 
 def executor(harness: Harness) -> Measured:
-    """Run the three modules; missed releases are not told by rclpy."""
+    """Run the three modules; rclpy does not report missed releases."""
     a = harness.arguments
     if a['measure_ns'] <= 0:  # it was complete before the interruption
         return Measured(read_csv(Path(a['csv'])))

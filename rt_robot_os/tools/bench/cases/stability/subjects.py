@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Acquisition, attitude and a receiver for a long time, a row of figures every so often."""
+"""Acquisition, attitude and a receiver for a long time, a row of figures at intervals."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Counter:
         return now_ns
 
     def take_hz(self) -> float:
-        """Return the frequency since the last row, from call to call, and begin anew."""
+        """Return the frequency since the last row, from call to call, and restart."""
         count, span_ns = self.count, self.last_ns - self.from_ns
         if not self.from_ns:
             count, span_ns = 0, 0
@@ -79,7 +79,7 @@ class Notes:
     """
     What the three modules note, and the rows that are made of it.
 
-    :param csv: also written there, each row at once, after those there are; empty for none.
+    :param csv: also written there, each row immediately, after the existing ones; empty for none.
     :param room: rows.
     :param from_s: how long was measured before this process: where the time goes on.
     """
@@ -118,7 +118,7 @@ class Notes:
             self._error = error
 
     def begin(self) -> None:
-        """Forget what was noted so far: the warm-up is over."""
+        """Discard what was noted in the warm-up."""
         self.begin_ns = time.monotonic_ns()
         for counter in (self.acquire, self.attitude, self.receive):
             counter.take_hz()

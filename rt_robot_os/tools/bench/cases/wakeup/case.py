@@ -31,10 +31,10 @@ from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import tail
-from rt_robot_os.tools.bench.result import Aim
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Table
+from rt_robot_os.tools.bench.result import Target
 
 _PERIOD_NS = NS_PER_MS
 _WARMUP_NS = 300 * NS_PER_MS
@@ -57,8 +57,8 @@ _NOTES = (
 
 
 def _plan(options: Options) -> Sequence[Run]:
-    def run(key: str, label: str, worker: str, spin_ns: int = 0, dma_latency_us: int = -1) -> Run:
-        return Run(key, label, f'{_SUBJECTS}:{worker}', {
+    def run(key: str, label: str, subject: str, spin_ns: int = 0, dma_latency_us: int = -1) -> Run:
+        return Run(key, label, f'{_SUBJECTS}:{subject}', {
             'period_ns': _PERIOD_NS, 'warmup_ns': _WARMUP_NS, 'spin_ns': spin_ns,
             'dma_latency_us': dma_latency_us, 'measure_ns': options.measure_ns},
             common.START_S + _WARMUP_NS / NS_PER_S + options.seconds)
@@ -77,15 +77,17 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     late = common.tails_of('late_ns')
     rows = [outcomes.row(key, {**late, 'cpu': common.figure('cpu_percent')})
             for key in outcomes.runs]
-    aims = (
-        Aim('p99 / p99 of the clock_nanosleep loop', 1.3,
-            outcomes.ratio('kernel', 'floor', late['p99']),
-            why=common.disturbances(outcomes, 'kernel')),
-        Aim('p50 with spin / p50 of the loop', 0.5, outcomes.ratio('spin', 'floor', late['p50']),
-            why=common.disturbances(outcomes, 'spin')),
-        Aim('p99 with spin / p99 of the loop', 1.0, outcomes.ratio('spin', 'floor', late['p99']),
-            why='the host or another process takes the CPU while it spins; '
-                + common.disturbances(outcomes, 'spin')))
+    targets = (
+        Target('p99 / p99 of the clock_nanosleep loop', 1.3,
+               outcomes.ratio('kernel', 'floor', late['p99']),
+               why=common.disturbances(outcomes, 'kernel')),
+        Target('p50 with spin / p50 of the loop', 0.5,
+               outcomes.ratio('spin', 'floor', late['p50']),
+               why=common.disturbances(outcomes, 'spin')),
+        Target('p99 with spin / p99 of the loop', 1.0,
+               outcomes.ratio('spin', 'floor', late['p99']),
+               why='the host or another process takes the CPU while it spins; '
+               + common.disturbances(outcomes, 'spin')))
     series = [tail(run.label.strip() if run.label[0] != ' ' else f'rt_robot_os,{run.label[1:]}',
                    np.concatenate([o.samples['late_ns'] for o in outcomes.measured(key)]), 1e3)
               for key, run in outcomes.runs.items() if outcomes.measured(key)]
@@ -95,7 +97,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     found = {facts.LATE: ('kernel', 'p50'), facts.LATE_P99: ('kernel', 'p99'),
              facts.WAKE_LATE: ('floor', 'p50'), facts.WAKE_LATE_P99: ('floor', 'p99')}
     return CaseResult(
-        CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), aims, (plot,),
+        CASE.name, CASE.title, (Table('', _COLUMNS, rows, _NOTES),), targets, (plot,),
         facts={name: outcomes.metric(key, late[part]) for name, (key, part) in found.items()})
 
 

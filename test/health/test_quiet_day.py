@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""On a quiet day nothing is told but what is broken; the rules are those of the page to copy."""
+"""On a quiet day all causes are technical; the rules are those that docs/rules.md offers."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ import re
 from typing import Any
 
 import pytest
+from quiet_day import PEOPLE
+from quiet_day import play
+from quiet_day import QuietDay
+from quiet_day import ROOMS
+from quiet_day import Sample
 from rt_robot_os.features.alarms.watch import Watch
 from rt_robot_os.features.health.rule import RuleModule
 from rt_robot_os.features.health.whereabouts import Whereabouts
 from rt_robot_os.messages.cause import Cause
 from rt_robot_os.messages.cause import Level
 from rt_robot_os.testing.module_bench import ModuleBench
-from rt_robot_os.testing.quiet_day import PEOPLE
-from rt_robot_os.testing.quiet_day import play
-from rt_robot_os.testing.quiet_day import QuietDay
-from rt_robot_os.testing.quiet_day import ROOMS
-from rt_robot_os.testing.quiet_day import Sample
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]

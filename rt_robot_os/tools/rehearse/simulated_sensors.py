@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Camera and microphone on the stage: they answer orders, unless the camera fails."""
+"""Camera and microphone in scenarios: they answer orders, unless the camera fails."""
 
 from __future__ import annotations
 
@@ -22,53 +22,56 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.sim.scenarios.timeline import seconds
+from rt_robot_os.sim.scenarios.timeline import Timeline
 from rt_robot_os.sim.world import World
-from rt_robot_os.tools.rehearse.office import Later
-from rt_robot_os.tools.rehearse.office import say
-from rt_robot_os.tools.rehearse.office import texts
-from rt_robot_os.tools.rehearse.stage import Stage
+from rt_robot_os.tools.rehearse.fixture import CoreFixture
+from rt_robot_os.tools.rehearse.topics import publish_text
+from rt_robot_os.tools.rehearse.topics import received_json
 
-# A picture is on the disk so much later.
+# Until a picture is on the disk.
 _PICTURE_NS: Final = NS_PER_S
 _LEVEL_NS: Final = NS_PER_S // 10
 _QUIET_DB, _LOUD_DB = -60.0, -15.0
 
 
-class Observers:
+class CameraAndMicrophone:
     """
-    Plays the devices ``camera`` and ``microphone``.
+    Simulates the devices ``camera`` and ``microphone``.
 
     :param world: of the people who may speak.
-    :ivar failing: the camera says nothing.
+    :ivar failing: the camera does not answer.
     :ivar noise: it is loud.
     """
 
     def __init__(self, world: World) -> None:
         self.failing = self.noise = False
         self._world = world
-        self._later = Later()
+        self._timeline = Timeline()
 
-    def enter(self, stage: Stage) -> None:
-        """Find the topics; a new core ordered nothing."""
-        self._later.forget()
-        self._orders = stage.reader('camera/observe')
-        self._observed = stage.publisher('camera/observed')
-        self._level = stage.publisher('sound/level')
+    def attach(self, fixture: CoreFixture) -> None:
+        """Find the topics; a new core has ordered nothing."""
+        self._timeline.clear()
+        self._orders = fixture.reader('camera/observe')
+        self._observed = fixture.publisher('camera/observed')
+        self._level = fixture.publisher('sound/level')
 
-    def act(self, now_ns: int) -> None:
-        """Take orders, answer those that are done, and listen."""
-        for order in texts(self._orders):
+    def step(self, now_ns: int) -> None:
+        """Receive orders, answer those that are done, and publish the sound level."""
+        self._timeline.now_ns = now_ns
+        for order in received_json(self._orders):
             if not self.failing:
                 after_s = order.get('after_s', 0.0) if order['order'] == 'clip' else 0.0
-                self._later.at(now_ns + _PICTURE_NS + round(after_s * NS_PER_S),
-                               partial(self._answer, order))
-        self._later.act(now_ns)
+                self._timeline.after(_PICTURE_NS + seconds(after_s),
+                                     partial(self._answer, order))
+        self._timeline.run_until(now_ns)
         if self._level is not None and now_ns % _LEVEL_NS == 0:
             is_loud = self.noise or any(each.speaks for each in self._world.people)
             self._level.msg.data = _LOUD_DB if is_loud else _QUIET_DB
             self._level.publish(now_ns)
 
-    def _answer(self, order: dict[str, Any], now_ns: int) -> None:
-        say(self._observed, json.dumps({
+    def _answer(self, order: dict[str, Any]) -> None:
+        publish_text(self._observed, json.dumps({
             'id': order['id'], 'alarm': order['alarm'], 'subject': order['subject'],
-            'kind': order['order'], 'camera': 'camera', 'file': f'{order["id"]}.jpg'}), now_ns)
+            'kind': order['order'], 'camera': 'camera', 'file': f'{order["id"]}.jpg'}),
+                     self._timeline.now_ns)

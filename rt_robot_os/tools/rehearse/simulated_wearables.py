@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What people wear on the stage: inertial sensors and oximeters, as the settings have them."""
+"""What people wear in scenarios: inertial sensors and oximeters, as the settings have them."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world.body_motion import body_motion
 from rt_robot_os.sim.world.people import SimulatedPerson
 from rt_robot_os.sim.world.vitals import SIGNS
-from rt_robot_os.tools.rehearse.stage import Stage
+from rt_robot_os.tools.rehearse.fixture import CoreFixture
 
 _IMU: Final = 'sensor_msgs/msg/Imu'
 _FLOAT: Final = 'std_msgs/msg/Float64'
 _ON: Final = 'on'
 
 
-class Wearables:
+class SimulatedWearables:
     """
-    Plays the devices that are ``on`` somebody.
+    Simulates the devices that are ``on`` a person.
 
     :param settings: of the robot: which devices there are, and their topics.
     :param world: with the people.
-    :ivar off: names of people whose devices say nothing.
+    :ivar off: names of people whose devices publish nothing.
     """
 
     def __init__(self, settings: RobotSettings, world: World) -> None:
@@ -51,27 +51,27 @@ class Wearables:
             for device in settings.devices if device.sim and device.sim.get(_ON) in people
             for spec in DRIVERS.load(device.type)(device.name, device.settings).publications()]
 
-    def enter(self, stage: Stage) -> None:
+    def attach(self, fixture: CoreFixture) -> None:
         """Find the topics."""
-        self._acts: list[tuple[SimulatedPerson, Callable[[int], None]]] = []
+        self._steps: list[tuple[SimulatedPerson, Callable[[int], None]]] = []
         for person, topic, message in self._worn:
             sign = topic.rpartition('/')[2]
             if message == _IMU:
-                self._acts.append((person, self._inertial(stage, person, topic)))
+                self._steps.append((person, self._inertial(fixture, person, topic)))
             elif message == _FLOAT and sign in SIGNS:
-                self._acts.append((person, self._monitor(stage, person, topic, sign)))
+                self._steps.append((person, self._monitor(fixture, person, topic, sign)))
 
-    def act(self, now_ns: int) -> None:
-        """Publish what each feels."""
-        for person, act in self._acts:
+    def step(self, now_ns: int) -> None:
+        """Publish the readings of each."""
+        for person, publish in self._steps:
             if person.name not in self.off:
-                act(now_ns)
+                publish(now_ns)
 
-    def _inertial(self, stage: Stage, person: SimulatedPerson, topic: str) -> Callable[[int],
+    def _inertial(self, fixture: CoreFixture, person: SimulatedPerson, topic: str) -> Callable[[int],
                                                                                        None]:
-        publisher = stage.publisher(topic)
+        publisher = fixture.publisher(topic)
 
-        def act(now_ns: int) -> None:
+        def publish(now_ns: int) -> None:
             if publisher is None:
                 return
             felt = body_motion(person.activity, self._world.time_s - person.activity_since_s,
@@ -80,17 +80,17 @@ class Wearables:
             publisher.msg.angular_velocity = felt.rate_rad_s
             publisher.publish(now_ns)
 
-        return act
+        return publish
 
-    def _monitor(self, stage: Stage, person: SimulatedPerson, topic: str, sign: str
+    def _monitor(self, fixture: CoreFixture, person: SimulatedPerson, topic: str, sign: str
                  ) -> Callable[[int], None]:
-        publisher = stage.publisher(topic)
+        publisher = fixture.publisher(topic)
 
-        def act(now_ns: int) -> None:
+        def publish(now_ns: int) -> None:
             if publisher is not None and now_ns % NS_PER_S == 0:
                 value = person.vitals.value(sign, person.time_s)
-                if value:  # a monitor whose sensor is off says nothing here
+                if value:  # a monitor whose sensor is off publishes nothing
                     publisher.msg.data = value
                     publisher.publish(now_ns)
 
-        return act
+        return publish

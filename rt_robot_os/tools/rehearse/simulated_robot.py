@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The robot's body on the stage: it goes where goals say, unless something is wrong with it."""
+"""The motion of the robot in scenarios: it drives to its goals unless a fault is injected."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.sim.world import World
-from rt_robot_os.tools.rehearse.stage import Stage
-from rt_robot_os.tools.rehearse.stage import STEP_NS
+from rt_robot_os.tools.rehearse.fixture import CoreFixture
+from rt_robot_os.tools.rehearse.fixture import STEP_NS
 
 _SPEED_M_S: Final = 0.4
 _TURN_RAD_S: Final = 0.8
 _STEP_S: Final = STEP_NS / NS_PER_S
 _POSE_EVERY: Final = 2
 _STATE_EVERY: Final = 20
-# A planner waits so long for a way, as the real one does by default.
+# How long a planner waits for a free path, as the real one does by default.
 _PATIENCE_S: Final = 30.0
-# Commands older than that move nothing.
+# Older commands have no effect.
 _COMMAND_NS: Final = NS_PER_S // 2
-# Whoever has the robot has had it for so long before an order of the agent is one too many.
-_HEARD_NS: Final = 3 * STEP_NS
-# So near to where it began it is charged, as sensor_msgs/BatteryState says it.
+# An order of the agent that comes later after an override is a violation.
+_REACTION_NS: Final = 3 * STEP_NS
+# Near to its start it is charged, with the states of sensor_msgs/BatteryState.
 _HOME_M: Final = 0.3
 _CHARGING, _DISCHARGING = 1, 2
 _FULL_V, _FLAT_V = 25.2, 21.2
@@ -46,69 +46,69 @@ _TELEOP_RAD_S: Final = 0.3
 _SAME_M: Final = 1e-6
 
 
-class Body:
+class SimulatedRobot:
     """
-    Plays localisation, planner, trajectory, multiplexer, guard and wheels.
+    Simulates localisation, planner, trajectory, multiplexer, guard and wheels.
 
-    It turns to a goal, goes there in a straight line (walls are not its matter: the real modules
-    have their own tests) and says what the real modules would.
+    It turns to a goal, drives there in a straight line (walls are ignored: the real modules have
+    their own tests) and publishes what the real modules would.
 
     :param world: whose robot is moved.
-    :ivar blocked: something stands in the way.
-    :ivar lost: nobody knows where it is.
-    :ivar flat: its battery is nearly empty.
-    :ivar estop: somebody holds the e-stop.
+    :ivar blocked: there is an obstacle on the path.
+    :ivar lost: its position is unknown.
+    :ivar battery_low: its battery is nearly empty.
+    :ivar estop: the e-stop is active.
     :ivar refuses: no place near the goal is free.
-    :ivar silent: the planner says nothing.
+    :ivar silent: the planner publishes nothing.
     :ivar stuck: its wheels turn, and it stays where it is.
     :ivar driven: an operator steers.
     :ivar home: where it began; it is charged there.
-    :ivar errand: where an operator has sent it; None without.
-    :ivar disobeyed: what the agent ordered while somebody else had the robot.
-    :ivar moved_m: the way that it went.
+    :ivar errand: goal of an operator; None without one.
+    :ivar violations: orders of the agent while e-stop or operator had the robot.
+    :ivar moved_m: distance that it drove.
     """
 
     def __init__(self, world: World) -> None:
         self.world = world
         self.blocked = self.lost = self.estop = self.refuses = False
-        self.flat = self.silent = self.stuck = self.driven = False
-        self.disobeyed: list[str] = []
+        self.battery_low = self.silent = self.stuck = self.driven = False
+        self.violations: list[str] = []
         self.moved_m = 0.0
         self.home = world.base.pose[:2]
-        self._forget()
+        self._reset()
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         self._goal: tuple[float, float, float] | None = None
         self.errand: tuple[float, float] | None = None
         self._waited_s = 0.0
         self._state, self._planner = 'idle', ''
         self._turn_rad_s, self._turn_until_ns = 0.0, 0
         self._steps = 0
-        self._taken_ns: int | None = None
-        self._steers = ''
+        self._overridden_ns: int | None = None
+        self._steered_by = ''
 
-    def enter(self, stage: Stage) -> None:
-        """Find the topics; it has forgotten its goal, as a core does that was killed."""
-        self._forget()
-        self._pose = stage.publisher('pose')
-        self._trajectory_out = stage.publisher('trajectory/state')
-        self._planner_out = stage.publisher('planner/state')
-        self._battery = stage.publisher('battery')
-        self._stop_reason = stage.publisher('stop_reason')
-        self._estop_out = stage.publisher('estop')
-        self._steering = stage.publisher('steering')
-        self._goals = stage.reader('goal_pose')
-        self._cancels = stage.reader('trajectory_cancel')
-        self._commands = stage.reader('cmd_vel_agent')
+    def attach(self, fixture: CoreFixture) -> None:
+        """Find the topics; the goal is lost, as in a core that was killed."""
+        self._reset()
+        self._pose = fixture.publisher('pose')
+        self._trajectory_out = fixture.publisher('trajectory/state')
+        self._planner_out = fixture.publisher('planner/state')
+        self._battery = fixture.publisher('battery')
+        self._stop_reason = fixture.publisher('stop_reason')
+        self._estop_out = fixture.publisher('estop')
+        self._steering = fixture.publisher('steering')
+        self._goals = fixture.reader('goal_pose')
+        self._cancels = fixture.reader('trajectory_cancel')
+        self._commands = fixture.reader('cmd_vel_agent')
         self._held = False
 
-    # ---- acting ------------------------------------------------------------------------------
+    # ---- moving ------------------------------------------------------------------------------
 
-    def act(self, now_ns: int) -> None:
-        """Take what was ordered, move, and say so."""
+    def step(self, now_ns: int) -> None:
+        """Receive orders, move, and publish the state."""
         self.world.advance(now_ns)
         self._steps += 1
-        self._take(now_ns)
+        self._receive(now_ns)
         self._hold(now_ns)
         self._move(now_ns)
         if self._steps % _POSE_EVERY == 0 and not self.lost and self._pose is not None:
@@ -117,62 +117,62 @@ class Body:
             pose.position = x, y, 0.0
             pose.orientation = 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
             self._pose.publish(now_ns)
-        self._tell_who_steers(now_ns)
+        self._publish_steering(now_ns)
         if self._steps % _STATE_EVERY == 0:
-            self._tell(self._state, now_ns, again=True)
+            self._publish_state(self._state, now_ns, again=True)
             if self._battery is not None:
-                self._tell_battery(self._battery.msg)
+                self._fill_battery(self._battery.msg)
                 self._battery.publish(now_ns)
 
-    def _tell_battery(self, message: Any) -> None:
-        message.voltage = volts = _FLAT_V if self.flat else _FULL_V
+    def _fill_battery(self, message: Any) -> None:
+        message.voltage = volts = _FLAT_V if self.battery_low else _FULL_V
         message.percentage = max(0.0, min(1.0, (volts - 21.0) / 4.2))
         is_home = math.dist(self.world.base.pose[:2], self.home) < _HOME_M
         message.power_supply_status = _CHARGING if is_home else _DISCHARGING
 
-    def _tell_who_steers(self, now_ns: int) -> None:
-        """Say it as the multiplexer does."""
+    def _publish_steering(self, now_ns: int) -> None:
+        """Publish who steers, as the multiplexer does."""
         steers = ('nobody: e-stop, asked for on estop' if self._held else
                   'teleop' if self.driven else
                   'agent' if self._turn_rad_s and now_ns < self._turn_until_ns else
                   'trajectory' if self._goal is not None else 'nobody')
-        if steers != self._steers and self._steering is not None:
+        if steers != self._steered_by and self._steering is not None:
             self._steering.msg.data = steers
             self._steering.publish(now_ns)
-        self._steers = steers
+        self._steered_by = steers
 
-    def _order(self, what: str, now_ns: int) -> None:
-        """Note an order of the agent that it should not have given."""
+    def _check_order(self, what: str, now_ns: int) -> None:
+        """Record an order of the agent that it should not have given."""
         if not (self.estop or self.driven):
-            self._taken_ns = None
-        elif self._taken_ns is None:
-            self._taken_ns = now_ns
-        elif what and now_ns - self._taken_ns > _HEARD_NS:
+            self._overridden_ns = None
+        elif self._overridden_ns is None:
+            self._overridden_ns = now_ns
+        elif what and now_ns - self._overridden_ns > _REACTION_NS:
             who = 'e-stop' if self.estop else 'operator'
-            self.disobeyed.append(f'{what} at {now_ns / NS_PER_S:.2f} s: the {who} had the robot')
+            self.violations.append(f'{what} at {now_ns / NS_PER_S:.2f} s: the {who} had the robot')
 
-    def _take(self, now_ns: int) -> None:
-        self._order('', now_ns)
+    def _receive(self, now_ns: int) -> None:
+        self._check_order('', now_ns)
         while self._goals is not None and self._goals.take():
-            self._take_goal(self._goals.msg.pose, now_ns)
+            self._receive_goal(self._goals.msg.pose, now_ns)
         while self._cancels is not None and self._cancels.take():
             if self._cancels.msg.data and self._goal is not None:
                 if self._is_errand(self._goal):
-                    self.disobeyed.append(f'cancelled at {now_ns / NS_PER_S:.2f} s what an '
-                                          'operator had sent the robot for')
+                    self.violations.append(f'cancelled at {now_ns / NS_PER_S:.2f} s what an '
+                                           'operator had sent the robot for')
                 self._stop('stopped: cancelled', now_ns)
         while self._commands is not None and self._commands.take():
             self._turn_rad_s = self._commands.msg.angular.z
             self._turn_until_ns = now_ns + _COMMAND_NS
-            self._order('a turn' if self._turn_rad_s else '', now_ns)
+            self._check_order('a turn' if self._turn_rad_s else '', now_ns)
 
-    def _take_goal(self, pose: Any, now_ns: int) -> None:
+    def _receive_goal(self, pose: Any, now_ns: int) -> None:
         yaw = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
         self._goal = goal = pose.position.x, pose.position.y, yaw
         self._waited_s = 0.0
         if not self._is_errand(goal):
             self.errand = None
-            self._order('a goal', now_ns)
+            self._check_order('a goal', now_ns)
         self._plan('planning', now_ns)
         if self.refuses:
             self._goal = None
@@ -185,7 +185,7 @@ class Body:
         return self.errand is not None and math.dist(goal[:2], self.errand) < _SAME_M
 
     def _hold(self, now_ns: int) -> None:
-        """Tell of the e-stop when it changes."""
+        """Publish the e-stop when it changes."""
         if self.estop != self._held:
             self._held = self.estop
             if self._estop_out is not None:
@@ -211,13 +211,13 @@ class Body:
         else:
             self._waited_s = 0.0
             if self.stuck:
-                self._tell('driving', now_ns)
+                self._publish_state('driving', now_ns)
             elif not self.silent:
                 self._go(self._goal, now_ns)
 
     def _wait(self, now_ns: int) -> None:
         self._waited_s += _STEP_S
-        self._tell('stopped: blocked: laser sees something in the way', now_ns)
+        self._publish_state('stopped: blocked: laser sees something in the way', now_ns)
         if self._waited_s > _PATIENCE_S:
             self._goal = None
             self._plan('refused: no way to the goal is wide enough beside what stands there now',
@@ -233,20 +233,20 @@ class Body:
         error = wrapped(wanted - yaw)
         most = _TURN_RAD_S * _STEP_S
         if abs(error) > most:
-            self._tell('turning', now_ns)
+            self._publish_state('turning', now_ns)
             self._turn(math.copysign(most, error))
         elif distance > 0.01:
-            self._tell('driving', now_ns)
+            self._publish_state('driving', now_ns)
             step = min(distance, _SPEED_M_S * _STEP_S)
             self._put(x + step * math.cos(wanted), y + step * math.sin(wanted), wanted)
             self.moved_m += step
         else:
             self._goal = None
             self._put(x, y, goal[2])
-            self._tell('done', now_ns)
+            self._publish_state('done', now_ns)
             self._plan('done', now_ns)
 
-    # ---- saying ------------------------------------------------------------------------------
+    # ---- publishing --------------------------------------------------------------------------
 
     def _turn(self, angle: float) -> None:
         x, y, yaw = self.world.base.pose
@@ -257,10 +257,10 @@ class Body:
 
     def _stop(self, why: str, now_ns: int) -> None:
         self._goal = None
-        self._tell(why, now_ns)
+        self._publish_state(why, now_ns)
         self._plan(why, now_ns)
 
-    def _tell(self, state: str, now_ns: int, again: bool = False) -> None:
+    def _publish_state(self, state: str, now_ns: int, again: bool = False) -> None:
         if self._trajectory_out is not None and (again or state != self._state):
             self._trajectory_out.msg.data = state
             self._trajectory_out.publish(now_ns)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What else happened while something was measured: how a missed aim finds its reason."""
+"""What else happened while something was measured: how a missed target finds its reason."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def loop_ns() -> float:
     return statistics.median(blocks)
 
 
-class Surroundings:
+class MachineState:
     """Counters of the process and the machine, from making this to :meth:`figures`."""
 
     def __init__(self) -> None:
@@ -101,7 +101,7 @@ def away(figures: Mapping[str, float]) -> float | None:
 
 
 def _waited_ms(figures: Mapping[str, float]) -> float:
-    """Return the waiting that is somebody else's: each wake-up waits for a moment."""
+    """Return the waiting that other processes caused: each wake-up waits for a moment."""
     return (figures.get(_PREFIX + 'waited_ms', 0.0)
             - _WAKE_UP_MS * figures.get(_PREFIX + 'switches', 0.0))
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The sensor network on the stage: the nodes of the world send real packets to the sink."""
+"""The sensor network in scenarios: the nodes of the world send real packets to the sink."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rt_robot_os.features.wsn.simulator.live_readings import NodeReadings
 from rt_robot_os.messages.quantities import ALARMS
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world.wireless import WirelessNode
-from rt_robot_os.tools.rehearse.stage import Stage
+from rt_robot_os.tools.rehearse.fixture import CoreFixture
 from rt_robot_os.topics import Publisher
 
 _UART: Final = 0x7E
@@ -39,7 +39,7 @@ _VOLTS: Final = 3.0
 _ALARM_KINDS: Final = frozenset({Kind.ALARM, Kind.SMOKE, Kind.WATER})
 _VITAL_KINDS: Final = frozenset({
     Kind.PULSE, Kind.RESPIRATION, Kind.SPO2, Kind.BODY_TEMPERATURE})
-# A node whose button is pressed says so that often.
+# Between two packets of a node whose button is pressed.
 _URGENT_NS: Final = NS_PER_S
 
 
@@ -55,16 +55,16 @@ class _Mote:
         self.boots = 1
 
 
-class Network:
+class SimulatedNetwork:
     """
-    Plays sink and radio: what nodes measure comes as packets of the paper, some of it is lost.
+    Simulates sink and radio: readings come as packets of the paper, some are lost.
 
     :param world: whose nodes they are.
-    :param loss: share of packets that never come.
-    :param period_ns: between two packets of a node that hangs somewhere.
-    :param worn_ns: between two of one that somebody wears.
-    :ivar silent: the sink is gone.
-    :ivar sent: packets that came.
+    :param loss: share of packets that are lost.
+    :param period_ns: between two packets of a fixed node.
+    :param worn_ns: between two packets of a worn node.
+    :ivar silent: the sink sends nothing.
+    :ivar sent: packets that arrived.
     """
 
     def __init__(self, world: World, random: Random, loss: float = 0.02,
@@ -82,21 +82,21 @@ class Network:
             for node in self._nodes]
 
     def _nearest(self, node: WirelessNode) -> int:
-        """Return the number of the node that hangs nearest, give or take a third of the way."""
+        """Return the number of the nearest fixed node, with a random error of a third."""
         x, y, _ = node.position_m
-        hanging = [each for each in self._nodes if each.person is None and each.on]
-        return min(hanging, default=node, key=lambda each: self._random.uniform(1.0, 1.4) * (
+        fixed = [each for each in self._nodes if each.person is None and each.on]
+        return min(fixed, default=node, key=lambda each: self._random.uniform(1.0, 1.4) * (
             math.dist((x, y), each.position_m[:2]))).surveyed.id
 
     def _period(self, node: WirelessNode) -> int:
         return self._worn_ns if node.person is not None else self._period_ns
 
-    def enter(self, stage: Stage) -> None:
+    def attach(self, fixture: CoreFixture) -> None:
         """Find the topics of the classes."""
-        self._topics = {name: stage.publisher(f'wsn/packets/{name}')
+        self._topics = {name: fixture.publisher(f'wsn/packets/{name}')
                         for name in ('alarm', 'vital', 'rest')}
 
-    def act(self, now_ns: int) -> None:
+    def step(self, now_ns: int) -> None:
         """Send what is due."""
         for mote in self._motes:
             node = mote.node
@@ -112,11 +112,11 @@ class Network:
         node = mote.node
         quantities = node.surveyed.quantities
         urgent = [each for each in quantities if each in ALARMS]
-        said = [each for each in urgent if node.alarms.get(each)] or urgent
+        pressed = [each for each in urgent if node.alarms.get(each)] or urgent
         if node.boots != mote.boots:
             mote.boots, mote.turn = node.boots, 0
         if urgent and (mote.turn == -1 or node.alarms and mote.turn % 2):
-            quantity = said[0]
+            quantity = pressed[0]
         else:
             quantity = quantities[mote.turn % len(quantities)]
         mote.turn += 1

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A robot's own configuration on a stage: its modules are real, its body and its home are played.
+The fixture of scenarios: a core with a robot's own settings on the virtual clock.
 
 Everything that decides (readings, assessments, rules, alarms, the agent) is built by the core from
-the settings, as on the robot. Devices, and the modules that find the way and drive, are left out;
-what they would publish is published by actors. All of it runs on the virtual clock.
+the settings, as on the robot. Devices, and the modules that localise, plan and drive, are left
+out: participants publish what they would.
 """
 
 from __future__ import annotations
@@ -43,52 +43,53 @@ from rt_robot_os.settings import WatchdogSettings
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
 
-#: Types of modules that an actor plays: they need a body, or much time.
-PLAYED: Final = frozenset({
+#: Types of modules that participants simulate: they need a body, or much time.
+SIMULATED: Final = frozenset({
     'attitude', 'collision_guard', 'localization', 'odometry', 'person_finder', 'planner',
     'trajectory', 'velocity_mux'})
-_STAGE: Final = 'rehearsal/stage'
+_STAGE: Final = 'rehearsal/fixture'
 _ABOVE_ALL: Final = 99
-#: How often actors act.
+#: The period of participants.
 STEP_NS: Final = 50_000_000
 
 
-class Actor(Protocol):
-    """Who plays a part of what was left out."""
+class Participant(Protocol):
+    """Simulates a part of what was left out."""
 
-    def enter(self, stage: Stage) -> None:
+    def attach(self, fixture: CoreFixture) -> None:
         """Find the topics; called once for each core, also for one that follows a crash."""
 
-    def act(self, now_ns: int) -> None:
+    def step(self, now_ns: int) -> None:
         """Do what is due; called each :data:`STEP_NS` of virtual time."""
 
 
-class Stage:
+class CoreFixture:
     """
-    One life of a core.
+    One run of a core.
 
     :param settings: of the robot.
-    :param actors: act in this order.
+    :param participants: are called in this order.
     :param start_ns: the time at which it begins; after a crash the time goes on.
     :raises RtRobotError: the settings do not fit together.
     :ivar core: the real one, on a virtual clock.
     """
 
-    def __init__(self, settings: RobotSettings, actors: Sequence[Actor], start_ns: int = 0
-                 ) -> None:
-        kept = tuple(each for each in settings.modules if each.type not in PLAYED)
+    def __init__(self, settings: RobotSettings, participants: Sequence[Participant],
+                 start_ns: int = 0) -> None:
+        kept = tuple(each for each in settings.modules if each.type not in SIMULATED)
+        simulated = _simulated_topics(settings, {each.name for each in kept})
         self.core = Core(
             replace(settings, devices=(), modules=kept, mirrors=(), watchdog=WatchdogSettings(),
-                    topics=(*settings.topics, *_played_topics(settings, {m.name for m in kept})),
+                    topics=(*settings.topics, *simulated),
                     core=replace(settings.core, record_bytes=False, dispatcher='preemptive',
                                  spin_us=0.0)),
             Path('rehearsal'), clock=VirtualClock(start_ns))
         self.bus = self.core.bus
-        self._actors = tuple(actors)
-        self.core.kernel.add_task(_STAGE, self._act, priority=_ABOVE_ALL,
+        self._participants = tuple(participants)
+        self.core.kernel.add_task(_STAGE, self._step, priority=_ABOVE_ALL,
                                   rate_hz=NS_PER_S / STEP_NS)
-        for actor in self._actors:
-            actor.enter(self)
+        for participant in self._participants:
+            participant.attach(self)
 
     @property
     def now_ns(self) -> int:
@@ -96,14 +97,14 @@ class Stage:
         return self.core.kernel.now_ns()
 
     def publisher(self, topic: str) -> Publisher | None:
-        """Return what publishes on a topic; None where nobody would read it."""
+        """Return a publisher of a topic; None where no module reads it."""
         try:
             return self.bus.publisher(topic)
         except TopicError:
             return None
 
     def reader(self, topic: str) -> Subscription | None:
-        """Return what reads a topic; None where there is none of that name."""
+        """Return a subscription; None where there is no topic of that name."""
         try:
             return self.bus.subscribe(topic, _STAGE)
         except TopicError:
@@ -111,7 +112,7 @@ class Stage:
 
     def run(self, until_ns: int) -> None:
         """
-        Let time pass, in one go: what waits for a time does not outlast a run of the kernel.
+        Let time pass, in one call: timers do not outlast a run of the kernel.
 
         :raises AssertionError: a job failed; the message says which.
         """
@@ -123,19 +124,19 @@ class Stage:
 
     def end(self) -> None:
         """End the run before its time."""
-        self.core.kernel.stop('over')
+        self.core.kernel.stop('settled')
 
     def close(self) -> None:
         """Close the core, as at the end of a robot's run; may be called twice."""
         self.core.close()
 
-    def _act(self) -> None:
+    def _step(self) -> None:
         now_ns = self.now_ns
-        for actor in self._actors:
-            actor.act(now_ns)
+        for participant in self._participants:
+            participant.step(now_ns)
 
 
-def _played_topics(settings: RobotSettings, kept: set[str]) -> Iterator[TopicSettings]:
+def _simulated_topics(settings: RobotSettings, kept: set[str]) -> Iterator[TopicSettings]:
     """Yield the topics of all that was left out, each once."""
     known = {topic.topic for topic in settings.topics}
     for each in settings.modules:

@@ -16,9 +16,9 @@
 """
 An ordinary day in a home with sensors, as samples: people who sleep, cook, sit and go out.
 
-Nothing happens that is an emergency. Sensors are noisy, nodes drop out and reboot, the sink is
-away for minutes, numbers are no numbers: what assesses people and rooms must stay calm. The same
-seed gives the same day; the time of day is that of the samples, from midnight.
+There is no emergency. Sensors are noisy, nodes drop out and reboot, the sink is silent for
+minutes, readings are NaN: what assesses people and rooms must not alarm. The same seed gives the
+same day; the time of day is that of the samples, from midnight.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ ROOMS: Final = ('hall 0 0 4 4', 'kitchen 4 0 8 4', 'living 8 0 14 4', 'bath 0 5 
                 'sleeping 4 5 9 9', 'study 9 5 14 9')
 #: Who lives there, and in which room they are in bed.
 PEOPLE: Final = {'anna': 'sleeping', 'bob': 'study'}
-#: Where who goes out is seen last.
+#: Where a person who goes out is seen last.
 DOOR: Final = 'hall'
 NODES_TOPIC: Final = 'wsn/nodes'
 _HOUR_S: Final = 3600.0
@@ -73,7 +73,7 @@ class Sample(NamedTuple):
 
 
 class _Person:
-    """Where somebody is, and whether they move, drawn from the beginning to the end of the day."""
+    """Where a person is and whether they move, drawn for the whole day."""
 
     def __init__(self, bed: str, chance: random.Random) -> None:
         #: (from, room, moves so many times an hour)
@@ -112,7 +112,7 @@ class _Person:
         return self.stays[max(0, place)][1:]
 
     def moves(self, time_s: float) -> bool:
-        """Say whether the person moves at that moment; time goes on."""
+        """Return whether the person moves at that moment; times must not decrease."""
         _, rate = self.at(time_s)
         if not rate or time_s < self._moves_s:
             return False
@@ -125,8 +125,8 @@ class QuietDay:
     The samples of a day.
 
     :param seed: of all that is drawn.
-    :param period_s: of each node; some of them say something every 10 s, some every few minutes.
-    :param hours: how much of it.
+    :param period_s: between two packets of a node.
+    :param hours: its length.
     """
 
     def __init__(self, seed: int, period_s: float = 30.0, hours: float = 24.0) -> None:
@@ -165,7 +165,7 @@ class QuietDay:
         return found
 
     def samples(self) -> Iterator[Sample]:
-        """Yield what comes, in the order of time."""
+        """Yield the samples in the order of time."""
         draw = self._chance
         waiting = [(draw.uniform(0.0, self.period_s), name) for name in self._numbers]
         waiting.append((self.period_s, NODES_TOPIC))
@@ -182,7 +182,7 @@ class QuietDay:
                 for what, value in self._readings(name, time_s):
                     yield Sample(time_s, f'wsn/{name}/{what}', value)
 
-    # ---- what is not heard -------------------------------------------------------------------
+    # ---- losses -----------------------------------------------------------------------------
 
     def _in_reach(self, name: str, time_s: float) -> bool:
         person = self._people.get(name.removesuffix('_wrist'))
@@ -214,7 +214,7 @@ class QuietDay:
         return NodeRow(number, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0, state, volts, 100.0, 0.95, 0.95,
                        1.0, 0.0, 0.0, 0.0, age_s)
 
-    # ---- what is heard -----------------------------------------------------------------------
+    # ---- readings ----------------------------------------------------------------------------
 
     def _volts(self, number: int, time_s: float) -> float:
         return 3.0 - 0.05 * number - 0.01 * time_s / _HOUR_S / 24.0
@@ -236,7 +236,7 @@ class QuietDay:
         near = room if draw.random() > 0.15 else draw.choice(ROOMS).split()[0]
         yield 'nearest_node', float(self._numbers[near])
         yield 'alarm', 0.0
-        # A sensor that slips says nothing that is a number, for one sample.
+        # A sensor that slips gives NaN, for one sample.
         loose = draw.random() < 0.01
         pulse = 64.0 + 8.0 * moves + draw.gauss(0.0, 2.0)
         yield 'pulse_per_min', math.nan if loose else pulse
@@ -245,7 +245,7 @@ class QuietDay:
     def _fixed(self, name: str, time_s: float) -> Iterator[tuple[str, float]]:
         draw, hour = self._chance, time_s / _HOUR_S
         degrees = 21.0 + 1.5 * math.sin((hour - 9.0) / 24.0 * 2.0 * math.pi)
-        if name == 'kitchen':  # somebody cooks at noon and in the evening
+        if name == 'kitchen':  # cooking at noon and in the evening
             degrees += 6.0 * sum(math.exp(-((hour - at) / 0.5) ** 2) for at in (12.3, 18.5))
         yield 'temperature', degrees + draw.gauss(0.0, 0.15)
         moving = False
@@ -260,12 +260,12 @@ class QuietDay:
 def play(bench: ModuleBench, day: QuietDay, samples: Sequence[Sample], begin_s: float = 0.0,
          change: Callable[[Sample], Sample] = lambda sample: sample) -> None:
     """
-    Have a bench publish samples of a day, from when it runs on.
+    Publish the samples of a day on a bench while it runs.
 
     Call it before the modules are added.
 
-    :param begin_s: time of the day at the beginning: what was before is left out.
-    :param change: makes another sample of each, for days that are not quiet.
+    :param begin_s: time of the day at the beginning: earlier samples are left out.
+    :param change: replaces samples, for days that are not quiet.
     """
     publishers: dict[str, tuple[Publisher, str]] = {
         topic: (bench.topic(topic, message), field)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a robot with its settings can notice: of whom a fall, whose button, in which room smoke."""
+"""Which emergencies a robot with its settings can detect, and of whom or where."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from collections.abc import Iterator
 from rt_robot_os.base.errors import ConfigError
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.sim.world import World
-from rt_robot_os.tools.rehearse.story import CALLERS
+from rt_robot_os.tools.rehearse.scenario import CALLERS
 
 _BUTTON = 'alarm'
 _SMOKE = 'smoke'
 
 
-def emergencies_of(settings: RobotSettings, world: World) -> tuple[tuple[str, str], ...]:
+def detectable_emergencies(settings: RobotSettings, world: World) -> tuple[tuple[str, str], ...]:
     """
-    Return what may happen, and to whom or where, so that the robot should notice.
+    Return the emergencies that the robot should detect, with the person or the place.
 
-    :raises ConfigError: it would notice nothing.
+    :raises ConfigError: it would detect none.
     """
-    found = tuple(dict.fromkeys(_noticed(settings, world)))
+    found = tuple(dict.fromkeys(_detectable(settings, world)))
     if not found:
         raise ConfigError(['this robot would notice no emergency: it needs a world with people '
                            'and, of its modules, a fall_detector, an assessment or a rule of '
@@ -46,7 +46,7 @@ def nodes_of(world: World) -> tuple[str, ...]:
     return tuple(node.name for node in world.nodes)
 
 
-def _noticed(settings: RobotSettings, world: World) -> Iterator[tuple[str, str]]:
+def _detectable(settings: RobotSettings, world: World) -> Iterator[tuple[str, str]]:
     people = {person.name for person in world.people}
     belts = {device.sim.get('on') for device in settings.devices if device.sim}
     buttons = {node.person for node in world.nodes if _BUTTON in node.quantities}
@@ -62,5 +62,5 @@ def _noticed(settings: RobotSettings, world: World) -> Iterator[tuple[str, str]]
             yield 'help', subject
         elif module.type == 'rule' and values.get('kind') == 'smoke' and subject in smells:
             yield 'smoke', subject
-        elif module.type == 'agent':  # what another program tells the alarms is for it, too
+        elif module.type == 'agent':  # causes of other programs are served as well
             yield from (('call', caller) for caller in CALLERS)
