@@ -23,8 +23,8 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.features.alarms.journal_store import MemoryStore
 from rt_robot_os.features.alarms.scenarios.journal_process import JournalProcess
-from rt_robot_os.features.alarms.store import MemoryStore
 from rt_robot_os.sim.scenarios.timeline import Timeline
 from rt_robot_os.tools.rehearse.fixture import CoreFixture
 from rt_robot_os.tools.rehearse.topics import publish_text

@@ -25,10 +25,11 @@ from typing import Any
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.features.alarms.notifier.ledger import Report
+from rt_robot_os.features.alarms.journal_store import MemoryStore
 from rt_robot_os.features.alarms.scenarios.notifier_process import NotifierProcess
 from rt_robot_os.features.alarms.scenarios.notifier_process import Recipient
-from rt_robot_os.features.alarms.store import MemoryStore
+from rt_robot_os.messages.notification import DeliveryReport
+from rt_robot_os.messages.notification import Notification
 from rt_robot_os.sim.scenarios.timeline import seconds
 from rt_robot_os.sim.scenarios.timeline import Timeline
 from rt_robot_os.tools.rehearse.fixture import CoreFixture
@@ -92,17 +93,17 @@ class NotifierAndCaregiver:
             publish_text(self._beats, '{}', now_ns)
         self._timeline.now_ns = now_ns
         for message in received(self._messages):
-            self._recipients[json.loads(message)['channel']].down = self.failing
+            self._recipients[Notification.from_json(message).channel].down = self.failing
             self._notifier.receive(message, now_ns)
         for recipient in self._recipients.values():
             recipient.down = self.failing
         self._timeline.run_until(now_ns)
 
-    def _report(self, report: Report) -> None:
-        publish_text(self._reports, report.to_text(), self._timeline.now_ns)
+    def _report(self, report: DeliveryReport) -> None:
+        publish_text(self._reports, report.to_json(), self._timeline.now_ns)
 
-    def _read(self, recipient: Recipient, message: dict[str, Any]) -> None:
-        alarm = str(message['alarm'])
+    def _read(self, recipient: Recipient, message: Notification) -> None:
+        alarm = message.alarm
         if alarm in self._busy or not math.isfinite(self._profile.reads_after_s):
             return
         self._busy.add(alarm)
