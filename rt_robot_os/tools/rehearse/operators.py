@@ -18,10 +18,8 @@ from __future__ import annotations
 
 from collections import Counter
 from functools import partial
-import json
 import math
 from random import Random
-from typing import Any
 from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S

@@ -232,7 +232,7 @@ class ScenarioRun:
         """Let a person rise whom the caregiver has looked after."""
         events = self.record.events
         for each in events[self._seen_events:]:
-            person = self.world.people_model.named(each['subject'])
+            person = self.world.people_model.find(each['subject'])
             if (each['event'], each['by']) == ('resolved', CAREGIVER) and person is not None and (
                     person.stance.posture is Posture.FALLEN):
                 self.world.inject(['rise', person.name])
@@ -251,7 +251,7 @@ class ScenarioRun:
         order = self.world.inject
         match each.what:
             case 'fall':
-                person = self.world.people_model.named(each.who)
+                person = self.world.people_model.find(each.who)
                 if person is not None and person.stance.posture is Posture.FALLEN:
                     self.record.no_falls.append(each)
                 order(['answer', each.who, each.answer])
