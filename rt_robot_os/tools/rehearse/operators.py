@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections import Counter
 from functools import partial
+import json
 import math
 from random import Random
 from typing import Final
