@@ -174,7 +174,7 @@ def test_overruns_that_come_faster_than_they_leak_escalate_once(
     # Each ten jobs bring two overruns and take one away: 2, 3, 4, which is above 3.
     assert task.state is TaskState.STOPPED
     assert task.runs == 30
-    assert [f.error.split(',')[0] for f in kernel.failures] == ['4 overruns']
+    assert [f.error.split(';')[0] for f in kernel.failures] == ['4 overruns']
     assert balance(task) == 0
 
 
