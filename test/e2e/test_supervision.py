@@ -103,7 +103,7 @@ def test_a_job_of_five_seconds_at_low_priority_does_not_kill_the_core(
         assert watch.core['pid'] == pid
         planner = next(m for m in watch.statistics().modules if m['name'] == 'planner')
         assert planner['values']['jobs'] >= 20
-    assert not robot.said('no sign of life') and not robot.said('again in')
+    assert not robot.said('liveness counter') and not robot.said('again in')
 
 
 def test_a_node_that_was_stopped_does_not_kill_the_core(world: Any, until: Until) -> None:
@@ -117,7 +117,7 @@ def test_a_node_that_was_stopped_does_not_kill_the_core(world: Any, until: Until
         seen = len(diagnostics)
         until(lambda n=seen: len(diagnostics) > n + 1, 'diagnostics again')
     assert core_of(diagnostics)[0] == pid
-    assert not robot.said('sign of life') and not robot.said('again in')
+    assert not robot.said('liveness counter') and not robot.said('again in')
 
 
 def test_a_core_is_started_again_after_a_time_without_descriptors(
