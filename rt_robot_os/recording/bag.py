@@ -42,7 +42,7 @@ from rt_robot_os.recording.graph import LOG
 from rt_robot_os.recording.graph import ShownTopic
 from rt_robot_os.recording.graph import STATIC
 from rt_robot_os.recording.repair import file_facts
-from rt_robot_os.recording.repair import mend
+from rt_robot_os.recording.repair import repair_file
 from rt_robot_os.recording.session import CLOCK
 from rt_robot_os.recording.session import package_version
 from rt_robot_os.recording.session import RecordingSession
@@ -228,7 +228,7 @@ class Bag:
             return f'{self.folder} holds the recording up to this error'
         file.abandon()
         try:
-            mend(file.path)
+            repair_file(file.path)
             self._files.append(file_facts(file.path))
             self._info()
         except OSError as error:

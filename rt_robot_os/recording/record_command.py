@@ -175,8 +175,8 @@ def run(argv: Sequence[str]) -> int:
     try:
         need_mcap('none' if arguments.repair else arguments.compression)
         if arguments.repair is not None:
-            from rt_robot_os.recording.repair import mend_all
-            done, failed = mend_all(arguments.repair)
+            from rt_robot_os.recording.repair import repair_all
+            done, failed = repair_all(arguments.repair)
             print(*done, sep='\n')
             print(*failed, sep='\n', end='\n' if failed else '', file=sys.stderr)
             return FAILED if failed else OK

@@ -163,7 +163,7 @@ class Recorder:
             beat_ns = 0
             while not self._over():
                 client.pump(_POLL_S)
-                self._hand_over()
+                self._queue_batch()
                 now_ns = time.monotonic_ns()
                 if now_ns - beat_ns > _BEAT_NS:
                     beat_ns = now_ns
@@ -176,7 +176,7 @@ class Recorder:
             if not self.stopping:
                 self._log(f'{error}; the samples so far are kept')
         finally:
-            self._hand_over()
+            self._queue_batch()
 
     def _await_schedule(self, client: LinkClient) -> None:
         """Receive the schedule up to now, so that a replay covers the whole recording."""
@@ -184,16 +184,16 @@ class Recorder:
         while (self._error is None and self._schedule >= 0 and self._schedule_ns < now_ns
                and time.monotonic_ns() < now_ns + _SCHEDULE_NS_MOST):
             client.pump(_POLL_S)
-            self._hand_over()
+            self._queue_batch()
 
     def _mirror(self, client: LinkClient, session: RecordingSession) -> None:
-        """Begin with what the rings still hold only where somebody has a use for it."""
+        """Request the topics; older samples in the rings only if they are useful."""
         from_start = not session.begin_ns or (
             session.tapped and bool(session.taps) and _is_all_there(client, session.taps))
         latched = {info.name for info, shown in session.shown.items()
                    if any(each.latched for each in shown)}
         names = dict.fromkeys(info.name for info in (*session.shown, *session.kept))
-        # The schedule comes last: a reader has met the samples that it refers to.
+        # The schedule comes last: its samples are then before it in the file.
         for name in sorted(names, key=lambda name: name == SCHEDULE_TOPIC):
             client.mirror(name, oldest=from_start, initial=name in latched, patient=True)
 
@@ -233,7 +233,7 @@ class Recorder:
             self._schedule_ns = head.stamp_ns
 
     def _take_report(self, report: Mapping[str, Any]) -> None:
-        """Take a report of the core; one that is malformed is left out."""
+        """Receive a report of the core; a malformed one is dropped."""
         with suppress(KeyError, TypeError, ValueError, struct.error):
             self._reports += int(report.get('dropped') or 0)
             message = log_message(
@@ -244,7 +244,7 @@ class Recorder:
             self._reports += 1
             self._batch.append((head, bytearray(message)))
 
-    def _hand_over(self) -> None:
+    def _queue_batch(self) -> None:
         batch, self._batch = self._batch, []
         if not batch:
             return
@@ -285,10 +285,10 @@ class Recorder:
 
 
 class UnknownTopicError(RecordingError):
-    """A topic was asked for that the core does not have."""
+    """A requested topic does not exist in the core."""
 
 
 def _is_all_there(client: LinkClient, taps: Collection[str]) -> bool:
-    """Whether the rings of the taps still hold everything, with room for what comes next."""
+    """Whether the rings of the taps still have all samples, with space for the next."""
     return all(topic['published'] < _FILLED * topic['depth']
                for topic in client.statistics().topics if topic['name'] in taps)

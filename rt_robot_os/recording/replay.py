@@ -307,7 +307,7 @@ class Replay:
             events.append((record.at_ns, 0, lambda: self._inject(topic, record.number)))
 
     def _inject(self, topic: str, number: int) -> None:
-        """Publish what came from outside, or from a device that is not replayed."""
+        """Publish a sample of a client, or of a device that is not replayed."""
         sample = self._samples.pop((topic, number), None)
         if sample is None:
             self._unrecorded[topic] = self._unrecorded.get(topic, 0) + 1
@@ -317,7 +317,7 @@ class Replay:
             Publisher(target).publish_cdr(
                 without_stamp(sample.cdr, target.layout.stamp_offset), sample.stamp_ns)
         except (ValueError, OSError) as error:
-            text = f'{topic}: a sample could not be given to the modules: {error}'
+            text = f'{topic}: a sample could not be published: {error}'
             if text not in self.notes and len(self.notes) < _NOTES_MOST:
                 self.notes.append(text)
 
@@ -341,7 +341,7 @@ class Replay:
             self._kernel.release(task)
 
     def _note(self, record: tuple[Any, ...]) -> None:
-        """Take a record of the kernel, within its critical section."""
+        """Receive a record of the kernel, in its critical section."""
         if record[0] == PUBLISH and record[1] is not None and record[1].name in self._replayed:
             _, _, at_ns, name, number = record
             topic = self.core.bus.topic(name)

@@ -94,11 +94,11 @@ def test_a_job_of_five_seconds_at_low_priority_does_not_kill_the_core(
         world: Any, until: Until) -> None:
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
     robot = start(world)
-    robot.wait_for_line('its link has not come to run')
+    robot.wait_for_line('its link has been starved')
     robot.wait_for_line("'planner' runs")
     pid = until(lambda: core_of(diagnostics)[0], 'a core')
-    until(lambda: 'link has not come to run' in core_of(diagnostics)[1], 'the reason told')
-    until(lambda: 'link has not' not in core_of(diagnostics)[1], 'the end of the job')
+    until(lambda: 'link has been starved' in core_of(diagnostics)[1], 'the reason told')
+    until(lambda: 'has been starved' not in core_of(diagnostics)[1], 'the end of the job')
     with LinkClient(world.folder / 'robot.sock', 'watch', timeout_s=TIMEOUT_S) as watch:
         assert watch.core['pid'] == pid
         planner = next(m for m in watch.statistics().modules if m['name'] == 'planner')
