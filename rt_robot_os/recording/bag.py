@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-A recording: a folder of MCAP files of one robot, and the rules by which it grows.
+A recording: a folder of MCAP files of one robot, with limits on its size.
 
-All of it belongs to one thread.
+Not thread-safe: only the writing thread uses it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from rt_robot_os.recording.graph import LOG
 from rt_robot_os.recording.graph import ShownTopic
 from rt_robot_os.recording.graph import STATIC
 from rt_robot_os.recording.repair import file_facts
-from rt_robot_os.recording.repair import mend
+from rt_robot_os.recording.repair import repair_file
 from rt_robot_os.recording.session import CLOCK
 from rt_robot_os.recording.session import package_version
 from rt_robot_os.recording.session import RecordingSession
@@ -51,9 +51,9 @@ from rt_robot_os.recording.tracks import Track
 from rt_robot_os.settings.static_frames import static_transforms
 
 FLUSH_NS: Final = NS_PER_S
-# Two clocks are never read at the same moment; below this nothing is corrected.
+# Two clocks cannot be read at the same time; a smaller difference is not corrected.
 _STEP_NS: Final = NS_PER_MS
-#: The channel of packets that are reports of the core, which has none for them.
+#: The channel of reports of the core, which have no channel on the link.
 LOG_CHANNEL: Final = -1
 
 Packet = tuple[Header, bytearray]
@@ -62,10 +62,10 @@ Packet = tuple[Header, bytearray]
 @dataclass(frozen=True)
 class Limits:
     """
-    How far a recording may grow.
+    The limits on the size of a recording.
 
-    :ivar file_bytes: a file that reaches it is followed by another; 0 for one file.
-    :ivar files: the oldest of more files is deleted; 0 keeps all.
+    :ivar file_bytes: size at which a new file is started; 0 for one file.
+    :ivar files: maximum number of files, the oldest is deleted; 0 keeps all.
     """
 
     file_bytes: int = 0
@@ -76,10 +76,10 @@ class Bag:
     """
     Write a recording.
 
-    :param folder: made here; it must not exist.
-    :raises RecordingError: it exists or cannot be made.
-    :ivar messages: written so far, over all files.
-    :ivar removed: files deleted to keep to the limit.
+    :param folder: created here; it must not exist.
+    :raises RecordingError: it exists or cannot be created.
+    :ivar messages: written so far, in all files.
+    :ivar removed: number of files that were deleted because of the limit.
     """
 
     def __init__(self, folder: Path, compression: str = 'zstd', limits: Limits = Limits()
@@ -100,7 +100,7 @@ class Bag:
         try:
             folder.mkdir(parents=True)
         except OSError as error:
-            raise RecordingError(f'{folder} cannot be made: {error.strerror}; choose another '
+            raise RecordingError(f'{folder} cannot be created: {error.strerror}; choose another '
                                  'with -o') from error
 
     @property
@@ -115,14 +115,14 @@ class Bag:
 
     @property
     def duration_ns(self) -> int:
-        """Time from the first message to the last, of what is still there."""
+        """Time from the first message to the last, in the files that still exist."""
         filled = [file for file in self._files if file.messages]
         return (max((file.last_ns for file in filled), default=0)
                 - min((file.first_ns for file in filled), default=0))
 
     @property
     def silent(self) -> list[str]:
-        """Topics that were asked for, and on which nothing came."""
+        """Requested topics without any message."""
         counts: dict[str, int] = {}
         for file in self._files:
             for facts, count in file.counts.items():
@@ -131,16 +131,16 @@ class Bag:
 
     @property
     def lost(self) -> dict[str, int]:
-        """Count the samples that did not arrive, for each topic that lost any."""
+        """Return the number of lost samples by topic, without zeros."""
         return self._added(self._lost, lambda track: track.lost)
 
     @property
     def refused(self) -> dict[str, int]:
-        """Count the messages that could not be made of samples, by topic of the core."""
+        """Return the number of samples that could not be converted, by topic of the core."""
         return self._added(self._refused, lambda track: track.refused)
 
     def _added(self, before: Mapping[str, int], count: Callable[[Track], int]) -> dict[str, int]:
-        """Add what the tracks of this session count to what those before did."""
+        """Add the counts of this session to those of earlier sessions."""
         found = dict(before)
         for track in tuple(self._tracks.values()):
             if counted := count(track):
@@ -149,9 +149,9 @@ class Bag:
 
     def begin(self, session: RecordingSession) -> None:
         """
-        Begin a session, with a file of its own.
+        Start a session, with its own file.
 
-        :raises RecordingError: the file cannot be made.
+        :raises RecordingError: the file cannot be created.
         :raises OSError: the disk is full.
         """
         self.end()
@@ -164,7 +164,7 @@ class Bag:
             self._tracks[LOG_CHANNEL] = Track(
                 LOG.name, LOG_STAMP_OFFSET, self.mapper.line(), (ShownTopic(LOG),))
         for track in self._tracks.values():
-            # A latched topic (transient_local) counts as asked for although it is older.
+            # The last sample of a latched topic (transient_local) is included although older.
             latched = any(outlet.latched for outlet in track.outlets)
             track.begin_ns = 0 if latched else session.begin_ns
             track.end_ns = session.end_ns or track.end_ns
@@ -173,7 +173,7 @@ class Bag:
 
     def write(self, packets: Sequence[Packet]) -> None:
         """
-        Write samples as they came over the link.
+        Write samples as they were received.
 
         :raises OSError: the disk is full.
         """
@@ -187,7 +187,7 @@ class Bag:
 
     def tick(self, now_ns: int) -> None:
         """
-        Do what is due: a chunk each second, the next file, a look at the clock.
+        Do periodic work: write a chunk each second, start the next file, compare the clocks.
 
         :raises OSError: the disk is full.
         """
@@ -219,20 +219,20 @@ class Bag:
 
     def rescue(self) -> str:
         """
-        Close after an error: the file on the disk is repaired so that it can be read.
+        Close after an error: the file is repaired, so that it can be read.
 
-        :return: the outcome, as a sentence.
+        :return: the result, as a sentence.
         """
         file, self._file = self._file, None
         if file is None:
-            return f'{self.folder} holds what was recorded before'
+            return f'{self.folder} holds the recording up to this error'
         file.abandon()
         try:
-            mend(file.path)
+            repair_file(file.path)
             self._files.append(file_facts(file.path))
             self._info()
         except OSError as error:
-            return f'{error}; try record --repair {self.folder} when there is room'
+            return f'{error}; try record --repair {self.folder} when the disk has space'
         return f'{file.path} is closed and can be read: {self._files[-1].messages} messages'
 
     # ---- files -------------------------------------------------------------------------------
@@ -241,7 +241,7 @@ class Bag:
         """
         Open the next file of the session.
 
-        What latched topics last had stands at its beginning, too: files before it may be deleted.
+        It begins with the last messages of latched topics, because earlier files may be deleted.
 
         :param begin_ns: time of day at which it begins.
         """

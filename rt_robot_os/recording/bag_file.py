@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-One MCAP file on its way to the disk.
+Write one MCAP file.
 
-It ends with a whole record whatever happens to this process, once a chunk was written.
+If this process crashes, the file ends with a complete record, once a chunk was written.
 
-Data for a replay alone lies in attachments called ``rt_robot_os.replay``: each is a chunk of the
-same form, whose channels are topics of the core. Readers of MCAP list attachments and do not play
-them, so they add neither topics nor time to the bag.
+Data that only a replay needs is in attachments named ``rt_robot_os.replay``: each is a chunk of
+the same form, whose channels are topics of the core. Readers of MCAP list attachments but do not
+play them, so they add neither topics nor time to the bag.
 """
 
 from __future__ import annotations
@@ -58,10 +58,10 @@ class BagFile:
     """
     Write one file.
 
-    :param library: what the file says wrote it.
-    :raises RecordingError: it is there already, or cannot be made.
+    :param library: name of the writer, for the header of the file.
+    :raises RecordingError: the file exists, or cannot be created.
     :ivar size: bytes on the disk.
-    :ivar facts: what it holds, as far as it is on the disk.
+    :ivar facts: the content that is on the disk.
     """
 
     def __init__(self, path: Path, library: str, compression: str = 'zstd') -> None:
@@ -77,15 +77,15 @@ class BagFile:
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         except OSError as error:
-            raise RecordingError(f'{path} cannot be made: {error.strerror}') from error
+            raise RecordingError(f'{path} cannot be created: {error.strerror}') from error
         self._write(MAGIC)
         self._write_record(Header(PROFILE, library))
 
     def channel(self, topic: TopicFacts) -> int:
         """
-        Begin a topic.
+        Add a topic.
 
-        :return: the number that :meth:`add` takes.
+        :return: its number, for :meth:`add`.
         :raises LayoutError: its type is not installed.
         """
         name, contents = topic.type_name, self._contents
@@ -107,9 +107,9 @@ class BagFile:
 
     def kept_channel(self, core_topic: str) -> int:
         """
-        Begin a topic whose messages only a replay needs.
+        Add a topic whose messages only a replay needs.
 
-        :return: the number that :meth:`keep` takes.
+        :return: its number, for :meth:`keep`.
         """
         self._kept_topics += 1
         self._kept.define(Channel(
@@ -131,8 +131,8 @@ class BagFile:
         """
         Add a message.
 
-        :param log_ns: the time of day at which it stands in the bag.
-        :param cdr: bytes, or a buffer that does not change any more.
+        :param log_ns: its time of day in the bag.
+        :param cdr: bytes, or a buffer that no longer changes.
         :param publish_ns: the time of day of its data.
         :raises OSError: the disk is full.
         """
@@ -146,7 +146,7 @@ class BagFile:
             self.flush()
 
     def note(self, name: str, values: Mapping[str, str]) -> None:
-        """Write facts that hold for what follows."""
+        """Write metadata that applies to the following messages."""
         self.flush()
         offset = self.size
         length = self._write_record(Metadata(name, dict(values)))

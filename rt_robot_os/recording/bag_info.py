@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``metadata.yaml``: what makes a folder of MCAP files a bag of ROS 2 Jazzy (version 9)."""
+"""``metadata.yaml``, which makes a folder of MCAP files a bag of ROS 2 Jazzy (version 9)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from typing import Final
 import yaml
 
 METADATA: Final = 'metadata.yaml'
-# In the metadata of a channel: which topic of the core it is.
+# In the metadata of a channel: the topic of the core.
 CORE_TOPIC: Final = 'rt_robot_os.topic'
 _VERSION: Final = 9
 _QOS_TEXT_MOST: Final = 1 << 16
@@ -42,8 +42,8 @@ class TopicFacts:
     """
     A topic in a bag.
 
-    :ivar name: as ROS knows it, with its slash.
-    :ivar core_topic: its name in the core; empty for a second name of the same samples.
+    :ivar name: in ROS, with its slash.
+    :ivar core_topic: its name in the core; empty for a second topic with the same samples.
     """
 
     name: str
@@ -55,7 +55,7 @@ class TopicFacts:
     core_topic: str = ''
 
     def qos(self) -> list[dict[str, Any]]:
-        """Return the quality of service that `ros2 bag play` offers."""
+        """Return the quality of service for `ros2 bag play`."""
         return [{
             'history': 'keep_last', 'depth': self.depth, 'reliability': self.reliability,
             'durability': self.durability, 'deadline': dict(_FOREVER),
@@ -64,14 +64,14 @@ class TopicFacts:
             'avoid_ros_namespace_conventions': False}]
 
     def metadata(self) -> dict[str, str]:
-        """Return what stands in the channel."""
+        """Return the metadata of the channel."""
         return {'offered_qos_profiles': str(yaml.safe_dump(self.qos(), sort_keys=False)),
                 'topic_type_hash': self.type_hash,
                 **({CORE_TOPIC: self.core_topic} if self.core_topic else {})}
 
     @classmethod
     def read(cls, name: str, type_name: str, metadata: Mapping[str, str]) -> TopicFacts:
-        """Read what :meth:`metadata` gave, as far as it can be understood."""
+        """Parse the result of :meth:`metadata`; malformed parts are ignored."""
         known = cls(name, type_name, metadata.get('topic_type_hash', ''),
                     core_topic=metadata.get(CORE_TOPIC, ''))
         text = metadata.get('offered_qos_profiles', '')
@@ -85,7 +85,7 @@ class TopicFacts:
 
 @dataclass
 class FileFacts:
-    """A file of a bag: its name, the times of its first and last message, and how many."""
+    """A file of a bag: its name, the times of its first and last message, and their numbers."""
 
     name: str
     first_ns: int = 0
@@ -94,12 +94,12 @@ class FileFacts:
 
     @property
     def messages(self) -> int:
-        """How many messages it has."""
+        """The number of messages."""
         return sum(self.counts.values())
 
 
 def bag_text(files: Sequence[FileFacts]) -> str:
-    """Write the metadata of a bag."""
+    """Return the metadata of a bag, as YAML."""
     counts: dict[TopicFacts, int] = {}
     for file in files:
         for topic, count in file.counts.items():
@@ -129,9 +129,9 @@ def bag_text(files: Sequence[FileFacts]) -> str:
 
 def write_bag_info(folder: Path, files: Sequence[FileFacts]) -> None:
     """
-    Write ``metadata.yaml``, whole or not at all.
+    Write ``metadata.yaml`` atomically.
 
-    :raises OSError: it cannot be written; the one before stays.
+    :raises OSError: it cannot be written; the old file stays.
     """
     temporary = folder / f'.{METADATA}'
     try:

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Chunks of messages, put together in batches.
+Build chunks of messages in batches.
 
-The library's writer makes an object and six small writes of each message; at 10 000 messages a
-second that is most of a recorder's time. Here a message costs two appends to a list. The records
-around it (chunk, index, schema, channel) are the library's.
+The library's writer needs an object and six small writes for each message; at 10 000 messages per
+second that is most of a recorder's time. Here a message costs two appends to a list. The other
+records (chunk, index, schema, channel) are made by the library.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ Compress = Callable[[bytes], bytes]
 
 
 def compressor(name: str) -> Compress:
-    """Return what compresses a chunk."""
+    """Return the function that compresses a chunk."""
     if name == 'zstd':
         import zstandard
         return zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress
@@ -63,11 +63,11 @@ def compressor(name: str) -> Compress:
 def message_indices(indices: Mapping[int, array[int]], offset: int
                     ) -> tuple[bytes, dict[int, int], dict[int, int]]:
     """
-    Make what follows a chunk: where in it the messages of each channel stand.
+    Make the message indices after a chunk: the offsets of the messages of each channel.
 
-    :param indices: by channel, time and place of each message in turn.
-    :param offset: where in the file it will stand.
-    :return: the records, the place of each in the file, the number of messages; by channel.
+    :param indices: by channel, alternately time and offset of each message.
+    :param offset: of the indices in the file.
+    :return: the records, the offset of each in the file, the number of messages; by channel.
     """
     made, offsets, counts = bytearray(), {}, {}
     for channel, index in indices.items():
@@ -82,9 +82,9 @@ def message_indices(indices: Mapping[int, array[int]], offset: int
 
 class ChunkWriter:
     """
-    Collect messages, and give them as a chunk.
+    Collect messages for a chunk.
 
-    :param repeats: what is defined stands in each chunk, so that each can be read by itself.
+    :param repeats: each chunk repeats all definitions, so that it can be read on its own.
     :ivar size: bytes collected.
     """
 
@@ -127,10 +127,10 @@ class ChunkWriter:
 
     def take(self, offset: int) -> tuple[bytes, ChunkIndex, dict[int, int], bytes]:
         """
-        Return what was collected, and begin anew.
+        Return the collected chunk, and start the next one.
 
-        :param offset: where in the file it will stand.
-        :return: the record, its place in the summary, messages of each channel, the indices.
+        :param offset: of the chunk in the file.
+        :return: the record, its index for the summary, messages of each channel, the indices.
         """
         data = b''.join(self._parts)
         packed = self._compress(data)

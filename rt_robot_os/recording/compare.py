@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compare what a replay publishes with what was recorded, bit by bit."""
+"""Compare the publications of a replay with the recorded ones, byte by byte."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ _LINES_MOST: Final = 12
 @dataclass(frozen=True)
 class Produced:
     """
-    What the replay published.
+    A publication of the replay.
 
-    :ivar number: of the publication that the real run made at this moment; None when it made none.
+    :ivar number: of the publication that the real run made at this time; None if it made none.
     :ivar stamp_ns: of the data; at_ns: when it was published; both on CLOCK_MONOTONIC.
     """
 
@@ -53,7 +53,7 @@ class Difference:
     One publication that differs.
 
     :ivar at_ns: when it was published, on CLOCK_MONOTONIC.
-    :ivar lines: how, a line a field.
+    :ivar lines: the differences, one line per field.
     """
 
     topic: str
@@ -65,12 +65,12 @@ class Difference:
 @dataclass
 class Count:
     """
-    How a topic compares.
+    The result of the comparison of a topic.
 
     :ivar settling: samples that differ before the first identical one; only in a recording that
-        began in the middle of a run.
-    :ivar unrecorded: samples that the recorder did not get, so that they cannot be compared.
-    :ivar compared: samples of the recording that had a counterpart.
+        started in the middle of a run.
+    :ivar unrecorded: samples that the recorder did not receive, so that they cannot be compared.
+    :ivar compared: recorded samples that have a counterpart.
     """
 
     same: int = 0
@@ -83,12 +83,12 @@ class Count:
 
     @property
     def never_same(self) -> bool:
-        """Whether it was recorded and compared, and never settled."""
+        """Whether it was recorded and compared, but never identical."""
         return bool(self.settling and self.compared and not self.same)
 
 
 def without_stamp(cdr: bytes, offset: int | None) -> bytes:
-    """Return a message with zeros in ``header.stamp``, as the slots of the core have them."""
+    """Return a message with zeros in ``header.stamp``, as in the slots of the core."""
     if offset is None or len(cdr) < offset + _STAMP.size:
         return cdr
     return cdr[:offset] + _NO_STAMP + cdr[offset + _STAMP.size:]
@@ -107,7 +107,7 @@ class Comparison:
     Compare publications by topic and number.
 
     :param layouts: of the replayed core, by topic.
-    :param cold: the replay began as the real run did; otherwise its state was unknown.
+    :param cold: the replay starts in the state of the real run; otherwise that is unknown.
     :ivar first: the first difference in time.
     """
 
@@ -123,20 +123,20 @@ class Comparison:
 
     @property
     def identical(self) -> bool:
-        """Whether nothing differs; what was never the same counts as different."""
+        """Whether nothing differs; a topic that was never identical counts as different."""
         return not any(c.different or c.missing or c.extra or c.never_same
                        for c in self.counts.values())
 
     def recorded(self, sample: Recorded) -> None:
-        """Take a sample of the recording."""
+        """Add a sample of the recording."""
         self._recorded[sample.topic, sample.number] = sample
 
     def scheduled(self, topic: str, number: int, at_ns: int) -> None:
-        """Take notice of a publication that the replay has to make."""
+        """Add a publication that the replay must make."""
         self._scheduled[topic, number] = at_ns
 
     def produced(self, one: Produced) -> None:
-        """Take a publication of the replay."""
+        """Add a publication of the replay."""
         count = self.counts.setdefault(one.topic, Count())
         if one.number is None:
             self._differs(count, 'extra', Difference(
@@ -147,7 +147,7 @@ class Comparison:
         self._produced[key] = one
 
     def settle(self, until_ns: int) -> None:
-        """Compare everything up to a moment and forget it."""
+        """Compare everything up to a time, and remove it."""
         for key, at_ns in sorted(self._scheduled.items(), key=lambda item: item[1]):
             if at_ns < until_ns:
                 del self._scheduled[key]
@@ -169,7 +169,7 @@ class Comparison:
         offset = layout.stamp_offset
         before, after = without_stamp(sample.cdr, offset), without_stamp(one.cdr, offset)
         wall_ns = one.stamp_ns + sample.offset_ns
-        # The recorder lets no stamp go back: it gave the next possible.
+        # The recorder makes stamps strictly increasing: it used the next possible one.
         stamps_agree = sample.log_ns == wall_ns or (
             sample.log_ns == sample.before_ns + 1 and wall_ns <= sample.before_ns)
         if before == after and stamps_agree:
@@ -202,12 +202,13 @@ def field_differences(layout: Layout, before: bytes, after: bytes) -> list[str]:
     for name, cdr in (('recorded', before), ('replayed', after)):
         problem = layout.check(cdr)
         if problem:
-            return [f'what was {name} is no {layout.type_name} of this configuration: {problem}']
+            return [f'the {name} message is not a {layout.type_name} of this configuration: '
+                    f'{problem}']
     lines: list[str] = []
     _walk('', layout.to_dict(before), layout.to_dict(after), lines)
     if len(lines) > _LINES_MOST:
         lines[_LINES_MOST:] = [f'and {len(lines) - _LINES_MOST} more']
-    return lines or ['the bytes differ where no field is']
+    return lines or ['the bytes differ outside of fields']
 
 
 def _walk(path: str, before: Any, after: Any, lines: list[str]) -> None:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The text that defines a message type, with all that it is made of, as MCAP calls ``ros2msg``.
+The definition of a message type and of the types it contains, in the ``ros2msg`` format of MCAP.
 
-It comes from the ``.msg`` files that every ROS 2 package installs. Where they are missing, it is
-made from the introspection of the Python classes: the same fields, without comments.
+It comes from the ``.msg`` files that every ROS 2 package installs. If they are missing, it is made
+by introspection of the Python classes: the same fields, without comments.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from rt_robot_os.topics.resolve import MessageSpec
 from rt_robot_os.topics.resolve import resolve
 
 _RULE: Final = '=' * 80
-# The wheels of ROS lack tf2_msgs. A bag needs no more of it than this: the one field of its one
-# message, and the hash that follows from it (REP 2016).
+# The wheels of ROS lack tf2_msgs. A bag only needs the one field of its one message, and the
+# resulting hash (REP 2016).
 _TRANSFORMS_TEXT: Final = 'geometry_msgs/TransformStamped[] transforms\n'
 _TRANSFORMS_HASH: Final = (
     'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087')
@@ -67,7 +67,7 @@ def definition(type_name: str) -> str:
 
 @cache
 def type_hash(type_name: str) -> str:
-    """Return the hash of a type as DDS carries it, ``RIHS01_...``; empty when it is not known."""
+    """Return the hash of a type as in DDS, ``RIHS01_...``; empty if unknown."""
     if _is_lacking(type_name):
         return _TRANSFORMS_HASH
     try:
@@ -131,7 +131,7 @@ def _field(field: FieldSpec) -> str:
 
 
 def is_known(type_name: str) -> bool:
-    """Return whether the type is installed here."""
+    """Return whether the type is installed."""
     try:
         definition(type_name)
     except LayoutError:

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What a recording shows: the topics of a robot as ROS has them, with names, types and quality.
+The topics of a bag: the topics of a robot in ROS, with names, types and quality of service.
 
-It follows from the robot's settings, with the same conversions as the mirrors of its node. What
-the node alone publishes is here as far as it follows from the settings or the reports of the core:
-``/tf_static`` and ``/rosout``.
+They follow from the robot's settings, with the same conversions as the mirrors of its node. Of the
+topics that only the node publishes, a bag has those that follow from the settings or the reports
+of the core: ``/tf_static`` and ``/rosout``.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from rt_robot_os.settings.mirror_types import ros_type
 from rt_robot_os.settings.names import full_topic
 from rt_robot_os.settings.static_frames import published_frames
 
-#: What the node alone publishes, and a recording has as well.
+#: Published only by the node, and also recorded.
 STATIC: Final = TopicFacts(
     static_frames.TOPIC, TRANSFORMS, type_hash(TRANSFORMS), durability='transient_local',
     depth=static_frames.DEPTH)
@@ -53,11 +53,11 @@ LOG: Final = TopicFacts(
 @dataclass(frozen=True)
 class ShownTopic:
     """
-    A topic of a bag that samples of one topic of the core are written to.
+    A topic of a bag to which samples of one topic of the core are written.
 
-    :ivar facts: its name, type and quality.
-    :ivar convert: makes its messages; None where they are those of the core.
-    :ivar joint: other topics of the core have the same one, as transforms have ``/tf``.
+    :ivar facts: its name, type and quality of service.
+    :ivar convert: converts its messages; None if they are those of the core.
+    :ivar joint: several topics of the core are written to it, such as transforms to ``/tf``.
     """
 
     facts: TopicFacts
@@ -66,7 +66,7 @@ class ShownTopic:
 
     @property
     def latched(self) -> bool:
-        """Whether subscribers that come late receive the last message."""
+        """Whether late subscribers receive the last message."""
         return self.facts.durability == 'transient_local'
 
 
@@ -74,10 +74,10 @@ class TopicGraph:
     """
     The topics of one robot.
 
-    :param settings: with the names of mirrors as the node has resolved them.
+    :param settings: with the names of mirrors as resolved by the node.
     :param robot: its name, see :func:`rt_robot_os.linux.paths.robot_name`.
-    :param core_names: call topics as the core does, and convert nothing.
-    :ivar in_ros: the topics of the core behind each name in ROS.
+    :param core_names: use the names of the core, and convert nothing.
+    :ivar in_ros: the topics of the core of each name in ROS.
     """
 
     def __init__(self, settings: RobotSettings, robot: str, core_names: bool = False) -> None:
@@ -88,9 +88,9 @@ class TopicGraph:
         self._core_names = core_names
         self._mirrors: dict[str, list[MirrorSettings]] = {}
         self.in_ros: dict[str, list[str]] = {}
-        # One publisher serves all mirrors that have a name together.
+        # Mirrors with the same name share one publisher.
         self._first: dict[str, MirrorSettings] = {}
-        # What comes from ROS is shown under its name there, unless it goes to ROS as well.
+        # A topic from ROS has its name in ROS, unless it is also mirrored to ROS.
         for mirror in sorted(settings.mirrors, key=lambda each: each.direction != 'out'):
             known = self._mirrors.setdefault(mirror.topic, [])
             if mirror.direction == 'out' or not known:
@@ -101,30 +101,30 @@ class TopicGraph:
 
     @property
     def own(self) -> tuple[TopicFacts, ...]:
-        """Return the topics that no topic of the core stands behind."""
+        """Return the topics without a topic of the core."""
         if self._core_names:
             return ()
         return (*((STATIC,) if published_frames(self.settings) else ()), LOG)
 
     def is_mirrored(self, topic: str) -> bool:
-        """Return whether ROS has a topic of the core."""
+        """Return whether a topic of the core is mirrored."""
         return topic in self._mirrors
 
     def has(self, topic: str) -> bool:
         """
-        Return whether a topic of the core is shown where none is named.
+        Return whether a topic of the core is recorded by default.
 
-        Those are the topics that ROS has; all of them where it has none.
+        Those are the mirrored topics; all topics if none is mirrored.
         """
         return self._core_names or topic in self._mirrors or not self._mirrors
 
     def find(self, text: str, known: Collection[str]) -> tuple[str, ...]:
         """
-        Find what a user names.
+        Find the topics that a user names.
 
         :param text: a name in ROS, or in the core.
         :param known: the topics of the core.
-        :return: topics of the core, or the whole name of an own one; nothing when there is none.
+        :return: topics of the core, or the full name of a topic without one; empty if unknown.
         """
         name = text.strip('/')
         if text.startswith('/') and f'/{name}' in self.in_ros:
@@ -135,7 +135,7 @@ class TopicGraph:
 
     def shown(self, topic: str, type_name: str) -> tuple[ShownTopic, ...]:
         """
-        Return how a topic of the core is shown.
+        Return the bag topics of a topic of the core.
 
         :param type_name: its type in the core.
         """
@@ -153,8 +153,8 @@ class TopicGraph:
             try:
                 convert = outward(mirror)
             except ValueError:
-                continue  # it goes one way, from ROS
-            # The first with the bytes of the core is what a replay compares with.
+                continue  # it can only be converted from ROS
+            # A replay compares with the first topic that has the bytes of the core.
             is_raw = convert is None and all(each.convert is not None for each in found)
             name = self._name(mirror)
             found.append(ShownTopic(
@@ -164,7 +164,7 @@ class TopicGraph:
         return tuple(found)
 
     def logger(self, source: str) -> str:
-        """Name the logger of a part of the core, as the node does."""
+        """Return the logger name of a part of the core, as in the node."""
         return log_message.logger_name(self._robot, source)
 
     def _name(self, mirror: MirrorSettings) -> str:
@@ -176,7 +176,7 @@ class TopicGraph:
         facts = TopicFacts(name, type_name, type_hash(type_name), core_topic=core_topic)
         if mirror is None:
             return facts
-        # For what comes from ROS a publisher is offered that every subscription accepts.
+        # A topic from ROS gets a publisher that matches every subscription.
         reliability = mirror.reliability if mirror.direction == 'out' else 'reliable'
         return TopicFacts(name, type_name, facts.type_hash, reliability, mirror.durability,
                           mirror.depth, core_topic)
@@ -187,13 +187,13 @@ def read_graph(settings: str | None, robot: str, core_names: bool = False
     """
     Read the graph of a robot.
 
-    :param settings: as the core has them, JSON; None when they are not known.
-    :return: the graph, and why it is one without mirrors; '' when the settings could be read.
+    :param settings: of the core, as JSON; None if unknown.
+    :return: the graph, and why it has no mirrors; '' if the settings could be read.
     """
     try:
         if settings is not None:
             return TopicGraph(from_json(settings), robot, core_names), ''
-        problem = 'the settings of the robot are not known'
+        problem = 'the settings of the robot are unknown'
     except ConfigError as error:
         problem = str(error)
     return TopicGraph(RobotSettings(), robot, core_names), (

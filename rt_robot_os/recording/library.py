@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The libraries that read and write MCAP; optional, so they are looked for here first."""
+"""The optional libraries that read and write MCAP, checked before their import."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from rt_robot_os.base.errors import RecordingError
 from rt_robot_os.base.needs import require
 
 
-# They come with mcap from PyPI, but need not where it comes from elsewhere.
+# Dependencies of mcap from PyPI, which may be missing with mcap from another source.
 _COMPRESSIONS: Final = {'zstd': 'zstandard', 'lz4': 'lz4'}
 
 
 def need_mcap(compression: str = 'none') -> None:
     """
-    Make sure that the libraries are there, before anything that imports them is imported.
+    Check that the libraries are installed, before the modules that import them are imported.
 
-    :param compression: what is written with it.
-    :raises RecordingError: one is missing or too old.
+    :param compression: for writing.
+    :raises RecordingError: a library is missing or too old.
     """
     require('recordings', 'mcap', error=RecordingError)
     needed = _COMPRESSIONS.get(compression)

@@ -13,12 +13,11 @@
 # limitations under the License.
 
 """
-The records of an MCAP file, read with limits: a file may be damaged, or come from anybody.
+Read the records of an MCAP file with limits: a file may be damaged or come from an unknown source.
 
-A few kilobytes can stand for gigabytes once they are decompressed, and a length may say anything.
-So nothing is read or made that is longer than the limits below, and all that is wrong with a
-record is a :class:`DamagedRecordError`. Messages are taken apart here, at a microsecond each; what
-is rare is left to the library's classes.
+A few kilobytes can decompress to gigabytes, and any length may be wrong. So nothing is read or
+allocated beyond the limits below, and every problem of a record is a :class:`DamagedRecordError`.
+Messages are parsed here, at a microsecond each; rare records are parsed by the library.
 """
 
 from __future__ import annotations
@@ -43,10 +42,10 @@ from rt_robot_os.base.errors import RecordingError
 from rt_robot_os.base.needs import lacking
 from rt_robot_os.recording.summary import MAGIC
 
-# What a chunk may hold: of the recorder 1 MiB and a message.
+# The limit of a chunk; the recorder writes 1 MiB and a message.
 CHUNK_BYTES_MAXIMUM: Final = 64 << 20
 RECORD_BYTES_MAXIMUM: Final = 2 * CHUNK_BYTES_MAXIMUM
-# Messages differ in number and time, which takes more than a byte each however they are packed.
+# Messages differ in number and time, which needs more than a byte each in any compression.
 MESSAGES_ALLOWED: Final = 4096
 RECORD: Final = struct.Struct('<BQ')
 _CHUNK: Final = struct.Struct('<QQQII')
@@ -58,14 +57,14 @@ _T = TypeVar('_T')
 
 
 class DamagedRecordError(RecordingError):
-    """A record that is not what it should be; the message says why."""
+    """A record that is not valid; the message gives the problem."""
 
 
 class Message(NamedTuple):
     """
     A message of a chunk.
 
-    :ivar offset: where its record begins in the chunk.
+    :ivar offset: of its record in the chunk.
     """
 
     channel: int
@@ -80,7 +79,7 @@ class ChunkData(NamedTuple):
     """
     A chunk, decompressed.
 
-    :ivar packed_bytes: how long it is in the file.
+    :ivar packed_bytes: its length in the file.
     """
 
     first_ns: int
@@ -92,9 +91,9 @@ class ChunkData(NamedTuple):
 
 def summary_definitions(path: Path) -> tuple[dict[int, Schema], dict[int, Channel]]:
     """
-    Read the schemas and channels that the summary of a file repeats.
+    Read the schemas and channels from the summary of a file.
 
-    :return: by number; nothing of a file that has no summary, or a damaged one.
+    :return: by number; empty for a file without a valid summary.
     """
     try:
         with path.open('rb') as stream:
@@ -105,7 +104,7 @@ def summary_definitions(path: Path) -> tuple[dict[int, Schema], dict[int, Channe
 
 
 class _WholeReads(ReadDataStream):
-    """A stream that gives as much as is asked for, or raises."""
+    """A stream that returns the requested number of bytes, or raises."""
 
     def read(self, length: int) -> bytes:
         data: bytes = super().read(length)
@@ -116,17 +115,17 @@ class _WholeReads(ReadDataStream):
 
 def file_records(path: Path, offset: int = len(MAGIC)) -> Iterator[tuple[int, int, bytes]]:
     """
-    Yield offset, kind and content of each whole record; what is cut ends it.
+    Yield offset, kind and content of each complete record, up to an incomplete one.
 
-    :param offset: where to begin.
-    :raises DamagedRecordError: one is longer than any record of a recording.
-    :raises RecordingError: it is no MCAP file.
+    :param offset: of the first record.
+    :raises DamagedRecordError: a record is longer than the limit.
+    :raises RecordingError: it is not an MCAP file.
     :raises OSError: it cannot be read.
     """
     size = path.stat().st_size
     with path.open('rb') as file:
         if file.read(len(MAGIC)) != MAGIC:
-            raise RecordingError(f'{path} is no MCAP file')
+            raise RecordingError(f'{path} is not an MCAP file')
         file.seek(offset)
         while offset + RECORD.size <= size:
             kind, length = RECORD.unpack(file.read(RECORD.size))
@@ -141,10 +140,10 @@ def file_records(path: Path, offset: int = len(MAGIC)) -> Iterator[tuple[int, in
 
 def parsed(read: Callable[[ReadDataStream], _T], content: bytes) -> _T:
     """
-    Have the library read a record.
+    Parse a record with the library.
 
     :param read: such as ``Metadata.read``.
-    :raises DamagedRecordError: it cannot.
+    :raises DamagedRecordError: it is not valid.
     """
     stream = _WholeReads(BytesIO(content))
     try:
@@ -158,9 +157,9 @@ def parsed(read: Callable[[ReadDataStream], _T], content: bytes) -> _T:
 
 def unpacked(content: bytes) -> ChunkData:
     """
-    Decompress a chunk and check its sum.
+    Decompress a chunk and check its checksum.
 
-    :raises DamagedRecordError: it is damaged, or would be longer than ``CHUNK_BYTES_MAXIMUM``.
+    :raises DamagedRecordError: it is damaged, or longer than ``CHUNK_BYTES_MAXIMUM``.
     """
     try:
         first_ns, last_ns, size, crc, length = _CHUNK.unpack_from(content)
@@ -168,7 +167,7 @@ def unpacked(content: bytes) -> ChunkData:
         compression = content[_CHUNK.size:start - _LENGTH.size].decode('ascii')
         packed_bytes, = _LENGTH.unpack_from(content, start - _LENGTH.size)
     except (struct.error, UnicodeDecodeError) as error:
-        raise DamagedRecordError(f'a chunk without a head: {error}') from error
+        raise DamagedRecordError(f'a chunk without a header: {error}') from error
     if start + packed_bytes != len(content):
         raise DamagedRecordError(f'a chunk of {packed_bytes} bytes in {len(content)}')
     if size > CHUNK_BYTES_MAXIMUM:
@@ -176,20 +175,20 @@ def unpacked(content: bytes) -> ChunkData:
                                  f'{CHUNK_BYTES_MAXIMUM} can be read')
     data = _decompressed(compression, content[start:], size)
     if len(data) != size or (crc and zlib.crc32(data) != crc):
-        raise DamagedRecordError('a chunk that is not what was written')
+        raise DamagedRecordError('a chunk with a wrong checksum')
     return ChunkData(first_ns, last_ns, compression, packed_bytes, data)
 
 
 def _decompressed(compression: str, packed: bytes, size: int) -> bytes:
-    """Decompress at most one byte more than there should be, and a whole frame."""
+    """Decompress a complete frame, at most one byte more than expected."""
     try:
         if not compression:
             return packed
         if compression == 'zstd':
             import zstandard
-            # What a frame says of its length counts more than any limit.
+            # The length in a frame overrides any limit.
             if zstandard.frame_content_size(packed) not in (-1, size):
-                raise DamagedRecordError('a chunk that says two lengths')
+                raise DamagedRecordError('a chunk with two different lengths')
             return bytes(zstandard.ZstdDecompressor().decompress(packed, size))
         if compression == 'lz4':
             import lz4.frame
@@ -206,15 +205,15 @@ def _decompressed(compression: str, packed: bytes, size: int) -> bytes:
         raise
     except Exception as error:  # noqa: B902 - each compression has errors of its own
         raise DamagedRecordError(f'a chunk cannot be decompressed: {error}') from error
-    raise DamagedRecordError(f'a chunk compressed with {compression!r}, which is not known')
+    raise DamagedRecordError(f'a chunk compressed with {compression!r}, which is unknown')
 
 
 def chunk_records(chunk: ChunkData) -> Iterator[Schema | Channel | Message]:
     """
-    Yield what a chunk holds.
+    Yield the records of a chunk.
 
-    :raises DamagedRecordError: something in it is no record of a chunk, or there are more messages
-        than could differ from each other in so few bytes.
+    :raises DamagedRecordError: a record is not valid in a chunk, or there are more messages than
+        distinct ones can fit in the compressed length.
     """
     data = chunk.data
     offset, size, left = 0, len(data), MESSAGES_ALLOWED + chunk.packed_bytes

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Settings that are newer than a recording.
+Add the settings that are newer than a recording.
 
-A recording has the settings of the release that made it. What later releases added is completed
-here, so that every recording goes on to replay.
+A recording has the settings of the release that made it. Settings of later releases are added
+here, so that every recording can still be replayed.
 """
 
 from __future__ import annotations
@@ -56,6 +56,6 @@ def completed(settings: RobotSettings) -> tuple[RobotSettings, list[str]]:
 
 
 def _added(given: Mapping[str, Any], fields: Iterable[Field]) -> dict[str, Any]:
-    """Return what is declared and was not recorded, with the value that keeps a replay alike."""
+    """Return the settings that were not recorded, with values that do not change a replay."""
     return {field.name: field.value_before() for field in fields
             if field.name not in given and field.value_before() not in (ABSENT, REQUIRED)}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Read a recording from front to end, as far as it is whole, and name what is not."""
+"""Read a recording sequentially, as far as it is intact, and report the rest."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class Recorded:
 
     :ivar topic: in the core.
     :ivar log_ns: time of day of its data.
-    :ivar offset_ns: from CLOCK_MONOTONIC to the time of day, then.
-    :ivar before_ns: log time of the sample before on this topic; 0 when there is none.
+    :ivar offset_ns: from CLOCK_MONOTONIC to the time of day, at that time.
+    :ivar before_ns: log time of the previous sample of this topic; 0 if there is none.
     """
 
     topic: str
@@ -76,12 +76,12 @@ class Recording:
     One session of a recording.
 
     :param path: a folder, or one file.
-    :param session: its number; None for the first that is there.
-    :raises RecordingError: there is nothing that could be read, or no such session.
+    :param session: its number; None for the first one.
+    :raises RecordingError: nothing can be read, or there is no such session.
     :ivar facts: of the session.
-    :ivar settings: as JSON; None when there are none.
-    :ivar problems: what could not be read.
-    :ivar topics: how topics stand in the bag, by their names in the core, as far as it was read.
+    :ivar settings: as JSON; None if there are none.
+    :ivar problems: descriptions of what could not be read.
+    :ivar topics: the bag topics read so far, by their names in the core.
     """
 
     def __init__(self, path: Path, session: int | None = None) -> None:
@@ -93,13 +93,13 @@ class Recording:
         self.facts = self._find(bag_files(path), session)
 
     def _find(self, files: list[Path], wanted: int | None) -> SessionFacts:
-        """Find the files of the session by what stands at their beginnings."""
+        """Find the files of the session by their metadata."""
         chosen: SessionFacts | None = None
         others = set()
         for file in files:
             facts, settings = beginning_of(file, self.problems)
             if facts is None:
-                self.problems.append(f'{file}: no recording of record; left out')
+                self.problems.append(f'{file}: not a recording of record; skipped')
                 continue
             if chosen is None and wanted in (None, facts.number):
                 chosen, self.settings = facts, settings
@@ -109,17 +109,17 @@ class Recording:
                 others.add(facts.number)
         if chosen is None:
             if wanted is not None and others:
-                raise RecordingError(f'there is no session {wanted}; there are '
+                raise RecordingError(f'there is no session {wanted}; known are '
                                      f'{", ".join(map(str, sorted(others)))}')
             raise RecordingError('\n'.join(self.problems) or 'nothing to read')
         if others:
             self.problems.append(
-                f'this is session {chosen.number}; the core was started again meanwhile: choose '
-                f'{", ".join(map(str, sorted(others)))} with --session for the others')
+                f'this is session {chosen.number}; the core was restarted during the recording: '
+                f'for the others choose --session {", ".join(map(str, sorted(others)))}')
         return chosen
 
     def samples(self) -> Iterator[Recorded]:
-        """Yield all samples in the order in which they were received."""
+        """Yield all samples in the order of reception."""
         self._offset_ns = self.facts.offset_ns
         before: dict[str, int] = {}
         for file in self._files:
@@ -129,7 +129,7 @@ class Recording:
                 before[topic] = message.publish_ns
 
     def _messages(self, file: Path) -> Iterator[tuple[str, Message]]:
-        """Yield the messages of a file as far as it is whole, with their topics in the core."""
+        """Yield the messages of the intact part of a file, with their topics in the core."""
         shown, kept = _Channels(self.facts.form), _Channels(0)
         shown.define(*summary_definitions(file))
         try:
@@ -144,34 +144,34 @@ class Recording:
                     if attachment.name == REPLAY:
                         yield from kept.messages(attachment.data[RECORD.size:])
                 elif kind == Opcode.METADATA:
-                    self._look_at_clock(parsed(Metadata.read, content))
+                    self._read_offset(parsed(Metadata.read, content))
         except DamagedRecordError as error:
-            self.problems.append(f'{file} is damaged: read up to there; record --repair mends it '
-                                 f'({error})')
+            self.problems.append(f'{file} is damaged: read up to the damage; repair it with '
+                                 f'record --repair ({error})')
         except OSError as error:
             if isinstance(error, RecordingError):
                 raise
             self.problems.append(f'{file} cannot be read: {error.strerror}')
         else:
-            self.problems.append(f'{file} is cut short: read up to there; record --repair mends '
-                                 'it')
+            self.problems.append(f'{file} is truncated: read up to its end; repair it with '
+                                 'record --repair')
 
-    def _look_at_clock(self, metadata: Metadata) -> None:
+    def _read_offset(self, metadata: Metadata) -> None:
         if metadata.name == CLOCK:
             try:
                 self._offset_ns = moment_ns(metadata.metadata['offset_ns'])
             except (KeyError, ValueError) as error:
-                raise DamagedRecordError(f'no offset of the clock: {error}') from error
+                raise DamagedRecordError(f'no clock offset: {error}') from error
         elif metadata.name == SESSION:
             self._offset_ns = SessionFacts.read(metadata.metadata).offset_ns
 
 
 def beginning_of(file: Path, problems: list[str]) -> tuple[SessionFacts | None, str | None]:
     """
-    Read what stands at the beginning of a file.
+    Read the session and the settings at the beginning of a file.
 
-    :param problems: a sentence is added when it is damaged there.
-    :return: its session, None when it is no recording of ours; its settings, None without them.
+    :param problems: a sentence is added if the beginning is damaged.
+    :return: its session, None if it is not a recording of record; its settings, None without them.
     :raises RecordingError: it cannot be read.
     """
     facts = None
@@ -198,10 +198,10 @@ def beginning_of(file: Path, problems: list[str]) -> tuple[SessionFacts | None, 
 
 class _Channels:
     """
-    The channels of a file, or of what is kept in it for a replay.
+    The channels of a file, or of its data for a replay.
 
-    :param form: of the recording; 0 for what is kept, whose topics are those of the core.
-    :ivar facts: how topics stand in the bag, by their names in the core.
+    :param form: of the recording; 0 for replay data, whose topics are those of the core.
+    :ivar facts: the bag topics, by their names in the core.
     """
 
     def __init__(self, form: int) -> None:
@@ -211,15 +211,15 @@ class _Channels:
         self._schemas: dict[int, str] = {}
 
     def define(self, schemas: Mapping[int, Schema], channels: Mapping[int, Channel]) -> None:
-        """Begin with what the summary says: the chunk that defines it may be lost."""
+        """Add definitions from the summary: the chunk with the definition may be lost."""
         for schema in schemas.values():
             self._schemas[schema.id] = schema.name
         for channel in channels.values():
-            self._take(channel)
+            self._define(channel)
 
     def messages(self, content: bytes) -> Iterator[tuple[str, Message]]:
         """
-        Yield the messages of a chunk with their topics in the core; others are left out.
+        Yield the messages of a chunk with their topics in the core; others are skipped.
 
         :raises DamagedRecordError: it is damaged.
         """
@@ -230,11 +230,11 @@ class _Channels:
                 if topic:
                     yield topic, record
             elif isinstance(record, Channel):
-                self._take(record)
+                self._define(record)
             elif isinstance(record, Schema):
                 self._schemas[record.id] = record.name
 
-    def _take(self, channel: Channel) -> None:
+    def _define(self, channel: Channel) -> None:
         name = channel.topic
         if self._form == 1:
             name = name.lstrip('/')

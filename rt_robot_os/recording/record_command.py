@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the program `record` does with its command line."""
+"""The program `record`."""
 
 from __future__ import annotations
 
@@ -69,28 +69,28 @@ def _count(text: str) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='record', description='Record what ROS has of a running robot as MCAP, which ros2 '
-        'bag, Foxglove and PlotJuggler open, with all that replay needs. Ctrl-C ends it.')
+        prog='record', description='Record the ROS topics of a running robot as MCAP, for ros2 '
+        'bag, Foxglove and PlotJuggler, with the data for replay. Ctrl-C ends it.')
     parser.add_argument('topics', nargs='*', metavar='TOPIC',
-                        help='such as /imu/data, by its name in ROS or in the core; if none, all '
-                        'that ROS has of the robot')
+                        help='such as /imu/data, by its name in ROS or in the core (default: all '
+                        'ROS topics of the robot)')
     parser.add_argument('-o', '--output', type=Path, metavar='FOLDER',
-                        help='where to; it must not exist (default: robot_ and the time)')
+                        help='a new folder; it must not exist (default: robot_ and the time)')
     add_robot_option(parser)
-    parser.add_argument('--duration', type=_positive, metavar='S', help='end after this long')
+    parser.add_argument('--duration', type=_positive, metavar='S', help='end after this time')
     parser.add_argument('--max-bytes', type=_bytes, default=0, metavar='N',
-                        help='begin a new file when one has N bytes: 500M, 2G')
+                        help='start a new file when one has N bytes: 500M, 2G')
     parser.add_argument('--max-files', type=_count, default=0, metavar='N',
                         help='delete the oldest file when there are more')
     parser.add_argument('--compression', choices=('zstd', 'lz4', 'none'), default='zstd')
     parser.add_argument('--unmirrored', action='store_true',
-                        help='also the topics of the core that ROS does not have')
+                        help='also record topics of the core that are not mirrored to ROS')
     parser.add_argument('--core-names', action='store_true',
-                        help='the topics as the core has them, with its names and types')
+                        help='record topics with the names and types of the core')
     parser.add_argument('--no-bytes', action='store_true',
-                        help='keep nothing for replay: bytes of devices, when jobs ran')
+                        help='record no data for replay: bytes of devices, times of jobs')
     parser.add_argument('--repair', type=Path, metavar='PATH',
-                        help='mend a recording that was cut short, and do nothing else')
+                        help='repair a truncated recording, and do nothing else')
     return parser
 
 
@@ -144,7 +144,7 @@ def _record(arguments: argparse.Namespace) -> int:
         elif sys.stderr.isatty():
             print(file=sys.stderr)
     if bag.empty:
-        print('nothing was recorded: no core was there', file=sys.stderr)
+        print('nothing was recorded: no core answered', file=sys.stderr)
         return FAILED
     _print_summary(bag)
     return OK
@@ -166,17 +166,17 @@ def run(argv: Sequence[str]) -> int:
     Record until Ctrl-C.
 
     :param argv: without the program's name.
-    :return: 1 when that is not possible (any more), 2 for a wrong command line or topic.
+    :return: 1 after a failure, 2 for a wrong command line or topic.
     """
     parser = _parser()
     arguments = parser.parse_args(argv)
     if arguments.max_files and not arguments.max_bytes:
-        parser.error('--max-files needs --max-bytes: how large a file may grow')
+        parser.error('--max-files needs --max-bytes, the maximum size of a file')
     try:
         need_mcap('none' if arguments.repair else arguments.compression)
         if arguments.repair is not None:
-            from rt_robot_os.recording.repair import mend_all
-            done, failed = mend_all(arguments.repair)
+            from rt_robot_os.recording.repair import repair_all
+            done, failed = repair_all(arguments.repair)
             print(*done, sep='\n')
             print(*failed, sep='\n', end='\n' if failed else '', file=sys.stderr)
             return FAILED if failed else OK

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The program `record`: write what happens in the core as MCAP, without ROS in between.
+The program `record`: record topics of the core as MCAP, without ROS in between.
 
 Record until Ctrl-C; the exit code is 1 when it failed, 2 for bad use.
 """

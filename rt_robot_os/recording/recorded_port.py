@@ -22,7 +22,7 @@ from rt_robot_os.base.errors import DeviceError
 
 
 class RecordedPort:
-    """A port that gives what was read from the real one."""
+    """A port that returns the bytes that were read from the real port."""
 
     def __init__(self) -> None:
         self.bytes_read = self.dropped_write_bytes = 0
@@ -48,7 +48,7 @@ class RecordedPort:
 
     def write(self, data: bytes) -> None:
         """
-        Take a command, which goes nowhere: the answer was recorded.
+        Discard a command: the answer was recorded.
 
         :raises DeviceError: the real port failed in this round.
         """
@@ -62,4 +62,4 @@ class RecordedPort:
 
     def _fail(self) -> None:
         if self.fails:
-            raise DeviceError('the recorded port failed here')
+            raise DeviceError('the port failed in the recording')

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The recorder: a client of the link that writes what it gets.
+The recorder: a client of the link that writes the samples that it receives.
 
-Two threads: this one receives, in batches, so that the sockets stay empty; the other compresses
-and writes, so that a slow disk costs memory, up to a limit, and no samples.
+It has two threads: one receives in batches, so that the sockets stay empty; the other compresses
+and writes, so that a slow disk uses memory, up to a limit, but loses no samples.
 """
 
 from __future__ import annotations
@@ -55,16 +55,16 @@ from rt_robot_os.recording.selection import Selection
 from rt_robot_os.recording.selection import Wanted
 from rt_robot_os.recording.session import RecordingSession
 
-# Packets that arrive within this wait for each other: one wake-up for all of them. A socket of
-# the usual size holds three times as many at 10 000 a second, and the rings of the topics more.
+# Packets of this interval are read together, with one wake-up. A socket of the default size holds
+# three times as many at 10 000 per second, and the rings of the topics more.
 _BATCH_S: Final = 0.01
-_LOOK_S: Final = 0.1
+_POLL_S: Final = 0.1
 _RETRY_S: Final = 0.2
 _QUEUE_BYTES: Final = 64 << 20
 _BEAT_NS: Final = NS_PER_S // 2
-# A sample is on its way for the interval in which the link gathers, and the recorder's own.
+# The delay of a sample: the gather interval of the link, and the interval of the recorder.
 _ON_ITS_WAY_NS: Final = NS_PER_S // 20
-# The core notes ten times a second what its tasks did, when nothing else has to run.
+# The core publishes the schedule of its tasks ten times a second, at the lowest priority.
 _SCHEDULE_NS_MOST: Final = 2 * NS_PER_S
 _FILLED: Final = 0.9
 
@@ -85,12 +85,12 @@ class Recorder:
     Record a robot until stopped.
 
     :param path: of the core's socket.
-    :param tell: called with lines for people.
+    :param log: called with lines for the user.
     :param show: called once a second with the status.
-    :ivar stopping: set it to end.
+    :ivar stopping: set it to end the recording.
     """
 
-    def __init__(self, path: Path, bag: Bag, wanted: Wanted, tell: Callable[[str], None],
+    def __init__(self, path: Path, bag: Bag, wanted: Wanted, log: Callable[[str], None],
                  show: Callable[[RecorderStatus], None]) -> None:
         self.stopping = False
         self._asked_ns = time.monotonic_ns()
@@ -98,7 +98,7 @@ class Recorder:
         self._robot = path.stem
         self._bag = bag
         self._wanted = wanted
-        self._tell = tell
+        self._log = log
         self._show = show
         self._sessions = 0
         self._batch: list[Packet] = []
@@ -116,9 +116,9 @@ class Recorder:
 
     def run(self) -> None:
         """
-        Record; returns when stopped, or when the time is over.
+        Record until stopped, or for the duration.
 
-        :raises RecordingError: it cannot be written any more; what was written is closed.
+        :raises RecordingError: writing failed; the written part is closed.
         """
         writer = threading.Thread(target=self._write, name='writer')
         writer.start()
@@ -129,8 +129,8 @@ class Recorder:
                     client = LinkClient(self._path, 'record')
                 except LinkError as error:
                     if not waiting:
-                        self._tell(f'waiting for a core: {error}' if not self._sessions else
-                                   'the core is gone; waiting for it to come back')
+                        self._log(f'waiting for a core: {error}' if not self._sessions else
+                                  'the core has ended; waiting for a new one')
                     waiting = True
                     time.sleep(_RETRY_S)
                     self._report(False)
@@ -154,7 +154,7 @@ class Recorder:
             and time.monotonic_ns() - self._begin_ns >= wanted_ns + _ON_ITS_WAY_NS)
 
     def _record(self, client: LinkClient) -> None:
-        """Record one core until it is gone."""
+        """Record one core until it ends."""
         try:
             session = self._session(client)
             client.on_data = self._take
@@ -162,8 +162,8 @@ class Recorder:
             self._mirror(client, session)
             beat_ns = 0
             while not self._over():
-                client.pump(_LOOK_S)
-                self._hand_over()
+                client.pump(_POLL_S)
+                self._queue_batch()
                 now_ns = time.monotonic_ns()
                 if now_ns - beat_ns > _BEAT_NS:
                     beat_ns = now_ns
@@ -174,26 +174,26 @@ class Recorder:
             client.pump(0.0)
         except LinkError as error:
             if not self.stopping:
-                self._tell(f'{error}; what it sent is kept')
+                self._log(f'{error}; the samples so far are kept')
         finally:
-            self._hand_over()
+            self._queue_batch()
 
     def _await_schedule(self, client: LinkClient) -> None:
-        """Take the schedule up to now, so that a replay goes as far as what was recorded."""
+        """Receive the schedule up to now, so that a replay covers the whole recording."""
         now_ns = time.monotonic_ns()
         while (self._error is None and self._schedule >= 0 and self._schedule_ns < now_ns
                and time.monotonic_ns() < now_ns + _SCHEDULE_NS_MOST):
-            client.pump(_LOOK_S)
-            self._hand_over()
+            client.pump(_POLL_S)
+            self._queue_batch()
 
     def _mirror(self, client: LinkClient, session: RecordingSession) -> None:
-        """Begin with what the rings still hold only where somebody has a use for it."""
+        """Request the topics; older samples in the rings only if they are useful."""
         from_start = not session.begin_ns or (
             session.tapped and bool(session.taps) and _is_all_there(client, session.taps))
         latched = {info.name for info, shown in session.shown.items()
                    if any(each.latched for each in shown)}
         names = dict.fromkeys(info.name for info in (*session.shown, *session.kept))
-        # The schedule comes last: a reader has met the samples that it refers to.
+        # The schedule comes last: its samples are then before it in the file.
         for name in sorted(names, key=lambda name: name == SCHEDULE_TOPIC):
             client.mirror(name, oldest=from_start, initial=name in latched, patient=True)
 
@@ -207,7 +207,7 @@ class Recorder:
         if chosen.missing and not self._sessions:
             raise UnknownTopicError(chosen.missing)
         for line in filter(None, (problem, chosen.missing, *chosen.unknown_types)):
-            self._tell(line)
+            self._log(line)
         start_ns, now_ns = int(client.core['start_ns']), time.monotonic_ns()
         cold = start_ns >= self._asked_ns
         self._begin_ns = self._begin_ns or (start_ns if cold else now_ns)
@@ -223,8 +223,8 @@ class Recorder:
             client.on_report = self._take_report
         count = len(chosen.names)
         topics = '1 topic' if count == 1 else f'{count} topics'
-        self._tell(f'connected to the core (pid {session.pid}): recording {topics} '
-                   f'to {self._bag.folder}')
+        self._log(f'connected to the core (pid {session.pid}): recording {topics} '
+                  f'to {self._bag.folder}')
         return session
 
     def _take(self, head: Header, cdr: memoryview) -> None:
@@ -233,7 +233,7 @@ class Recorder:
             self._schedule_ns = head.stamp_ns
 
     def _take_report(self, report: Mapping[str, Any]) -> None:
-        """Take a report of the core; one that is malformed is left out."""
+        """Receive a report of the core; a malformed one is dropped."""
         with suppress(KeyError, TypeError, ValueError, struct.error):
             self._reports += int(report.get('dropped') or 0)
             message = log_message(
@@ -244,7 +244,7 @@ class Recorder:
             self._reports += 1
             self._batch.append((head, bytearray(message)))
 
-    def _hand_over(self) -> None:
+    def _queue_batch(self) -> None:
         batch, self._batch = self._batch, []
         if not batch:
             return
@@ -268,7 +268,7 @@ class Recorder:
         try:
             while True:
                 try:
-                    item = self._queue.get(timeout=_LOOK_S)
+                    item = self._queue.get(timeout=_POLL_S)
                 except queue.Empty:
                     item = []
                 if item is None:
@@ -285,10 +285,10 @@ class Recorder:
 
 
 class UnknownTopicError(RecordingError):
-    """A topic was asked for that the core does not have."""
+    """A requested topic does not exist in the core."""
 
 
 def _is_all_there(client: LinkClient, taps: Collection[str]) -> bool:
-    """Whether the rings of the taps still hold everything, with room for what comes next."""
+    """Whether the rings of the taps still have all samples, with space for the next."""
     return all(topic['published'] < _FILLED * topic['depth']
                for topic in client.statistics().topics if topic['name'] in taps)

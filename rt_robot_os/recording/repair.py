@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Repair files that were cut short or damaged: a killed recorder, a full disk, a card pulled out.
+Repair files that are truncated or damaged, after a crash, a full disk, or a removed card.
 
-Whole records stay, a cut one at the end is removed, damaged ones in the middle are marked to be
-skipped, and the summary at the end, the index of readers, is written anew. It is done in place: a
-full disk has no room for a copy.
+Complete records stay, an incomplete one at the end is removed, damaged ones in the middle are
+marked to be skipped, and the summary at the end is rewritten. This is done in place, because a
+full disk has no space for a copy.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from rt_robot_os.recording.summary import Contents
 from rt_robot_os.recording.summary import summary
 
 
-def mend(path: Path) -> str:
+def repair_file(path: Path) -> str:
     """
-    Mend a file in place.
+    Repair a file in place.
 
-    :return: what was done; empty when nothing was to be mended.
-    :raises RecordingError: it cannot be mended.
+    :return: a description of the repair; empty if none was needed.
+    :raises RecordingError: it cannot be repaired.
     """
     found = scan(path)
     if found.whole:
@@ -65,16 +65,16 @@ def mend(path: Path) -> str:
                 except OSError:
                     if not found.chunks:
                         raise
-                    # No room even for that: the last second makes it.
+                    # No space even for the summary: the last chunk is removed.
                     found.end = found.chunks.pop()[0].chunk_start_offset
                     file.truncate(end)
                     found.metadata = [m for m in found.metadata if m.offset < found.end]
                     found.attachments = [a for a in found.attachments if a.offset < found.end]
     except OSError as error:
-        raise RecordingError(f'{path} cannot be mended: {error.strerror}') from error
-    aside = (f', {found.damaged} damaged {"record" if found.damaged == 1 else "records"} in it '
-             'put aside' if found.damaged else '')
-    return f'{max(0, size - end)} bytes at its end were taken off{aside}'
+        raise RecordingError(f'{path} cannot be repaired: {error.strerror}') from error
+    skipped = (f', {found.damaged} damaged {"record" if found.damaged == 1 else "records"} '
+               'skipped' if found.damaged else '')
+    return f'{max(0, size - end)} bytes at its end were removed{skipped}'
 
 
 def _write(file: FileIO, data: bytes) -> None:
@@ -84,7 +84,7 @@ def _write(file: FileIO, data: bytes) -> None:
 
 
 def _end_of(found: Contents) -> tuple[int, bytes]:
-    """Return where the data ends, and the indices of the last chunk if they are not all there."""
+    """Return the end of the data, and the indices of the last chunk if they are incomplete."""
     if found.chunks:
         index, _, written = found.chunks[-1]
         after = index.chunk_start_offset + index.chunk_length
@@ -95,7 +95,7 @@ def _end_of(found: Contents) -> tuple[int, bytes]:
 
 def file_facts(path: Path) -> FileFacts:
     """
-    Return what a file holds, for ``metadata.yaml``.
+    Return the facts of a file for ``metadata.yaml``.
 
     :raises RecordingError: as for :func:`scan`.
     """
@@ -113,7 +113,7 @@ def file_facts(path: Path) -> FileFacts:
 
 def bag_files(path: Path) -> list[Path]:
     """
-    List the files of a recording in their order.
+    List the files of a recording in order.
 
     :param path: a folder, or one file.
     :raises RecordingError: there is none.
@@ -133,19 +133,19 @@ def bag_files(path: Path) -> list[Path]:
     return found
 
 
-def mend_all(path: Path) -> tuple[list[str], list[str]]:
+def repair_all(path: Path) -> tuple[list[str], list[str]]:
     """
-    Mend all files of a recording and write its ``metadata.yaml`` anew.
+    Repair all files of a recording and rewrite its ``metadata.yaml``.
 
     :param path: a folder, or one file of it.
-    :return: what was done, a line a file; what could not be done.
+    :return: the results, one line per file; the failures.
     :raises RecordingError: there is no file, or its folder cannot be written.
     """
     lines, failed, facts = [], [], []
     for file in bag_files(path):
         try:
-            done = mend(file)
-            lines.append(f'{file}: mended, {done}' if done else f'{file}: whole')
+            done = repair_file(file)
+            lines.append(f'{file}: repaired, {done}' if done else f'{file}: intact')
         except RecordingError as error:
             failed.append(str(error))
     folder = path if path.is_dir() else path.parent
@@ -154,7 +154,7 @@ def mend_all(path: Path) -> tuple[list[str], list[str]]:
             try:
                 facts.append(file_facts(file))
             except RecordingError:
-                continue  # it is among those that failed, or was not to be mended
+                continue  # it is among the failures, or was not to be repaired
         try:
             write_bag_info(folder, facts)
         except OSError as error:

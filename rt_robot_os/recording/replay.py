@@ -15,11 +15,11 @@
 """
 Replay a recording through the same drivers and modules, under the virtual clock.
 
-Besides its inputs, timing decided the real run: when each round of a device read, when each job of
-a module began, when in a job it published. The taps of the core have recorded that
-(:mod:`rt_robot_os.core.tap`). Here each job is released at the time at which it began then, and a
-publication first advances the virtual clock to the time at which it was made then, with all
-preemptions in between. Everything else follows, as it is the same kernel.
+A run is determined by its inputs and its timing: when each round of a device read, when each job
+of a module started, when a job published. The taps of the core have recorded these times
+(:mod:`rt_robot_os.core.tap`). Here each job is released at its recorded start, and a publication
+first advances the virtual clock to its recorded time, with all preemptions in between. Everything
+else follows, because the kernel is the same.
 """
 
 from __future__ import annotations
@@ -75,16 +75,16 @@ class Replay:
     """
     One replay.
 
-    :param settings: with which the core is built.
-    :param from_bytes: replay the drivers; False begins with what they published.
-    :param boards_too: replay the drivers of motor boards as well, whose answers fit the recorded
-        commands only.
+    :param settings: of the core.
+    :param from_bytes: replay the drivers; False starts with their publications.
+    :param boards_too: also replay the drivers of motor boards, whose answers fit only the
+        recorded commands.
     :raises RecordingError: it cannot be replayed.
     :raises RtRobotError: the settings do not fit together.
-    :ivar core: the replayed one.
-    :ivar comparison: with what was recorded.
+    :ivar core: the replayed core.
+    :ivar comparison: with the recording.
     :ivar on_produced: called with each publication of a replayed task, in order.
-    :ivar notes: what could not be done as in the real run.
+    :ivar notes: deviations from the real run.
     """
 
     def __init__(self, recording: Recording, settings: RobotSettings, *,
@@ -100,7 +100,7 @@ class Replay:
             [each.at_ns for each in (*first.jobs[:1], *first.publications[:1])]
             + [each.at_ns for each in first.rounds[:1]]) - 1
         if not 0 <= first.until_ns - start_ns <= SLICE_NS_MOST:
-            raise RecordingError(f'the core began at {start_ns} ns, but its schedule at '
+            raise RecordingError(f'the core started at {start_ns} ns, but its schedule at '
                                  f'{first.until_ns} ns: the recording is damaged')
         self.start_ns = self.end_ns = start_ns
         clock = ReplayClock(start_ns)
@@ -149,15 +149,15 @@ class Replay:
 
     def _why_no_schedule(self) -> str:
         if SCHEDULE_TOPIC not in self._facts.taps:
-            return ('the recording has no schedule, which says when jobs ran: it was made with '
-                    '--no-bytes; record it anew without')
+            return ('the recording has no schedule of the jobs: it was made with --no-bytes; '
+                    'record again without it')
         if self.timeline.problems:
-            return 'nothing of its schedule can be read: ' + '; '.join(self.timeline.problems[:3])
+            return 'its schedule cannot be read: ' + '; '.join(self.timeline.problems[:3])
         if not self.timeline.messages:
             return '\n'.join([
-                *self._recording.problems, 'it holds no message of its schedule, which the core '
-                'publishes ten times a second: it is too short, or cut short; record for longer'])
-        return 'by its schedule no device and no module did anything while it was made'
+                *self._recording.problems, 'it has no message of the schedule, which the core '
+                'publishes ten times a second: it is too short, or truncated; record for longer'])
+        return 'no device and no module ran during the recording, according to its schedule'
 
     def _find_devices(self, from_bytes: bool, boards_too: bool) -> dict[str, ManagedDevice]:
         if not from_bytes:
@@ -171,18 +171,18 @@ class Replay:
                   and device_topic(device.name) in self._facts.taps):
                 found[device.name] = managed
                 device.make_port = self._port_of(device.name)
-                # Each of its rounds was recorded, also those that its inputs made.
+                # All of its rounds were recorded, including those that its inputs released.
                 managed.replay_gate = True
                 if managed.arrival is not None:
                     self.core.bus.stop_releasing(managed.arrival)
             else:
                 left.append(device.name)
         if left:
-            self.notes.append(f'no bytes of {", ".join(left)}: what they published is taken '
-                              'as it was recorded')
+            self.notes.append(f'no bytes of {", ".join(left)}: the recorded publications are '
+                              'used')
         if boards:
-            self.notes.append(f'what {", ".join(boards)} published is taken as it was recorded: '
-                              'its answers fit the recorded commands only (--from bytes)')
+            self.notes.append(f'the recorded publications of {", ".join(boards)} are used: '
+                              'answers fit only the recorded commands (--from bytes)')
         return found
 
     def _port_of(self, name: str) -> Callable[[str, int], RecordedPort]:
@@ -193,20 +193,20 @@ class Replay:
         return make
 
     def _on_schedule(self) -> dict[str, Task]:
-        """Take the tasks off their grids; give those that are released as recorded."""
+        """Remove the periods of tasks; return those that are released as recorded."""
         found = {}
         modules = {module.name for module in self.core.modules}
         for task in self._kernel.tasks:
             if task.logical is not None:
-                self.notes.append(f'{task.name} runs at its own times: it has logical execution '
-                                  'time')
+                self.notes.append(f'{task.name} runs at its own instants: it has logical '
+                                  'execution time')
                 continue
             if task.coroutine is not None:
                 task.coroutine.replay_gate = self._schedule.of_coroutine(task.name)
             if task.name in modules and (task.period_ns or task.coroutine is not None):
                 found[task.name] = task
                 if task.coroutine is None:
-                    # Also the jobs that a publication released were recorded.
+                    # Jobs that a publication released were recorded, too.
                     self.core.bus.stop_releasing(task)
             if task.name.partition('/')[0] not in modules or task.name in modules:
                 task.period_ns = 0
@@ -216,9 +216,9 @@ class Replay:
 
     def run(self) -> None:
         """
-        Replay all of it.
+        Replay the whole recording.
 
-        :raises RtRobotError: a module could not be prepared, or the recording ends in nonsense.
+        :raises RtRobotError: a module could not be prepared, or the recording is damaged.
         """
         core = self.core
         try:
@@ -229,11 +229,11 @@ class Replay:
         if self._error is not None:
             raise self._error
         if self._unrecorded:
-            self.notes.append('not recorded, so not given to the modules: ' + ', '.join(
+            self.notes.append('not recorded, so missing for the modules: ' + ', '.join(
                 f'{topic} ({count} samples)' for topic, count in self._unrecorded.items()))
 
     def _feed(self) -> None:
-        """Do what is due; when it fails the replay ends, for nothing else would end it."""
+        """Process due events; an error ends the replay."""
         try:
             self._feed_what_is_due()
         except Exception as error:
@@ -241,7 +241,7 @@ class Replay:
             self._kernel.stop('error')
 
     def _feed_what_is_due(self) -> None:
-        """Do what is due, and come back for what is next; the job above all others."""
+        """Process due events, and set a timer for the next; the job above all others."""
         events, now_ns = self._events, self._kernel.now_ns()
         while True:
             while events and events[0][0] <= now_ns:
@@ -307,7 +307,7 @@ class Replay:
             events.append((record.at_ns, 0, lambda: self._inject(topic, record.number)))
 
     def _inject(self, topic: str, number: int) -> None:
-        """Publish what came from outside, or from a device that is not replayed."""
+        """Publish a sample of a client, or of a device that is not replayed."""
         sample = self._samples.pop((topic, number), None)
         if sample is None:
             self._unrecorded[topic] = self._unrecorded.get(topic, 0) + 1
@@ -317,7 +317,7 @@ class Replay:
             Publisher(target).publish_cdr(
                 without_stamp(sample.cdr, target.layout.stamp_offset), sample.stamp_ns)
         except (ValueError, OSError) as error:
-            text = f'{topic}: a sample could not be given to the modules: {error}'
+            text = f'{topic}: a sample could not be published: {error}'
             if text not in self.notes and len(self.notes) < _NOTES_MOST:
                 self.notes.append(text)
 
@@ -341,7 +341,7 @@ class Replay:
             self._kernel.release(task)
 
     def _note(self, record: tuple[Any, ...]) -> None:
-        """Take a record of the kernel, within its critical section."""
+        """Receive a record of the kernel, in its critical section."""
         if record[0] == PUBLISH and record[1] is not None and record[1].name in self._replayed:
             _, _, at_ns, name, number = record
             topic = self.core.bus.topic(name)

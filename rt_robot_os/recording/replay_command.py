@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the program `replay` does with its command line."""
+"""The program `replay`."""
 
 from __future__ import annotations
 
@@ -38,36 +38,38 @@ if TYPE_CHECKING:
     from rt_robot_os.settings import RobotSettings
 
 IDENTICAL, DIFFERS = 0, 1
-# Names of settings that are newer than a recording, in its message.
+# The most names of newer settings in a message.
 _NAMED: Final = 6
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='replay', description='Replay a recording of record: the same drivers and modules, '
-        'fed with the recorded bytes at the recorded times, faster than real time. Each '
-        'publication is compared with the recorded one. Ends with 0 when all are identical, 1 '
-        'when some differ, 2 when it cannot be replayed.')
+        'with the recorded bytes at the recorded times, faster than real time. Each publication '
+        'is compared with the recorded one. Exit code: 0 when all are identical, 1 when some '
+        'differ, 2 when it cannot be replayed.')
     parser.add_argument('recording', type=Path, metavar='PATH', help='folder or .mcap file')
     parser.add_argument('--params-file', type=Path, action='append', default=[], metavar='FILE',
-                        help='another configuration than the recorded one')
-    parser.add_argument('--node', default='robot', help='whose parameters in it (%(default)s)')
+                        help='use this configuration instead of the recorded one')
+    parser.add_argument('--node', default='robot',
+                        help='name of the node in the file (%(default)s)')
     parser.add_argument('--allow', action='append', default=[], metavar='TYPE',
-                        help='let the recording import this module, package.module:Class; '
-                        'registered ones need no permission')
+                        help='permit the recording to import this module, package.module:Class; '
+                        'registered modules need no permission')
     parser.add_argument('--from', dest='source', choices=('auto', 'bytes', 'topics'),
-                        default='auto', help='replay the drivers too, those of motor boards only '
-                        'with bytes; or begin with what all of them published (%(default)s)')
+                        default='auto', help='auto: replay the drivers, except those of motor '
+                        'boards; bytes: replay all drivers; topics: start with the publications '
+                        'of the drivers (%(default)s)')
     parser.add_argument('--session', type=int, metavar='N',
-                        help='which, when the core was started again while it was recorded')
+                        help='number of the session, if the core was restarted while recording')
     parser.add_argument('--output', type=Path, metavar='FILE',
-                        help='write what the replay publishes as MCAP')
+                        help='write the publications of the replay as MCAP')
     return parser
 
 
 def _settings(arguments: argparse.Namespace, recording: Recording
               ) -> tuple[RobotSettings, list[str]]:
-    """Return the settings, and which of them are newer than the recording."""
+    """Return the settings, and the keys that are newer than the recording."""
     from rt_robot_os.recording.newer_settings import completed
     from rt_robot_os.recording.trust import check_trusted
     from rt_robot_os.settings import from_json
@@ -107,13 +109,13 @@ def _replay(arguments: argparse.Namespace) -> int:
     code = _report(replay, recording, time.perf_counter() - begin)
     if code == DIFFERS and newer:
         more = ', ...' if len(newer) > _NAMED else ''
-        _say(f'{len(newer)} settings are newer than the recording: '
-             f'{", ".join(newer[:_NAMED])}{more}')
+        _print_error(f'{len(newer)} settings are newer than the recording: '
+                     f'{", ".join(newer[:_NAMED])}{more}')
     return code
 
 
-def _say(text: str) -> None:
-    """Tell what the recording may have put into words: nothing of it drives the terminal."""
+def _print_error(text: str) -> None:
+    """Print text that may come from the recording, without control characters."""
     print(''.join(each if each.isprintable() or each == '\n' else '?' for each in text),
           file=sys.stderr)
 
@@ -121,20 +123,20 @@ def _say(text: str) -> None:
 def _report(replay: Replay, recording: Recording, took_s: float) -> int:
     comparison, timeline = replay.comparison, replay.timeline
     for line in (*recording.problems, *timeline.problems, *replay.notes):
-        _say(line)
+        _print_error(line)
     for topic, gap in timeline.gaps.items():
-        _say(f'{topic}: {gap} messages are missing; what follows may differ')
+        _print_error(f'{topic}: {gap} messages are missing; the rest may differ')
     if timeline.dropped:
-        _say(f'the core dropped {timeline.dropped} records of its schedule before they could be '
-             'recorded; what follows may differ')
+        _print_error(f'the core dropped {timeline.dropped} records of its schedule before they '
+                     'could be recorded; the rest may differ')
     for failure in replay.core.kernel.failures:
-        _say(f'task {failure.task} failed: {failure.error}')
+        _print_error(f'task {failure.task} failed: {failure.error}')
     length_s = (replay.end_ns - replay.start_ns) / NS_PER_S
     print(f'{length_s:.1f} s replayed in {took_s:.2f} s: {length_s / took_s:.0f} times real time')
     if not timeline.cold:
-        print('The recording began in the middle of the run, so the replay began in another '
-              'state.\nWhat differs before the first that is the same counts as settling '
-              '(core.record_bytes: true records all).')
+        print('The recording started in the middle of the run, so the replay started in another '
+              'state.\nDifferences before the first identical sample count as settling '
+              '(core.record_bytes: true records everything).')
     print(f'{"topic":32} {"same":>8} {"differ":>8} {"missing":>8} {"extra":>8} {"settling":>8} '
           f'{"not recorded":>12}')
     for topic, c in sorted(comparison.counts.items()):
@@ -148,12 +150,12 @@ def _report(replay: Replay, recording: Recording, took_s: float) -> int:
         for line in first.lines:
             print(f'  {line}')
     if not any(c.compared or c.missing or c.extra for c in comparison.counts.values()):
-        print('nothing that was recorded could be compared with what the replay published',
+        print('no recorded sample could be compared with the publications of the replay',
               file=sys.stderr)
         return BAD_USE
     for topic, c in sorted(comparison.counts.items()):
         if c.never_same:
-            print(f'{topic}: never the same; its state before the recording is not known')
+            print(f'{topic}: never identical; its state before the recording is unknown')
     print('identical' if comparison.identical else 'different')
     return IDENTICAL if comparison.identical else DIFFERS
 
@@ -164,20 +166,20 @@ def run(argv: Sequence[str]) -> int:
 
     :param argv: without the program's name.
     :return: the exit code: 0 identical, 1 different, 2 when it cannot be replayed.
-    :raises BrokenPipeError: nobody reads what it says any more.
+    :raises BrokenPipeError: the output is no longer read.
     """
     arguments = _parser().parse_args(argv)
     try:
         need_mcap()
         return _replay(arguments)
     except RtRobotError as error:
-        _say(str(error))
+        _print_error(str(error))
     except BrokenPipeError:
         raise
     except OSError as error:
         warn('replay', error)
-    except Exception as error:  # noqa: B902 - a made-up recording may upset anything below
+    except Exception as error:  # noqa: B902 - a malicious recording may cause any error
         what = ' '.join(f'{type(error).__name__}: {error}'.split())
-        _say(f'{arguments.recording} cannot be replayed: it is damaged, or its configuration is '
-             f'none that this release can run ({what:.300})')
+        _print_error(f'{arguments.recording} cannot be replayed: it is damaged, or this release '
+                     f'cannot run its configuration ({what:.300})')
     return BAD_USE

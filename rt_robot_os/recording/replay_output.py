@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a replay publishes, as a file; the same replay gives the same bytes."""
+"""Write the publications of a replay to a file; the same replay gives the same bytes."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from rt_robot_os.recording.tracks import Outlet
 
 class ReplayOutput:
     """
-    Write the publications of a replay, as the recording shows them or would.
+    Write the publications of a replay, with the topics of the recording.
 
-    :raises RecordingError: the file is there, or cannot be made.
+    :raises RecordingError: the file exists, or cannot be created.
     """
 
     def __init__(self, path: Path, replay: Replay, recording: Recording) -> None:
@@ -45,14 +45,14 @@ class ReplayOutput:
         self._recording = recording
         self._offset_ns = recording.facts.offset_ns
         self._graph, _ = read_graph(recording.settings, recording.facts.robot)
-        # Not this release, which would make the bytes of two releases differ.
+        # Without the release, so that the bytes of two releases can be compared.
         self._file = BagFile(path, 'rt_robot_os replay')
         self._channels: dict[TopicFacts, int] = {}
         self._outlets: dict[str, Sequence[Outlet]] = {}
         self._numbers: dict[str, int] = {}
-        replay.on_produced = self._take
+        replay.on_produced = self._write
 
-    def _take(self, one: Produced) -> None:
+    def _write(self, one: Produced) -> None:
         outlets = self._outlets.get(one.topic)
         if outlets is None:
             outlets = self._outlets[one.topic] = self._begin(one.topic)
@@ -64,7 +64,7 @@ class ReplayOutput:
             outlet.write(self._file, wall_ns, cdr, number & 0xFFFFFFFF, wall_ns)
 
     def _begin(self, topic: str) -> list[Outlet]:
-        """Make the topics of the file that one of the core has."""
+        """Add the topics of the file for a topic of the core."""
         type_name = self._layouts[topic].type_name
         recorded = self._recording.topics.get(topic)
         shown = self._graph.shown(topic, type_name) if recorded is None else (ShownTopic(replace(

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Time in a replay: it advances as it did in the real run.
+The time in a replay, which advances as in the real run.
 
-A job begins when it began then, and publishes when it published then; what interrupted it in
-between interrupts it again. Numbers and moments come from the schedule that the core noted.
+A job starts and publishes at its recorded times, and is preempted again in between. Numbers and
+times come from the recorded schedule of the core.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
 
-# A task that a publication releases begins a little before it really began.
+# A task that a publication releases starts slightly earlier than in the real run.
 _EARLY_NS: Final = NS_PER_MS
 
 
 class ReplayClock(VirtualClock):
-    """The virtual clock, on which a job can wait for a moment."""
+    """A virtual clock on which a job can wait for a time."""
 
     def pass_until(self, at_ns: int) -> None:
-        """Advance to a time; jobs that become due preempt the caller, and take time as well."""
+        """Advance to a time; jobs that become due preempt the caller, and also take time."""
         while self._now_ns < at_ns:
             first_ns = min(self._timer_ns, self._spare_ns)
             self._now_ns = max(self._now_ns, min(at_ns, first_ns))
@@ -52,7 +52,7 @@ class ReplayClock(VirtualClock):
 
 
 class Schedule:
-    """When, in the real run, jobs ran and publications were made; of replayed tasks."""
+    """The recorded times of jobs and publications of replayed tasks."""
 
     def __init__(self, clock: ReplayClock) -> None:
         self._clock = clock
@@ -61,44 +61,44 @@ class Schedule:
         self.moments: dict[tuple[str, str], deque[int]] = {}
         self.numbers: dict[tuple[str, int], int] = {}
         self.by_task: dict[str, deque[int]] = {}
-        # Tasks that have read something since their job began, or since they published.
+        # Tasks that have read a sample since their job started, or since they published.
         self.fed: set[str] = set()
-        # When coroutines went on, by task.
+        # The times at which coroutines continued, by task.
         self._went_on: dict[str, deque[int]] = {}
 
     def of_coroutine(self, task: str) -> Callable[[Callable[[], bool]], bool]:
-        """Take notice of a coroutine; give what says whether it goes on."""
+        """Add a coroutine; return the function that decides whether it continues."""
         self._went_on[task] = deque()
         return lambda over: self._goes_on(task, over)
 
     def add_going_on(self, task: str, at_ns: int) -> None:
-        """Take notice of when a coroutine went on; in order of time."""
+        """Add a time at which a coroutine continued; in order of time."""
         if task in self._went_on:
             self._went_on[task].append(at_ns)
 
     def _goes_on(self, task: str, over: Callable[[], bool]) -> bool:
-        """Look at what a coroutine awaits at the moment at which the real one did."""
+        """Evaluate what a coroutine awaits at the time at which the real run did."""
         moments, now_ns = self._went_on[task], self._clock.now_ns()
         while moments and moments[0] < now_ns:
             moments.popleft()
         if moments and moments[0] <= self._job_end(task, now_ns):
             self._clock.pass_until(moments.popleft())
             return over()
-        # Earlier releases did not note it. A job that published again had gone on before.
+        # Earlier releases did not record it. A job that published again must have continued.
         return over() or self._pass_to_publication(task) and over()
 
     def add_job(self, task: str, start_ns: int, end_ns: int) -> None:
-        """Take notice of a job; in order of their starts."""
+        """Add a job; in order of their starts."""
         self.jobs.setdefault(task, deque()).append((start_ns, end_ns))
 
     def add_publication(self, task: str, topic: str, number: int, at_ns: int) -> None:
-        """Take notice of a publication; in order of time."""
+        """Add a publication; in order of time."""
         self.moments.setdefault((topic, task), deque()).append(at_ns)
         self.by_task.setdefault(task, deque()).append(at_ns)
         self.numbers[topic, at_ns] = number
 
     def _job_end(self, task: str, now_ns: int) -> int:
-        """Return the recorded end of a task's present job; -1 when there was no such job."""
+        """Return the recorded end of a task's current job; -1 if there was no such job."""
         jobs = self.jobs.get(task)
         while jobs and jobs[0][1] < now_ns:
             jobs.popleft()
@@ -118,11 +118,11 @@ class Schedule:
         """
         Advance to the next recorded publication of a job that finds nothing to read.
 
-        It published then, so it had read something: a task above it had come in between.
+        Since it published, it had read a sample: a task of higher priority had preempted it.
 
         :return: whether time has passed.
         """
-        # What a coroutine awaits it looks at as a whole, in its order, when time has passed.
+        # A coroutine evaluates everything it awaits, in order, after time has passed.
         return (task not in self.fed and task not in self._went_on
                 and self._pass_to_publication(task))
 
@@ -143,7 +143,7 @@ class Schedule:
 
 
 class ReplayPublisher(Publisher):
-    """A publisher that publishes at the recorded moment."""
+    """A publisher that publishes at the recorded time."""
 
     __slots__ = ('_schedule', '_task')
 
@@ -153,12 +153,12 @@ class ReplayPublisher(Publisher):
         self._task = task
 
     def publish(self, stamp_ns: int = 0) -> None:
-        """Publish the message as it stands when its moment has come."""
+        """Publish the message at its recorded time."""
         self._schedule.wait_for(self.topic.name, self._task)
         super().publish(stamp_ns)
 
     def send(self, data: memoryview, stamp_ns: int = 0) -> None:
-        """Publish CDR when its moment has come."""
+        """Publish CDR at its recorded time."""
         self._schedule.wait_for(self.topic.name, self._task)
         super().send(data, stamp_ns)
 
@@ -171,7 +171,7 @@ class ReplaySubscription(Subscription):
     schedule: Schedule
 
     def take(self) -> bool:
-        """Copy the oldest unread sample, also one that came while the real job was held up."""
+        """Copy the oldest unread sample, also one that came while the real job was preempted."""
         schedule, name = self.schedule, self.name
         if super().take() or (schedule.wait_for_more(name) and super().take()):
             schedule.fed.add(name)
@@ -179,7 +179,7 @@ class ReplaySubscription(Subscription):
         return False
 
     def latest(self) -> bool:
-        """Copy the newest sample that is there now."""
+        """Copy the newest sample."""
         behind = self.topic.head - self.next_seq - 1
         if behind > 0:
             self.skipped += behind
@@ -189,7 +189,7 @@ class ReplaySubscription(Subscription):
 
 class ReplayBus(Bus):
     """
-    A bus whose tasks publish at the recorded moments.
+    A bus whose tasks publish at the recorded times.
 
     :ivar made: topic and task of each publisher.
     """

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Look through an MCAP file that may be cut short or damaged anywhere.
+Scan an MCAP file that may be truncated or damaged anywhere.
 
-A damaged record is put aside: it becomes one of a private kind, which readers skip.
-Where even the length of a record is lost, the next chunk is looked for, and what lies in between
-is put aside as one record. Nothing is changed here: that is what ``patches`` are for.
+A damaged record gets a private record type, which readers skip. If the length of a record is
+damaged, the next chunk is searched, and the bytes in between become one skipped record. The file
+is not changed here; the changes are returned as ``patches``.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ from rt_robot_os.recording.summary import MAGIC
 from rt_robot_os.recording.summary import PROFILE
 
 # Kinds from 0x80 on are private; readers skip them.
-_PUT_ASIDE: Final = 0x80
+_SKIPPED: Final = 0x80
 _DATA: Final = frozenset((
     Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK,
     Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA))
@@ -69,7 +69,7 @@ _KINDS: Final = frozenset(range(Opcode.HEADER, Opcode.DATA_END + 1))
 _DATA_END_BYTES: Final = 4
 _LENGTH: Final = struct.Struct('<Q')
 _FOOTER: Final = struct.Struct('<BQQQ')
-# From the beginning of a chunk to the name of its compression, which tells it from other bytes.
+# From the beginning of a chunk to the name of its compression, by which chunks are found.
 _BEFORE_NAME: Final = RECORD.size + 28
 _NAMES: Final = (b'\4\0\0\0zstd', b'\3\0\0\0lz4')
 _JUMPS_MOST: Final = 1000
@@ -77,14 +77,14 @@ _JUMPS_MOST: Final = 1000
 
 def scan(path: Path) -> Contents:
     """
-    Find what is whole in a file.
+    Find the intact records of a file.
 
-    :raises RecordingError: it is no MCAP file, or cannot be read.
+    :raises RecordingError: it is not an MCAP file, or cannot be read.
     """
     try:
         with path.open('rb') as file:
             if file.read(len(MAGIC)) != MAGIC:
-                raise RecordingError(f'{path} is no MCAP file')
+                raise RecordingError(f'{path} is not an MCAP file')
             with mmap(file.fileno(), 0, access=ACCESS_READ) as data:
                 found = _Scan(data, *summary_definitions(path)).found
     except OSError as error:
@@ -92,13 +92,13 @@ def scan(path: Path) -> Contents:
             raise
         raise RecordingError(f'{path} cannot be read: {error.strerror}') from error
     if not found.has_header and found.end > len(MAGIC):
-        raise RecordingError(f'{path} cannot be mended: it does not begin with a header')
+        raise RecordingError(f'{path} cannot be repaired: it does not begin with a header')
     return found
 
 
 def header(length: int | None = None) -> bytes:
     """
-    Make the first record of a file whose own was lost.
+    Make the first record of a file whose header was lost.
 
     :param length: of the whole record; None for the shortest.
     """
@@ -110,10 +110,10 @@ def header(length: int | None = None) -> bytes:
 
 class _Scan:
     """
-    Look through the bytes of a file once.
+    Scan the bytes of a file once.
 
-    :param schemas: of the summary, and channels: a chunk that defines them may be lost.
-    :ivar found: what is whole in it.
+    :param schemas: of the summary, as are the channels: a chunk that defines them may be lost.
+    :ivar found: the intact content.
     """
 
     def __init__(self, data: mmap, schemas: dict[int, Schema], channels: dict[int, Channel]
@@ -129,12 +129,12 @@ class _Scan:
         if self.found.patches and not self.found.has_header:
             self._make_header()
         if self.found.chunks and not self.found.whole:
-            # Messages outside of chunks are what is left of damaged ones.
-            self.found.patches += [(place, bytes((_PUT_ASIDE | Opcode.MESSAGE,)))
+            # Messages outside of chunks are the rest of damaged chunks.
+            self.found.patches += [(place, bytes((_SKIPPED | Opcode.MESSAGE,)))
                                    for place in self._loose]
 
     def _make_header(self) -> None:
-        """Put a header in the place of a first record that was put aside, if it has room."""
+        """Replace a skipped first record by a header, if it is long enough."""
         offset, patch = self.found.patches[0]
         length = RECORD.size + (RECORD.unpack(patch) if len(patch) == RECORD.size else
                                 self._head(offset))[1]
@@ -146,7 +146,7 @@ class _Scan:
             self.found.end = len(MAGIC)
 
     def _step(self, offset: int) -> int:
-        """Take the record at an offset; give where the next is, -1 when there is none."""
+        """Read the record at an offset; return the offset of the next, -1 for none."""
         found = self.found
         kind, length = self._head(offset)
         end = offset + RECORD.size + length
@@ -154,58 +154,58 @@ class _Scan:
             return self._jump(offset)
         if offset == len(MAGIC) and kind != Opcode.HEADER:
             found.end = end
-            self._put_aside(offset, kind)
+            self._skip(offset, kind)
         elif kind in _DATA:
             found.end = end
             try:
-                self._take(offset, kind, self._data[offset + RECORD.size:end])
+                self._add(offset, kind, self._data[offset + RECORD.size:end])
             except DamagedRecordError:
-                self._put_aside(offset, kind)
-        elif kind >= _PUT_ASIDE:
+                self._skip(offset, kind)
+        elif kind >= _SKIPPED:
             found.end = end
         else:
-            # The end of the data, unless a kind was damaged in the middle of it.
+            # The end of the data, unless the type of a record in the middle is damaged.
             if kind == Opcode.DATA_END and length == _DATA_END_BYTES and self._has_summary(end):
                 found.whole = not found.patches and self._adds_up(offset)
                 return -1
             if self._next_chunk(end) < 0:
                 return -1
             found.end = end
-            self._put_aside(offset, kind)
+            self._skip(offset, kind)
         return found.end
 
     def _head(self, offset: int) -> tuple[int, int]:
-        """Return kind and length of the record at an offset; -1 for what is none."""
+        """Return kind and length of the record at an offset; -1 if it is not valid."""
         if offset + RECORD.size > self._size:
             return -1, 0
         kind, length = RECORD.unpack_from(self._data, offset)
         return (kind, length) if length <= RECORD_BYTES_MAXIMUM else (-1, 0)
 
     def _plausible(self, offset: int) -> bool:
-        """Whether another record could begin here, or the file ends."""
+        """Whether a record may begin at an offset, or the file ends."""
         if offset + RECORD.size > self._size:
             return True
         kind, _ = self._head(offset)
-        return kind in _KINDS or kind >= _PUT_ASIDE
+        return kind in _KINDS or kind >= _SKIPPED
 
-    def _put_aside(self, offset: int, kind: int) -> None:
-        self.found.patches.append((offset, bytes((_PUT_ASIDE | kind,))))
+    def _skip(self, offset: int, kind: int) -> None:
+        self.found.patches.append((offset, bytes((_SKIPPED | kind,))))
         self.found.damaged += 1
 
     def _jump(self, offset: int) -> int:
-        """Put everything up to the next chunk aside; without one the file ends here."""
+        """Skip everything up to the next chunk; without one the file ends here."""
         self._jumps += 1
         following = self._next_chunk(offset + RECORD.size)
         if following < 0 or self._jumps > _JUMPS_MOST:
             return -1
         self.found.patches.append(
-            (offset, RECORD.pack(_PUT_ASIDE, following - offset - RECORD.size)))
+            (offset, RECORD.pack(_SKIPPED, following - offset - RECORD.size)))
         self.found.damaged += 1
         self.found.end = following
         return following
 
     def _next_chunk(self, offset: int) -> int:
-        """Find the next chunk that is compressed; -1 when there is none."""
+        """Find the next compressed chunk; -1 for none."""
         places = []
         for name in _NAMES:
             place = offset - 1
@@ -221,12 +221,12 @@ class _Scan:
         return min(places, default=-1)
 
     def _adds_up(self, data_end: int) -> bool:
-        """Whether the sum of the data is right, or is not given."""
+        """Whether the checksum of the data is right, or missing."""
         crc = int.from_bytes(self._data[data_end + RECORD.size:][:_DATA_END_BYTES], 'little')
         return crc in (0, zlib.crc32(memoryview(self._data)[:data_end]) if crc else 0)
 
     def _has_summary(self, start: int) -> bool:
-        """Whether the summary that begins at an offset is whole."""
+        """Whether the summary at an offset is intact."""
         tail = self._size - len(MAGIC) - FOOTER_BYTES - RECORD.size
         if tail < start or self._data[-len(MAGIC):] != MAGIC or (
                 self._head(tail) != (Opcode.FOOTER, FOOTER_BYTES)):
@@ -239,16 +239,16 @@ class _Scan:
 
     # ---- records -----------------------------------------------------------------------------
 
-    def _take(self, offset: int, kind: int, content: bytes) -> None:
+    def _add(self, offset: int, kind: int, content: bytes) -> None:
         """
-        Take a record of the data into the contents.
+        Add a record of the data to the contents.
 
         :raises DamagedRecordError: it is damaged.
         """
         found = self.found
         length = RECORD.size + len(content)
         if kind == Opcode.MESSAGE:
-            self._take_loose(offset, content)
+            self._add_loose(offset, content)
         elif kind == Opcode.SCHEMA:
             schema = parsed(Schema.read, content)
             found.schemas[schema.id] = schema
@@ -259,9 +259,9 @@ class _Scan:
             parsed(Header.read, content)
             found.has_header = True
         elif kind == Opcode.CHUNK:
-            self._take_chunk(offset, content)
+            self._add_chunk(offset, content)
         elif kind == Opcode.MESSAGE_INDEX:
-            parsed(MessageIndex.read, content)  # of no chunk: it harms nobody
+            parsed(MessageIndex.read, content)  # without a chunk: harmless
         elif kind == Opcode.METADATA:
             name = parsed(Metadata.read, content).name
             found.metadata.append(MetadataIndex(offset, length, name))
@@ -269,22 +269,22 @@ class _Scan:
             one = parsed(Attachment.read, content)
             crc = int.from_bytes(content[-4:], 'little')
             if crc and crc != zlib.crc32(content[:-4]):
-                raise DamagedRecordError('an attachment that is not what was written')
+                raise DamagedRecordError('an attachment with a wrong checksum')
             found.attachments.append(AttachmentIndex(
                 offset=offset, length=length, create_time=one.create_time, log_time=one.log_time,
                 data_size=len(one.data), name=one.name, media_type=one.media_type))
 
-    def _take_loose(self, offset: int, content: bytes) -> None:
-        """Take a message outside of any chunk, as other writers may write all of them."""
+    def _add_loose(self, offset: int, content: bytes) -> None:
+        """Add a message outside of any chunk, as other writers may write all messages."""
         if len(content) < MESSAGE.size:
             raise DamagedRecordError(f'a message of {len(content)} bytes')
         channel, _, log_ns, _ = MESSAGE.unpack_from(content)
         if channel not in self.found.channels:
-            raise DamagedRecordError(f'a message of channel {channel}, which is none')
+            raise DamagedRecordError(f'a message of channel {channel}, which is not defined')
         self.found.loose.add(channel, log_ns)
         self._loose.append(offset)
 
-    def _take_chunk(self, offset: int, content: bytes) -> None:
+    def _add_chunk(self, offset: int, content: bytes) -> None:
         found, chunk = self.found, unpacked(content)
         schemas, channels = dict(found.schemas), dict(found.channels)
         indices: dict[int, array[int]] = {}
@@ -303,17 +303,18 @@ class _Scan:
             elif record.schema_id in schemas:
                 channels[record.id] = record
             else:
-                raise DamagedRecordError(f'a channel of schema {record.schema_id}, which is none')
+                raise DamagedRecordError(f'a channel of schema {record.schema_id}, which is not '
+                                         'defined')
         found.schemas, found.channels = schemas, channels
         written, offsets, counts = message_indices(indices, found.end)
         chunk_length = found.end - offset
         length = len(written)
         if self._data[found.end:found.end + length] != written[:self._size - found.end]:
             kind, following = self._head(found.end)
-            if kind != Opcode.MESSAGE_INDEX and (kind in _KINDS or kind >= _PUT_ASIDE) and (
+            if kind != Opcode.MESSAGE_INDEX and (kind in _KINDS or kind >= _SKIPPED) and (
                     found.end + RECORD.size + following <= self._size
                     and written[1:RECORD.size] != _LENGTH.pack(following)):
-                offsets, length, written = {}, 0, b''  # it has none
+                offsets, length, written = {}, 0, b''  # it has no indices
             elif (others := self._other_indices(indices)) is not None:
                 offsets, length = others
                 written = b''
@@ -325,7 +326,7 @@ class _Scan:
         found.end = min(found.end + length, self._size)
         times = (min((min(index[::2]) for index in indices.values()), default=chunk.first_ns),
                  max((max(index[::2]) for index in indices.values()), default=chunk.last_ns))
-        if times != (chunk.first_ns, chunk.last_ns):  # no sum protects them
+        if times != (chunk.first_ns, chunk.last_ns):  # not protected by a checksum
             found.patches.append((offset + RECORD.size, struct.pack('<QQ', *times)))
         found.chunks.append((ChunkIndex(
             message_start_time=times[0], message_end_time=times[1],
@@ -336,7 +337,7 @@ class _Scan:
 
     def _other_indices(self, indices: Mapping[int, array[int]]
                        ) -> tuple[dict[int, int], int] | None:
-        """Look for the same indices in another order, as others write them."""
+        """Search the same indices in another order, as other writers write them."""
         left = {channel: sorted(zip(index[::2], index[1::2]))
                 for channel, index in indices.items()}
         offsets: dict[int, int] = {}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which topics of a core are recorded: those of the bag, and what a replay needs beside them."""
+"""Select the topics to record: those of the bag, and those that only a replay needs."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ _INPUT_BYTES_MOST: Final = 1 << 16
 @dataclass(frozen=True)
 class Wanted:
     """
-    What to record.
+    The requested recording.
 
-    :ivar topics: names, in the core or in ROS; empty for all that ROS has of the robot.
-    :ivar replay: keep what a replay needs, too.
+    :ivar topics: names, in the core or in ROS; empty for all mirrored topics.
+    :ivar replay: also record the data for a replay.
     :ivar duration_ns: since the first connection; 0 until stopped.
-    :ivar core_names: topics have the names and types of the core; all of them where none is named.
-    :ivar unmirrored: where none is named, also the topics that ROS does not have.
+    :ivar core_names: topics have the names and types of the core; all of them if none is named.
+    :ivar unmirrored: if none is named, also record topics that are not mirrored.
     """
 
     topics: tuple[str, ...] = ()
@@ -54,17 +54,17 @@ class Wanted:
 
 class Selection:
     """
-    What of a core is recorded.
+    The selected topics of a core.
 
     :param known: the topics of the core, by name.
-    :param taps: of them, what only a replay needs; empty without replay.
-    :ivar shown: how topics of the core stand in the bag.
-    :ivar kept: topics that are kept for a replay.
-    :ivar frames: for ``/tf_static``; none when it is not recorded.
+    :param taps: topics that only a replay needs; empty without replay.
+    :ivar shown: the bag topics of each topic of the core.
+    :ivar kept: topics that are recorded for a replay.
+    :ivar frames: for ``/tf_static``; empty if it is not recorded.
     :ivar logs: the reports of the core are recorded.
     :ivar names: the topics of the bag.
-    :ivar missing: a sentence about topics that were named and are not there; '' without any.
-    :ivar unknown_types: sentences about topics whose types are not installed here.
+    :ivar missing: a sentence about named topics that do not exist; '' if all exist.
+    :ivar unknown_types: sentences about topics whose types are not installed.
     """
 
     def __init__(self, known: Mapping[str, TopicInfo], taps: Collection[str], wanted: Wanted,
@@ -90,27 +90,27 @@ class Selection:
         if missing:
             there = {*graph.in_ros, *own} | {
                 f'/{name}' for name in known if not is_tap(name) and not graph.is_mirrored(name)}
-            self.missing = (f'no topic {", ".join(missing)} in the core; there are '
+            self.missing = (f'no topic {", ".join(missing)} in the core; known are '
                             f'{", ".join(sorted(there))}')
         return list(dict.fromkeys(name for names in found.values() for name in names))
 
     def _shown(self, asked: list[TopicInfo], graph: TopicGraph
                ) -> dict[TopicInfo, tuple[ShownTopic, ...]]:
-        """Return how topics stand in the bag, without those whose types are not known."""
+        """Return the bag topics, without those whose types are not installed."""
         found = {}
         for info in asked:
             shown = graph.shown(info.name, info.type_name)
             types = dict.fromkeys(each.facts.type_name for each in shown)
             unknown = [name for name in types if not is_known(name)]
-            self.unknown_types += [f'topic {info.name}: {name} is not installed here; it is not '
-                                   'recorded' for name in unknown]
+            self.unknown_types += [f'topic {info.name} is not recorded: {name} is not installed'
+                                   for name in unknown]
             there = tuple(each for each in shown if each.facts.type_name not in unknown)
             if there:
                 found[info] = there
         return found
 
     def _kept(self, taps: Collection[str], wanted: Wanted, graph: TopicGraph) -> list[TopicInfo]:
-        """Find what a replay needs: all, or of topics that were named these and the inputs."""
+        """Return the topics for a replay: all, or if topics were named these and the inputs."""
         inputs = {each.topic for each in graph.settings.topics}
         return [info for name, info in self._known.items() if name in taps or (
             is_known(info.type_name) and (

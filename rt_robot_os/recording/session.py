@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A session: one core, from the connection of the recorder to its end; each has files of its own.
+A session: one core, from the connection of the recorder to its end; each has its own files.
 
-What a replay has to know of it stands at the beginning of each file: the checked settings as an
-attachment, the rest as metadata ``rt_robot_os.session``.
+The facts for a replay are at the beginning of each file: the checked settings as an attachment,
+the rest as metadata ``rt_robot_os.session``.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rt_robot_os.recording.graph import ShownTopic
 from rt_robot_os.settings.model import MountedFrame
 
 FORMAT: Final = 2
-# In the first, all topics stood under their names in the core, and nothing was kept apart.
+# In format 1 all topics had their names in the core, and replay data was not separate.
 FORMATS_READ: Final = (1, 2)
 _DIGITS_MOST: Final = 24
 _NAME_MOST: Final = 255
@@ -56,20 +56,20 @@ def package_version() -> str:
 @dataclass(frozen=True)
 class RecordingSession:
     """
-    What is recorded of one core.
+    The recording of one core.
 
     :ivar number: from 0, counted by the recorder.
-    :ivar topics: names by channel, all that the core has.
+    :ivar topics: names of all topics of the core, by channel.
     :ivar tasks: names by number.
-    :ivar shown: how the topics of the core that were asked for stand in the bag.
-    :ivar kept: the topics that are kept for a replay as the core has them: always where no topic
-        of the bag has the same bytes, and else up to ``begin_ns``.
+    :ivar shown: the bag topics of each requested topic of the core.
+    :ivar kept: the topics that are recorded unmodified for a replay: always if no topic of the bag
+        has the same bytes, otherwise up to ``begin_ns``.
     :ivar tapped: the taps were on from the start of the core.
-    :ivar settings: as the node hands them to the core.
+    :ivar settings: as the node sends them to the core.
     :ivar robot: its name, see :func:`rt_robot_os.linux.paths.robot_name`.
-    :ivar begin_ns: samples before this moment, on CLOCK_MONOTONIC, were not asked for.
-    :ivar end_ns: nor are those after it; 0 for no end.
-    :ivar frames: of devices, for ``/tf_static``; none when it is not recorded.
+    :ivar begin_ns: samples before this time, on CLOCK_MONOTONIC, were not requested.
+    :ivar end_ns: samples after this time were not requested; 0 for no end.
+    :ivar frames: of devices, for ``/tf_static``; empty if it is not recorded.
     :ivar logs: the reports of the core are recorded.
     """
 
@@ -91,7 +91,7 @@ class RecordingSession:
 
     def facts(self, offset_ns: int) -> dict[str, str]:
         """
-        Return it as texts.
+        Return the facts as strings.
 
         :param offset_ns: from CLOCK_MONOTONIC to the time of day.
         """
@@ -108,10 +108,10 @@ class RecordingSession:
 @dataclass(frozen=True)
 class SessionFacts:
     """
-    A session as it is read back.
+    The facts of a session that was read.
 
     :ivar form: of the recording, see ``FORMATS_READ``.
-    :ivar robot: its name; that of any robot in recordings that do not have it.
+    :ivar robot: its name; the default name in recordings without one.
     """
 
     form: int
@@ -128,13 +128,13 @@ class SessionFacts:
     @classmethod
     def read(cls, values: Mapping[str, str]) -> SessionFacts:
         """
-        Read what :meth:`RecordingSession.facts` gave.
+        Parse the result of :meth:`RecordingSession.facts`.
 
-        :raises RecordingError: it is of another format, or damaged.
+        :raises RecordingError: it has another format, or is damaged.
         """
         found = values.get('format', '')
         if found not in map(str, FORMATS_READ):
-            raise RecordingError(f'the recording is of format {found[:20] or "?"}, this release '
+            raise RecordingError(f'the recording has format {found[:20] or "?"}, this release '
                                  f'reads {" and ".join(map(str, FORMATS_READ))}: use the release '
                                  f'that wrote it ({values.get("rt_robot_os", "unknown")[:40]})')
         try:
@@ -146,22 +146,22 @@ class SessionFacts:
                 {key: values.get(key, '?')[:40] for key in ('rt_robot_os', 'python', 'machine')},
                 values.get('robot', 'robot')[:_NAME_MOST])
         except (KeyError, ValueError, TypeError, RecursionError) as error:
-            raise RecordingError(f'what the recording says of its session is damaged: '
+            raise RecordingError(f'the session facts of the recording are damaged: '
                                  f'{type(error).__name__} {error}') from error
 
 
 def _names(text: str) -> tuple[str, ...]:
     found = json.loads(text)
     if not isinstance(found, list):
-        raise ValueError(f'{text[:40]!r} is no list')
+        raise ValueError(f'{text[:40]!r} is not a list')
     return tuple(map(str, found))
 
 
 def moment_ns(text: str) -> int:
     """
-    Read a moment or an offset in nanoseconds.
+    Parse a time or an offset in nanoseconds.
 
-    :raises ValueError: it is none that a clock could have.
+    :raises ValueError: it is not a possible time.
     """
     value = int(text[:_DIGITS_MOST])
     if not -_MOMENT_MOST_NS < value < _MOMENT_MOST_NS:

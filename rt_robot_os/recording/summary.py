@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The end of an MCAP file: the summary, with which readers find what they look for."""
+"""The summary at the end of an MCAP file, with the indices for readers."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ PROFILE: Final = 'ros2'
 
 @dataclass
 class Loose:
-    """Messages outside of any chunk: how many of each channel, and when."""
+    """Messages outside of any chunk: their number by channel, and their times."""
 
     counts: dict[int, int] = field(default_factory=dict)
     first_ns: int = 0
     last_ns: int = 0
 
     def add(self, channel: int, log_ns: int) -> None:
-        """Count one."""
+        """Count a message."""
         self.first_ns = min(self.first_ns, log_ns) if self.counts else log_ns
         self.last_ns = max(self.last_ns, log_ns)
         self.counts[channel] = self.counts.get(channel, 0) + 1
@@ -57,15 +57,15 @@ class Loose:
 @dataclass
 class Contents:
     """
-    What a file holds.
+    The content of a file.
 
-    :ivar end: where the last whole record of the data ends.
-    :ivar whole: the file has its summary; nothing is to be mended.
-    :ivar has_header: it begins as an MCAP file does.
-    :ivar patches: what is to be written where, so that readers find their way.
-    :ivar damaged: records, or stretches of them, that are lost in the middle.
+    :ivar end: offset of the end of the last complete record of the data.
+    :ivar whole: the file has its summary; no repair is needed.
+    :ivar has_header: it begins with a header.
+    :ivar patches: offsets and bytes to be written, so that readers can read the file.
+    :ivar damaged: number of lost records, or ranges of them, in the middle.
     :ivar loose: messages outside of chunks; they count only in a file without chunks.
-    :ivar chunks: of each the index, the messages of each channel, and the indices after it.
+    :ivar chunks: for each the index, the messages of each channel, and the indices after it.
     """
 
     end: int = len(MAGIC)
@@ -81,7 +81,7 @@ class Contents:
     attachments: list[AttachmentIndex] = field(default_factory=list)
 
     def counts(self) -> dict[int, int]:
-        """Count the messages of each channel."""
+        """Return the number of messages of each channel."""
         counts: dict[int, int] = defaultdict(int)
         for inside in [inside for _, inside, _ in self.chunks] or [self.loose.counts]:
             for channel, count in inside.items():
@@ -89,7 +89,7 @@ class Contents:
         return dict(counts)
 
     def times_ns(self) -> tuple[int, int]:
-        """Return the times of the first and the last message; 0 when there is none."""
+        """Return the times of the first and the last message; 0 if there is none."""
         if not self.chunks:
             return self.loose.first_ns, self.loose.last_ns
         filled = [index for index, counts, _ in self.chunks if counts]
@@ -98,7 +98,7 @@ class Contents:
 
 
 def summary(found: Contents, offset: int) -> bytes:
-    """Make what follows the data, which ends at an offset."""
+    """Make the records after the data, which ends at an offset."""
     builder = RecordBuilder()
     DataEnd(0).write(builder)
     start = offset + builder.count

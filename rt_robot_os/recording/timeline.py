@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What happened, in order of time: the input of a replay, in slices that fit in memory.
+The recorded events in order of time, in slices that fit in memory: the input of a replay.
 
-Each schedule message says up to which time the schedule is complete. Samples of other topics up
-to that time may stand a little later in the file, so a slice ends at the time of the message
-before.
+Each schedule message has the time up to which the schedule is complete. Samples of other topics
+up to that time may be slightly later in the file, so a slice ends at the time of the previous
+message.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ from rt_robot_os.core.tap_format import tapped_device
 from rt_robot_os.recording.reading import Recorded
 from rt_robot_os.recording.reading import Recording
 
-# Slices of more schedule messages cost less each.
+# Larger slices cost less per message.
 _MESSAGES_A_SLICE: Final = 5
-# The core notes ten times a second. What is damaged, or made up, must not keep a replay busy for
-# years of virtual time, nor fill the memory.
+# The core publishes its schedule ten times a second. A damaged or malicious recording must not
+# make a replay run for years of virtual time, nor exhaust the memory.
 SLICE_NS_MOST: Final = 3600 * NS_PER_S
 _SLICE_BYTES_MOST: Final = 512 << 20
 _SAMPLE_BYTES: Final = 256
@@ -58,7 +58,7 @@ class Round:
     A round of a device.
 
     :ivar kind: READ, OPENED or FAILED.
-    :ivar command: whether it wrote first.
+    :ivar command: whether it wrote before it read.
     """
 
     device: str
@@ -71,9 +71,9 @@ class Round:
 @dataclass
 class Slice:
     """
-    A stretch of time.
+    An interval of time.
 
-    :ivar until_ns: it is complete up to here.
+    :ivar until_ns: it is complete up to this time.
     :ivar jobs: in order of their start; publications in order of time, with their topics' names.
     """
 
@@ -86,14 +86,14 @@ class Slice:
 
 class Timeline:
     """
-    Cut a recording into slices.
+    Divide a recording into slices.
 
-    :ivar problems: what of the taps could not be understood.
-    :ivar cold: the recording has everything from the first moment of the core; known after the
-        first slice.
-    :ivar gaps: messages of the taps that are missing in the middle, by topic.
-    :ivar messages: of the schedule, that were read so far.
-    :ivar dropped: records of the schedule that the core had no room for.
+    :ivar problems: messages of the taps that are not valid.
+    :ivar cold: the recording has everything from the start of the core; known after the first
+        slice.
+    :ivar gaps: number of missing messages of the taps, by topic.
+    :ivar messages: number of schedule messages read so far.
+    :ivar dropped: records of the schedule that the core dropped.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -115,7 +115,7 @@ class Timeline:
         """
         Yield the slices in order.
 
-        :raises RecordingError: what it says cannot have happened.
+        :raises RecordingError: the recorded times are impossible.
         """
         now = Slice()
         complete_ns = size = 0
@@ -127,10 +127,10 @@ class Timeline:
             if sample.topic != SCHEDULE_TOPIC and sample.topic not in self._devices:
                 now.samples.append(sample)
                 continue
-            self._look_for_gaps(sample)
+            self._check_gap(sample)
             try:
                 if sample.topic != SCHEDULE_TOPIC:
-                    self._take_device(self._devices[sample.topic], parse_device(sample.cdr))
+                    self._add_event(self._devices[sample.topic], parse_device(sample.cdr))
                     continue
                 schedule = parse_schedule(sample.cdr)
             except ValueError as error:
@@ -148,7 +148,7 @@ class Timeline:
                     now, size = Slice(), 0
         yield self._cut(now, complete_ns)
 
-    def _look_for_gaps(self, sample: Recorded) -> None:
+    def _check_gap(self, sample: Recorded) -> None:
         wanted = self._next.get(sample.topic)
         if wanted is None:
             self.cold = self.cold and sample.number == 0
@@ -162,7 +162,7 @@ class Timeline:
         self._count += 1
         heapq.heappush(heap, (at_ns, self._count, item))  # type: ignore[misc]
 
-    def _take_device(self, device: str, event: DeviceEvent) -> None:
+    def _add_event(self, device: str, event: DeviceEvent) -> None:
         for at_ns, command in event.idle:
             self._push(self._rounds, at_ns, Round(device, TapKind.READ, at_ns, command))
         self._push(self._rounds, event.at_ns, Round(
@@ -180,8 +180,8 @@ class Timeline:
         begin_ns = min(moments, default=until_ns)
         if until_ns - begin_ns > SLICE_NS_MOST or until_ns < self._until_ns:
             raise RecordingError(
-                f'what was noted goes from {begin_ns / NS_PER_S:.0f} s to '
-                f'{until_ns / NS_PER_S:.0f} s at once: the recording is damaged')
+                f'the schedule jumps from {begin_ns / NS_PER_S:.0f} s to '
+                f'{until_ns / NS_PER_S:.0f} s: the recording is damaged')
         self._until_ns = until_ns
         now.jobs = _taken(self._jobs, until_ns)
         now.publications = _taken(self._publications, until_ns)

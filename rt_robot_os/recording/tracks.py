@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How the samples of one topic of the core go into a file: as ROS has them, and for a replay."""
+"""Write the samples of one topic of the core to a file: as in ROS, and for a replay."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Outlet:
     A topic of the bag.
 
     :ivar channel: its number in the file.
-    :ivar latched: subscribers that come late receive its last message.
+    :ivar latched: late subscribers receive its last message.
     """
 
     __slots__ = ('facts', 'channel', 'latched', '_convert', '_joint', '_last')
@@ -54,7 +54,7 @@ class Outlet:
         """
         Write a sample.
 
-        :return: False when it cannot be converted.
+        :return: False if it cannot be converted.
         """
         data: bytes | bytearray = cdr
         if self._convert is not None:
@@ -63,7 +63,7 @@ class Outlet:
             except ValueError:
                 return False
             if self._joint:
-                sequence = 0  # the numbers of several topics would be no order
+                sequence = 0  # the numbers of several topics have no common order
         file.add(self.channel, log_ns, data, sequence, wall_ns)
         if self.latched:
             self._last = data, sequence, wall_ns
@@ -71,10 +71,10 @@ class Outlet:
 
     def begin(self, file: BagFile, channel: int, begin_ns: int) -> bool:
         """
-        Go on in another file, which the last message of a latched topic begins.
+        Continue in another file, which begins with the last message of a latched topic.
 
         :param begin_ns: time of day at which the file begins.
-        :return: whether there is one.
+        :return: whether there is such a message.
         """
         self.channel = channel
         if self._last is None:
@@ -88,14 +88,14 @@ class Track:
     """
     A topic of a session.
 
-    :param stamp_offset: where in a message the stamp is; None without one.
-    :param shown: how it stands in the bag; nothing when it was not asked for.
-    :ivar kept: its channel among those for a replay alone; 0 when it is not among them.
-    :ivar begin_ns: samples before this moment were not asked for.
-    :ivar end_ns: nor those after this one.
-    :ivar not_before_ns: time of day at which the bag begins; what is older stands there.
-    :ivar lost: samples that did not arrive.
-    :ivar refused: messages that could not be made of samples.
+    :param stamp_offset: of the stamp in a message; None without one.
+    :param shown: its bag topics; empty if it was not requested.
+    :ivar kept: its channel for a replay; 0 if it has none.
+    :ivar begin_ns: samples before this time were not requested.
+    :ivar end_ns: samples after this time were not requested.
+    :ivar not_before_ns: time of day at which the bag begins; older samples get this time.
+    :ivar lost: number of lost samples.
+    :ivar refused: number of samples that could not be converted.
     """
 
     __slots__ = ('name', 'outlets', 'kept', 'begin_ns', 'end_ns', 'not_before_ns', 'lost',
@@ -116,9 +116,9 @@ class Track:
 
     def write(self, file: BagFile, head: Header, cdr: bytearray) -> int:
         """
-        Write a sample where it belongs.
+        Write a sample to its topics.
 
-        :return: how many messages of the bag it made.
+        :return: the number of messages in the bag.
         """
         wall_ns = self._line.wall_ns(head.stamp_ns)
         if self._stamp_offset is not None:
@@ -141,11 +141,11 @@ class Track:
 
     def begin(self, file: BagFile, channels: dict[TopicFacts, int], begin_ns: int) -> int:
         """
-        Go on in another file.
+        Continue in another file.
 
-        :param channels: of the file, by topic; those that are missing are added.
+        :param channels: of the file, by topic; missing ones are added.
         :param begin_ns: time of day at which the file begins.
-        :return: how many messages of latched topics begin it.
+        :return: the number of messages of latched topics at its beginning.
         """
         repeated = 0
         for outlet in self.outlets:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Which classes the configuration in a recording may import: the file may come from anybody.
+Check which classes the configuration of a recording may import: its source may be untrusted.
 
-A module's type can name any class of any Python package, and importing one runs its code. So only
-what is registered on this machine is used, and what the user allows.
+The type of a module can name any class of any Python package, and its import runs code. So only
+registered types of this installation are used, and those that the user permits.
 """
 
 from __future__ import annotations
@@ -33,29 +33,29 @@ from rt_robot_os.settings import RobotSettings
 
 def check_trusted(settings: RobotSettings, allowed: Collection[str] = ()) -> None:
     """
-    Make sure that a configuration imports nothing that is not registered; imports nothing itself.
+    Check that a configuration imports only registered types; imports nothing itself.
 
-    :param allowed: types of modules, ``package.module:Class``, that the user trusts.
-    :raises RecordingError: it would; the message says what to do.
+    :param allowed: types of modules, ``package.module:Class``, that the user permits.
+    :raises RecordingError: it would import others; the message gives the remedy.
     """
     known = {*MODULES.names(), *allowed}
     for module in settings.modules:
         if module.type not in known:
             raise RecordingError(
-                f'the recording wants to import {module.type!r:.200} for its module '
-                f'{module.name!r:.80}, which is not registered here. If you trust it, allow it: '
+                f'the recording would import {module.type!r:.200} for its module '
+                f'{module.name!r:.80}, which is not registered. If you trust it, permit it: '
                 f'--allow {module.type:.200}')
     for device in settings.devices:
         if device.type not in DRIVERS.names():
             raise RecordingError(
                 f'the recording has a device {device.name!r:.80} of type {device.type!r:.80}, for '
-                'which there is no driver here; install the package that has it')
+                'which no driver is installed; install its package')
     for topic in settings.topics:
         package = topic.message.partition('/')[0]
         if not _has_messages(package):
             raise RecordingError(
                 f'the recording has a topic {topic.topic!r:.80} of type {topic.message!r:.200}, '
-                f'and no ROS 2 package {package!r:.80} with messages is installed here')
+                f'but the ROS 2 package {package!r:.80} with its messages is not installed')
 
 
 def _has_messages(package: str) -> bool:

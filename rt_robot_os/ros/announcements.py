@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Announce the node often, because a listener may have to wait for the next announcement."""
+"""Announce the node frequently, because discovery may have to wait for the next announcement."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tempfile import NamedTemporaryFile
 
 PERIOD_NS = 500_000_000
 FILE_VARIABLE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
-# Where Fast DDS looks for settings of the user, beside the above.
+# Other variables with which the user configures Fast DDS.
 _OTHER_VARIABLES = ('FASTDDS_DEFAULT_PROFILES_FILE', 'SKIP_DEFAULT_XML', 'SKIP_DEFAULT_XML_FILE',
                     'RMW_FASTRTPS_USE_QOS_FROM_XML', 'ROS_DISCOVERY_SERVER')
 _OTHER_FILES = ('DEFAULT_FASTRTPS_PROFILES.xml', 'DEFAULT_FASTDDS_PROFILES.xml')
@@ -42,7 +42,7 @@ PROFILE = f"""<?xml version="1.0" encoding="UTF-8"?>
 
 
 def user_has_settings() -> bool:
-    """Look whether the user configures Fast DDS, or uses something else."""
+    """Return whether the user configures Fast DDS, or uses another middleware."""
     rmw = os.environ.get('RMW_IMPLEMENTATION') or 'rmw_fastrtps_cpp'
     return (not rmw.startswith('rmw_fastrtps')
             or any(os.environ.get(name) for name in (FILE_VARIABLE, *_OTHER_VARIABLES))
@@ -52,24 +52,24 @@ def user_has_settings() -> bool:
 @contextmanager
 def frequent_announcements() -> Iterator[None]:
     """
-    Let the first node that is created within announce itself every 0.5 s instead of every 3 s.
+    Let the first node created in this context announce itself every 0.5 s instead of every 3 s.
 
-    Nothing happens where the user has settings of Fast DDS. Not for the real-time loop.
+    Without effect if the user configures Fast DDS. Not for the real-time loop.
     """
     if user_has_settings():
         yield
         return
     with ExitStack() as stack:
         try:
-            # Fast DDS resolves the path, so a file in memory alone does not do.
+            # Fast DDS resolves the path, so a file in memory is not sufficient.
             file = stack.enter_context(NamedTemporaryFile(
                 'w', prefix='rt_robot_os_', suffix='.xml', encoding='utf-8'))
             file.write(PROFILE)
             file.flush()
         except OSError:
-            pass  # announced less often: the robot runs all the same
+            pass  # announced less often; the robot runs anyway
         else:
-            # Removed at once: children must not inherit what is for this process.
+            # Removed afterwards: children must not inherit a setting of this process.
             stack.callback(os.environ.pop, FILE_VARIABLE, None)
             os.environ[FILE_VARIABLE] = file.name
         yield

@@ -13,20 +13,20 @@
 # limitations under the License.
 
 """
-How old a sample from ROS 2 is when the node carries it to the core.
+Compute the age of a sample from ROS 2 when the node sends it to the core.
 
-A sample ages from the moment at which its publisher wrote it (the source timestamp of DDS), not
-from the moment at which this process had the time to read it: after a freeze of the node, the
-network or the machine, what waited is old. That timestamp comes from the system clock of the
-publisher's machine, which may differ from ours or be set. So the two clocks are not compared as
-they are: the smallest difference of the last 10 to 20 s is taken for the offset between the
-clocks, and what a sample has beyond it for its age, as clock filters do (RFC 5905, section 10).
+The age counts from the time at which the publisher wrote the sample (the source timestamp of DDS),
+not from the time at which this process reads it: after a suspension of the node, the network or
+the machine, waiting samples are old. The timestamp comes from the system clock of the publisher's
+machine, which may differ from the clock of this machine, or be set. So the smallest difference of
+the two clocks in the last 10 to 20 s is their offset, and a larger difference is the age of a
+sample, as in clock filters (RFC 5905, section 10).
 
-- A publisher's clock that is set forward: its samples count as new.
-- One that is set back, or a delay that begins: its samples are as much too old, which holds the
-  robot for 10 to 20 s. Then the difference is taken for that of the clocks.
-- Nothing is known of a publisher yet, or our own clock was set: what comes within 0.25 s after
-  this process did not run counts from the moment at which it ran last.
+- If a publisher's clock is set forward, its samples count as new.
+- If it is set back, or a delay begins, its samples are too old by that much, which stops the robot
+  for 10 to 20 s. After that the difference counts as part of the offset.
+- If the offset is not known yet, or the clock of this machine was set, a sample that arrives
+  within 0.25 s after a gap of this process counts from the time before the gap.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 
-#: A process that did not run for longer than this was frozen; see :meth:`OwnGaps.note`.
+#: A process that did not run for longer than this was suspended; see :meth:`OwnGaps.note`.
 GAP_NS: Final = 250 * NS_PER_MS
 _NOTED_EVERY_S: Final = 0.1
-# Within that time after it what had waited has been read.
+# Within this time after a gap the waiting samples have been read.
 _DRAINED_NS: Final = 250 * NS_PER_MS
 _STEP_NS: Final = 50 * NS_PER_MS
 _WINDOW_NS: Final = 10 * NS_PER_S
-# A sample that is older when it comes is counted; a network needs less.
+# A sample that is older on arrival is counted; a network needs less.
 _DELAYED_NS: Final = 100 * NS_PER_MS
 
 
@@ -58,13 +58,13 @@ def _boottime_ns() -> int:
 
 class OwnGaps:
     """
-    Notice that this process did not run, and that its system clock was set.
+    Detect times in which this process did not run, and changes of its system clock.
 
     :param boottime_ns: CLOCK_BOOTTIME, which counts while the machine is suspended.
     :param wall_ns: the system clock.
-    :ivar gaps: times that the process did not run for longer than :data:`GAP_NS`.
-    :ivar longest_ns: the longest of them.
-    :ivar clock_steps: times that the system clock was set.
+    :ivar gaps: number of times that the process did not run for longer than :data:`GAP_NS`.
+    :ivar longest_ns: the longest gap.
+    :ivar clock_steps: number of times that the system clock was set.
     """
 
     def __init__(self, boottime_ns: Callable[[], int] = _boottime_ns,
@@ -81,9 +81,9 @@ class OwnGaps:
 
     def watch(self) -> None:
         """
-        Note ten times a second from now on, in a thread of its own.
+        Call :meth:`note` ten times a second, in a separate thread.
 
-        Callbacks do not tell: while one of them takes long, DDS goes on to receive.
+        Callbacks are not sufficient: DDS continues to receive during a long callback.
         """
         threading.Thread(target=self._watch, name='rt_robot_os gaps', daemon=True).start()
 
@@ -113,13 +113,13 @@ class OwnGaps:
             self.gaps += 1
             self.longest_ns = max(self.longest_ns, gap_ns)
         if is_gap or is_step:
-            if now_ns >= self._until_ns:  # else what waits is from before the gap before
+            if now_ns >= self._until_ns:  # otherwise waiting samples are from before the last gap
                 self._since_ns = self._ran_ns
             self._until_ns = now_ns + _DRAINED_NS
         if is_step:
             self.clock_steps += 1
             self._clock_until_ns = self._until_ns
-        # Followed all the time: a clock that is slewed is not set.
+        # Always followed: slewing of the clock is not a step.
         self._offset_ns = wall_ns - now_ns
         self._ran_ns = now_ns
         return now_ns, wall_ns
@@ -129,7 +129,8 @@ class OwnGaps:
         Return how long a sample may have waited for this process.
 
         :param now_ns: as :meth:`note` gave it.
-        :param known: the clock of its publisher is known, which says more unless ours was set.
+        :param known: the offset of its publisher's clock is known, which is more precise unless
+            the clock of this machine was set.
         """
         if now_ns >= (self._clock_until_ns if known else self._until_ns):
             return 0
@@ -141,10 +142,10 @@ class Arrivals:
     The ages of the samples of one topic.
 
     :param gaps: of this process, shared by all topics.
-    :param latched: a publisher may give samples that it wrote long ago (``transient_local``): the
-        clocks are compared as they are.
-    :ivar delay_ms: age of the last sample when it came.
-    :ivar delayed: samples that were older than 100 ms when they came.
+    :param latched: a publisher may send samples that it wrote long ago (``transient_local``): the
+        clocks are compared without an offset.
+    :ivar delay_ms: age of the last sample on arrival.
+    :ivar delayed: samples that were older than 100 ms on arrival.
     """
 
     def __init__(self, gaps: OwnGaps, latched: bool = False) -> None:
@@ -153,16 +154,16 @@ class Arrivals:
         self._gaps = gaps
         self._latched = latched
         self._begun_ns = 0
-        # The smallest differences of the clocks: of the window before, and of this one.
+        # The smallest differences of the clocks in the last window, and in this one.
         self._before_ns: int | None = None
         self._least_ns: int | None = None
-        self._told = 0
+        self._reported = 0
 
     def age_ns(self, info: Mapping[str, Any]) -> int:
         """
-        Return how old a sample is.
+        Return the age of a sample.
 
-        :param info: what rclpy says of it: ``source_timestamp`` and ``received_timestamp``.
+        :param info: from rclpy: ``source_timestamp`` and ``received_timestamp``.
         """
         now_ns, wall_ns = self._gaps.note()
         source_ns = int(info.get('source_timestamp') or 0)
@@ -180,7 +181,7 @@ class Arrivals:
         return age_ns
 
     def _beyond_offset(self, now_ns: int, difference_ns: int) -> int:
-        """Return what a difference of the clocks has beyond their offset."""
+        """Return a difference of the clocks less their offset."""
         if now_ns - self._begun_ns >= _WINDOW_NS:
             recent = now_ns - self._begun_ns < 2 * _WINDOW_NS
             self._before_ns = self._least_ns if recent else None
@@ -189,7 +190,7 @@ class Arrivals:
         offset_ns = self._offset_ns()
         waited_ns = self._gaps.waited_ns(now_ns, offset_ns is not None)
         if offset_ns is None and waited_ns:
-            return waited_ns  # its difference may be that of the wait: nothing is learnt from it
+            return waited_ns  # the difference may include the wait, so it is not stored
         if self._least_ns is None or difference_ns < self._least_ns:
             self._least_ns = difference_ns
         if offset_ns is None:
@@ -201,7 +202,7 @@ class Arrivals:
         return min(known, default=None)
 
     def counters(self) -> dict[str, Any]:
-        """Return what ``/diagnostics`` shows; ``warning`` tells of samples since the last call."""
+        """Return values for ``/diagnostics``; ``warning`` is about samples since the last call."""
         gaps = self._gaps
         counted: dict[str, Any] = {
             'delay_ms': self.delay_ms, 'delayed': self.delayed, 'node_gaps': gaps.gaps,
@@ -209,9 +210,9 @@ class Arrivals:
         offset_ns = self._offset_ns()
         if offset_ns is not None:
             counted['clock_offset_ms'] = round(offset_ns / NS_PER_MS, 1)
-        if self.delayed != self._told:
+        if self.delayed != self._reported:
             counted['warning'] = (
-                f'{self.delayed - self._told} samples were old when they came, the last '
-                f'{self.delay_ms:.0f} ms: the node or the network was held up, or a clock was set')
-            self._told = self.delayed
+                f'{self.delayed - self._reported} samples were old on arrival, the last '
+                f'{self.delay_ms:.0f} ms: the node or the network was delayed, or a clock was set')
+            self._reported = self.delayed
         return counted

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the program `robot` does with its command line."""
+"""The program `robot`."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ from rt_robot_os.settings.command_line import told_simulated
 from rt_robot_os.settings.ros_args import parse_ros_args
 
 _EPILOG = """
-Without a parameter file the shipped robot runs, and its sensors are simulated.
+Without a parameter file the shipped robot runs, with simulated sensors.
 
-  robot --simulate                                   the shipped robot, on purpose
-  robot my_robot.yaml                                yours
-  robot --simulate my_robot.yaml                     yours, on your desk
+  robot --simulate                                   the shipped robot, without a warning
+  robot my_robot.yaml                                your robot
+  robot --simulate my_robot.yaml                     your robot, simulated
   robot my_robot.yaml --ros-args -p gps.enabled:=false
 
-One robot of a name runs on a machine; another one needs -r __node:=NAME or -r __ns:=/NAMESPACE.
-Exit code: 0 after Ctrl-C or SIGTERM, 2 when it cannot start as it is configured, 1 otherwise.
+Robots on one machine need different names: -r __node:=NAME or -r __ns:=/NAMESPACE.
+Exit code: 0 after Ctrl-C or SIGTERM, 2 when the configuration is not valid, 1 otherwise.
 """
 
 
@@ -73,7 +73,7 @@ def run(argv: Sequence[str]) -> int:
                 from rt_robot_os.settings.json_text import to_json
             stack.callback(lock_robot(robot).release)
             if settings.core.spawn:
-                lock_core(path).release()  # the core itself will hold it
+                lock_core(path).release()  # the core itself locks it
         except RtRobotError as error:
             tell('robot', error)
             return BAD_USE
@@ -81,7 +81,7 @@ def run(argv: Sequence[str]) -> int:
             core.prepare(to_json(settings))
         if settings.simulated:
             print(f'robot: {told_simulated(settings)}', file=sys.stderr, flush=True)
-        # Everything of ROS 2 comes after the check: a typing mistake is told before it.
+        # ROS 2 is loaded after the check, so that a mistake is reported earlier.
         with importing():
             from rt_robot_os.ros.spin import spin
         return spin(settings, core)
@@ -90,12 +90,12 @@ def run(argv: Sequence[str]) -> int:
 @contextmanager
 def _loaded_core(path: Path) -> Iterator[CoreProcess]:
     """
-    Have the core's interpreter load while this one checks the settings and loads ROS.
+    Load the core's interpreter while this process checks the settings and loads ROS.
 
     It waits for its settings, and opens nothing before ROS has accepted the node.
     """
     core = CoreProcess('', path)
-    with suppress(OSError):  # it is tried again, and told, when it is to run
+    with suppress(OSError):  # tried again, and reported, at the start
         core.load()
     try:
         yield core
@@ -105,7 +105,7 @@ def _loaded_core(path: Path) -> Iterator[CoreProcess]:
 
 def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog='robot', description='Run a robot: its real-time core and the ROS 2 node beside it.',
+        prog='robot', description='Run a robot: its real-time core and its ROS 2 node.',
         usage='robot [--help] [--simulate] [FILE ...] [--ros-args -p NAME:=VALUE ...]',
         epilog=ROS_ARGS_HELP + _EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False)

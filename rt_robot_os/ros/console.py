@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Keep the output of this process from blocking it, whoever reads the output.
+Prevent the output of this process from blocking it.
 
-A terminal that is stopped (Ctrl-S) or a pipe that nobody empties makes a writer wait, and rclpy
-holds Python's lock while it does: every thread would stand still. So standard output and standard
-error, of this process and of its children, lead into a pipe that threads here empty at once.
+A terminal that is stopped (Ctrl-S) or a pipe that is not read blocks its writer, and rclpy holds
+Python's lock meanwhile: every thread would stop. So standard output and standard error, of this
+process and of its children, are redirected to a pipe that threads here read immediately.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _PIPE_BYTES = 1 << 20
 _KEPT_BYTES = 1 << 20
 _READ_BYTES = 64 * 1024
 _END_PATIENCE_S = 1.0
-_LOOK_S = 0.005
+_POLL_S = 0.005
 _COLOURS = 'RCUTILS_COLORIZED_OUTPUT'
 
 
@@ -47,10 +47,10 @@ def _can_block(status: os.stat_result, fd: int) -> bool:
 
 class Pump:
     """
-    Carry what is written to some descriptors to where they led before.
+    Forward output from some descriptors to their original target.
 
-    :param fds: descriptors of one and the same output.
-    :ivar dropped: lines that were dropped because nobody read for too long.
+    :param fds: descriptors of the same output.
+    :ivar dropped: lines that were dropped because the output was not read.
     """
 
     def __init__(self, fds: list[int]) -> None:
@@ -59,22 +59,22 @@ class Pump:
         self._fds = fds
         self._waiting: deque[bytes] = deque()
         self._bytes = 0
-        self._giving = False
+        self._writing = False
         self._changed = threading.Condition()
         self._source, write = os.pipe2(os.O_CLOEXEC)
-        with suppress(OSError):  # more than a user may have: the usual size does as well
+        with suppress(OSError):  # above the user's limit: the default size is sufficient
             fcntl.fcntl(write, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
         os.set_blocking(write, False)
         for fd in fds:
             os.dup2(write, fd, inheritable=True)
         os.close(write)
-        for run, name in ((self._take, 'take'), (self._give, 'give')):
+        for run, name in ((self._read, 'take'), (self._write, 'give')):
             threading.Thread(target=run, name=f'rt_robot_os {name}', daemon=True).start()
 
     def close(self, deadline_s: float) -> None:
-        """Wait until everything is written, or the time is over, and restore the descriptors."""
+        """Wait until everything is written, or the deadline, and restore the descriptors."""
         while not self._empty() and time.monotonic() < deadline_s:
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
         target = self.real if self._empty() else os.open(os.devnull, os.O_WRONLY)
         for fd in self._fds:
             os.dup2(target, fd, inheritable=True)
@@ -83,13 +83,13 @@ class Pump:
         size = bytearray(4)
         with self._changed:
             fcntl.ioctl(self._source, termios.FIONREAD, size)
-            return not (any(size) or self._waiting or self._giving)
+            return not (any(size) or self._waiting or self._writing)
 
-    def _take(self) -> None:
+    def _read(self) -> None:
         ready = select.poll()
         ready.register(self._source, select.POLLIN)
         while ready.poll():
-            # Under the lock: what is neither in the pipe nor waiting counts as written.
+            # Under the lock: data that is neither in the pipe nor waiting counts as written.
             with self._changed:
                 data = os.read(self._source, _READ_BYTES)
                 if not data:
@@ -102,29 +102,29 @@ class Pump:
                     self.dropped += old.count(b'\n')
                 self._changed.notify()
 
-    def _give(self) -> None:
+    def _write(self) -> None:
         while True:
             with self._changed:
-                self._giving = False
+                self._writing = False
                 while not self._waiting:
                     self._changed.wait()
                 data = self._waiting.popleft()
                 self._bytes -= len(data)
-                self._giving = True
+                self._writing = True
             left = memoryview(data)
             try:
                 while left:
                     left = left[os.write(self.real, left):]
             except OSError:
-                self.dropped += data.count(b'\n')  # who read it is gone
+                self.dropped += data.count(b'\n')  # the reader has closed it
 
 
 class Console:
     """
     Standard output and standard error of this process.
 
-    Python's fault handler writes to the real standard error: what a dying process leaves in the
-    pipe is lost.
+    Python's fault handler writes to the original standard error, because data in the pipe of a
+    crashing process is lost.
     """
 
     def __init__(self) -> None:
@@ -132,11 +132,11 @@ class Console:
 
     @property
     def dropped(self) -> int:
-        """Count the lines that nobody read."""
+        """Return the number of lines that were not read."""
         return sum(pump.dropped for pump in self._pumps)
 
     def open(self) -> None:  # noqa: A003
-        """Redirect the outputs into pipes; nothing happens where output never blocks (a file)."""
+        """Redirect the outputs to pipes, except an output that never blocks (a file)."""
         groups: dict[tuple[int, int], list[int]] = {}
         for fd in (1, 2):
             with suppress(OSError):
@@ -146,14 +146,14 @@ class Console:
         for fds in groups.values():
             if 2 in fds and os.isatty(2):
                 os.environ.setdefault(_COLOURS, '1')
-            with suppress(OSError):  # no descriptors: as it was
+            with suppress(OSError):  # no descriptors: not redirected
                 pump = Pump(fds)
                 self._pumps.append(pump)
                 if 2 in fds:
                     faulthandler.enable(pump.real)
 
     def close(self) -> None:
-        """Write what is left, for a limited time; may be called twice."""
+        """Write the remaining output, for a limited time; may be called twice."""
         deadline_s = time.monotonic() + _END_PATIENCE_S
         for pump in self._pumps:
             pump.close(deadline_s)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Write log lines to the console and to /rosout in a thread of its own.
+Write log lines to the console and to /rosout in a separate thread.
 
-Whoever reads the console may stop reading (Ctrl-S, a pipe that nobody empties): then this thread
-waits, and nobody else. Lines that it cannot keep up with are dropped, counted and reported.
+If the console is not read (Ctrl-S, a full pipe), only this thread blocks. Lines that it cannot
+keep up with are dropped, counted and reported.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ import time
 from typing import NamedTuple
 
 WAITING_MAXIMUM = 1000
-# More in the long run would be read by nobody, and cost what mirrors need.
+# More lines would not be read, and would cost computing time that mirrors need.
 LINES_A_SECOND = 500
 _BURST = 1000
 _END_PATIENCE_S = 1.0
@@ -38,7 +38,7 @@ class ConsoleLine(NamedTuple):
     """
     A line to write.
 
-    :ivar wall_ns: when it was said; 0 for a line of the node itself.
+    :ivar wall_ns: when it was logged; 0 for a line of the node itself.
     :ivar source: part of the core; empty for the node itself.
     """
 
@@ -50,17 +50,17 @@ class ConsoleLine(NamedTuple):
 
 class ConsoleWriter:
     """
-    Write lines in their order.
+    Write lines in order.
 
-    :param tell: writes one, in the thread; may wait as long as it likes.
-    :param summary: makes the line that says how many are missing.
-    :ivar untold: lines that were dropped, because they came too fast or nobody reads.
+    :param write: writes a line, in the thread; may block.
+    :param summary: makes a line with the number of dropped lines.
+    :ivar untold: lines that were dropped, because they came too fast or were not read.
     """
 
-    def __init__(self, tell: Callable[[ConsoleLine], object],
+    def __init__(self, write: Callable[[ConsoleLine], object],
                  summary: Callable[[int], ConsoleLine]) -> None:
         self.untold = 0
-        self._tell = tell
+        self._write = write
         self._summary = summary
         self._missing = 0
         self._left = float(_BURST)
@@ -71,7 +71,7 @@ class ConsoleWriter:
         self._thread.start()
 
     def put(self, line: ConsoleLine) -> None:
-        """Have a line written; never waits, from any thread."""
+        """Queue a line; never blocks, thread-safe."""
         with self._lock:
             if self._affordable():
                 try:
@@ -84,9 +84,9 @@ class ConsoleWriter:
 
     def close(self) -> bool:
         """
-        Write what waits, for a limited time; may be called twice.
+        Write queued lines, for a limited time; may be called twice.
 
-        :return: False when the thread still waits for whoever reads the console.
+        :return: False if the thread is still blocked by the console.
         """
         deadline_s = time.monotonic() + _END_PATIENCE_S
         try:
@@ -110,5 +110,5 @@ class ConsoleWriter:
             with self._lock:
                 missing, self._missing = self._missing, 0
             if missing:
-                self._tell(self._summary(missing))
-            self._tell(line)
+                self._write(self._summary(missing))
+            self._write(line)

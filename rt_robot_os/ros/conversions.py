@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What ROS lacks of a mirror's types, and what mirrors do not let through."""
+"""The ROS types of mirrors, and the samples that mirrors refuse."""
 
 from __future__ import annotations
 
@@ -35,50 +35,50 @@ def ros_class(mirror: MirrorSettings) -> Any:
     """
     Return the class of a mirror's topic in ROS.
 
-    :raises LayoutError: there is none.
+    :raises LayoutError: it is not installed.
     """
     return message_class(ros_type(mirror))
 
 
 def is_lacking(message: str = TRANSFORMS) -> bool:
-    """Return whether ROS has no such package here; what the wheels of ROS lack, that is."""
+    """Return whether the package of a type is not installed, as in the wheels of ROS."""
     return find_spec(message.partition('/')[0]) is None
 
 
 class Refusals:
     """
-    What a mirror did not let through: counted, and told when there is a new reason for it.
+    Count the samples that a mirror refuses, and log new reasons.
 
-    At most one line a second, whatever comes.
+    At most one line is logged per second.
 
-    :param what: names the mirror.
-    :param tell: takes a line of text.
-    :ivar count: so far.
+    :param what: name of the mirror.
+    :param log: called with a line of text.
+    :ivar count: number of refused samples.
     """
 
-    def __init__(self, what: str, tell: Callable[[str], object]) -> None:
+    def __init__(self, what: str, log: Callable[[str], object]) -> None:
         self.count = 0
         self._what = what
-        self._tell = tell
+        self._log = log
         self._reason = ''
-        self._told = ''
-        self._last_ns = self._told_ns = -_RECENT_NS
+        self._logged = ''
+        self._last_ns = self._logged_ns = -_RECENT_NS
 
     def add(self, reason: str, now_ns: int = 0) -> None:
         """
-        Count one; the same reason is told again when ten seconds have passed without it.
+        Count a sample; the same reason is logged again after ten seconds without it.
 
-        :param now_ns: 0 for the time now.
+        :param now_ns: 0 for the current time.
         """
         now_ns = now_ns or time.monotonic_ns()
-        new = reason != self._told or now_ns - self._last_ns > _RECENT_NS
-        if new and now_ns - self._told_ns >= NS_PER_S:
-            self._tell(f'{self._what}: refused: {reason}')
-            self._told, self._told_ns = reason, now_ns
+        new = reason != self._logged or now_ns - self._last_ns > _RECENT_NS
+        if new and now_ns - self._logged_ns >= NS_PER_S:
+            self._log(f'{self._what}: refused: {reason}')
+            self._logged, self._logged_ns = reason, now_ns
         self.count += 1
         self._reason, self._last_ns = reason, now_ns
 
     def counters(self) -> dict[str, Any]:
-        """Return their number, and for ten seconds the reason of the last one as a warning."""
+        """Return the count, and for ten seconds the reason of the last one as a warning."""
         recent = self.count and time.monotonic_ns() - self._last_ns <= _RECENT_NS
         return {'refused': self.count, 'warning': f'refused: {self._reason}' if recent else ''}

@@ -39,21 +39,21 @@ from rt_robot_os.linux.process import write_stdin
 CONFIGURATION_EXIT_CODE = 2
 FORCED_EXIT_CODE = 3
 _STOP_TIMEOUT_S = 3.0
-# Of the standard input of a core: the settings of a large robot fit in, so that nobody waits.
+# Of the standard input of a core: the settings of a large robot fit, so that no process waits.
 _PIPE_BYTES = 1 << 19
 _MS_PER_S = 1000
 
 
 class CoreProcess:
     """
-    A core that is this process's child, restarted with a back-off when it ends.
+    A core as a child process, restarted with a back-off when it ends.
 
     It ends with its parent (PR_SET_PDEATHSIG), and for Linux that is the *thread* that starts it:
-    call :meth:`start` and :meth:`load` from a thread that lives as long as the core shall.
+    call :meth:`start` and :meth:`load` from a thread that outlives the core.
 
-    :param settings_json: what the core reads on its standard input.
-    :param socket_path: where it shall listen.
-    :ivar starts: how often it was started.
+    :param settings_json: for the standard input of the core.
+    :param socket_path: where the core listens.
+    :ivar starts: number of starts.
     """
 
     def __init__(self, settings_json: str, socket_path: Path, arguments: Sequence[str] = ()
@@ -71,9 +71,9 @@ class CoreProcess:
 
     def set_settings(self, settings_json: str, loaded_json: str = '') -> None:
         """
-        Change the settings with which the next core is started.
+        Change the settings for the next start.
 
-        :param loaded_json: as the settings were before anything was changed.
+        :param loaded_json: the settings before any change.
         """
         self._settings = f'{settings_json}\n{loaded_json}'.encode()
 
@@ -86,40 +86,40 @@ class CoreProcess:
         """
         Start the interpreter, which imports what every core needs and waits for :meth:`start`.
 
-        Until then it opens nothing, and it ends in silence when it is stopped or this process is
-        gone: what else is to be checked can be checked meanwhile.
+        Until then it opens nothing, and ends silently when it is stopped or this process ends.
+        Meanwhile the settings can be checked.
 
         :raises OSError: it cannot be started.
         """
-        ready, told = os.pipe()
+        ready, signal_fd = os.pipe()
         page = LivenessPage()
         self._forget()
         try:
             self._process = start_child(
                 'rt_robot_os.core.program', '--socket', self._path, '--settings', '-', '--parent',
-                os.getpid(), '--ahead', '--life', page.fd, '--ready', told, *self._arguments,
-                stdin=subprocess.PIPE, env={**os.environ, **ONE_BLAS_THREAD},
-                pass_fds=(told, page.fd) if page.fd >= 0 else (told,))
+                os.getpid(), '--ahead', '--life', page.fd, '--ready', signal_fd,
+                *self._arguments, stdin=subprocess.PIPE, env={**os.environ, **ONE_BLAS_THREAD},
+                pass_fds=(signal_fd, page.fd) if page.fd >= 0 else (signal_fd,))
             self._waits, self._prepares = True, False
             self._ready_fd, ready = ready, -1
-            with suppress(OSError, LinkError):  # without it the start is bounded by time alone
+            with suppress(OSError, LinkError):  # without it only the start time-out applies
                 self._liveness = LivenessReader(os.dup(page.fd))
         finally:
             page.close()
-            for fd in {told, ready} - {-1}:
+            for fd in {signal_fd, ready} - {-1}:
                 os.close(fd)
 
     def prepare(self, settings_json: str) -> None:
         """
-        Have a core that is loaded import what the settings name, before it is started.
+        Let a loaded core import what the settings name, before it is started.
 
-        :param settings_json: may differ from those with which it is started.
+        :param settings_json: may differ from the settings of the start.
         """
         if self._waits and self._process is not None and self._process.stdin is not None:
             self._prepares = True
-            with suppress(OSError):  # as a user, beyond the limit of his pipes: one waits then
+            with suppress(OSError):  # beyond the user's limit for pipes: writing may block then
                 fcntl(self._process.stdin, F_SETPIPE_SZ, _PIPE_BYTES)
-            with suppress(OSError):  # that it has ended is seen when it is to be started
+            with suppress(OSError):  # if it has ended, the start notices it
                 self._process.stdin.write(settings_json.encode() + b'\n')
                 self._process.stdin.flush()
 
@@ -141,18 +141,18 @@ class CoreProcess:
         """
         Wait until its socket may answer, or it has ended.
 
-        :return: False when it has said so before: there is nothing more to wait for.
+        :return: False if it was ready before: there is nothing to wait for.
         """
         if self._ready_fd < 0:
             return False
-        told = select.poll()
-        told.register(self._ready_fd, select.POLLIN)
-        if told.poll(timeout_s * _MS_PER_S):
+        ready = select.poll()
+        ready.register(self._ready_fd, select.POLLIN)
+        if ready.poll(timeout_s * _MS_PER_S):
             self._close_ready()
         return True
 
     def _close_stdin(self) -> None:
-        """Tell a core that waits for its settings that there will be none."""
+        """Close the standard input of a core that waits for its settings."""
         if self._process is not None and self._process.stdin is not None:
             with suppress(OSError):
                 self._process.stdin.close()
@@ -163,19 +163,19 @@ class CoreProcess:
             os.close(fd)
 
     def _forget(self) -> None:
-        """Let go of what belongs to the core before."""
+        """Release the resources of the previous core."""
         self._close_ready()
         liveness = self.take_liveness()
         if liveness is not None:
             liveness.close()
 
     def take_liveness(self) -> LivenessReader | None:
-        """Return, once, the sign of life of the core that was started last; None without one."""
+        """Return, once, the liveness counter of the last started core; None without one."""
         liveness, self._liveness = self._liveness, None
         return liveness
 
     def alive(self) -> bool:
-        """Look whether it was started and runs; :attr:`exit_code` says how it ended."""
+        """Return whether it was started and runs; :attr:`exit_code` has its exit code."""
         if self._process is None or self._waits:
             return False
         code = self._process.poll()
@@ -185,7 +185,7 @@ class CoreProcess:
         self._close_stdin()
         self._process = None
         self._close_ready()
-        with suppress(OSError, RtRobotError):  # no descriptors, say: the next core sees to it
+        with suppress(OSError, RtRobotError):  # no descriptors, for example: left to the next core
             remove_leftovers(self._path)
         return False
 
@@ -203,7 +203,7 @@ class CoreProcess:
         self._end(signal.SIGKILL)
 
     def stop(self) -> None:
-        """End the core in order, by force when it does not listen; may be called twice."""
+        """End the core in order, by force if it does not respond; may be called twice."""
         self._end(signal.SIGTERM)
 
     def _end(self, signo: int) -> None:

@@ -50,9 +50,9 @@ class _Counter:
 
 class Recent:
     """
-    Remember when each counter of a core grew.
+    Remember when each counter of a core increased.
 
-    :param hold_s: for how long that counts.
+    :param hold_s: how long an increase counts as recent.
     """
 
     def __init__(self, hold_s: float = HOLD_S) -> None:
@@ -64,10 +64,10 @@ class Recent:
 
     def begin(self, now_s: float, age_s: float) -> None:
         """
-        Begin a round; what was not asked for in the one before is forgotten.
+        Start a round; counters that were not queried in the last round are removed.
 
         :param now_s: the core's time.
-        :param age_s: how long the core has run: all that a young one has counted is new.
+        :param age_s: how long the core has run: all counts of a young core are recent.
         """
         self._counters = {k: c for k, c in self._counters.items() if k in self._seen}
         self._seen = set()
@@ -75,14 +75,14 @@ class Recent:
         self._young = age_s < self.hold_s
 
     def clear(self) -> None:
-        """Forget everything: it is another core."""
+        """Remove all counters, for another core."""
         self._counters.clear()
 
     def gained(self, key: str, total: int) -> int:
         """
-        Return by how much a counter grew within the time that counts.
+        Return the recent increase of a counter.
 
-        :param key: any name of the counter, the same in each round.
+        :param key: a name of the counter, the same in each round.
         """
         self._seen.add(key)
         counter = self._counters.get(key)
@@ -122,10 +122,10 @@ _TROUBLES = (
 
 class Diagnostics:
     """
-    Judge the statistics, comparing them with the ones before.
+    Make diagnostics from the statistics, compared with the previous ones.
 
-    :param name: of the robot; each status is called ``name: what``.
-    :param rearm: the service that lets held tasks run again.
+    :param name: of the robot; each status has the name ``name: what``.
+    :param rearm: the service that re-arms held tasks.
     """
 
     def __init__(self, name: str, rearm: str = '/robot/rearm') -> None:
@@ -143,9 +143,9 @@ class Diagnostics:
         """
         Return a status for the core, each device, task, module, topic, client, service and so on.
 
-        What was lost or missed is a warning for ten seconds; the totals stay among the values.
+        Losses and misses cause a warning for ten seconds; the totals remain among the values.
 
-        :param starved: why the statistics are old; empty when they are not.
+        :param starved: why the statistics are old; empty if they are not.
         """
         if now is not self._before:
             self._last = [*self._parts(now, mapper, mirrors, log), *(
@@ -179,20 +179,20 @@ class Diagnostics:
                        warning or 'carried', values)
 
     def silent(self, reason: str) -> list[DiagnosticStatus]:
-        """Say that there is no core to ask."""
+        """Return the status of a core that is not available."""
         self._before = None
         return [_status(f'{self._name}: core', ERROR, reason, {})]
 
     def _core(self, now: CoreStatistics, starved: str) -> DiagnosticStatus:
         lacking = [r for r in now.core['realtime'] if not r['ok']]
         level = WARN if lacking else OK
-        message = ('not in force: ' + ', '.join(r['step'] for r in lacking)) if lacking else (
+        message = ('not active: ' + ', '.join(r['step'] for r in lacking)) if lacking else (
             'running')
         if starved:
             level, message = WARN, starved
         threads = ', '.join(now.core.get('threads', ()))
         if threads:
-            level, message = WARN, f'threads in the core, which hold up every task: {threads}'
+            level, message = WARN, f'threads in the core, which delay every task: {threads}'
         watchdog = now.core['watchdog']
         if watchdog not in ('off', 'healthy'):
             level, message = ERROR, f'watchdog: {watchdog}'
@@ -216,7 +216,7 @@ class Diagnostics:
         return _status(f'{self._name}: core', level, message, values)
 
     def _simulation(self, now: CoreStatistics) -> Iterator[DiagnosticStatus]:
-        """Yield which devices are simulated; nobody shall take their samples for real ones."""
+        """Yield a status with the simulated devices, so that their samples are not mistaken."""
         names = ', '.join(now.core.get('simulated', ()))
         if names:
             asked = now.core['simulation_asked']
@@ -226,7 +226,7 @@ class Diagnostics:
 
     def _device(self, device: dict[str, Any]) -> DiagnosticStatus:
         state = device['state']
-        # An active device has a reason when its frames are valid but give no sample.
+        # An active device has a reason when its frames are valid but contain no sample.
         level = {'active': WARN if device['reason'] else OK, 'opening': WARN,
                  'closed': STALE}.get(state, ERROR)
         message = f'{state}: {device["reason"]}' if device['reason'] else state
@@ -257,15 +257,15 @@ class Diagnostics:
             'blocked_others_max_us': task.blocked_maximum_ns / 1000})
 
     def _trouble(self, task: TaskStatistics) -> tuple[bytes, str]:
-        """Return the worst of what is wrong with a task, or went wrong lately."""
+        """Return the worst current or recent problem of a task."""
         gained = {key: self._recent.gained(f'task {task.name} {key}', getattr(task, key))
                   for _, key, _ in _TROUBLES}
         if task.state in (TaskState.SAFE, TaskState.STOPPED):
             what = 'in its safe state' if task.state is TaskState.SAFE else 'stopped'
-            return ERROR, (f'{what}; the log says why. Let it run again: ros2 service call '
+            return ERROR, (f'{what}; see the log. To re-arm it: ros2 service call '
                            f'{self._rearm} std_srvs/srv/Trigger')
         if task.state is TaskState.BACKOFF:
-            return ERROR, 'failed; it restarts by itself after a pause'
+            return ERROR, 'failed; it restarts automatically after a pause'
         for level, key, text in _TROUBLES:
             if gained[key]:
                 return level, text.format(gained[key]) + self._lately + self._instead(task, key)
@@ -306,8 +306,8 @@ class Diagnostics:
         values |= {f'lost by {s["name"]}': s['lost'] for s in readers}
         message = f'{rate_hz:.1f} Hz' if topic['published'] else 'nothing published yet'
         if lost:
-            who = ', '.join(f'{count} by {name}' for name, count in lost.items())
-            message = f'samples lost{self._lately}: {who}'
+            losses = ', '.join(f'{count} by {name}' for name, count in lost.items())
+            message = f'samples lost{self._lately}: {losses}'
         return _status(f'{self._name}: topic {topic["name"]}', WARN if lost else OK, message,
                        values)
 
@@ -319,10 +319,10 @@ class Diagnostics:
         for mirror in client['mirrors']:
             for key in ('sent', 'full', 'lost', 'skipped', 'limited'):
                 values[f'{mirror["topic"]} {key}'] = mirror[key]
-        said = f'{new} samples or answers dropped{self._lately}' if new else 'keeps up'
+        text = f'{new} samples or answers dropped{self._lately}' if new else 'keeps up'
         if new and client['refused'] and client.get('last_refusal'):
-            said += f'; refused at last: {client["last_refusal"]}'
-        return _status(f'{self._name}: client {client["name"]}', WARN if new else OK, said, values)
+            text += f'; last refusal: {client["last_refusal"]}'
+        return _status(f'{self._name}: client {client["name"]}', WARN if new else OK, text, values)
 
     @property
     def _lately(self) -> str:
@@ -337,12 +337,12 @@ class Diagnostics:
         lost = self._recent.gained('log lost', int(log.get('lost', 0)))
         untold = self._recent.gained('log untold', int(log.get('untold', 0)))
         unread = self._recent.gained('log unread', int(log.get('unread', 0)))
-        said = [f'{count} lines {what}{self._lately}' for count, what in (
+        problems = [f'{count} lines {what}{self._lately}' for count, what in (
             (lost, 'are not in the file'),
             (unread, 'were not read on the console'),
-            (untold, 'were not told: they came too fast')) if count]
-        return _status(f'{self._name}: log', WARN if said else OK, '; '.join(said) or 'carried',
-                       dict(log))
+            (untold, 'were not shown: they came too fast')) if count]
+        return _status(f'{self._name}: log', WARN if problems else OK,
+                       '; '.join(problems) or 'complete', dict(log))
 
     def _clock(self, mapper: StampMapper) -> DiagnosticStatus:
         ahead_ns = -mapper.error_ns
@@ -350,5 +350,5 @@ class Diagnostics:
         if ahead_ns > STEP_NS:
             return _status(f'{self._name}: clock', WARN,
                            f'the system clock was set back; stamps are {ahead_ns / 1e9:.3f} s '
-                           'ahead of it and let it catch up', values)
+                           'ahead of it and slow down until it catches up', values)
         return _status(f'{self._name}: clock', OK, 'stamps follow the system clock', values)

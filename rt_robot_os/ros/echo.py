@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Print the messages of a topic in the manner of `ros2 topic echo`."""
+"""Print the messages of a topic, as `ros2 topic echo` does."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from rclpy.signals import SignalHandlerOptions
 from rt_robot_os.topics.resolve import message_class
 
 _ITEMS_SHOWN = 16
-_LOOK_S = 0.1
+_POLL_S = 0.1
 
 
 def lines_of(value: Any, name: str = '', indent: int = 0) -> Iterator[str]:
-    """Write a message as lines of YAML; long arrays are cut."""
+    """Format a message as lines of YAML; long arrays are truncated."""
     pad = '  ' * indent
     if hasattr(value, 'get_fields_and_field_types'):
         if name:
@@ -67,7 +67,7 @@ def _type_of(node: Node, topic: str, timeout_s: float, stopping: Callable[[], bo
         for name, types in node.get_topic_names_and_types():
             if name == topic:
                 return str(types[0])
-        rclpy.spin_once(node, timeout_sec=_LOOK_S)
+        rclpy.spin_once(node, timeout_sec=_POLL_S)
     return None
 
 
@@ -94,12 +94,12 @@ class _Printer:
 def echo(topic: str, *, hz: bool, count: int, timeout_s: float,
          stopping: Callable[[], bool]) -> int:
     """
-    Print a topic until told to stop, or so many times.
+    Print a topic until stopped, or ``count`` times.
 
-    :param stopping: whether to stop, asked ten times a second. Signals are the caller's: rclpy's
-        own handlers would pull the context away from under whatever is being made.
-    :return: the exit code; 1 when nobody publishes it.
-    :raises BrokenPipeError: nobody reads what is printed any more.
+    :param stopping: returns whether to stop; called ten times a second. The caller handles
+        signals: rclpy's own handlers would shut the context down while entities are created.
+    :return: the exit code; 1 if the topic is not published.
+    :raises BrokenPipeError: the output is no longer read.
     """
     topic = topic if topic.startswith('/') else f'/{topic}'
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -109,15 +109,15 @@ def echo(topic: str, *, hz: bool, count: int, timeout_s: float,
         if stopping():
             return 0
         if type_name is None:
-            print(f'echo: nobody publishes {topic} (waited {timeout_s:g} s); there are: '
+            print(f'echo: {topic} is not published (waited {timeout_s:g} s); known topics: '
                   + ', '.join(sorted(n for n, _ in node.get_topic_names_and_types())),
                   file=sys.stderr)
             return 1
         printer = _Printer(hz, count)
-        # Best effort takes part with publishers of either kind.
+        # Best effort matches publishers of either reliability.
         node.create_subscription(message_class(type_name), topic, printer, qos_profile_sensor_data)
         while printer.left and not stopping():
-            rclpy.spin_once(node, timeout_sec=_LOOK_S)
+            rclpy.spin_once(node, timeout_sec=_POLL_S)
         return 0
     finally:
         node.destroy_node()

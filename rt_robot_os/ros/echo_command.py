@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the program `echo` does with its command line."""
+"""The program `echo`."""
 
 from __future__ import annotations
 
@@ -27,19 +27,20 @@ def run(argv: Sequence[str]) -> int:
     Print the messages of a topic, or its rate, until Ctrl-C.
 
     :param argv: without the program's name.
-    :return: the exit code, 1 when nobody publishes it.
+    :return: the exit code, 1 if the topic is not published.
     """
     parser = argparse.ArgumentParser(
         prog='echo', description="Print a ROS 2 topic; for machines without ROS 2's own tools.")
     parser.add_argument('topic', help='such as /imu/data')
     parser.add_argument('--hz', action='store_true', help='print the rate once a second instead')
-    parser.add_argument('--count', type=int, default=0, help='end after so many (0: never)')
+    parser.add_argument('--count', type=int, default=0,
+                        help='end after this many messages (0: never)')
     parser.add_argument('--timeout', type=float, default=10.0,
-                        help='seconds to wait for somebody to publish (default %(default)g)')
+                        help='seconds to wait for a publisher (default %(default)g)')
     arguments = parser.parse_args(argv)
     stops: list[int] = []
 
-    # Now already: loading rclpy takes long enough to be interrupted.
+    # Before the import: loading rclpy takes long enough to be interrupted.
     with ended_by_signals(stops.append):
         from rt_robot_os.ros.echo import echo
         return echo(arguments.topic, hz=arguments.hz, count=arguments.count,

@@ -14,10 +14,10 @@
 
 
 """
-The log file: written by a thread of its own, so that a slow or full disk holds up nobody.
+The log file: written by a separate thread, so that a slow or full disk delays no other thread.
 
-Lines that cannot be written are counted, and reported once; so is, in the file too, that lines
-can be written again.
+Lines that cannot be written are counted, and reported once. When the disk works again, this is
+reported too, also in the file.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _NS_PER_S = 1_000_000_000
 
 
 def line_of(wall_ns: int, severity: str, source: str, text: str) -> str:
-    """Write one report; further lines of its text are indented."""
+    """Format a report; further lines of its text are indented."""
     seconds, rest_ns = divmod(wall_ns, _NS_PER_S)
     at = datetime.fromtimestamp(seconds).astimezone().replace(microsecond=rest_ns // 1000)
     body = text.rstrip('\n').replace('\n', '\n    ')
@@ -50,21 +50,20 @@ class LogFile:
     """
     A rotated file: at its maximum size it becomes ``.1``, that one ``.2``; the oldest is deleted.
 
-    :param maximum_bytes: of one file; a longer line has a file of its own.
-    :param files: how many there are at most.
-    :param complain: called, in the thread that writes, when the disk fails, and when it works
-        again.
+    :param maximum_bytes: of one file; a longer line gets its own file.
+    :param files: maximum number of files.
+    :param warn: called, in the writing thread, when the disk fails, and when it works again.
     :param retry_s: pause before the next attempt.
     :ivar lost: lines that were not written, because of the disk or because they came too fast.
     """
 
     def __init__(self, path: Path, maximum_bytes: int, files: int,
-                 complain: Callable[[str], object], retry_s: float = RETRY_S) -> None:
+                 warn: Callable[[str], object], retry_s: float = RETRY_S) -> None:
         self.path = path
         self.written = self.lost = 0
         self._maximum_bytes = maximum_bytes
         self._files = files
-        self._complain = complain
+        self._warn = warn
         self._retry_s = retry_s
         self._overrun = 0
         self._waiting: queue.Queue[str | None] = queue.Queue(WAITING_MAXIMUM)
@@ -76,7 +75,7 @@ class LogFile:
         self._thread.start()
 
     def write(self, line: str) -> None:
-        """Have a line written; never waits."""
+        """Queue a line; never blocks."""
         try:
             self._waiting.put_nowait(line)
         except queue.Full:
@@ -84,7 +83,7 @@ class LogFile:
             self.lost += 1
 
     def close(self) -> None:
-        """Write what waits and end, with some patience; may be called twice."""
+        """Write queued lines and end, for a limited time; may be called twice."""
         try:
             self._waiting.put(None, timeout=_END_PATIENCE_S)
         except queue.Full:
@@ -102,8 +101,8 @@ class LogFile:
             self.lost += 1
             return
         overrun, self._overrun = self._overrun, 0
-        notes = [(self._failed, 'the disk took none'), (overrun, 'they came too fast')]
-        text = ''.join(f'... {count} lines are not here: {why}\n'
+        notes = [(self._failed, 'the disk failed'), (overrun, 'they came too fast')]
+        text = ''.join(f'... {count} lines are missing: {why}\n'
                        for count, why in notes if count) + line
         data = text.encode(errors='backslashreplace')
         try:
@@ -113,13 +112,13 @@ class LogFile:
             return
         self.written += 1
         if self._failed:
-            self._complain(f'log file {self.path}: written again; {self._failed} lines were lost')
+            self._warn(f'log file {self.path}: written again; {self._failed} lines were lost')
             self._failed = 0
 
     def _fail(self, error: OSError) -> None:
         if not self._failed:
-            self._complain(f'log file {self.path}: {error.strerror or error}; lines are lost '
-                           'until it can be written: make room, or set log.folder')
+            self._warn(f'log file {self.path}: {error.strerror or error}; lines are lost '
+                       'until it is writable: free space, or set log.folder')
         self._failed += 1
         self.lost += 1
         self._failing_since_s = time.monotonic()
@@ -132,7 +131,7 @@ class LogFile:
             self._rotate()
             fd = self._open()
         left = memoryview(data)
-        while left:  # a disk that becomes full takes a part
+        while left:  # a disk that becomes full accepts a part
             left = left[os.write(fd, left):]
         self._size += len(data)
 

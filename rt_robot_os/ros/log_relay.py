@@ -51,7 +51,7 @@ _BYTES_PER_MB = 1_000_000
 _LOGGERS_MAXIMUM = 1000
 
 
-def say(logger: Any, severity: int, text: str) -> None:
+def log_to(logger: Any, severity: int, text: str) -> None:
     """Log with rclpy, which allows one severity for each line of code that logs."""
     if severity >= Severity.FATAL:
         logger.fatal(text)
@@ -67,9 +67,9 @@ def say(logger: Any, severity: int, text: str) -> None:
 
 def level_is_chosen(name: str) -> bool:
     """
-    Look whether the user has set a level for a logger, for one above it, or for all.
+    Return whether the user has set a level for a logger, for a parent, or for all.
 
-    A default level of INFO is what ROS has when nobody says anything.
+    The default level of ROS is INFO.
     """
     if rclpy.logging.get_logger_level('') != rclpy.logging.LoggingSeverity.INFO:
         return True
@@ -80,14 +80,14 @@ def level_is_chosen(name: str) -> bool:
 
 class LogRelay:
     """
-    Log what the core and the node report, each line once.
+    Log the reports of the core and the node, each line once.
 
-    On /rosout the lines of the core have the name ``node.source`` and the moment at which they
-    were logged there. They are published here: rclpy would stamp them with the moment of their
+    On /rosout the lines of the core have the name ``node.source`` and the time at which the core
+    logged them. They are published here, because rclpy would stamp them with their time of
     arrival. No caller waits for the console or the disk.
 
-    :param robot: gives the file its name.
-    :param console: what counts the lines that nobody reads.
+    :param robot: name of the file.
+    :param console: counts the lines that were not read.
     """
 
     def __init__(self, node: Node, mapper: StampMapper, settings: LogSettings, robot: str,
@@ -102,59 +102,59 @@ class LogRelay:
             depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self.file: LogFile | None = None
-        self._writer = ConsoleWriter(self._tell, lambda count: ConsoleLine(
+        self._writer = ConsoleWriter(self._write, lambda count: ConsoleLine(
             int(Severity.WARN), 0, '', f'{count} lines of the log are not shown here: they came '
-            'faster than they could be told'))
+            'faster than they could be written'))
         if settings.file:
             folder: Path = expanded(settings.folder) if settings.folder else default_folder()
             self.file = LogFile(folder / f'{robot}.log', round(settings.file_mb * _BYTES_PER_MB),
-                                settings.files, self._complain)
+                                settings.files, self._warn)
 
     def relay(self, severity: int, at_ns: int, source: str, text: str) -> None:
-        """Log one line of the core; never waits; from one thread only."""
+        """Log a line of the core; never blocks; from one thread only."""
         self.lines += 1
-        self._hand_on(nearest_severity(severity), at_ns + self._mapper.offset_ns,
-                      safe_line(source), safe_text(text))
+        self._log(nearest_severity(severity), at_ns + self._mapper.offset_ns,
+                  safe_line(source), safe_text(text))
 
     def note(self, severity: int, text: str) -> None:
-        """Log a line of the node itself; never waits, from any thread."""
-        self._hand_on(nearest_severity(severity), 0, '', safe_text(text))
+        """Log a line of the node itself; never blocks, thread-safe."""
+        self._log(nearest_severity(severity), 0, '', safe_text(text))
 
-    def _hand_on(self, severity: Severity, wall_ns: int, source: str, text: str) -> None:
+    def _log(self, severity: Severity, wall_ns: int, source: str, text: str) -> None:
         if self.file is not None:
             self.file.write(line_of(wall_ns or time.time_ns(), severity.name, source or 'node',
                                     text))
         self._writer.put(ConsoleLine(int(severity), wall_ns, source, text))
 
-    def _tell(self, line: ConsoleLine) -> None:
-        """Write one line; the thread that does so may wait for the console."""
+    def _write(self, line: ConsoleLine) -> None:
+        """Write a line; the thread may be blocked by the console."""
         if not line.source:
-            say(self._own, line.severity, line.text)
+            log_to(self._own, line.severity, line.text)
             return
         logger = self._loggers.get(line.source) or self._logger(line.source)
         if not logger.is_enabled_for(rclpy.logging.LoggingSeverity(line.severity)):
             return
-        with suppress(Exception):  # rclpy was shut down, or the clock is no time of a message
+        with suppress(Exception):  # rclpy was shut down, or the time does not fit a message
             self._publisher.publish(
                 log_message(line.wall_ns, line.severity, logger.name, line.text))
-        say(logger, line.severity, line.text)
+        log_to(logger, line.severity, line.text)
 
     def _logger(self, source: str) -> Any:
-        # A logger that is no child of the node's is not on /rosout.
+        # Only a child of the node's logger is on /rosout.
         logger = rclpy.logging.get_logger(logger_name(self._name, source))
         if not level_is_chosen(logger.name):
-            # The core has filtered by each log_level already.
+            # The core has already filtered by log_level.
             logger.set_level(rclpy.logging.LoggingSeverity.DEBUG)
         if len(self._loggers) >= _LOGGERS_MAXIMUM:
             self._loggers.clear()
         self._loggers[source] = logger
         return logger
 
-    def _complain(self, text: str) -> None:
+    def _warn(self, text: str) -> None:
         self._writer.put(ConsoleLine(int(Severity.WARN), 0, '', text))
 
     def statistics(self) -> dict[str, int | str]:
-        """Count the lines, those in the file, and those missing in the file and on the console."""
+        """Return the numbers of lines, in total, in the file, and missing in file and console."""
         file = self.file
         return {'lines': self.lines, 'file': str(file.path) if file else 'off',
                 'written': file.written if file else 0, 'lost': file.lost if file else 0,
@@ -163,9 +163,9 @@ class LogRelay:
 
     def close(self) -> bool:
         """
-        Write what waits; may be called twice.
+        Write queued lines; may be called twice.
 
-        :return: False when a thread still waits for a console that nobody reads.
+        :return: False if a thread is still blocked by the console.
         """
         if self.file is not None:
             self.file.close()

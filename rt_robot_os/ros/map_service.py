@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A service that gives the last map of a topic of the core: ``nav_msgs/srv/GetMap``."""
+"""A service that returns the last map of a topic of the core: ``nav_msgs/srv/GetMap``."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from rt_robot_os.settings.service_model import ServiceSettings
 
 class MapService:
     """
-    One service; without a core it goes on to give the map that it had.
+    One service; without a core it continues to return its last map.
 
-    :ivar calls: so far.
-    :ivar empty: of them, those answered with a map of no cells: none had come.
+    :ivar calls: number of calls.
+    :ivar empty: calls that were answered with an empty map, because none was received.
     """
 
     def __init__(self, node: Node, settings: ServiceSettings, group: ReentrantCallbackGroup
@@ -46,44 +46,44 @@ class MapService:
         self._cdr = b''
         self._mirrored: SampleHandler | None = None
         self.entity = node.create_service(
-            GetMap, settings.service, self._give, callback_group=group)
+            GetMap, settings.service, self._respond, callback_group=group)
 
     def connect(self, client: LinkClient) -> None:
         """
-        Take a new connection, whose mirrors have been connected.
+        Use a new connection, after its mirrors were connected.
 
         :raises LinkError: the core has no such topic.
         """
         info = client.topics.get(self.settings.topic)
         if info is None:
-            raise LinkError(f'the core has no topic {self.settings.topic!r} of which a service '
-                            'gives the last sample; was it started with another configuration?')
+            raise LinkError(f'the core has no topic {self.settings.topic!r} for a service that '
+                            'returns its last sample; was it started with another configuration?')
         self._mirrored = client.sample_handlers.get(info.channel)
-        client.sample_handlers[info.channel] = self._carry
+        client.sample_handlers[info.channel] = self._receive
 
     def activate(self, client: LinkClient) -> None:
         """
-        Ask the core for the map, unless a mirror has done so.
+        Request the map from the core, unless a mirror has done so.
 
         :raises LinkError: the core refuses.
         """
         if self._mirrored is None:
             client.mirror(self.settings.topic, 'latest', initial=True)
 
-    def _carry(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
+    def _receive(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
         if self._mirrored is not None:
-            self._mirrored(stamp_ns, missed, cdr)  # which puts the time of day into its header
+            self._mirrored(stamp_ns, missed, cdr)  # it writes the time of day into the header
         self._cdr = cdr.tobytes()
 
-    def _give(self, request: Any, response: Any) -> Any:
+    def _respond(self, request: Any, response: Any) -> Any:
         self.calls += 1
         if self._cdr:
             response.map = deserialize_message(self._cdr, OccupancyGrid)
         else:
             self.empty += 1
             self._node.get_logger().warn(
-                f'{self.entity.service_name}: no map has come yet on {self.settings.topic}: an '
-                'empty one was given')
+                f'{self.entity.service_name}: no map was received on {self.settings.topic}: the '
+                'response is empty')
         return response
 
     def counters(self) -> dict[str, Any]:

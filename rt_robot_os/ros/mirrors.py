@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Carry samples between the link and ROS 2 topics, as CDR, without building messages."""
+"""Send samples between the link and ROS 2 topics, as CDR, without building messages."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.settings.mirror_types import inward
 from rt_robot_os.settings.mirror_types import outward
 
-# Of the delay that a mirror allows the core may take so much, and the node the rest.
+# The share of a mirror's permitted delay that the core may use; the node uses the rest.
 CORE_SHARE = 0.5
 
 _STAMP = struct.Struct('<iI')
-Tell = Callable[[str], object]
+Log = Callable[[str], object]
 
 
 def qos_of(mirror: MirrorSettings) -> QoSProfile:
@@ -74,18 +74,18 @@ class OutwardMirror:
     """
     One topic from the core to ROS 2.
 
-    :param shared: publishers by ROS topic, where several mirrors may have one; its own is added.
-    :param tell: takes a line of what goes wrong.
-    :ivar published: samples given to ROS 2.
-    :ivar missed: samples that this client did not get from the core, since the last connection.
+    :param shared: publishers by ROS topic, which several mirrors may share; its own is added.
+    :param log: called with a line of text for each problem.
+    :ivar published: samples published in ROS 2.
+    :ivar missed: samples that this client did not receive from the core, since it connected.
     :ivar refused: samples that cannot be converted.
     """
 
     def __init__(self, node: Node, settings: MirrorSettings, mapper: StampMapper,
-                 shared: dict[str, Any] | None = None, tell: Tell = print) -> None:
+                 shared: dict[str, Any] | None = None, log: Log = print) -> None:
         self.settings = settings
         self.published = 0
-        self.refused = Refusals(f'{settings.topic} -> {settings.ros_topic}', tell)
+        self.refused = Refusals(f'{settings.topic} -> {settings.ros_topic}', log)
         self.missed = 0
         self._line = mapper.line()
         self._stamp_offset: int | None = None
@@ -96,27 +96,27 @@ class OutwardMirror:
             known[settings.ros_topic] = node.create_publisher(
                 ros_class(settings), settings.ros_topic, qos_of(settings))
         self.publisher = known[settings.ros_topic]
-        # As rclpy's publish() does for bytes, which enters and leaves the handle for each.
+        # The method behind rclpy's publish(), which enters and leaves the handle each time.
         self._publish: Callable[[bytes], None] = self.publisher.handle.publish_raw
 
     def connect(self, info: TopicInfo) -> None:
-        """Take over the core's facts about the topic."""
+        """Store the core's facts about the topic."""
         self._stamp_offset = info.stamp_offset
         self._large = info.max_size > SAMPLE_BYTES_MAXIMUM
         self.missed = 0
 
     @property
     def delay_ms(self) -> float:
-        """Return how long a sample may wait on its way; 0 for a large one: it goes by itself."""
+        """Return how long a sample may be delayed; 0 for large ones, which are sent alone."""
         return 0.0 if self._large else self.settings.delay_ms
 
-    def carry(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
+    def publish(self, stamp_ns: int, missed: int, cdr: memoryview) -> None:
         """
         Publish one sample with its stamp mapped to the time of day.
 
         :param stamp_ns: on CLOCK_MONOTONIC.
-        :param missed: samples of the topic that this client did not get so far.
-        :param cdr: may be written to; it is copied once, into the bytes that rclpy takes.
+        :param missed: samples of the topic that this client has missed so far.
+        :param cdr: may be written to; it is copied once, into the bytes for rclpy.
         """
         convert = self._convert
         if convert is None:
@@ -141,23 +141,23 @@ class InwardMirror:
     """
     One topic from ROS 2 to the core.
 
-    What is latched in ROS (``transient_local``, such as a map) comes once: the last sample is kept
-    for the next core. A sample ages from the moment at which it was published in ROS, see
+    A latched sample (``transient_local``, such as a map) is delivered once, so the last one is
+    stored for the next core. The age of a sample counts from its publication in ROS, see
     :mod:`rt_robot_os.ros.arrivals`.
 
     :param gaps: of this process.
     :ivar received: samples that ROS 2 delivered.
-    :ivar dropped: samples that came while there was no core and are not kept, or that it did not
-        take, or that were no message of their type.
-    :ivar refused: samples that cannot be converted, or must not pass.
-    :ivar stamp_age_ms: of the last sample with a header, how long ago its stamp was; negative when
-        the sender's clock is ahead.
+    :ivar dropped: samples that arrived without a core and are not stored, that the core did not
+        accept, or that were not valid messages.
+    :ivar refused: samples that cannot be converted, or are not allowed.
+    :ivar stamp_age_ms: the age of the last sample with a header, by its stamp; negative when the
+        sender's clock is ahead.
     """
 
-    def __init__(self, node: Node, settings: MirrorSettings, tell: Tell, gaps: OwnGaps) -> None:
+    def __init__(self, node: Node, settings: MirrorSettings, log: Log, gaps: OwnGaps) -> None:
         self.settings = settings
         self.received = self.dropped = 0
-        self.refused = Refusals(f'{settings.ros_topic} -> {settings.topic}', tell)
+        self.refused = Refusals(f'{settings.ros_topic} -> {settings.topic}', log)
         self.stamp_age_ms = 0.0
         self._now_ns: Callable[[], int] = lambda: node.get_clock().now().nanoseconds
         self._client: LinkClient | None = None
@@ -167,15 +167,15 @@ class InwardMirror:
         self._latched = settings.durability == 'transient_local' and not settings.stamped
         self._kept: tuple[bytes, int] | None = None
         self._arrivals = Arrivals(gaps, settings.durability == 'transient_local')
-        carry = self._carry if self._conversion is None else self._carry_converted
-        self._take = self._carry_stamped if settings.stamped else carry
-        receive: Any = self._receive  # takes what rclpy knows of a sample, too; its types do not
+        send = self._send if self._conversion is None else self._send_converted
+        self._forward = self._send_stamped if settings.stamped else send
+        receive: Any = self._receive  # also gets the message info, unlike the types of rclpy
         self.subscription = node.create_subscription(
             ros_class(settings), settings.ros_topic, receive, qos_of(settings), raw=True)
 
     def connect(self, client: LinkClient | None) -> None:
         """
-        Take the connection, or None when there is none.
+        Set the connection; None for none.
 
         :raises LinkError: the core refuses.
         """
@@ -185,33 +185,33 @@ class InwardMirror:
                 self._convert = self._conversion(client.topics[self.settings.topic].max_size)
         self._client = client
         if client is not None and self._kept is not None:
-            self.received -= 1  # it was counted when it came
-            self._take(*self._kept)
+            self.received -= 1  # it was counted on arrival
+            self._forward(*self._kept)
 
     def _receive(self, cdr: bytes, info: Mapping[str, Any]) -> None:
-        """Carry a sample; what comes once is kept for a core that is not there yet, or again."""
+        """Forward a sample; a latched one is stored for the next core."""
         entered_ns = max(1, time.monotonic_ns() - self._arrivals.age_ns(info))
         if self._latched:
             self._kept = cdr, entered_ns
             if self._client is None:
                 self.received += 1
                 return
-        self._take(cdr, entered_ns)
+        self._forward(cdr, entered_ns)
 
-    def _carry_stamped(self, cdr: bytes, entered_ns: int) -> None:
-        """Take the header off; the sample is as old as its stamp in ROS time, simulated or not."""
+    def _send_stamped(self, cdr: bytes, entered_ns: int) -> None:
+        """Remove the header; its stamp in ROS time, simulated or not, gives the age."""
         try:
             stamp_ns, body = take_off(cdr, STAMPED_BYTES[self.settings.message])
         except ValueError:
             self.received += 1
             self.dropped += 1
             return
-        age_ns = self._now_ns() - stamp_ns if stamp_ns else 0  # 0: the sender has not filled it in
+        age_ns = self._now_ns() - stamp_ns if stamp_ns else 0  # 0: the sender has not set it
         self.stamp_age_ms = round(age_ns / NS_PER_MS, 1)
         # A stamp in the future counts as its arrival.
-        self._carry(body, max(1, min(entered_ns, time.monotonic_ns() - max(0, age_ns))))
+        self._send(body, max(1, min(entered_ns, time.monotonic_ns() - max(0, age_ns))))
 
-    def _carry_converted(self, cdr: bytes, entered_ns: int) -> None:
+    def _send_converted(self, cdr: bytes, entered_ns: int) -> None:
         if self._client is not None:
             try:
                 cdr = self._convert(cdr)
@@ -219,9 +219,9 @@ class InwardMirror:
                 self.received += 1
                 self.refused.add(str(error))
                 return
-        self._carry(cdr, entered_ns)
+        self._send(cdr, entered_ns)
 
-    def _carry(self, cdr: bytes, stamp_ns: int) -> None:
+    def _send(self, cdr: bytes, stamp_ns: int) -> None:
         self.received += 1
         client = self._client
         if client is None:
@@ -248,7 +248,7 @@ class InwardMirror:
 
 def ask_for_all(client: LinkClient, topic: str, initial: bool = False) -> None:
     """
-    Ask for every sample of a topic, at once and without loss, whoever else asks for it.
+    Request every sample of a topic, immediately and without loss, for all users of the client.
 
     :raises LinkError: the core refuses.
     """
@@ -256,42 +256,42 @@ def ask_for_all(client: LinkClient, topic: str, initial: bool = False) -> None:
 
 
 def _to_all(mirrors: Sequence[OutwardMirror]) -> SampleHandler:
-    def carry(stamp_ns: int, missed: int, cdr: memoryview) -> None:
+    def publish(stamp_ns: int, missed: int, cdr: memoryview) -> None:
         for mirror in mirrors:
-            mirror.carry(stamp_ns, missed, cdr)
+            mirror.publish(stamp_ns, missed, cdr)
 
-    return carry
+    return publish
 
 
 class Mirrors:
     """
     All mirrored topics of a node; the entities exist as long as the node is configured.
 
-    :param tell: takes a line of what goes wrong.
-    :param gaps: of this process, which somebody else notes, too.
-    :param heard: topics of the core of which somebody else at this connection needs every sample.
-    :ivar active: whether samples are carried outward.
-    :ivar lacking: those whose type ROS does not have here; they carry nothing.
+    :param log: called with a line of text for each problem.
+    :param gaps: of this process, shared with other users.
+    :param complete: topics of the core of which another user of this client needs every sample.
+    :ivar active: whether samples are published in ROS.
+    :ivar lacking: mirrors whose type is not installed; they are without effect.
     """
 
     def __init__(self, node: Node, settings: tuple[MirrorSettings, ...], mapper: StampMapper,
-                 tell: Tell = print, heard: Collection[str] = (), gaps: OwnGaps | None = None
+                 log: Log = print, complete: Collection[str] = (), gaps: OwnGaps | None = None
                  ) -> None:
         self.active = False
         gaps = OwnGaps() if gaps is None else gaps
-        self._heard = heard
+        self._complete = complete
         self._node = node
         self._client: LinkClient | None = None
         self.lacking = [m for m in settings if m.as_ and is_lacking(m.as_)]
         there = [m for m in settings if m not in self.lacking]
         shared: dict[str, Any] = {}
         self.outward = [
-            OutwardMirror(node, m, mapper, shared, tell) for m in there if m.direction == 'out']
-        self.inward = [InwardMirror(node, m, tell, gaps) for m in there if m.direction == 'in']
+            OutwardMirror(node, m, mapper, shared, log) for m in there if m.direction == 'out']
+        self.inward = [InwardMirror(node, m, log, gaps) for m in there if m.direction == 'in']
 
     def connect(self, client: LinkClient) -> None:
         """
-        Begin to carry over a new connection.
+        Use a new connection.
 
         :raises LinkError: the core refuses.
         """
@@ -305,20 +305,20 @@ class Mirrors:
             mirror.connect(info)
             by_channel.setdefault(info.channel, []).append(mirror)
         client.sample_handlers = {
-            channel: mirrors[0].carry if len(mirrors) == 1 else _to_all(mirrors)
+            channel: mirrors[0].publish if len(mirrors) == 1 else _to_all(mirrors)
             for channel, mirrors in by_channel.items()}
         if self.active:
             self.activate()
 
     def disconnect(self) -> None:
-        """Forget the connection; samples from ROS 2 are dropped and counted from now on."""
+        """Drop the connection; samples from ROS 2 are dropped and counted from now on."""
         self._client = None
         for mirror in self.inward:
             mirror.connect(None)
 
     def activate(self) -> None:
         """
-        Ask the core for the outward topics and open the inward ones.
+        Request the outward topics from the core and open the inward ones.
 
         :raises LinkError: the core refuses.
         """
@@ -333,7 +333,7 @@ class Mirrors:
         self._set_clock()
 
     def deactivate(self) -> None:
-        """Let nothing through any more, in either direction."""
+        """Stop both directions."""
         self.active = False
         for mirror in self.inward:
             mirror.connect(None)
@@ -343,7 +343,7 @@ class Mirrors:
 
     def follow(self, settings: Iterable[MirrorSettings]) -> None:
         """
-        Carry outward topics as these settings of the same mirrors say, from now on.
+        Apply changed settings of the same mirrors.
 
         :raises LinkError: the core refuses.
         """
@@ -356,17 +356,17 @@ class Mirrors:
         self._set_clock()
 
     def _ask(self, client: LinkClient, settings: MirrorSettings, initial: bool = False) -> None:
-        if settings.topic in self._heard:
+        if settings.topic in self._complete:
             ask_for_all(client, settings.topic, initial)
             return
         client.mirror(settings.topic, settings.policy, settings.max_rate_hz, initial=initial,
                       delay_ms=settings.delay_ms * CORE_SHARE)
 
     def _set_clock(self) -> None:
-        """Read on an own clock where every topic allows it, else whenever something comes."""
+        """Poll with an own clock if every topic allows a delay; otherwise wait for packets."""
         if self._client is not None:
             delay_ms = min((m.delay_ms for m in self.outward), default=0.0)
-            # A moment may be late by the shortest interval.
+            # A poll may be late by the shortest interval.
             interval_ns = round(delay_ms * (1 - CORE_SHARE) * NS_PER_MS) - SHORTEST_NS
             self._client.clock.interval_ns = interval_ns if interval_ns >= SHORTEST_NS else 0
 
@@ -386,7 +386,7 @@ class Mirrors:
               'delay_ms': m.delay_ms, **(m.refused.counters() if m.settings.as_ else {})})
             for m in self.outward]
         rows += [(f'{m.topic} -> {m.ros_topic}',
-                  {'warning': f'ROS has no package {m.as_.partition("/")[0]} here'})
+                  {'warning': f'the ROS package {m.as_.partition("/")[0]} is not installed'})
                  for m in self.lacking]
         rows += [(f'{m.settings.ros_topic} -> {m.settings.topic}',
                   m.counters()) for m in self.inward]

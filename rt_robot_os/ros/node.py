@@ -79,10 +79,10 @@ class RobotNode(LifecycleNode):
 
     :param settings: checked already.
     :param name: of the node, before remapping.
-    :param console: what counts the lines that nobody reads; None counts none.
-    :param stopping: whether the program is to end: nothing is waited for any more.
-    :param core: that is loaded already, for the first time that this node is configured.
-    :ivar held_up: somebody who does not read the console holds up a thread at the end.
+    :param console: counts the lines that were not read; None counts none.
+    :param stopping: returns whether the program must end without waiting.
+    :param core: that is loaded already, for the first configuration of this node.
+    :ivar is_blocked: a thread is blocked at the end, because the console is not read.
     """
 
     def __init__(self, settings: RobotSettings, name: str = 'robot',
@@ -96,7 +96,7 @@ class RobotNode(LifecycleNode):
         self._stopping = stopping
         self._core = core
         if core is not None and not (settings.core.spawn and settings.autostart):
-            core.stop()  # nobody knows whether and when it is needed
+            core.stop()  # it is not known whether and when it is needed
         self._adopting = False
         self._digest: int | None = None
         self.robot = robot_name(self.get_name(), self.get_namespace())
@@ -105,7 +105,7 @@ class RobotNode(LifecycleNode):
             int(Severity.WARN), text))
         self._mapper = StampMapper(wall_ns=self._time.now_ns)
         self._log = LogRelay(self, self._mapper, settings.log, self.robot, console)
-        self.held_up = False
+        self.is_blocked = False
         self._mirrors: Mirrors | None = None
         self._static: StaticTransforms | None = None
         self._supervisor: Supervisor | None = None
@@ -114,7 +114,7 @@ class RobotNode(LifecycleNode):
         self._text_services = Services(self, settings.services, settings.mirrors, settings.files)
         self._diagnostics = Diagnostics(self.robot, rearm.service_name)
         self._status_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        # On a steady clock: /diagnostics goes on whatever ROS time does.
+        # On a steady clock: /diagnostics is independent of ROS time.
         self._status_timer = self.create_timer(
             1.0 / settings.diagnostics_rate_hz, self._diagnose,
             clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -122,11 +122,11 @@ class RobotNode(LifecycleNode):
         self._gaps.watch()
         self._ros_parameters = NodeParameters(
             self, self._robot_parameters.known.values(), self._change)
-        self._responses = Responses(self, self._warn)  # of all services: those of rclpy, too
+        self._responses = Responses(self, self._warn)  # of all services, including those of rclpy
 
     @property
     def settings(self) -> RobotSettings:
-        """As they are now, with what was changed while the robot runs."""
+        """The current settings, including changes at run time."""
         return self._robot_parameters.settings
 
     # ---- lifecycle ---------------------------------------------------------------------------
@@ -138,10 +138,10 @@ class RobotNode(LifecycleNode):
                                 self._text_services.answer_topics, self._gaps)
         frames = published_frames(self.settings)
         self._static = StaticTransforms(self, frames)
-        self._tell_what_is_lacking()
+        self._warn_of_missing_packages()
         for parent in loose_parents(frames):
             self._log.note(int(Severity.INFO), f'/tf_static: frames are mounted on {parent!r}, '
-                           'which is no frame of a device: a robot description has to have it')
+                           'which is not a frame of a device: a robot description must publish it')
         self._supervisor = Supervisor(
             self.path, process, self._mapper, self._log.note, self._log.relay, name=self.robot,
             on_connect=self._connect, on_disconnect=self._disconnect,
@@ -155,14 +155,14 @@ class RobotNode(LifecycleNode):
             self._stop_core()
             return TransitionCallbackReturn.FAILURE
         if process is not None and not connected and not self._stopping():
-            # The supervisor goes on trying, and /diagnostics says so meanwhile.
+            # The supervisor continues to try, and /diagnostics reports it meanwhile.
             self._log.note(int(Severity.WARN), f'the core has not answered after '
                            f'{_START_TIMEOUT_S:g} s: '
-                           f'{self._supervisor.starved or "is the machine that busy?"}')
+                           f'{self._supervisor.starved or "is the machine overloaded?"}')
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to mirror."""
+        """Start mirroring."""
         try:
             if self._mirrors is not None:
                 self._mirrors.activate()
@@ -203,13 +203,13 @@ class RobotNode(LifecycleNode):
         """
         End the core and the node; may be called twice.
 
-        Where a thread is held up by a console that nobody reads, :attr:`held_up` is set and the
-        node is left as it is: it would wait for that thread.
+        If a thread is blocked by a console that is not read, :attr:`is_blocked` is set and the
+        node is not destroyed: that would wait for the thread.
         """
         self._stop_core()
         self._gaps.close()
-        self.held_up = not self._log.close()
-        if not self.held_up:
+        self.is_blocked = not self._log.close()
+        if not self.is_blocked:
             super().destroy_node()
 
     @property
@@ -219,7 +219,7 @@ class RobotNode(LifecycleNode):
 
     def _connect(self, client: LinkClient) -> None:
         """
-        Take a new connection; called by the supervisor's thread.
+        Use a new connection; called by the supervisor's thread.
 
         :raises LinkError: the core refuses.
         """
@@ -251,8 +251,8 @@ class RobotNode(LifecycleNode):
     def _warn(self, text: str) -> None:
         self._log.note(int(Severity.WARN), text)
 
-    def _tell_what_is_lacking(self) -> None:
-        """Say in one line which topics there are not, for want of their type."""
+    def _warn_of_missing_packages(self) -> None:
+        """Log the topics that are missing because their type is not installed."""
         mirrors, static = self._mirrors, self._static
         topics: dict[str, list[str]] = {}
         for mirror in mirrors.lacking if mirrors is not None else ():
@@ -262,8 +262,8 @@ class RobotNode(LifecycleNode):
         for message, names in topics.items():
             package = message.partition('/')[0]
             remedy = ros_remedy(package)
-            self._warn(f'no {" and ".join(dict.fromkeys(names))}: ROS has no package {package} '
-                       f'here{f" ({remedy})" if remedy else ""}; everything else runs')
+            self._warn(f'no {" and ".join(dict.fromkeys(names))}: the ROS package {package} is '
+                       f'not installed{f" ({remedy})" if remedy else ""}; everything else runs')
 
     def _on_rearm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Let every task that is held run again."""
@@ -281,7 +281,7 @@ class RobotNode(LifecycleNode):
     # ---- diagnostics -------------------------------------------------------------------------
 
     def _diagnose(self) -> None:
-        self._time.look()
+        self._time.check()
         self._mapper.follows = self._time.followed
         message = DiagnosticArray()
         seconds, rest_ns = divmod(self._time.now_ns(), NS_PER_S)
@@ -290,9 +290,9 @@ class RobotNode(LifecycleNode):
             message.status = self._statuses()
             self._status_publisher.publish(message)
         except Exception as error:
-            # An error in a timer would end the node, whatever the core has sent.
+            # An error in a timer would end the node; the core may have sent anything.
             message.status = self._diagnostics.silent(
-                f'what the core says cannot be told: {type(error).__name__}: {error}')
+                f'the statistics of the core are not valid: {type(error).__name__}: {error}')
             self._status_publisher.publish(message)
 
     def _statuses(self) -> list[DiagnosticStatus]:
@@ -316,9 +316,9 @@ class RobotNode(LifecycleNode):
 
     def _change(self, values: Mapping[str, Any]) -> None:
         """
-        Make changes, all of them or none.
+        Apply changes, all of them or none.
 
-        :raises RtRobotError: one of them cannot be made.
+        :raises RtRobotError: a change is refused.
         """
         parameters = self._robot_parameters
         reasons = [reason for name, value in values.items()
@@ -331,12 +331,12 @@ class RobotNode(LifecycleNode):
             for name, value in values.items():
                 self._change_in_core(name, value)
                 made.append(name)
-                self._keep(name, value)
+                self._store(name, value)
         except RtRobotError:
             for name in reversed(made):
                 with suppress(LinkError):
-                    self._keep(name, before[name])
-                with suppress(LinkError):  # one that is gone is followed by one that knows it
+                    self._store(name, before[name])
+                with suppress(LinkError):  # the next core starts with the stored value
                     self._change_in_core(name, before[name])
             raise
 
@@ -345,8 +345,8 @@ class RobotNode(LifecycleNode):
         if client is not None and self._robot_parameters.known[name].in_core:
             client.change(name, value)
 
-    def _keep(self, name: str, value: Any) -> None:
-        """Remember a change, for a core that is started again and for the mirrors."""
+    def _store(self, name: str, value: Any) -> None:
+        """Store a change, for a restarted core and for the mirrors."""
         self._robot_parameters.set(name, value)
         if self._supervisor is not None and self._supervisor.process is not None:
             self._supervisor.process.set_settings(
@@ -355,44 +355,44 @@ class RobotNode(LifecycleNode):
             self._mirrors.follow(self.settings.mirrors)
 
     def _for_core(self, settings: RobotSettings) -> str:
-        """Write settings with the names that mirrors have in ROS: recorders ask the core."""
+        """Write settings with the resolved ROS names of mirrors, which recorders need."""
         return to_json(replace(settings, mirrors=tuple(
             replace(mirror, ros_topic=self.resolve_topic_name(mirror.ros_topic))
             for mirror in settings.mirrors)))
 
     def _adopt(self) -> None:
-        """Take over what others have changed in the core: its modules, clients of the link."""
+        """Adopt changes that modules and other clients have made in the core."""
         client = self._client()
         if client is None:
             return
         try:
             facts = client.parameters()[1]
         except LinkError:
-            return  # it will be asked again when it is back
+            return  # tried again after the reconnection
         known = self._robot_parameters.live_values()
         self._adopting = True
         try:
-            for name, told in facts.items():
-                value = told['value']
+            for name, parameter in facts.items():
+                value = parameter['value']
                 if name in known and known[name] != value:
                     reason = self._take_over(name, value)
                     if reason:
                         self._log.note(
-                            int(Severity.WARN), f'{name} is {value!r} in the core, which its '
-                            f'parameter cannot be: {reason}')
+                            int(Severity.WARN), f'{name} is {value!r} in the core, but the '
+                            f'parameter cannot have this value: {reason}')
         finally:
             self._adopting = False
 
     def _take_over(self, name: str, value: Any) -> str:
-        """Give a parameter the value that it has in the core; return why it cannot, or ''."""
+        """Set a parameter to its value in the core; return why it is refused, or ''."""
         try:
             result = self.set_parameters([Parameter(name, value=value)])[0]
-        except (TypeError, ValueError) as error:  # a text that ROS cannot encode among them
+        except (TypeError, ValueError) as error:  # for example a string that ROS cannot encode
             return str(error)
         return '' if result.successful else str(result.reason)
 
     def _on_save(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Write what was changed since the start."""
+        """Save the parameters that were changed since the start."""
         self._adopt()
         try:
             path = saved_path(self.settings.parameters_file, self.robot)

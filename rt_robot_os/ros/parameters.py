@@ -55,9 +55,9 @@ def _descriptor(entry: ParameterDescription) -> ParameterDescriptor:
 
 class NodeParameters:
     """
-    Declare the settings on a node and pass changes on.
+    Declare the settings on a node and forward changes.
 
-    :param change: makes changes, by name: all of them, or it raises why none of them.
+    :param change: applies changes, by name: all of them, or it raises and applies none.
     """
 
     def __init__(self, node: Node, entries: Iterable[ParameterDescription],
@@ -75,13 +75,13 @@ class NodeParameters:
         node.add_on_set_parameters_callback(self._set)
 
     def _declare(self, entry: ParameterDescription) -> None:
-        # The values were read and checked already, with the file and line of every mistake.
+        # The values were read and checked before, with file and line of every problem.
         if entry.value != []:
             self._node.declare_parameter(
                 entry.name, entry.value, _descriptor(entry), ignore_override=True)
             return
-        # rclpy takes an empty list for one of bytes, and one that is declared by its type alone
-        # has no value: whoever asks for all values at once would get none.
+        # rclpy treats an empty list as a list of bytes, and a parameter that is declared by its
+        # type alone has no value: a request for all values would then return none.
         kind = self._lists[entry.name]
         self._node.declare_parameter(entry.name, kind, ignore_override=True)
         self._node.set_parameters([Parameter(entry.name, kind, [])])
@@ -90,10 +90,10 @@ class NodeParameters:
         self._node.set_descriptor(entry.name, descriptor)
 
     def _widen(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Let people write 100 where a float is meant, and an empty list of whatever type."""
-        return [self._meant(p) for p in parameters]
+        """Accept 100 for a float, and an empty list of any type."""
+        return [self._widened(p) for p in parameters]
 
-    def _meant(self, p: Parameter) -> Parameter:
+    def _widened(self, p: Parameter) -> Parameter:
         if self._kinds.get(p.name) is float and p.type_ is Parameter.Type.INTEGER:
             return Parameter(p.name, Parameter.Type.DOUBLE, float(p.value))
         kind = self._lists.get(p.name)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The program `robot`: the main job, core and ROS 2 node together.
+The program `robot`: the core and the ROS 2 node together.
 
 Run the robot until Ctrl-C or SIGTERM; the exit code is 2 for a bad configuration.
 """

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Responses of services that DDS does not take at first.
+Send responses of services again that DDS did not accept.
 
-Fast DDS takes the response to a caller only when it has discovered the reader of that caller. On a
-busy machine a caller may have discovered the service before that. After 0.1 s the middleware gives
-up: rclpy warns, drops the response, and the caller waits for ever. So such a response is sent
-again until it is taken, or the caller has left.
+Fast DDS accepts a response only after it has discovered the reader of the caller. On a busy
+machine a caller may have discovered the service before that. After 0.1 s the middleware gives up:
+rclpy warns, drops the response, and the caller waits forever. So such a response is sent again
+until it is accepted, or the caller has left.
 """
 
 from __future__ import annotations
@@ -34,42 +34,42 @@ from rclpy.node import Node
 
 _REFUSED: Final = 'failed to send response'
 RETRY_S: Final = 0.2
-#: Discovery takes seconds on a busy machine; a caller that has not met the node by then is lost.
+#: Discovery takes seconds on a busy machine; later a caller counts as lost.
 TRIES_MAXIMUM: Final = 100
-#: Responses that may wait at the same time; of more the newest are lost.
+#: The most responses that may wait at the same time; further ones are lost.
 WAITING_MAXIMUM: Final = 64
 
 
 class Responses:
     """
-    Send responses again that were not taken.
+    Send responses again that were not accepted.
 
-    :param node: whose services are meant: all that it has when this is made.
-    :param tell: takes a line about each response that is lost.
+    :param node: with the services: all that it has at this time.
+    :param log: called with a line for each response that is lost.
     :ivar repeated: responses that were sent more than once.
-    :ivar lost: responses that were given up.
+    :ivar lost: responses that were dropped.
     """
 
-    def __init__(self, node: Node, tell: Callable[[str], None]) -> None:
+    def __init__(self, node: Node, log: Callable[[str], None]) -> None:
         self.repeated = self.lost = 0
         self._node = node
-        self._tell = tell
+        self._log = log
         self._waiting = 0
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)
-        # A warning is all that rclpy makes of it; as an error it can be caught. For good: changing
-        # filters back and forth is not safe beside other threads.
+        # rclpy only warns; as an error it can be caught. The filter stays, because changing
+        # filters is not thread-safe.
         warnings.filterwarnings('error', _REFUSED, RuntimeWarning)
-        service: Any  # the executor calls the method of the object, whatever it is
+        service: Any  # the executor calls the attribute, which may be replaced
         for service in node.services:
             service.send_response = self._sender(service.send_response, service.srv_name)
 
     def _sender(self, send: Callable[[Any, Any], None], name: str
                 ) -> Callable[[Any, Any], None]:
-        def send_surely(response: Any, header: Any) -> None:
-            if not _is_taken(send, response, header):
-                self._repeat(lambda: _is_taken(send, response, header), name)
+        def send_reliably(response: Any, header: Any) -> None:
+            if not _is_accepted(send, response, header):
+                self._repeat(lambda: _is_accepted(send, response, header), name)
 
-        return send_surely
+        return send_reliably
 
     def _repeat(self, attempt: Callable[[], bool], name: str) -> None:
         if self._waiting >= WAITING_MAXIMUM:
@@ -82,22 +82,22 @@ class Responses:
         def again() -> None:
             nonlocal tries
             tries += 1
-            is_taken = attempt()
-            if not is_taken and tries < TRIES_MAXIMUM:
+            is_accepted = attempt()
+            if not is_accepted and tries < TRIES_MAXIMUM:
                 return
             self._waiting -= 1
             self._node.destroy_timer(timer)
-            if not is_taken:
+            if not is_accepted:
                 self._lose(name)
 
         timer = self._node.create_timer(RETRY_S, again, clock=self._clock)
 
     def _lose(self, name: str) -> None:
         self.lost += 1
-        self._tell(f'a response of {name} was lost: its caller was not discovered')
+        self._log(f'a response of {name} was lost: its caller was not discovered')
 
 
-def _is_taken(send: Callable[[Any, Any], None], response: Any, header: Any) -> bool:
+def _is_accepted(send: Callable[[Any, Any], None], response: Any, header: Any) -> bool:
     try:
         send(response, header)
     except (RuntimeWarning, SystemError) as error:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The time of day of the node: the system's, or that of /clock with ``use_sim_time``.
+The time of day of the node: that of the system, or of /clock with ``use_sim_time``.
 
-The core's time is real and nothing changes that. With ``use_sim_time`` what leaves for ROS is
-stamped with the time of /clock, as far as there is one.
+The core always runs in real time. With ``use_sim_time`` messages to ROS are stamped with the time
+of /clock, once it is published.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ _PATIENCE_S = 5.0
 
 class RosTime:
     """
-    Give the time of day for stamps.
+    The time of day for stamps.
 
     :param clock: of the node.
-    :param warn: told once when ROS time shall come from /clock and nobody publishes there.
+    :param warn: called once if ROS time should come from /clock, which is not published.
     """
 
     def __init__(self, clock: Clock, warn: Callable[[str], object]) -> None:
@@ -45,16 +45,16 @@ class RosTime:
 
     @property
     def simulated(self) -> bool:
-        """Whether ROS time is to come from /clock."""
+        """Whether ROS time should come from /clock."""
         return bool(getattr(self._clock, 'ros_time_is_active', False))
 
     @property
     def followed(self) -> bool:
-        """Whether ROS time comes from /clock, and has come."""
+        """Whether ROS time comes from /clock, and /clock was received."""
         return self.simulated and self._clock.now().nanoseconds > 0
 
     def now_ns(self) -> int:
-        """Return the time of day in nanoseconds: of /clock where it is to be and has come."""
+        """Return the time of day in nanoseconds: of /clock if it is used and was received."""
         if self.simulated:
             now_ns = int(self._clock.now().nanoseconds)
             if now_ns > 0:
@@ -62,13 +62,13 @@ class RosTime:
                 return now_ns
         return time.time_ns()
 
-    def look(self) -> None:
-        """Warn, once, when /clock is waited for in vain; a few times a second or less."""
+    def check(self) -> None:
+        """Warn, once, if /clock is not received; call it a few times a second or less."""
         if self._warned or not self.simulated or self.followed:
             return
         now_s = time.monotonic()
         self._since_s = self._since_s or now_s
         if now_s - self._since_s >= _PATIENCE_S:
             self._warned = True
-            self._warn('use_sim_time is set and nobody publishes /clock: stamps have the time of '
-                       'the system until somebody does; the core runs in real time either way')
+            self._warn('use_sim_time is set but /clock is not published: until then stamps have '
+                       'the time of the system; the core runs in real time in any case')

@@ -15,9 +15,9 @@
 """
 A call of a service that is answered from the core, by one of its modules or another process.
 
-Before anything is published to another process the core is asked whether one that would answer is
-connected. While the answer is awaited it is asked again: a process that ends takes the answer with
-it. What the core itself answers needs no question, and waits for none.
+Before a command is published to another process, the core is asked whether a process that would
+answer is connected. While the answer is awaited it is asked again, because that process may end.
+An answer of the core itself needs no such request.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ from rt_robot_os.link.protocol import decode_json
 from rt_robot_os.link.readers import Readers
 from rt_robot_os.link.readers import readers_of
 
-#: How often it is checked whether what is to answer is still connected.
+#: How often it is checked whether the answering process is still connected.
 CHECK_S: Final = 0.25
-# An answer that was published in time may come after the news that its publisher has left.
+# An answer may arrive after the notice that its publisher has left.
 _MISSES: Final = 2
 _NOT_DONE: Final = 'nothing was published, so nothing was done'
 _UNKNOWN: Final = 'it is not known whether it was done: check before you call again'
 
-#: What can answer: clients of the core, and nodes of ROS behind mirrors.
+#: The possible answerers: clients of the core, and ROS nodes behind mirrors.
 Answerers = frozenset[object]
 ROS: Final = 'ros'
 
 
 class Outcome(NamedTuple):
     """
-    What the caller gets.
+    The result for the caller.
 
-    :ivar known: it is known whether it was done.
-    :ivar answered: the text is that of an answer.
+    :ivar known: the result of the command is known.
+    :ivar answered: the text comes from an answer.
     """
 
     ok: bool
@@ -66,11 +66,10 @@ class Call:
     """
     A call that awaits its answer.
 
-    :param command: what is published.
-    :param wake: makes the executor look at its coroutines.
-    :param in_ros: whether a node of ROS answers, where the mirrors of this node carry both topics.
-    :ivar published_ns: on CLOCK_MONOTONIC; what was answered before is no answer to it. 0: it is
-        not published yet.
+    :param command: the string that is published.
+    :param wake: makes the executor resume its coroutines.
+    :param in_ros: returns whether a ROS node answers, by mirrors of both topics.
+    :ivar published_ns: on CLOCK_MONOTONIC; earlier answers do not count. 0: not published yet.
     """
 
     def __init__(self, command: str, wake: Callable[[], None], in_ros: Callable[[], bool]) -> None:
@@ -85,14 +84,14 @@ class Call:
         self._misses = 0
 
     def end(self, outcome: Outcome) -> None:
-        """Give the outcome; from any thread, the first one counts."""
+        """Set the outcome; thread-safe, the first one counts."""
         for each in (self._readers, self._answer):
             if not each.done():
                 each.set_result(outcome)
         self._wake()
 
     def time_out(self, timeout_s: float) -> None:
-        """End because no answer has come."""
+        """End because no answer was received."""
         self.fail(f'{self._names} did not answer {self.command!r} within {timeout_s:g} s' if (
             self.published_ns) else f'the core did not answer within {timeout_s:g} s')
 
@@ -108,10 +107,10 @@ class Call:
 
     async def find(self, client: LinkClient, topic: str, answers: str) -> bool | Outcome:
         """
-        Ask the core what would answer.
+        Ask the core for possible answerers.
 
-        :return: whether anything would; how the call has ended, if it has meanwhile.
-        :raises LinkError: the core is gone.
+        :return: whether there are any; the outcome, if the call has ended meanwhile.
+        :raises LinkError: the connection is closed.
         """
         self._ask(client, topic, answers, self._found)
         found = await self._readers
@@ -133,19 +132,19 @@ class Call:
         return outcome
 
     def check(self, client: LinkClient, topic: str, answers: str) -> None:
-        """Find out whether what is to answer is still connected; never waits."""
+        """Check whether an answerer is still connected; never blocks."""
         if not self.is_open or not self._first:
             return
         try:
-            self._ask(client, topic, answers, self._judge)
+            self._ask(client, topic, answers, self._check_answerers)
         except LinkError:
-            pass  # a core that is gone ends all calls, one that is silent says nothing of it
+            pass  # a closed connection ends all calls; a time-out proves nothing
 
-    # ---- from the thread that reads ----------------------------------------------------------
+    # ---- in the reading thread ---------------------------------------------------------------
 
     def _ask(self, client: LinkClient, topic: str, answers: str,
              then: Callable[[Readers], None]) -> None:
-        def take(question: Question) -> None:
+        def receive(question: Question) -> None:
             if not question.answered():
                 return
             question.drop()
@@ -154,14 +153,14 @@ class Call:
             except LinkError as error:
                 self.fail(str(error))
 
-        client.begin('readers', on_packet=take, topic=topic, answers=answers)
+        client.begin('readers', on_packet=receive, topic=topic, answers=answers)
 
     def _found(self, readers: Readers) -> None:
         if not self._readers.done():
             self._readers.set_result(readers)
             self._wake()
 
-    def _judge(self, readers: Readers) -> None:
+    def _check_answerers(self, readers: Readers) -> None:
         self._misses = 0 if self._first & self._answerers(readers) else self._misses + 1
         if self._misses >= _MISSES:
             self.fail(f'{self._names} ended before it answered {self.command!r}')

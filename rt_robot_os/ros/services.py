@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Services of the node: most publish a text in the core and give back what the core answers.
+Services of the node: most publish a string in the core and return the answer of the core.
 
-A call awaits its answer as a coroutine: the executor, and with it the mirrors, goes on meanwhile.
+A call awaits its answer as a coroutine, so that the executor, and with it the mirrors, continues.
 """
 
 from __future__ import annotations
@@ -58,11 +58,11 @@ from rt_robot_os.settings.service_model import SET_BOOL
 from std_srvs.srv import SetBool
 from std_srvs.srv import Trigger
 
-#: Calls of a service that may wait for their answers at the same time.
+#: The most calls of a service that may wait for their answers at the same time.
 WAITING_MAXIMUM: Final = 16
 
 
-# The usual 10 of a service would drop calls that come together; who made them is never answered.
+# The default depth of 10 would drop simultaneous calls, which would never be answered.
 _QUEUE: Final = 4 * WAITING_MAXIMUM
 
 
@@ -70,11 +70,11 @@ class Service:
     """
     One service.
 
-    :ivar calls: so far.
-    :ivar done: of them, what was done: the answer said so, or, of a service without one, it was
-        published and something reads it.
-    :ivar refused: what was refused, or could not be published.
-    :ivar unanswered: of these it is not known whether it was done.
+    :ivar calls: number of calls.
+    :ivar done: calls that succeeded: the answer said so, or, without an answer topic, the command
+        was published and has a reader.
+    :ivar refused: calls that were refused, or whose command could not be published.
+    :ivar unanswered: calls with an unknown result.
     """
 
     def __init__(self, services: Services, settings: ServiceSettings,
@@ -84,7 +84,7 @@ class Service:
         self.waiting: deque[Call] = deque()
         self._services = services
         self._channel = 0
-        # What the core itself reads stays there with the connection: nothing needs to be asked.
+        # A reader in the core exists as long as the connection: no request is needed.
         self._in_core = False
         self._client: LinkClient | None = None
         kind, callback = {SET_BOOL: (SetBool, self._on_bool), LOAD_MAP: (
@@ -95,7 +95,7 @@ class Service:
 
     def connect(self, client: LinkClient | None) -> None:
         """
-        Set the connection, or None when there is none: then all calls end.
+        Set the connection; None ends all calls.
 
         :raises LinkError: the core refuses.
         """
@@ -122,7 +122,7 @@ class Service:
         return response
 
     async def _on_load(self, request: Any, response: Any) -> Any:
-        """Load a map; it is not in the response, but on the topic of the map as ever."""
+        """Load a map; it is not in the response, but is published on the topic of the map."""
         url = request.map_url.strip()
         if url:
             answer = await self._call(self.settings.text.replace(MAP_URL, url))
@@ -132,7 +132,7 @@ class Service:
             answer = Outcome(False, 'map_url is empty: such a file does not exist', answered=True)
         response.result = map_result(answer)
         if not answer.ok:
-            # The response has no room for the reason.
+            # The response has no field for the reason.
             self._services.node.get_logger().warn(
                 f'{self.entity.service_name}: {url!r} was not loaded: {answer.text}')
         return response
@@ -150,7 +150,7 @@ class Service:
 
     async def _ask(self, text: str) -> Outcome:
         """
-        Publish a text and await the answer.
+        Publish a string and await the answer.
 
         :raises LinkError: it cannot be published.
         """
@@ -159,7 +159,7 @@ class Service:
         if client is None:
             raise LinkError('the node is not active, or no core is connected')
         if len(self.waiting) >= WAITING_MAXIMUM:
-            raise LinkError(f'{len(self.waiting)} calls wait for their answers already')
+            raise LinkError(f'{len(self.waiting)} calls already wait for their answers')
         call = Call(text, services.wake, lambda: services.is_served_in_ros(self.settings))
         self.waiting.append(call)
         timers = [
@@ -183,7 +183,7 @@ class Service:
                 services.node.destroy_timer(each)
 
     def receive(self, stamp_ns: int, answer: CommandAnswer) -> bool:
-        """Give an answer to the call that has waited longest for it; return whether one has."""
+        """Deliver an answer to the call that has waited longest for it; return whether one did."""
         for call in list(self.waiting):
             if (call.is_open and answer.is_to(call.command)
                     and stamp_ns >= call.published_ns):
@@ -197,7 +197,7 @@ class Service:
                 'unanswered': self.unanswered, 'waiting': len(self.waiting)}
 
 
-# What an answer says when a map was not loaded, and what nav_msgs calls that.
+# Words in the answer when a map was not loaded, and the result codes of nav_msgs.
 _RESULTS: Final = (('does not exist', LoadMap.Response.RESULT_MAP_DOES_NOT_EXIST),
                    ('metadata', LoadMap.Response.RESULT_INVALID_MAP_METADATA),
                    ('yaml', LoadMap.Response.RESULT_INVALID_MAP_METADATA),
@@ -218,11 +218,11 @@ def map_result(answer: Outcome) -> int:
 
 class Services:
     """
-    All services of a node; they exist as long as it does, and refuse while it is not active.
+    All services of a node; they exist as long as it does, and refuse calls while it is inactive.
 
-    :param mirrors: of the node: they may carry a command to a node of ROS, and its answer back.
-    :param files: parameter files of the robot, to name them to a process that is not running.
-    :ivar malformed: answers that are none.
+    :param mirrors: of the node: they may send a command to a ROS node, and its answer back.
+    :param files: parameter files of the robot, for the command that starts a missing process.
+    :ivar malformed: answers that are not valid.
     """
 
     def __init__(self, node: Node, settings: tuple[ServiceSettings, ...],
@@ -232,8 +232,8 @@ class Services:
         self._files = files
         self.active = False
         self.malformed = 0
-        # In a group of their own, of which many run at once: in the node's, a call that awaits
-        # its answer would hold up every mirror.
+        # In a separate reentrant group: in the node's group, a call that awaits its answer would
+        # block every mirror.
         self._group = ReentrantCallbackGroup()
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._client: LinkClient | None = None
@@ -245,7 +245,7 @@ class Services:
 
     def connect(self, client: LinkClient) -> None:
         """
-        Take a new connection, whose mirrors have been connected.
+        Set a new connection, after its mirrors were connected.
 
         :raises LinkError: the core refuses.
         """
@@ -264,7 +264,7 @@ class Services:
 
     def activate(self) -> None:
         """
-        Ask the core for answers, and serve.
+        Request the answers from the core, and serve calls.
 
         :raises LinkError: the core refuses.
         """
@@ -274,25 +274,25 @@ class Services:
             return
         for topic in sorted(self.answer_topics):
             ask_for_all(client, topic)
-        for given in self.maps:
-            given.activate(client)
+        for each_map in self.maps:
+            each_map.activate(client)
         for each in self.all:
             each.connect(client)
 
     def deactivate(self) -> None:
-        """Refuse from now on."""
+        """Refuse calls from now on."""
         self.active = False
         for each in self.all:
             each.connect(None)
 
     def disconnect(self) -> None:
-        """Forget the connection."""
+        """Drop the connection."""
         self._client = None
         for each in self.all:
             each.connect(None)
 
     def is_served_in_ros(self, settings: ServiceSettings) -> bool:
-        """Return whether nodes of ROS read the commands, and publish answers where there are."""
+        """Return whether ROS nodes read the commands, and publish answers if there is a topic."""
         node = self.node
 
         def has_any(topic: str, direction: str, count: Callable[[str], int]) -> bool:
@@ -304,7 +304,7 @@ class Services:
             or has_any(settings.answer_topic, 'in', node.count_publishers))
 
     def not_served(self, settings: ServiceSettings) -> str:
-        """Say that nothing answers a service, and what starts what does."""
+        """Return the error that no process answers a service, and how to start it."""
         command = settings.started_by
         if command and ' ' not in command:
             files = ''.join(f' --params-file {shlex.quote(each)}' for each in self._files)
@@ -314,12 +314,12 @@ class Services:
             command) else 'start the process that answers it')
 
     def timer(self, period_s: float, callback: Callable[[], None]) -> Any:
-        """Make a timer that no other callback holds up, whatever ROS time does."""
+        """Make a timer on a steady clock that other callbacks do not delay."""
         return self.node.create_timer(
             period_s, callback, callback_group=self._group, clock=self._steady)
 
     def wake(self) -> None:
-        """Let the executor look at who waits; from any thread."""
+        """Wake the executor, so that it resumes coroutines; thread-safe."""
         executor = self.node.executor
         if executor is not None:
             with suppress(InvalidHandle):  # it is being shut down
@@ -328,7 +328,7 @@ class Services:
     def _listener(self, topic: str, mirrored: SampleHandler | None) -> SampleHandler:
         waiting = [each for each in self.all if each.settings.answer_topic == topic]
 
-        def carry(stamp_ns: int, missed: int, cdr: memoryview) -> None:
+        def receive(stamp_ns: int, missed: int, cdr: memoryview) -> None:
             try:
                 answer = answer_of(cdr)
                 any(each.receive(stamp_ns, answer) for each in waiting)
@@ -337,7 +337,7 @@ class Services:
             if mirrored is not None:
                 mirrored(stamp_ns, missed, cdr)
 
-        return carry
+        return receive
 
     def counters(self) -> list[tuple[str, dict[str, Any]]]:
         """Return the counters of all services, by their names."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Run the node `robot` until somebody ends it."""
+"""Run the node `robot` until Ctrl-C or SIGTERM."""
 
 from __future__ import annotations
 
@@ -47,19 +47,19 @@ def logging_arguments() -> list[str]:
     """
     Check the folder of ROS 2's own log files, without which rclpy does not start.
 
-    :return: arguments to add to the command line; standard error says what is lost.
+    :return: arguments to add to the command line; problems are printed to standard error.
     """
     try:
         folder = default_folder()
         if not os.environ.get('ROS_LOG_DIR') and not os.environ.get('HOME'):
-            os.environ['ROS_LOG_DIR'] = str(folder)  # rcl asks for nothing but $HOME
-        # rcl takes ROS_LOG_DIR with a ~ as well.
+            os.environ['ROS_LOG_DIR'] = str(folder)  # rcl uses only $HOME
+        # rcl also accepts ROS_LOG_DIR with a ~.
         _try(expanded(str(folder)))
     except (OSError, StartError) as error:
         reason = str(error) if isinstance(error, StartError) else (
             f'the log folder {folder} cannot be written: {error.strerror}')
-        print(f'robot: {reason}; ROS 2 writes no log file. Set ROS_LOG_DIR to a folder that can '
-              'be written', file=sys.stderr)
+        print(f'robot: {reason}; ROS 2 writes no log file. Set ROS_LOG_DIR to a writable folder',
+              file=sys.stderr)
         return ['--ros-args', '--disable-external-lib-logs']
     return []
 
@@ -70,16 +70,16 @@ def _try(folder: Path) -> None:
         pass
 
 
-# A signal is noticed between two waits.
+# Signals are checked between two waits.
 _WAIT_S = 0.1
 
 
 class _StopOnSignal:
     """
-    Note SIGINT and SIGTERM.
+    Record SIGINT and SIGTERM.
 
-    rclpy's own handlers shut the context down at once; here the core has to end first, while its
-    last reports can still be logged and published.
+    rclpy's own handlers shut the context down immediately; here the core must end first, while
+    its last reports can still be logged and published.
     """
 
     def __init__(self) -> None:
@@ -89,7 +89,7 @@ class _StopOnSignal:
 
     def _note(self, signum: int, frame: FrameType | None) -> None:
         if self.signo:
-            raise KeyboardInterrupt  # the second Ctrl-C: end at once
+            raise KeyboardInterrupt  # the second Ctrl-C: end immediately
         self.signo = signum
 
 
@@ -108,7 +108,7 @@ def _make_node(settings: RobotSettings, core: CoreProcess | None, stop: _StopOnS
 
 
 def _refused(error: Exception) -> int:
-    """Print in one line why ROS 2 refuses the start, without the lines of its source code."""
+    """Print in one line why ROS 2 refuses the start, without references to its source code."""
     text = ' '.join(str(error).split()) or type(error).__name__
     text = re.sub(r',? at (?:\./)?[\w./+-]+\.(?:c|cpp|hpp):\d+', '', text)
     print(f'robot: ROS 2 does not start: {text}', file=sys.stderr)
@@ -117,9 +117,9 @@ def _refused(error: Exception) -> int:
 
 def spin(settings: RobotSettings, core: CoreProcess | None = None) -> int:
     """
-    Run the robot: configure, activate, spin, and leave nothing behind.
+    Run the robot: configure, activate, spin, and clean up.
 
-    :param core: that is loaded already; None starts one when it is needed.
+    :param core: that is loaded already; None starts one on demand.
     :return: the exit code.
     """
     stop = _StopOnSignal()
@@ -136,7 +136,7 @@ def _spin(settings: RobotSettings, core: CoreProcess | None, stop: _StopOnSignal
     try:
         rclpy.init(args=[*sys.argv, *logging_arguments()],
                    signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rclpy has an error class for each kind of nonsense
+    except Exception as error:  # rclpy has many error classes for invalid arguments
         return _refused(error)
     node = None
     executor = SingleThreadedExecutor()
@@ -154,12 +154,12 @@ def _spin(settings: RobotSettings, core: CoreProcess | None, stop: _StopOnSignal
         code = BAD_USE if isinstance(error, StartError) else FAILED
     finally:
         if node is not None:
-            # The executor must not use the node any more when that is destroyed.
+            # The executor must not use the node while it is destroyed.
             executor.remove_node(node)
             executor.shutdown()
             node.destroy_node()
-            if node.held_up:
-                os._exit(code)  # the core has ended; a thread waits for whoever reads the console
+            if node.is_blocked:
+                os._exit(code)  # the core has ended; a thread is blocked by the console
         rclpy.try_shutdown()
     return code
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the robot's devices are, on ``/tf_static``: from the mountings of the configuration."""
+"""Publish the mountings of the configuration on ``/tf_static``."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from rt_robot_os.topics.resolve import message_class
 
 class StaticTransforms:
     """
-    The publisher of the mountings; without frames, or without tf2_msgs, there is none.
+    The publisher of the mountings; without frames, or without tf2_msgs, it does nothing.
 
-    :ivar lacking: ROS has no tf2_msgs here, though there are frames to publish.
+    :ivar lacking: tf2_msgs is not installed, although there are frames to publish.
     """
 
     def __init__(self, node: Node, frames: Iterable[MountedFrame]) -> None:
@@ -52,7 +52,7 @@ class StaticTransforms:
 
     def publish(self, wall_ns: int) -> None:
         """
-        Publish all of them in one message.
+        Publish all mountings in one message.
 
         :param wall_ns: ROS time.
         """
@@ -66,9 +66,9 @@ class StaticTransforms:
             self._publisher = None
 
     def counters(self) -> list[tuple[str, dict[str, Any]]]:
-        """Return what is published, for /diagnostics."""
+        """Return the mountings for /diagnostics."""
         if not self._frames:
             return []
         frames = {each.frame_id: f'on {each.mounting.parent}' for each in self._frames}
-        warning = 'ROS has no package tf2_msgs here' if self.lacking else ''
+        warning = 'the ROS package tf2_msgs is not installed' if self.lacking else ''
         return [(f'mountings -> {TOPIC}', {'warning': warning, **frames})]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The thread that keeps a core running and connected, and reads what it sends."""
+"""The thread that keeps a core running and connected, and reads its packets."""
 
 from __future__ import annotations
 
@@ -42,20 +42,20 @@ from rt_robot_os.ros.core_process import CoreProcess
 from rt_robot_os.ros.core_process import FORCED_EXIT_CODE
 
 _PUMP_S = 0.05
-_LOOK_S = 0.1
+_POLL_S = 0.1
 _CONNECT_TRY_S = 0.05
 _PAUSE_FIRST_S = 0.5
 _PAUSE_MAXIMUM_S = 10.0
 _LONG_LIFE_S = 30.0
 _START_TIMEOUT_S = 15.0
 _START_TIMEOUT_MAXIMUM_S = 240.0
-_LAST_WORDS_S = 1.0
-# So long one attempt to connect may take.
+_LAST_REPORTS_S = 1.0
+# The longest duration of one attempt to connect.
 _TRY_MAXIMUM_S = 5.0
 _STOP_PATIENCE_S = 15.0
 _ANSWER_MINIMUM_S = 0.5
-# A core that its watchdog ends says goodbye before it is gone, and its exit code says why.
-_GOODBYE_S = 1.0
+# A core that its watchdog ends disconnects before it exits, and its exit code gives the reason.
+_EXIT_TIMEOUT_S = 1.0
 
 Log = Callable[[int, str], None]
 Relay = Callable[[int, int, str, str], None]
@@ -63,27 +63,27 @@ INFO, WARN, ERROR = int(Severity.INFO), int(Severity.WARN), int(Severity.ERROR)
 
 
 class _Killed(LinkError):
-    """We have ended the core ourselves."""
+    """This process has ended the core."""
 
 
 class Supervisor:
     """
-    Keep a core running, stay connected, and hand on what it sends.
+    Keep a core running and connected, and dispatch what it sends.
 
-    :param process: the core to start; None attaches to one that somebody else starts.
+    :param process: the core to start; None attaches to a core that is started elsewhere.
     :param on_connect: called in the supervisor's thread with each new connection.
     :param on_disconnect: called there when it is lost.
     :param log: called with (severity as in ROS 2, text) from any thread.
     :param relay: called by the supervisor's thread with each report of the core: severity, time
         on CLOCK_MONOTONIC in ns, source, text.
-    :param heartbeat_s: time without a sign of life after which the core is reported; after three
-        times that a core of our own is killed and started anew. A core lives as long as its kernel
-        ticks, however long its tasks keep the link from running; time in which this process does
-        not run does not count.
-    :param watchdog_code: exit code of a core whose watchdog ended it; 0 when it has none.
+    :param heartbeat_s: time without a change of the liveness counter after which the core is
+        reported; after three times this an own core is killed and restarted. A core is alive as
+        long as its kernel ticks, even if its tasks starve the link; time in which this process
+        does not run does not count.
+    :param watchdog_code: exit code of a core whose watchdog ended it; 0 without a watchdog.
     :ivar fatal: why no core can run with this configuration; empty otherwise.
-    :ivar reason: why there is no core, as far as it is known; empty while there is one.
-    :ivar starved: why a core that is connected says nothing new; empty otherwise.
+    :ivar reason: why there is no core, if known; empty while there is one.
+    :ivar starved: why a connected core is unresponsive; empty otherwise.
     """
 
     def __init__(self, path: Path, process: CoreProcess | None, mapper: StampMapper, log: Log,
@@ -100,7 +100,7 @@ class Supervisor:
         self._liveness: LivenessReader | None = None
         self._silence = SilenceTimer()
         self._starvation = StarvationDetector()
-        self._told = ''
+        self._logged = ''
         self._start_limit_s = _START_TIMEOUT_S
         self._path = path
         self._mapper = mapper
@@ -128,13 +128,13 @@ class Supervisor:
 
     def wait(self, timeout_s: float, give_up: Callable[[], bool] = lambda: False) -> bool:
         """
-        Wait until the core is connected, or cannot be; whether it is.
+        Wait until the core is connected or has failed; return whether it is connected.
 
-        :param give_up: asked now and then whether to wait no longer.
+        :param give_up: called regularly; True ends the wait.
         """
         deadline_s = time.monotonic() + timeout_s
         while not give_up() and (left_s := deadline_s - time.monotonic()) > 0:
-            if self._ready.wait(min(left_s, _LOOK_S)):
+            if self._ready.wait(min(left_s, _POLL_S)):
                 break
         return self.connected.is_set()
 
@@ -146,10 +146,10 @@ class Supervisor:
             while not self._stopping.is_set():
                 started_s = time.monotonic()
                 try:
-                    reason = self._one_life()
+                    reason = self._run_core()
                 except Exception as error:
-                    # Whatever the error is: without this thread there is no supervision.
-                    reason = _told('supervision', error)
+                    # Any error: without this thread there is no supervision.
+                    reason = _error_text('supervision', error)
                 if self._stopping.is_set() or self.fatal:
                     return
                 if time.monotonic() - started_s > _LONG_LIFE_S:
@@ -161,16 +161,16 @@ class Supervisor:
                 pause_s = min(2 * pause_s, _PAUSE_MAXIMUM_S)
         finally:
             self._ready.set()
-            self._forget_life()
+            self._close_liveness()
             if self.process is not None:
                 with suppress(OSError):
                     self.process.stop()
 
-    def _one_life(self) -> str:
-        """Start or find a core and stay with it; return why it ended."""
+    def _run_core(self) -> str:
+        """Start or find a core and stay connected; return why it ended."""
         process = self.process
         if process is not None and not process.alive():
-            self._forget_life()
+            self._close_liveness()
             try:
                 process.start()
                 self._liveness = process.take_liveness()
@@ -187,16 +187,16 @@ class Supervisor:
         except LinkError as error:
             if process is None or self._stopping.is_set() or isinstance(error, _Killed):
                 return str(error)
-            if process.ended_within(_GOODBYE_S):
+            if process.ended_within(_EXIT_TIMEOUT_S):
                 return self._how_ended(process.exit_code)
             return str(error)  # it is alive: the next round connects to it again
         except Exception as error:
-            return _told('reading from the core', error)
+            return _error_text('reading from the core', error)
         finally:
             self.connected.clear()
             self.client = None
-            self.starved = self._told = ''
-            # Taken over: it says whether the core lives while there is no connection.
+            self.starved = self._logged = ''
+            # Kept: it shows whether the core is alive while there is no connection.
             self._liveness, client.liveness = client.liveness or self._liveness, None
             try:
                 self._on_disconnect()
@@ -204,7 +204,7 @@ class Supervisor:
                 self._disconnect(client)
 
     def _connect(self) -> LinkClient | None:
-        limit_s, told = self._start_limit_s, False
+        limit_s, logged = self._start_limit_s, False
         started_s = time.monotonic()
         self._silence.restart()
         while not self._stopping.is_set():
@@ -217,9 +217,9 @@ class Supervisor:
                 return client
             except LinkError as error:
                 if self.process is None:
-                    if not told and (not self._ready.is_set() or _is_odd(error)):
+                    if not logged and (not self._ready.is_set() or _is_odd(error)):
                         self._log(WARN, f'no core at {self._path} yet; waiting for one: {error}')
-                        told = True
+                        logged = True
                         self._ready.set()
                 elif self._is_lost(started_s, limit_s, error):
                     return None
@@ -228,27 +228,27 @@ class Supervisor:
         return None
 
     def _is_lost(self, started_s: float, limit_s: float, error: LinkError) -> bool:
-        """Kill a core of our own that does not answer; not one that was connected and ticks."""
+        """Kill an own core that does not answer, unless it was connected and ticks."""
         if self.process is None:
             return False
-        signs = self._liveness.read() if self._liveness is not None else None
-        if signs is not None and signs.ticks and not _is_closed(error):
-            silent_s = self._silence.update(signs.ticks, _TRY_MAXIMUM_S)
+        liveness = self._liveness.read() if self._liveness is not None else None
+        if liveness is not None and liveness.ticks and not _is_closed(error):
+            silent_s = self._silence.update(liveness.ticks, _TRY_MAXIMUM_S)
             starved = self._is_starved(silent_s)
             if silent_s <= DEAD_AFTER_BEATS * self._heartbeat_s or starved:
-                self._tell(*connection_problem(signs, silent_s, starved, self._heartbeat_s))
+                self._warn(*connection_problem(liveness, silent_s, starved, self._heartbeat_s))
                 return False
-            self._log(ERROR, f'the core gave no sign of life for {silent_s:.1f} s and is killed')
+            self._log(ERROR, f'the core was unresponsive for {silent_s:.1f} s and is killed')
         elif time.monotonic() - started_s > limit_s:
             self._start_limit_s = min(2 * limit_s, _START_TIMEOUT_MAXIMUM_S)
             self._log(ERROR, f'the core did not answer within {limit_s:g} s and is killed; the '
-                      f'next one has {self._start_limit_s:g} s ({error})')
+                      f'next start may take {self._start_limit_s:g} s ({error})')
         else:
             return False
         self.process.kill()
         return True
 
-    def _forget_life(self) -> None:
+    def _close_liveness(self) -> None:
         if self._liveness is not None:
             self._liveness.close()
             self._liveness = None
@@ -256,7 +256,7 @@ class Supervisor:
     def _welcome(self, client: LinkClient) -> None:
         client.on_report = self._report
         if client.liveness is not None:
-            self._forget_life()
+            self._close_liveness()
         self.connections += 1
         self._on_connect(client)
         self.reason = ''
@@ -266,18 +266,18 @@ class Supervisor:
                   f'{len(client.topics)} topics, {len(client.core.get("tasks", ()))} tasks')
 
     def _stay(self, client: LinkClient) -> None:
-        look_s = beat_s = statistics_s = 0.0
+        poll_s = beat_s = statistics_s = 0.0
         question: Question | None = None
         self._silence.restart()
         while not self._stopping.is_set():
             client.pump(_PUMP_S)
             self._mapper.compare()
             now_s = time.monotonic()
-            if now_s < look_s:
-                continue  # samples come often; what follows is in no such hurry
-            look_s = now_s + _PUMP_S / 2
+            if now_s < poll_s:
+                continue  # samples come often; the rest is less urgent
+            poll_s = now_s + _PUMP_S / 2
             if now_s >= beat_s:
-                with suppress(LinkSilent):  # its socket is full: the sign of life decides
+                with suppress(LinkSilent):  # its socket is full: the liveness counter decides
                     client.beat()
                 beat_s = now_s + self._heartbeat_s / 3
             if question is None and now_s >= statistics_s:
@@ -286,37 +286,38 @@ class Supervisor:
                     question = client.begin('statistics')
             elif question is not None and question.answered():
                 question.drop()
-                self._take_statistics(question)
+                self.store_statistics(question)
                 question = None
-            self._judge(client)
+            self._check_liveness(client)
 
-    def _take_statistics(self, question: Question) -> None:
+    def store_statistics(self, question: Question) -> None:
+        """Store the statistics of a complete answer, or why there are none."""
         try:
             self.statistics, self.reason = collect(question.packets), ''
-        except LinkError as error:  # the mirrors are not concerned: the connection stays
-            self.statistics, self.reason = None, f'the core gives no statistics: {error}'
+        except LinkError as error:  # the mirrors are not affected: the connection stays
+            self.statistics, self.reason = None, f'the core sends no statistics: {error}'
 
-    def _judge(self, client: LinkClient) -> None:
-        """Look whether the core lives, after what has arrived was read."""
-        signs = client.liveness.read() if client.liveness is not None else None
-        silent_s = self._silence.update(signs.ticks if signs else client.last_beat_ns)
+    def _check_liveness(self, client: LinkClient) -> None:
+        """Check whether the core is alive, after everything that arrived was read."""
+        liveness = client.liveness.read() if client.liveness is not None else None
+        silent_s = self._silence.update(liveness.ticks if liveness else client.last_beat_ns)
         starved = self._is_starved(silent_s)
         if (silent_s > DEAD_AFTER_BEATS * self._heartbeat_s and self.process is not None
                 and not starved):
             if client.pump(0.0):
                 return  # it is alive after all
             self.process.kill()
-            raise _Killed(f'the core gave no sign of life for {silent_s:.1f} s and was killed')
-        self._tell(*connection_problem(signs, silent_s, starved, self._heartbeat_s))
+            raise _Killed(f'the core was unresponsive for {silent_s:.1f} s and was killed')
+        self._warn(*connection_problem(liveness, silent_s, starved, self._heartbeat_s))
 
-    def _tell(self, kind: str, text: str) -> None:
+    def _warn(self, kind: str, text: str) -> None:
         self.starved = text
-        if kind and kind != self._told:
+        if kind and kind != self._logged:
             self._log(WARN, text)
-        self._told = kind
+        self._logged = kind
 
     def _is_starved(self, silent_s: float) -> bool:
-        """Return whether a silent core of our own is silent because it may not run."""
+        """Return whether an own core is unresponsive because Linux does not let it run."""
         if self.process is None:
             return False
         return self._starvation.update(
@@ -325,20 +326,20 @@ class Supervisor:
     def _disconnect(self, client: LinkClient) -> None:
         if self._stopping.is_set() and self.process is not None:
             self.process.stop()
-            deadline_s = time.monotonic() + _LAST_WORDS_S
+            deadline_s = time.monotonic() + _LAST_REPORTS_S
             try:
                 while client.pump(0.0) and time.monotonic() < deadline_s:
                     pass
             except Exception as error:
                 if not isinstance(error, LinkError):
-                    self._log(WARN, _told('the last reports of the core', error))
+                    self._log(WARN, _error_text('the last reports of the core', error))
         client.close()
 
     def _why_ended(self) -> str:
         code = self.process.exit_code if self.process is not None else None
         if code == CONFIGURATION_EXIT_CODE and self.connections:
-            # It ran with this configuration: what is wrong may pass, such as a lack of files.
-            return 'the core did not start again; see its message above'
+            # It has run with this configuration: the cause may be temporary.
+            return 'the core did not restart; see its message above'
         if code == CONFIGURATION_EXIT_CODE:
             self.fatal = 'the core refused its configuration; see its message above'
             self._log(ERROR, self.fatal)
@@ -347,46 +348,46 @@ class Supervisor:
 
     def _how_ended(self, code: int | None) -> str:
         if self._watchdog_code and code == self._watchdog_code:
-            return (f'the core ended with code {code}: a critical task stood still; see the '
+            return (f'the core ended with code {code}: a critical task was unhealthy; see the '
                     'report of its watchdog above')
         if code == FORCED_EXIT_CODE:
-            return (f'the core ended with code {code}: it was told to stop, and a job, a module '
-                    'or a device had to be ended for that; see its reports above')
+            return (f'the core ended with code {code}: it was stopped, and a job, a module or a '
+                    'device had to be ended by force; see its reports above')
         if code is None:
-            return 'the core was killed and has not ended yet: nothing lets it run (see `doctor`)'
+            return 'the core was killed and has not ended yet: it gets no CPU (see `doctor`)'
         if code >= 0:
             return f'the core ended with code {code}'
         name = _signal_name(-code)
         if self._watchdog_code and -code in (signal.SIGABRT, signal.SIGKILL):
-            return (f'the core was ended by {name}: its watchdog did not come to run, so some '
-                    'native call may not have returned; the traceback above says which')
+            return (f'the core was ended by {name}: its watchdog could not run, so a native call '
+                    'may not have returned; see the traceback above')
         return f'the core was ended by {name}'
 
     def _report(self, content: dict[str, Any]) -> None:
-        """Hand on a report of the core; one that is malformed is logged and left out."""
+        """Relay a report of the core; a malformed one is logged and dropped."""
         try:
             line = (int(content['severity']), int(content['at_ns']), str(content['source']),
                     str(content['text']))
             dropped = int(content.get('dropped') or 0)
         except (KeyError, TypeError, ValueError) as error:
-            self._log(WARN, _told('a report of the core', error))
+            self._log(WARN, _error_text('a report of the core', error))
             return
         if dropped:
             self._log(WARN, f'{dropped} reports of the core were dropped')
         self._relay(*line)
 
 
-def _told(where: str, error: Exception) -> str:
+def _error_text(where: str, error: Exception) -> str:
     return f'{type(error).__name__} in {where}: {error}'
 
 
 def _is_odd(error: LinkError) -> bool:
-    """Whether somebody answers, but not with the protocol of a core."""
+    """Whether a process answers, but not with the protocol of a core."""
     return not isinstance(error, LinkSilent) and not isinstance(error.__cause__, OSError)
 
 
 def _is_closed(error: LinkError) -> bool:
-    """Whether nobody listens at the socket."""
+    """Whether no process listens at the socket."""
     return isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError)
 
 

@@ -229,7 +229,7 @@ back: {type: 'core_modules:Relay', rate_hz: 0, into_topic: b, out_topic: a}
 
 
 def test_real_modules_that_release_each_other_are_refused(make_core: MakeCore) -> None:
-    with pytest.raises(ConfigError, match='without end: there -> topic b -> back -> topic a -> '
+    with pytest.raises(ConfigError, match='endlessly: there -> topic b -> back -> topic a -> '
                                           'there'):
         make_core(CIRCLE)
     there, back = CIRCLE.rsplit('back: ', 1)

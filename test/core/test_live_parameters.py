@@ -158,7 +158,7 @@ def test_nonsense_is_refused_with_the_reason(folder: Path, run: Run) -> None:
                 ('set', 'guard.timeout', '1.0'): "did you mean 'guard.timeout_s'?",
                 ('set', 'guard.timeout_s', '[1'): 'guard.timeout_s: ',
                 ('set', 'guard.timeout_s', '{a: 1}'): 'must be one value',
-                ('get', 'woken.rate_hz'): 'not a parameter that can be changed',
+                ('get', 'woken.rate_hz'): 'no parameter that can be changed',
                 ('save', str(folder / 'robot.yaml')): 'is not a file of saved parameters'}.items():
             code, said = run(*arguments)
             assert reason in said

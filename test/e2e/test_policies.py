@@ -93,8 +93,8 @@ def test_a_core_that_its_watchdog_ends_is_started_again_and_told_why(
         watchdog='timeout_s: 0.5, action: exit, exit_code: 71', module="Noted', raises: 50"),
         PYTHONPATH=path())
     robot.wait_for_line("watchdog]: task 'it' has ended no job well for")
-    robot.wait_for_line('the core ended with code 71: a critical task stood still; see the report '
-                        'of its watchdog above; again in 0.5 s')
+    robot.wait_for_line('the core ended with code 71: a critical task was unhealthy; see the '
+                        'report of its watchdog above; again in 0.5 s')
 
     def order() -> list[str]:
         return [word for line in list(robot.lines) for word in ('connected', 'ended with code 71')

@@ -94,16 +94,16 @@ def test_a_job_of_five_seconds_at_low_priority_does_not_kill_the_core(
         world: Any, until: Until) -> None:
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
     robot = start(world)
-    robot.wait_for_line('its link has not come to run')
+    robot.wait_for_line('its link has been starved')
     robot.wait_for_line("'planner' runs")
     pid = until(lambda: core_of(diagnostics)[0], 'a core')
-    until(lambda: 'link has not come to run' in core_of(diagnostics)[1], 'the reason told')
-    until(lambda: 'link has not' not in core_of(diagnostics)[1], 'the end of the job')
+    until(lambda: 'link has been starved' in core_of(diagnostics)[1], 'the reason told')
+    until(lambda: 'has been starved' not in core_of(diagnostics)[1], 'the end of the job')
     with LinkClient(world.folder / 'robot.sock', 'watch', timeout_s=TIMEOUT_S) as watch:
         assert watch.core['pid'] == pid
         planner = next(m for m in watch.statistics().modules if m['name'] == 'planner')
         assert planner['values']['jobs'] >= 20
-    assert not robot.said('no sign of life') and not robot.said('again in')
+    assert not robot.said('liveness counter') and not robot.said('again in')
 
 
 def test_a_node_that_was_stopped_does_not_kill_the_core(world: Any, until: Until) -> None:
@@ -117,7 +117,7 @@ def test_a_node_that_was_stopped_does_not_kill_the_core(world: Any, until: Until
         seen = len(diagnostics)
         until(lambda n=seen: len(diagnostics) > n + 1, 'diagnostics again')
     assert core_of(diagnostics)[0] == pid
-    assert not robot.said('sign of life') and not robot.said('again in')
+    assert not robot.said('liveness counter') and not robot.said('again in')
 
 
 def test_a_core_is_started_again_after_a_time_without_descriptors(

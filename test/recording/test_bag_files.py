@@ -36,7 +36,7 @@ from rt_robot_os.recording.chunk import COMPRESSIONS
 from rt_robot_os.recording.definitions import _made
 from rt_robot_os.recording.definitions import definition
 from rt_robot_os.recording.definitions import type_hash
-from rt_robot_os.recording.repair import mend
+from rt_robot_os.recording.repair import repair_file
 from rt_robot_os.topics import Layout
 from rt_robot_os.topics.resolve import resolve
 
@@ -73,7 +73,7 @@ def numbers(path: Path) -> list[int]:
 def test_every_compression_is_read_back(tmp_path: Path, compression: str) -> None:
     write(tmp_path / 'a.mcap', 95, compression)
     assert numbers(tmp_path / 'a.mcap') == list(range(95))
-    assert not mend(tmp_path / 'a.mcap')
+    assert not repair_file(tmp_path / 'a.mcap')
 
 
 @settings(max_examples=60)
@@ -84,11 +84,11 @@ def test_a_file_cut_anywhere_can_be_mended(part: float) -> None:
         write(path, 60)
         data = path.read_bytes()
         path.write_bytes(data[:8 + round(part * (len(data) - 9))])
-        mend(path)
+        repair_file(path)
         found = numbers(path)
         assert found == list(range(len(found)))
         assert len(found) % 10 == 0
-        assert not mend(path)
+        assert not repair_file(path)
 
 
 def test_a_definition_has_all_that_it_is_made_of() -> None:

@@ -42,7 +42,7 @@ from rt_robot_os.recording.mcap_records import CHUNK_BYTES_MAXIMUM
 from rt_robot_os.recording.mcap_records import DamagedRecordError
 from rt_robot_os.recording.mcap_records import unpacked
 from rt_robot_os.recording.reading import Recorded
-from rt_robot_os.recording.repair import mend
+from rt_robot_os.recording.repair import repair_file
 from rt_robot_os.recording.replay_program import main
 from rt_robot_os.recording.summary import MAGIC
 import zstandard
@@ -67,7 +67,7 @@ def refused(path: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> 
     ('tasks', '[' * 100_000, 'damaged'), ('taps', '["device/x", "a", ""]', 'no schedule'),
     ('taps', '[]', 'made with --no-bytes'), ('core_start_ns', '-' + '9' * 4000, 'damaged'),
     ('core_start_ns', str(-1 << 61), 'damaged'), ('offset_ns', str(1 << 63), 'damaged'),
-    ('offset_ns', str((1 << 61) + 1), 'damaged'), ('format', '\x1b[2J', 'of format'),
+    ('offset_ns', str((1 << 61) + 1), 'damaged'), ('format', '\x1b[2J', 'has format'),
     ('session', 'first', 'damaged'),
 ])
 def test_nonsense_about_the_session(recording: Path, tmp_path: Path, key: str, value: str,
@@ -198,7 +198,7 @@ def test_a_chunk_of_empty_records_is_refused_at_the_first(tmp_path: Path) -> Non
     path = tmp_path / 'x.mcap'
     path.write_bytes(MAGIC + struct.pack('<BQII', Opcode.HEADER, 8, 0, 0)
                      + bomb('zstd', CHUNK_BYTES_MAXIMUM))
-    assert '1 damaged record' in mend(path)
+    assert '1 damaged record' in repair_file(path)
     assert main([str(path)]) == 2
 
 
@@ -215,7 +215,7 @@ def test_messages_that_do_not_differ_are_refused(tmp_path: Path) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(MAGIC + struct.pack('<BQII', Opcode.HEADER, 8, 0, 0) + bytes(builder.end()))
     assert path.stat().st_size < 20_000
-    assert '1 damaged record' in mend(path)
+    assert '1 damaged record' in repair_file(path)
 
 
 def test_many_messages_that_are_alike_are_no_forgery(tmp_path: Path) -> None:
@@ -225,4 +225,4 @@ def test_many_messages_that_are_alike_are_no_forgery(tmp_path: Path) -> None:
     for number in range(20_000):
         file.add(channel, number * 100_000, b'\0\1\0\0\0', number, number * 100_000)
     file.finish()
-    assert not mend(path)
+    assert not repair_file(path)

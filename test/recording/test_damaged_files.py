@@ -30,8 +30,8 @@ from rt_robot_os.recording.chunk import COMPRESSIONS
 from rt_robot_os.recording.mcap_records import file_records
 from rt_robot_os.recording.reading import Recording
 from rt_robot_os.recording.record_program import main
-from rt_robot_os.recording.repair import mend
-from rt_robot_os.recording.repair import mend_all
+from rt_robot_os.recording.repair import repair_all
+from rt_robot_os.recording.repair import repair_file
 from rt_robot_os.recording.summary import MAGIC
 from test_bag_files import numbers
 from test_bag_files import write
@@ -76,11 +76,11 @@ def test_any_damage_can_be_mended(compression: str, damage: list[tuple[str, floa
         path = Path(folder) / 'a.mcap'
         write(path, COUNT, compression)
         path.write_bytes(damaged(path.read_bytes(), damage))
-        lines, failed = mend_all(Path(folder))
+        lines, failed = repair_all(Path(folder))
         assert not failed
         found = read_every_way(path)
         assert found == sorted(set(found) & set(range(COUNT)))
-        assert not mend(path)
+        assert not repair_file(path)
 
 
 @pytest.mark.parametrize('number', [0, 2, 5])
@@ -93,7 +93,7 @@ def test_what_follows_a_damaged_chunk_stays(tmp_path: Path, compression: str, nu
     chunks = [offset for offset, kind, _ in file_records(path) if kind == 6]
     data[chunks[number] + 60] ^= 1
     path.write_bytes(data)
-    assert '1 damaged record in it put aside' in mend(path)
+    assert '1 damaged record skipped' in repair_file(path)
     assert read_every_way(path) == [n for n in range(COUNT) if n // 10 != number]
     assert numbers(path) == read_every_way(path)
 
@@ -106,7 +106,7 @@ def test_what_follows_a_lost_length_stays(tmp_path: Path, compression: str) -> N
     chunks = [offset for offset, kind, _ in file_records(path) if kind == 6]
     data[chunks[2] + 1:chunks[2] + 9] = b'\xff' * 8
     path.write_bytes(data)
-    mend(path)
+    repair_file(path)
     assert read_every_way(path) == [n for n in range(COUNT) if not 20 <= n < 30]
 
 
@@ -116,7 +116,7 @@ def test_a_damaged_index_is_made_anew(tmp_path: Path) -> None:
     whole = path.read_bytes()
     indices = [offset for offset, kind, _ in file_records(path) if kind == 7]
     path.write_bytes(whole[:indices[1] + 20] + b'\xaa' * 30 + whole[indices[1] + 50:])
-    mend(path)
+    repair_file(path)
     assert path.read_bytes() == whole
 
 
@@ -129,8 +129,8 @@ def test_one_file_that_cannot_be_mended_keeps_no_other_from_it(
     (tmp_path / 'bag_2.mcap').write_bytes(data[:len(data) // 2])
     assert main(['--repair', str(tmp_path)]) == 1
     told = capsys.readouterr()
-    assert 'bag_1.mcap is no MCAP file' in told.err
-    assert 'bag_0.mcap: whole' in told.out and 'bag_2.mcap: mended' in told.out
+    assert 'bag_1.mcap is not an MCAP file' in told.err
+    assert 'bag_0.mcap: intact' in told.out and 'bag_2.mcap: repaired' in told.out
     assert 'metadata.yaml: written' in told.out
     assert len(read_every_way(tmp_path / 'bag_2.mcap')) >= 20
 
@@ -147,7 +147,7 @@ def test_what_is_kept_for_a_replay_can_be_read_second_by_second(recording: Path,
     assert len(kept) > 2
     data[kept[0].offset + kept[0].length // 2] ^= 1
     path.write_bytes(data)
-    assert '1 damaged record' in mend(path)
+    assert '1 damaged record' in repair_file(path)
     seen = Recording(path)
     assert {'device/imu/bytes', 'core/schedule'} <= {each.topic for each in seen.samples()}
     assert not seen.problems

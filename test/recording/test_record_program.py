@@ -171,7 +171,7 @@ def test_a_topic_that_is_not_there_is_refused(beside: Any) -> None:
     bag = beside.output / 'bag'
     code, text = beside.run(RECORD, 'imu/data', 'nosuch', '-o', str(bag))
     assert code == 2
-    assert text.startswith('no topic nosuch in the core; there are /cmd_vel, ')
+    assert text.startswith('no topic nosuch in the core; known are /cmd_vel, ')
     assert not bag.exists()
 
 
@@ -182,12 +182,12 @@ def test_a_killed_recorder_leaves_a_file_that_can_be_mended(beside: Any) -> None
     beside.end(recorder, signal.SIGKILL)
     code, text = beside.run(RECORD, '--repair', str(bag))
     assert code == 0, text
-    assert 'mended' in text
+    assert 'repaired' in text
     found = read(bag / 'bag_0.mcap')
     assert len(found['/imu/data']) > 50
     assert read_bag(bag)['/imu/data'] == len(found['/imu/data'])
     code, text = beside.run(RECORD, '--repair', str(bag))
-    assert 'whole' in text
+    assert 'intact' in text
 
 
 def test_a_full_disk_ends_the_recording_readably(beside: Any) -> None:
@@ -216,7 +216,7 @@ def test_a_core_that_comes_back_is_another_session(robot: Any) -> None:
     # However many there were of the first core by its end.
     robot.wait_for_messages(log, recorder, robot.messages(log) + 50)
     assert robot.end(recorder) == 0
-    assert 'the core is gone; waiting' in log.read_text()
+    assert 'the core has ended; waiting' in log.read_text()
     assert [path.name for path in sorted(bag.glob('*.mcap'))] == ['bag_0.mcap', 'bag_1.mcap']
     assert set(read(bag / 'bag_1.mcap')) == {'/imu/data'}
 
@@ -240,7 +240,7 @@ def test_what_is_wrong_is_said(robot: Any) -> None:
     assert code == 1 and 'does not exist' in text
     (robot.output / 'x.mcap').write_bytes(b'nonsense')
     code, text = robot.run(RECORD, '--repair', str(robot.output / 'x.mcap'))
-    assert code == 1 and 'is no MCAP file' in text
+    assert code == 1 and 'is not an MCAP file' in text
     code, text = robot.run(RECORD, '--max-files', '2')
     assert code == 2 and '--max-files needs --max-bytes' in text
 

@@ -110,7 +110,7 @@ def test_a_recording_cut_short_is_replayed_up_to_there(recording: Path, robot: A
     cut.write_bytes(data[:len(data) * 2 // 3])
     code, text = robot.run(REPLAY, str(cut))
     assert code == 0, text
-    assert 'cut short' in text
+    assert 'truncated' in text
 
 
 def test_a_recording_in_the_middle_of_a_run_settles(beside: Any) -> None:
@@ -119,9 +119,9 @@ def test_a_recording_in_the_middle_of_a_run_settles(beside: Any) -> None:
     beside.wait_for_messages(log, recorder, 500)
     assert beside.end(recorder) == 0
     code, text = beside.run(REPLAY, str(bag))
-    assert 'began in the middle of the run' in text
+    assert 'started in the middle of the run' in text
     # A filter remembers everything, so it is never the same; the others are.
-    assert 'attitude/imu: never the same' in text
+    assert 'attitude/imu: never identical' in text
     assert code == 1
     assert 'first difference' not in text
 

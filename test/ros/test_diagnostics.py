@@ -94,7 +94,7 @@ def test_missed_releases_dropped_samples_and_lost_lines_end_as_well(judge: Judge
     assert bad['log'][0] == WARN and '1 lines are not in the file' in bad['log'][1]
     good = judge(statistics(112, missed=2, full=4), {'lost': 6, 'untold': 2})
     assert good['task imu'] == (OK, 'on time') and good['client top'] == (OK, 'keeps up')
-    assert good['log'] == (OK, 'carried')
+    assert good['log'] == (OK, 'complete')
 
 
 def test_why_the_core_refused_what_a_client_published_is_told(judge: Judge) -> None:
@@ -102,7 +102,7 @@ def test_why_the_core_refused_what_a_client_published_is_told(judge: Judge) -> N
     judge(now)
     client = {**now.clients[0], 'refused': 1, 'last_refusal': "frame_id is 'odom'"}
     assert judge(replace(statistics(101), clients=(client,)))['client top'][1].endswith(
-        "refused at last: frame_id is 'odom'")
+        "last refusal: frame_id is 'odom'")
 
 
 def test_what_an_old_core_lost_long_ago_is_no_news_and_what_a_new_one_loses_is(

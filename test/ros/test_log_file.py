@@ -84,7 +84,7 @@ def test_lines_that_the_disk_does_not_take_are_counted_told_once_and_named_later
     path.unlink()
     log.write('again\n')
     log.close()
-    assert path.read_text() == '... 5 lines are not here: the disk took none\nagain\n'
+    assert path.read_text() == '... 5 lines are missing: the disk failed\nagain\n'
     assert log.written == 1 and log.lost == 5
     assert len(told) == 2 and '5 lines were lost' in told[1]
 

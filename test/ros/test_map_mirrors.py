@@ -89,7 +89,7 @@ def test_who_comes_late_gets_map_way_and_graph(
         mirror = OutwardMirror(robot, mirrors[topic], StampMapper())
         mirror.connect(TopicInfo(topic, number, mirrors[topic].message, 2, layout.max_size,
                                  layout.stamp_offset, 1, 0))
-        mirror.carry(time.monotonic_ns(), 0, cdr)
+        mirror.publish(time.monotonic_ns(), 0, cdr)
         assert mirror.published == 1
     heard: dict[str, Any] = {}
     latched = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.RELIABLE,

@@ -227,7 +227,7 @@ def test_calls_are_answered_in_turn_and_too_many_are_refused(robot: Robot) -> No
     waiting = [robot.ask() for _ in range(WAITING_MAXIMUM)]
     robot.until(lambda: len(robot.core.told) == WAITING_MAXIMUM)
     ok, text = robot.answer(robot.ask())
-    assert not ok and f'{WAITING_MAXIMUM} calls wait' in text
+    assert not ok and f'{WAITING_MAXIMUM} calls already wait' in text
     for number in range(WAITING_MAXIMUM):
         robot.core.answer(answer('acknowledge all by ROS', text=str(number)))
         robot.until(lambda: sum(each.done() for each in waiting) > number)

@@ -130,8 +130,8 @@ def test_a_core_that_starts_slowly_gets_more_time_with_each_attempt(
     story.supervisor.start()
     wait_for(lambda: process.kills >= 3, 'three attempts')
     story.supervisor.stop()
-    assert story.told('within 0.1 s and is killed; the next one has 0.2 s')
-    assert story.told('within 0.2 s and is killed; the next one has 0.4 s')
+    assert story.told('within 0.1 s and is killed; the next start may take 0.2 s')
+    assert story.told('within 0.2 s and is killed; the next start may take 0.4 s')
 
 
 def test_a_core_whose_first_jobs_starve_its_link_is_not_killed_and_they_are_named(
@@ -298,7 +298,7 @@ def test_a_core_that_ran_before_is_tried_again_whatever_it_says(folder: Path) ->
     story.supervisor.start()
     wait_for(lambda: process.starts > 3, 'more attempts')
     assert not story.supervisor.fatal
-    assert story.told('did not start again')
+    assert story.told('did not restart')
     story.supervisor.stop()
 
 
@@ -308,12 +308,12 @@ def test_an_answer_without_statistics_is_told_and_keeps_the_connection(folder: P
     packet = encode_json(
         PacketKind.REPLY, {'error': 'too many answers are still on their way'}, seq=1)
     question.packets = [(parse_header(packet), packet)]
-    supervisor._take_statistics(question)
+    supervisor.store_statistics(question)
     assert supervisor.statistics is None
-    assert supervisor.reason == ('the core gives no statistics: too many answers are still on '
+    assert supervisor.reason == ('the core sends no statistics: too many answers are still on '
                                  'their way')
     packet = encode_json(PacketKind.REPLY, {'part': 'core', 'pid': 7}, seq=2)
     question.packets = [(parse_header(packet), packet)]
-    supervisor._take_statistics(question)
+    supervisor.store_statistics(question)
     assert supervisor.statistics is not None and supervisor.statistics.core == {'pid': 7}
     assert supervisor.reason == ''

@@ -53,7 +53,7 @@ def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     link = connect(path)
     for i, mirror in enumerate(mirrors):
         mirror.connect(link.topics[topic(i)])
-        link.sample_handlers[link.topics[topic(i)].channel] = mirror.carry
+        link.sample_handlers[link.topics[topic(i)].channel] = mirror.publish
         link.mirror(topic(i))
     stay(link)
 

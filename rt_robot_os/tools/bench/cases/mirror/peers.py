@@ -111,7 +111,7 @@ def _carrying(made: Node) -> tuple[Callable[[], None], Any]:
 
     def carry() -> None:
         stamp_ns[0] += NS_PER_MS
-        mirror.carry(stamp_ns[0], 0, sample)
+        mirror.publish(stamp_ns[0], 0, sample)
 
     return carry, mirror.publisher
 
