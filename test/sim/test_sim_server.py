@@ -39,6 +39,7 @@ from rt_robot_os.sim.server import SimServer
 
 ROOT = Path(__file__).parents[2]
 RUN = 'import sys; from rt_robot_os.{} import main; sys.exit(main())'
+SIMULATOR = 'core.simulator_program'
 
 
 @contextmanager
@@ -161,7 +162,7 @@ def test_lines_come_whole_and_the_end_of_input_is_no_end() -> None:
 
 
 def test_simulator(tmp_path: Path) -> None:
-    with running('core.simulator_program', 'imu:witmotion', 'gps:nmea', '--dir', str(tmp_path), '--rate',
+    with running(SIMULATOR, 'imu:witmotion', 'gps:nmea', '--dir', str(tmp_path), '--rate',
                  'gps=10', '--baud', 'gps=115200') as process:
         output, errors = Lines(process.stdout), Lines(process.stderr)
         paths = dict(output.next_line().split() for _ in range(2))
@@ -191,7 +192,7 @@ def test_simulator(tmp_path: Path) -> None:
 
 
 def test_simulator_of_chips_on_one_bus(tmp_path: Path) -> None:
-    with running('core.simulator_program', 'imu:mpu6050', 'baro:bmp280', '--dir', str(tmp_path)) as process:
+    with running(SIMULATOR, 'imu:mpu6050', 'baro:bmp280', '--dir', str(tmp_path)) as process:
         output = Lines(process.stdout)
         paths = dict(output.next_line().split() for _ in range(2))
         assert paths == {'imu': str(tmp_path / 'imu'), 'baro': str(tmp_path / 'baro')}
@@ -214,7 +215,7 @@ def test_simulator_of_chips_on_one_bus(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGHUP])
 def test_other_signals_end_it_too(number: int, tmp_path: Path) -> None:
-    with running('core.simulator_program', 'imu:witmotion', '--dir', str(tmp_path)) as process:
+    with running(SIMULATOR, 'imu:witmotion', '--dir', str(tmp_path)) as process:
         Lines(process.stdout).next_line()
         read_some(str(tmp_path / 'imu'), 30)
         process.send_signal(number)
@@ -232,7 +233,7 @@ def test_it_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
             'open(sys.argv[-1] + "/imu", "rb", buffering=0).read(1)\n')
     read_end, write_end = os.pipe()
     subprocess.run(
-        [sys.executable, '-W', 'ignore', '-c', code, str(write_end), RUN.format('core.simulator_program'),
+        [sys.executable, '-W', 'ignore', '-c', code, str(write_end), RUN.format(SIMULATOR),
          'imu:witmotion', '--dir', str(tmp_path)], cwd=ROOT, pass_fds=[write_end], timeout=60,
         check=True)
     os.close(write_end)
