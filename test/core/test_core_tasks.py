@@ -315,6 +315,6 @@ def test_a_device_of_an_old_entry_point_group_runs_and_is_told_where_it_belongs(
     core = make_core(IMU.replace('witmotion', 'old_imu'))
     assert core.kernel.task('imu').spec.period_ns == 10 * MS
     told = [report.text for report in core.reports.since(0)[2] if report.source == 'imu']
-    assert told == ['type old_imu: the entry-point group rt_robot_os.drivers goes with the next '
-                    'release: its package must name it in rt_robot_os.devices '
+    assert told == ['type old_imu: the entry-point group rt_robot_os.drivers will be removed '
+                    'in the next release: its package must name it in rt_robot_os.devices '
                     '(docs/writing_a_driver.md)']

@@ -205,7 +205,7 @@ def test_pictures_come_in_their_order_and_begin_anew(tmp_path: Path) -> None:
 
 def test_pictures_that_do_not_fit_or_are_damaged_are_named(tmp_path: Path) -> None:
     pytest.importorskip('PIL.Image', reason='Pillow is not installed')
-    with pytest.raises(DeviceError, match='holds no pictures'):
+    with pytest.raises(DeviceError, match='contains no pictures'):
         open_camera(values('camera', **SMALL, port=str(tmp_path)))
     write_pictures(tmp_path, (24, 32, 3))
     with pytest.raises(DeviceError, match='gives 32x24 pixels, not 64x48: set width and height'):
@@ -424,7 +424,7 @@ def test_a_process_that_is_killed_is_a_fault_and_opening_starts_another(
         made.read_until(lambda: device.statistics().frames > 3 * turn + 2)
         os.kill(started[-1].pid, signal.SIGKILL)
         started[-1].wait()
-        with pytest.raises(DeviceError, match='ended without a word'):
+        with pytest.raises(DeviceError, match='ended without a message'):
             made.read_until(lambda: False)
         device.close()
         device.close()

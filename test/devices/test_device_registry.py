@@ -140,8 +140,8 @@ def test_a_folder_with_a_driver_is_a_device() -> None:
 def test_drivers_import_no_simulated_devices_and_these_no_drivers() -> None:
     drivers = imported_by(
         'from rt_robot_os.devices.registry import DRIVERS\n'
-        'from rt_robot_os.devices.signatures import RECOGNISERS\n'
-        "[DRIVERS.load(name) for name in ('bmp280', 'nmea')]\nRECOGNISERS.prepare()")
+        'from rt_robot_os.devices.signatures import SIGNATURES\n'
+        "[DRIVERS.load(name) for name in ('bmp280', 'nmea')]\nSIGNATURES.prepare()")
     assert 'rt_robot_os.devices.ublox.wire' in drivers
     assert [name for name in drivers if name.endswith('.simulated')] == []
     assert not any(name.startswith('rt_robot_os.sim') for name in drivers)
@@ -247,7 +247,7 @@ def test_the_old_groups_work_and_name_the_new_one() -> None:
     assert 'old_lidar' in DRIVERS.names() and 'old_lidar' in SIMULATORS.names()
     with pytest.warns(DeprecationWarning, match='must name it in rt_robot_os.devices'):
         assert DRIVERS.load('old_lidar').__name__ == 'Lidar'
-    with pytest.warns(DeprecationWarning, match='group rt_robot_os.simulators goes'):
+    with pytest.warns(DeprecationWarning, match='group rt_robot_os.simulators will be removed'):
         assert SIMULATORS.load('old_lidar').__name__ == 'SimulatedLidar'
     assert 'old_lidar' in DRIVERS.deprecation('old_lidar')
 

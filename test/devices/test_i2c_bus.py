@@ -388,7 +388,7 @@ def test_nobody_behind_the_socket(tmp_path: Path) -> None:
         transact(bus, 0x76, b'\0', 1)
     assert bus.gone
     buses.release(bus)
-    for opened in (open_transport, buses.take):
+    for opened in (open_transport, buses.acquire):
         with pytest.raises(DeviceError, match='does not exist'):
             opened(str(path))
     assert os.listdir(tmp_path) == []
@@ -397,7 +397,7 @@ def test_nobody_behind_the_socket(tmp_path: Path) -> None:
 def test_a_file_of_somebody_is_not_replaced(tmp_path: Path) -> None:
     port = I2cPort(tmp_path / 'i2c-sim')
     port.link('baro').write_text('mine')
-    with pytest.raises(DeviceError, match='file of somebody.*choose another folder'):
+    with pytest.raises(DeviceError, match='file of another program.*choose another folder'):
         port.plug()
     port.unplug()
     assert (tmp_path / 'baro').read_text() == 'mine'
@@ -416,7 +416,7 @@ def test_the_time_on_the_wire() -> None:
 def test_two_chips_of_one_address_are_refused(tmp_path: Path) -> None:
     port = I2cPort(tmp_path / 'bus')
     SimulatedBmp280('one', {}, port)
-    with pytest.raises(ConfigError, match='two: address 0x76 is that of one: give each its own'):
+    with pytest.raises(ConfigError, match='two: address 0x76 is that of one: give each chip its own'):
         SimulatedMs5611('two', {}, port, 0x76)
 
 

@@ -80,7 +80,7 @@ def test_a_process_that_is_killed_is_told_and_the_next_goes_on(rig: Callable[...
         one.keep(seq)
         one.until_stored(seq)
         os.kill(worker_of(one), signal.SIGKILL)
-        with pytest.raises(DeviceError, match='ended without a word'):
+        with pytest.raises(DeviceError, match='ended without a message'):
             one.until(lambda: False)
         assert 'ended' in one.said[-1]['fault']
         one.keep(seq + 100)  # to nobody: whoever made it sends it again

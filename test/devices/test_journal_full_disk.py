@@ -82,7 +82,7 @@ def test_alarms_outlive_a_kill_while_the_disk_is_full(disk: Path) -> None:
             one.keep(seq)
             one.until_stored(seq)
             os.kill(worker_of(one), signal.SIGKILL)
-            with pytest.raises(DeviceError, match='ended without a word'):
+            with pytest.raises(DeviceError, match='ended without a message'):
                 one.until(lambda: False)
             one.device.close()
             fill(disk)  # of what a new file has freed nothing is left

@@ -38,7 +38,7 @@ WORD = st.integers(0, 0xFFFF)
 class TestMs5611(I2cContract):
     driver = Ms5611
     simulator = SimulatedMs5611
-    named = 'no MS5611 has that'
+    named = 'it is not an MS5611'
     stranger = 'probably a BMP280'
 
 

@@ -171,7 +171,7 @@ def full(file: Any) -> None:
 
 def test_a_full_disk_is_a_problem_that_leaves_nothing_behind(tmp_path: Path) -> None:
     folder = ObservationFolder(tmp_path, 3, 100)
-    with pytest.raises(DeviceError, match='No space left on device; make room'):
+    with pytest.raises(DeviceError, match='No space left on device; free space'):
         keep(folder, write=full)
     assert list(tmp_path.iterdir()) == []
     assert keep(folder).path.exists()  # and the next one goes
@@ -226,7 +226,7 @@ def test_an_order_is_bounded() -> None:
 def test_an_order_of_long_ago_is_not_carried_out() -> None:
     desk = ObservationRequests('eye', {'observe_topic': 'x', 'clip_s': 5.0})
     told = desk.handle('{"order":"picture"}', 1, 11 * NS_PER_S, lambda order: pytest.fail())
-    assert told is not None and 'was not there' in told['problem']
+    assert told is not None and 'was not available' in told['problem']
     assert desk.statistics()['orders_late'] == 1
 
 
@@ -422,7 +422,7 @@ def test_a_camera_saves_a_still_and_a_clip_while_it_goes_on(tmp_path: Path) -> N
     assert numbers == sorted(numbers) and len(numbers) > 1
     # Pictures of before the order are in it, and of after.
     assert clip['t_ns'] < still['t_ns'] < clip['end_ns']
-    assert 'no order' in refused['problem'] and refused['camera'] == 'eye'
+    assert 'is not a request' in refused['problem'] and refused['camera'] == 'eye'
     assert statistics['observations'] == 2 and statistics['orders_refused'] == 1
     assert sorted(path.suffix for path in tmp_path.iterdir()) == ['.avi', '.jpg']
 
@@ -459,7 +459,7 @@ def test_a_full_folder_is_told_and_the_camera_goes_on(tmp_path: Path) -> None:
         camera.pictures(2)
         camera.order(order='picture', id=5)
         answer, = camera.answers(1)
-        assert 'takes no file' in answer['problem'] and 'file' not in answer
+        assert 'a file cannot be written' in answer['problem'] and 'file' not in answer
         camera.pictures(2)
         assert 'no picture could be stored' in camera.device.statistics().more['warning']
     finally:

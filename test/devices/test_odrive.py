@@ -237,7 +237,7 @@ def test_an_error_of_an_axis_stops_both_wheels(tmp_path: Path, firmware: str, te
         assert made.board_faults & 1
         assert re.search(r'axis0 \(left wheel\) has ' + text, made.reason)
         made.rig.run(2000)
-        assert not made.simulated.is_driving, 'whoever goes on commanding has noticed nothing'
+        assert not made.simulated.is_driving, 'continued commands are no acknowledgement'
         made.drive(0.0, 100)
         made.drive(0.3, 1000)
         assert made.simulated.is_driving

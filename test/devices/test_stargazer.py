@@ -167,7 +167,7 @@ def test_unknown_marks_are_counted_and_named_and_the_known_one_is_used() -> None
         assert device.read(1) == 1
         more = device.statistics().more
     assert (more['unknown_marks'], more['unknown_mark_ids']) == (2, '5, 7')
-    assert 'it sees the marks 5, 7, which are not on the map' in device.unused()
+    assert 'it detects the marks 5, 7, which are not on the map' in device.unused()
 
 
 def test_strange_numbers_are_kept_for_the_frequent_ones_only() -> None:
@@ -288,7 +288,7 @@ def test_a_file_of_landmarks(tmp_path: Path) -> None:
     file.write_text('id,x_cm,y_cm,yaw_deg\n10546,-326,545,90\n')
     data = wire.multi([seen(10546, 0.0, 100.0)])
     assert pose(data, landmarks_file=str(file)) == pytest.approx((-3.26, 6.45, math.pi / 2))
-    with pytest.raises(ConfigError, match='both say where 10546 hangs: delete one'):
+    with pytest.raises(ConfigError, match='both contain 10546: delete one'):
         StarGazer('gazer', settings_of(StarGazer, port='x', landmarks_file=f'file://{file}',
                                        landmarks=['10546: 0 0']))
 

@@ -161,9 +161,9 @@ def test_setting_up_waits_for_each_acknowledgement_and_then_publishes() -> None:
 
 
 @pytest.mark.parametrize('answer, message', [
-    (outputs(50), 'asked for orientation at 100 Hz it gives 50 Hz: set output_rate_hz: 50'),
+    (outputs(50), 'of orientation at 100 Hz it sends 50 Hz: set output_rate_hz: 50'),
     (outputs(100, mtdata2.QUATERNION), 'has no orientation: set orientation: false'),
-    (outputs(100, mtdata2.MAGNETIC_FIELD), 'gives 0 Hz: choose another product'),
+    (outputs(100, mtdata2.MAGNETIC_FIELD), 'sends 0 Hz: choose another product'),
     (wire.message(wire.ERROR, b'\x21'), 'refuses SetOutputConfiguration with error 0x21'),
     (wire.message(wire.ERROR), 'error 0x00')])
 def test_what_the_product_cannot_do_is_told_with_the_remedy(answer: bytes, message: str) -> None:
@@ -197,7 +197,7 @@ def test_nothing_is_sent_by_default() -> None:
 
 @pytest.mark.parametrize('changes, message', [
     ({'output_rate_hz': 400.0}, 'output_rate_hz 400 needs 352000 baud and the line has 115200'),
-    ({'output_rate_hz': 12.5}, 'output_rate_hz 12.5 cannot be configured: .* whole number')])
+    ({'output_rate_hz': 12.5}, 'output_rate_hz 12.5 cannot be configured: .* integer')])
 def test_rates_that_cannot_be_are_refused(changes: Any, message: str) -> None:
     with pytest.raises(ConfigError, match=f'imu: {message}'):
         Xsens('imu', settings_of(Xsens, port='x', configure=True, **changes))

@@ -78,7 +78,7 @@ def test_the_program_reads_what_ros2_topic_echo_wrote(
 
 
 @pytest.mark.parametrize('text, code, said', [
-    ('a,b,c', 2, 'line 1 is no pose: record it with'), ('', 1, '0 poses')])
+    ('a,b,c', 2, 'line 1 is not a pose: record it with'), ('', 1, '0 poses')])
 def test_a_file_without_a_turn(
         text: str, code: int, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

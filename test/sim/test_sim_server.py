@@ -38,7 +38,8 @@ from rt_robot_os.sim.pty_port import PtyPort
 from rt_robot_os.sim.server import SimServer
 
 ROOT = Path(__file__).parents[2]
-RUN = 'import sys; from rt_robot_os.sim.{} import main; sys.exit(main())'
+RUN = 'import sys; from rt_robot_os.{} import main; sys.exit(main())'
+SIMULATOR = 'core.simulator_program'
 
 
 @contextmanager
@@ -161,7 +162,7 @@ def test_lines_come_whole_and_the_end_of_input_is_no_end() -> None:
 
 
 def test_simulator(tmp_path: Path) -> None:
-    with running('program', 'imu:witmotion', 'gps:nmea', '--dir', str(tmp_path), '--rate',
+    with running(SIMULATOR, 'imu:witmotion', 'gps:nmea', '--dir', str(tmp_path), '--rate',
                  'gps=10', '--baud', 'gps=115200') as process:
         output, errors = Lines(process.stdout), Lines(process.stderr)
         paths = dict(output.next_line().split() for _ in range(2))
@@ -191,7 +192,7 @@ def test_simulator(tmp_path: Path) -> None:
 
 
 def test_simulator_of_chips_on_one_bus(tmp_path: Path) -> None:
-    with running('program', 'imu:mpu6050', 'baro:bmp280', '--dir', str(tmp_path)) as process:
+    with running(SIMULATOR, 'imu:mpu6050', 'baro:bmp280', '--dir', str(tmp_path)) as process:
         output = Lines(process.stdout)
         paths = dict(output.next_line().split() for _ in range(2))
         assert paths == {'imu': str(tmp_path / 'imu'), 'baro': str(tmp_path / 'baro')}
@@ -214,7 +215,7 @@ def test_simulator_of_chips_on_one_bus(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGHUP])
 def test_other_signals_end_it_too(number: int, tmp_path: Path) -> None:
-    with running('program', 'imu:witmotion', '--dir', str(tmp_path)) as process:
+    with running(SIMULATOR, 'imu:witmotion', '--dir', str(tmp_path)) as process:
         Lines(process.stdout).next_line()
         read_some(str(tmp_path / 'imu'), 30)
         process.send_signal(number)
@@ -232,7 +233,7 @@ def test_it_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
             'open(sys.argv[-1] + "/imu", "rb", buffering=0).read(1)\n')
     read_end, write_end = os.pipe()
     subprocess.run(
-        [sys.executable, '-W', 'ignore', '-c', code, str(write_end), RUN.format('program'),
+        [sys.executable, '-W', 'ignore', '-c', code, str(write_end), RUN.format(SIMULATOR),
          'imu:witmotion', '--dir', str(tmp_path)], cwd=ROOT, pass_fds=[write_end], timeout=60,
         check=True)
     os.close(write_end)
@@ -246,7 +247,7 @@ def test_player(tmp_path: Path) -> None:
     log = tmp_path / 'x.log'
     log.write_bytes(b'# note\n' + b'$GPVTG,1*00\r\n' * 20)
     link = tmp_path / 'gps'
-    with running('player_program', str(log), '--link', str(link), '--baud', '115200',
+    with running('sim.player_program', str(log), '--link', str(link), '--baud', '115200',
                  '--wait') as process:
         assert Lines(process.stdout).next_line() == str(link)
         assert read_some(str(link), 260) == b'$GPVTG,1*00\r\n' * 20

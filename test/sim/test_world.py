@@ -316,7 +316,7 @@ def test_light_and_warmth_have_their_places() -> None:
 
 @pytest.mark.parametrize('line, text', [
     ('', "'' is not a known event: write kidnap X Y YAW; person NAME X Y [SECONDS]"),
-    ('kidnap 1 2', 'must be one of'), ('kidnap 1 2 nan', "'nan' is no number"),
+    ('kidnap 1 2', 'must be one of'), ('kidnap 1 2 nan', "'nan' is not a valid number"),
     ('person bob 1 2', 'no such person; there are anna'), ('person anna', 'must be one of'),
     ('slip 7', 'a share of 7'), ('walk anna 1', 'must be one of'), ('dance', "'dance'")])
 def test_what_cannot_happen_is_refused(line: str, text: str) -> None:
@@ -342,7 +342,7 @@ def test_it_is_not_put_into_a_wall(tmp_path: Path) -> None:
     settings = rooms(tmp_path)
     with pytest.raises(ConfigError, match='world: kidnap: the map has an obstacle at 2'):
         World(settings).inject('kidnap 2.2 0.2 0'.split())
-    with pytest.raises(ConfigError, match='world.events: kidnap: in the map'):
+    with pytest.raises(ConfigError, match='world.events: kidnap: the map has'):
         World(replace(settings, events=('kidnap 2.2 0.2 0 at 3',)))
 
 
@@ -367,5 +367,5 @@ def test_every_problem_of_a_world_is_told_at_once() -> None:
     problems = caught.value.problems
     assert len(problems) == 10
     assert "world.people: 'anna 1 2': must be a name, a speed in m/s and x y" in problems[0]
-    assert 'world.people: bob is there twice' in problems
+    assert 'world.people: bob is listed twice' in problems
     assert 'world.start: must be 3 numbers' in problems

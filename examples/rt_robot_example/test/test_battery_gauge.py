@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Does the driver decode the gauge, and survive any other bytes on the line?"""
+"""Tests of the driver: the bytes of the gauge, and any others on the line."""
 
 from __future__ import annotations
 

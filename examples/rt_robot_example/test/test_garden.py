@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Are packets of a garden node decoded correctly? Without a node and without a port."""
+"""Tests of the payload of a garden node, without a node and without a port."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Is a low battery reported, and only that? On the virtual clock, without waiting."""
+"""Tests of the report of a low battery, on the virtual clock, without waiting."""
 
 from __future__ import annotations
 

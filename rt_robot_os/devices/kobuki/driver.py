@@ -198,7 +198,7 @@ class Kobuki(MotorBoard[KobukiFrame]):
         return samples
 
     def _goes_on(self, core: CoreSensors, arrival_ns: int) -> bool:
-        """Check the clock of the base: does it run, and did it run since the last packet?"""
+        """Check whether the clock of the base runs, and ran since the last packet."""
         before, before_ns = self._core, self._core_ns
         self._core, self._core_ns = core, arrival_ns
         if before is None:

@@ -106,9 +106,9 @@ def test_everything_is_in_the_package_and_nothing_else_lies_about(tmp_path: Path
     ('json', 'sonar', '', "package 'json': Python has a module of that name"),
     ('rt_robot_os', 'sonar', '', 'Python has a module of that name'),
     ('mine', 'class', '', "driver 'class': is a keyword of Python"),
-    ('mine', 'witmotion', '', "driver 'witmotion': there is one of that name"),
-    ('mine', '', 'twist_guard', "module 'twist_guard': there is one of that name"),
-    ('mine', 'mirrors', '', 'is a key of its own'), ('mine', 'imu', '', 'is a key of its own'),
+    ('mine', 'witmotion', '', "driver 'witmotion': exists already"),
+    ('mine', '', 'twist_guard', "module 'twist_guard': exists already"),
+    ('mine', 'mirrors', '', 'is a reserved key'), ('mine', 'imu', '', 'is a reserved key'),
     ('mine', 'same', 'same', "driver and module are both 'same'")])
 def test_a_wrong_name_is_told_and_nothing_is_written(
         tmp_path: Path, capsys: pytest.CaptureFixture[str], package: str, driver: str,
@@ -122,12 +122,12 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
     (tmp_path / 'mine').mkdir()
     (tmp_path / 'mine' / 'kept').write_text('mine')
     assert make(tmp_path, 'mine', 'sonar') == 2
-    assert 'is there already, and nothing is overwritten' in capsys.readouterr().err
+    assert 'exists already, and nothing is overwritten' in capsys.readouterr().err
     assert [path.name for path in (tmp_path / 'mine').iterdir()] == ['kept']
     (tmp_path / 'link').symlink_to(tmp_path / 'nowhere')
     assert make(tmp_path, 'link', 'sonar') == 2
     assert make(tmp_path / 'nowhere', 'mine', 'sonar') == 2
-    assert 'there is no such folder' in capsys.readouterr().err
+    assert 'this folder does not exist' in capsys.readouterr().err
 
 
 def test_without_anything_to_write_it_says_what_is_missing(
@@ -135,7 +135,7 @@ def test_without_anything_to_write_it_says_what_is_missing(
     with pytest.raises(SystemExit) as ended:
         make(tmp_path, 'mine')
     assert ended.value.code == 2
-    assert 'say what is in it: --driver NAME, --module NAME, or both' in capsys.readouterr().err
+    assert 'choose the content: --driver NAME, --module NAME, or both' in capsys.readouterr().err
 
 
 def test_what_comes_next_fits_the_machine(
