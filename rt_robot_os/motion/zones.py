@@ -272,5 +272,5 @@ def braking_share(time_s: float, stopping_s: float, reaction_s: float) -> float:
     if time_s >= reaction_s + stopping_s / 2:
         return 1.0
     root = math.sqrt(reaction_s * reaction_s + 2.0 * stopping_s * time_s)
-    # The usual form subtracts what is nearly equal when the robot can stop at once.
+    # The usual form subtracts what is nearly equal when the robot can stop immediately.
     return min(1.0, 2.0 * time_s / (root + reaction_s))

@@ -45,7 +45,7 @@ _WIDE: Final = 1 << _LEVELS
 #: Values that are looked up, and those that are added up, in one piece of work: some 10 ms.
 _PIECE: Final = 500_000
 _SUMS: Final = 30_000_000
-#: Squares that are added up at once, for they fit into a cache; a call takes as long as so many.
+#: Squares that are added up together, as they fit into a cache; a call costs as much as this many.
 _AT_ONCE: Final = 65_536
 _CALL: Final = 4_000
 #: Squares that are expanded at most: the best ones.

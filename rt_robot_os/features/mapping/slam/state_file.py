@@ -71,9 +71,9 @@ class StateFile:
         :raises ConfigError: it cannot be written; the previous state is unchanged.
         """
         number = (self._newest() if self._number is None else self._number) + 1
-        told = json.dumps(dict(extra or {})).encode()
+        extra_json = json.dumps(dict(extra or {})).encode()
         data = pack({'version': np.array([VERSION]), 'number': np.array([number]),
-                     'extra': np.frombuffer(told, np.uint8), **arrays_of(graph)}, _LEVEL)
+                     'extra': np.frombuffer(extra_json, np.uint8), **arrays_of(graph)}, _LEVEL)
         path = self.folder / _NAMES[number % 2]
         aside = path.with_name(f'.{path.name}.new')
         try:
@@ -98,10 +98,10 @@ class StateFile:
         """
         for _, path, arrays in self._states():
             try:
-                told = json.loads(arrays['extra'].tobytes())
-                if not isinstance(told, dict):
+                extra_json = json.loads(arrays['extra'].tobytes())
+                if not isinstance(extra_json, dict):
                     raise ValueError('no object')
-                return graph_of(arrays), told
+                return graph_of(arrays), extra_json
             except (KeyError, ValueError, RecursionError) as error:
                 self.problems += (f'{path}: is damaged: {error}',)
         return None
