@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From cells to a way that can be driven: fewer corners first, then rounder ones."""
+"""Turn a path of cells into a drivable one: fewer corners first, then rounder ones."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from rt_robot_os.motion.terrain import Terrain
 
 Points = npt.NDArray[np.float64]
 
-# A straight line may be dearer than the cells by so much.
+# Largest cost of a straight line relative to the cells.
 _DEARER: Final = 1.01
 _ROUNDS: Final = 40
 _WEIGHT: Final = 0.4
@@ -45,7 +45,7 @@ def shortened(terrain: Terrain, points: Sequence[tuple[float, float]]
     prices = [0.0]
     resolution = terrain.grid.resolution_m
     for a, b in zip(points, points[1:]):
-        # From middle to middle; a line might be thought to touch the corner of a third cell.
+        # From centre to centre; rounding could make a line touch the corner of a third cell.
         costs = terrain.cost[terrain.cell(*a)] + terrain.cost[terrain.cell(*b)]
         prices.append(prices[-1] + 0.5 * float(costs) * math.dist(a, b) / resolution)
         if len(prices) % 64 == 0:
@@ -123,7 +123,7 @@ def _free(terrain: Terrain, way: Points) -> npt.NDArray[np.bool_]:
 
 
 def resampled(points: Sequence[tuple[float, float]], spacing_m: float) -> Points:
-    """Return the points of a way, and more between them, none further apart than a distance."""
+    """Return the points of a path with additional ones, none further apart than a distance."""
     found: list[Points] = []
     for a, b in zip(points, points[1:]):
         count = max(1, math.ceil(math.dist(a, b) / spacing_m))

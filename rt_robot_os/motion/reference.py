@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-References: a path with a time law, and how far along it a robot should be by now.
+References: a path with a time law, which gives the desired position on it.
 
 The time law is a trapezoid as a rule: it keeps the speed, the accelerations along and across, the
 turning rate and the wheels within their limits. With a limited jerk it is that trapezoid averaged
@@ -37,9 +37,9 @@ from rt_robot_os.motion.reference_path import Array
 from rt_robot_os.motion.reference_path import Path
 from rt_robot_os.motion.velocity_limits import VelocityLimits
 
-# The law needs some of the accelerations to correct errors; the reference takes the rest.
+# The law needs part of the accelerations to correct errors; the reference uses the rest.
 _SHARE: Final = 0.8
-# A reference waits for a robot that lags so far behind, and stands at the second distance.
+# Lag of the robot at which a reference slows down, and at which it stops.
 _LAG_M: Final = 0.10
 # The window of the mean is as long as the largest change of the acceleration needs; a first try
 # shows that change, and what begins later for a longer window may change once more.
@@ -50,7 +50,7 @@ _LAG_MAXIMUM_M: Final = 0.30
 
 class Target(NamedTuple):
     """
-    Where a robot should be now, and how it should move until the next step.
+    The desired pose now, and the desired velocity until the next step.
 
     :ivar linear_m_s: the mean over the period that follows; so is the next.
     """
@@ -64,10 +64,10 @@ class Target(NamedTuple):
 
 class TimeLaw:
     """
-    The speed along a path: where a robot should be at which time; safe in the real-time loop.
+    The distance along a path over time; safe in the real-time loop.
 
-    :param start_m: where on the path it begins.
-    :param start_m_s: how fast it is there; what is too fast is braked.
+    :param start_m: distance along the path at which it begins.
+    :param start_m_s: speed there; a speed that is too high is reduced.
     :ivar duration_s: until the end of the path.
     """
 
@@ -143,7 +143,7 @@ class TimeLaw:
             squares[0] = self._start_m_s ** 2
             found: Array = np.minimum.accumulate(squares - up) + up
             return found
-        # Too fast for what comes: brake as hard as is allowed until it fits.
+        # Too fast for what follows: brake as hard as is allowed until it fits.
         braked = self._start_m_s ** 2 - 2 * limits.deceleration_m_s2 * (
             self._spacing_m * np.arange(count))
         fits = int(np.argmax(braked <= squares)) if (braked <= squares).any() else count - 1
@@ -179,11 +179,11 @@ class TimeLaw:
 
 class PathReference:
     """
-    A path, its time law, and where a robot should be on it by now; safe in the real-time loop.
+    A path, its time law, and the desired position on it; safe in the real-time loop.
 
-    :param limits: which the time law keeps.
-    :param start_m: where on the path it begins.
-    :param start_m_s: how fast the robot is there already.
+    :param limits: of the time law.
+    :param start_m: distance along the path at which it begins.
+    :param start_m_s: speed of the robot there.
     :ivar path: what is followed.
     :ivar time_s: how much of the time law is done; it waits for a robot that lags behind.
     :ivar nearest_m: the length at the point nearest to the robot, see :meth:`locate`.
@@ -204,10 +204,10 @@ class PathReference:
 
     def target(self, period_s: float) -> Target:
         """
-        Return where the robot should be now, and its mean velocity until the next step.
+        Return the desired pose, and the mean velocity until the next step.
 
-        The mean, because a command holds for a whole period: what the reference does in it is done
-        at its end, whatever the period is.
+        The mean, because a command holds for a whole period: at its end the robot has followed the
+        reference, for any period.
         """
         begin = self.along_m
         end = self.law.at(self.time_s + period_s)
@@ -219,8 +219,8 @@ class PathReference:
         """
         Let a period pass.
 
-        :param lag_m: how far the robot is behind; the time law slows down with it, so that it does
-            not run away from a robot that is held.
+        :param lag_m: how far the robot is behind; the time law slows down with it, so that it
+            waits for a blocked robot.
         """
         part = 1.0
         if lag_m > _LAG_M:
@@ -230,7 +230,7 @@ class PathReference:
 
     def locate(self, pose: Pose) -> tuple[float, float]:
         """
-        Find the point of the path that is nearest to the robot, going on from the last one.
+        Find the point of the path that is nearest to the robot, starting at the last one.
 
         :return: how far the robot is to the left of the path in m, how far its heading is to the
             left of the path's in rad, not wrapped.

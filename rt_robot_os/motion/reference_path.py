@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Paths by their arc length: where they lead, how they are turned and bent there.
+Paths by their arc length: position, heading and curvature.
 
-A path is made from poses outside of the control step, as samples at equal distances. Looking
-something up in it costs the same however long it is.
+A path is made from poses outside of the control step, as samples at equal distances. A look-up
+costs the same for any length.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ Point: TypeAlias = tuple[float, float]
 
 # Poses nearer to each other than this are the same one.
 SAME_M: Final = 1e-3
-# Nobody drives farther in one go; beyond it numbers are mistakes.
+# Longer paths are errors.
 LENGTH_MAXIMUM_M: Final = 10_000.0
 # Maps may be in coordinates of a country; nothing on earth is farther from its origin.
 COORDINATE_MAXIMUM_M: Final = 1e8
 _SPACING_M: Final = 0.02
 _SAMPLES_MINIMUM: Final = 8
 _SAMPLES_MAXIMUM: Final = 4000
-# How far the search for the nearest point goes in one step.
+# Samples of the search for the nearest point in one step.
 _SEARCH_SAMPLES: Final = 200
 
 
@@ -53,7 +53,7 @@ class PathError(ValueError):
 
 class Path:
     """
-    A path sampled by its arc length; looking things up is safe in the real-time loop.
+    A path sampled by its arc length; look-ups are safe in the real-time loop.
 
     :param x: of the samples in m, at equal distances along the path; so are the next two.
     :param heading: in rad, not wrapped.
@@ -74,7 +74,7 @@ class Path:
         self._per_m = 1.0 / self.spacing_m
 
     def at(self, along_m: float) -> tuple[float, float, float, float]:
-        """Return x, y, heading and curvature at a length, that of an end beyond it."""
+        """Return x, y, heading and curvature at a length, clipped to the path."""
         place = along_m * self._per_m
         i = int(place)
         if place <= 0.0:
@@ -91,12 +91,12 @@ class Path:
 
     def nearest(self, x_m: float, y_m: float, near_m: float) -> float:
         """
-        Return the length at the point that is nearest to a place, as seen from a length.
+        Return the length at the local minimum of the distance to a place.
 
-        From there it goes along the path as long as that leads nearer: where a path crosses
-        itself the search stays on its branch.
+        It searches along the path while the distance decreases: where a path crosses itself the
+        search stays on its branch.
 
-        :param near_m: where to begin, usually what was found before.
+        :param near_m: where to start, usually the last result.
         """
         xs, ys, last = self.x, self.y, self.last
         i = min(last, max(0, round(near_m * self._per_m)))
@@ -132,11 +132,11 @@ def is_pose(pose: Pose) -> bool:
 
 def checked(poses: Sequence[Pose]) -> list[Pose]:
     """
-    Return the poses of a path without those that repeat the one before.
+    Return the poses of a path without repeated ones.
 
     The heading of the last one stays. Not for the hot path.
 
-    :raises PathError: there is none, or a number that is none or too large.
+    :raises PathError: it is empty, or has an invalid or too large number.
     """
     if not poses:
         raise PathError('path is empty')

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A way on a map from one pose to another, or why there is none; made in small pieces.
+A path on a map from one pose to another, or the reason why there is none; made in small pieces.
 
-A start so near to a wall that the robot may not turn there is left straight, and a goal where it
-cannot stand is moved to the nearest place where it can, within limits.
+From a start too near to a wall the robot leaves on a straight line, and a goal where it cannot
+stand is moved to the nearest place where it can, within limits.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from rt_robot_os.motion.path_smoothing import shortened
 from rt_robot_os.motion.terrain import Cells
 from rt_robot_os.motion.terrain import Terrain
 
-# Closer than this to what is wanted nothing was moved.
+# A smaller distance counts as not moved.
 _SAME_M: Final = 1e-9
 
 
 class RouteError(ValueError):
-    """There is no way; the text says why."""
+    """There is no path; the text says why."""
 
 
 @dataclass(frozen=True)
 class Route:
     """
-    A way.
+    A path.
 
     :ivar poses: x, y in m and yaw in rad, the last one with the yaw of the goal.
     :ivar length_m: from first to last.
@@ -61,15 +61,15 @@ class Route:
 
 class RoutePlanner:
     """
-    Plan ways on one terrain, one after the other.
+    Plan paths on one terrain, one after the other.
 
     :param goal_tolerance_m: how far a goal may be moved.
     :param start_tolerance_m: how far the robot may be from where it may drive.
-    :param most: poses of a way at most.
+    :param most: poses of a path at most.
     :param goal_room_m: distance from walls to the middle of the robot at a goal, if there is a
         place with so much within the tolerance.
-    :param own_m: radius of the robot: what it stands on is free, if nothing is known to be there.
-    :param is_growing: the map is made while the robot drives: what is off it was not seen yet.
+    :param own_m: radius of the robot: the ground under it is free, unless it is occupied.
+    :param is_growing: the map is made while the robot drives: ground off the map is unseen.
     """
 
     def __init__(self, terrain: Terrain, goal_tolerance_m: float, start_tolerance_m: float,
@@ -89,8 +89,8 @@ class RoutePlanner:
         """
         Plan; it yields after each bounded piece of work.
 
-        :param obstacles: cells in which something stands that is not on the map.
-        :raises RouteError: there is no way.
+        :param obstacles: occupied cells that are not on the map.
+        :raises RouteError: there is no path.
         """
         terrain = self.terrain
         for _ in terrain.stamp(obstacles, start[:2], self._own_m):
@@ -118,7 +118,7 @@ class RoutePlanner:
         kept = points
         for kept in shortened(terrain, points):
             yield
-        # Each corner may add a pose; they are few beside the poses between them.
+        # Each corner may add a pose; there are few compared with the poses between them.
         spacing_m = max(2 * terrain.grid.resolution_m,
                         _length(kept) / max(1, self._most - len(kept) - 2))
         way = np.empty((0, 2))
@@ -131,7 +131,7 @@ class RoutePlanner:
 
     def _leave(self, start: Pose) -> int:
         """
-        Return the cell in which the way begins.
+        Return the cell in which the path begins.
 
         :raises RouteError: the robot is off the map, or stuck.
         """
@@ -150,7 +150,7 @@ class RoutePlanner:
 
     def _arrive(self, goal: Pose) -> int:
         """
-        Return the cell in which the way ends.
+        Return the cell in which the path ends.
 
         :raises RouteError: the robot can stand nowhere near.
         """

@@ -14,9 +14,9 @@
 
 
 """
-How far a robot goes on when the computer that commands it falls silent.
+How far a robot runs on when the computer that commands it stops.
 
-A motor board carries its last command out until it notices the silence; then the robot brakes or
+A motor board executes its last command until it times out; then the robot brakes or
 rolls. Both are proportional to the speed, so a speed follows from a distance. Everything here is
 safe in the real-time loop.
 """
@@ -31,12 +31,12 @@ import math
 @dataclass(frozen=True, slots=True)
 class RunOn:
     """
-    What a motor board declares of its silence.
+    What a motor board declares about a time-out of commands.
 
     :ivar silence_s: the longest time from the last command until the board takes the power from
         its motors, at the speed commanded.
-    :ivar coast_s: what follows until standstill, as distance over the speed before; of wheels that
-        run down exponentially the time constant.
+    :ivar coast_s: the rest until standstill, as distance over the speed before; for wheels that
+        slow down exponentially the time constant.
     """
 
     silence_s: float = 0.0
@@ -48,19 +48,19 @@ class RunOn:
         return self.silence_s + self.coast_s
 
     def way_m(self, speed_m_s: float) -> float:
-        """Return how far it goes on."""
+        """Return the run-on distance."""
         return abs(speed_m_s) * self.total_s
 
     def speed_m_s(self, way_m: float, reaction_s: float = 0.0) -> float:
         """
-        Return the largest speed at which it goes on no farther than a distance; inf for any.
+        Return the largest speed with a run-on distance within a limit; inf: there is no run-on.
 
-        :param reaction_s: that passes before the last command.
+        :param reaction_s: time before the last command.
         """
         total_s = self.total_s + reaction_s
         return max(0.0, way_m) / total_s if self.total_s else math.inf
 
 
 def slowest(declared: Iterable[RunOn]) -> RunOn:
-    """Return what goes on the farthest; nothing when nothing moves."""
+    """Return the one with the longest run-on; none when nothing moves."""
     return max(declared, key=lambda each: each.total_s, default=RunOn())

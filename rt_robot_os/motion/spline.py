@@ -32,19 +32,19 @@ from rt_robot_os.motion.reference_path import SAME_M
 from rt_robot_os.motion.reference_path import sample_count
 from rt_robot_os.motion.reference_path import straight
 
-# A spline through points that lie close together follows their noise instead of the way.
+# A spline through points that lie close together follows their noise instead of the path.
 _KNOTS_APART_M: Final = 0.1
 _KNOTS_MAXIMUM: Final = 1000
 
 
 def legs(poses: Sequence[Pose], corner_rad: float, shape: str = 'spline') -> list[Path]:
     """
-    Make the paths between the places at which a robot has to stop and turn.
+    Make the paths between the places at which a robot must stop and turn.
 
     Not for the hot path; some milliseconds for a thousand poses.
 
-    :param poses: checked ones. Their headings do not count: planners often leave them out, and
-        the way is what was found free.
+    :param poses: checked ones. Their headings are ignored: planners often omit them, and the
+        positions are what was found free.
     :return: empty when the poses lie closer together than a spline has knots.
     :param corner_rad: a sharper bend at a pose is a corner.
     :param shape: ``spline`` or ``line``, which has no curves but corners.
@@ -69,7 +69,7 @@ def spline(points: Sequence[Point], start_rad: float | None = None,
 
     Two points with both headings make the cubic of Hermite between two poses.
 
-    :param points: at least two; of those that lie close together some are left out.
+    :param points: at least two; those that lie close together are merged.
     :param start_rad: its heading at the beginning; None leaves that to the points.
     :param end_rad: the same of its end.
     :raises PathError: all points are the same.
@@ -93,7 +93,7 @@ def _through(knots: Sequence[Point], start_rad: float | None = None,
 
 def _knots(points: Sequence[Point]) -> list[Point]:
     """
-    Take the mean of those that lie closer together than knots may; the first and the last stay.
+    Merge points that lie closer together than knots may; the first and the last stay.
 
     Points that are far enough from each other stay as they are.
     """

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Where on a map a robot may be, and how dear each place is: the ground of a search for a way.
+The cost of each place of a map (a costmap), for path search.
 
-A round robot is a point when everything in its way is grown by its radius; beyond that it is dear
-to be near walls. Maps grow while they are made: a terrain is computed tile by tile, in pieces
-that can be preempted, and what the map before had as well is taken over from its terrain.
+Obstacles are inflated by the radius of a round robot, so that it is planned as a point; ground
+near walls has a higher cost. For growing maps a terrain is computed tile by tile, in pieces that
+can be preempted, and unchanged tiles are copied from the previous terrain.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ Costs = npt.NDArray[np.float32]
 Cells = npt.NDArray[np.intp]
 Values = npt.NDArray[np.int8]
 
-# How much dearer than free ground it is right beside what is forbidden.
+# Additional cost right next to forbidden ground.
 _DEAR: Final = 4.0
 # Cells copied or filled in one native call: some 10 us, in which nothing can preempt.
 PIECE: Final = 1 << 15
-# A wall ends somewhere in its cell, and the robot is somewhere in its own.
+# Margin, as a wall ends somewhere in its cell, and the robot is somewhere in its own.
 _CELL_SHARE: Final = 0.75
 _OCCUPIED: Final = 50
 # Beyond the edges of the map.
@@ -52,7 +52,7 @@ _OUTSIDE: Final = -2
 # Edge of a tile, in cells.
 _TILE: Final = 128
 _WIDEST_TILE: Final = 512
-# Two maps have the same cells when they lie so well on each other.
+# Largest offset, in cells, at which two maps have the same cell grid.
 _SAME_CELL: Final = 0.01
 
 
@@ -65,13 +65,13 @@ class Terrain:
 
     :param grid: the map.
     :param radius_m: that must stay free round the robot.
-    :param prefer_m: distance from its centre to walls that it keeps where there is room; also the
-        longest that :meth:`has_room` can tell of.
-    :param unknown: whether what nobody knows may be driven over.
-    :ivar cost: with what was stamped.
-    :ivar solid: whether something stands in a cell, or nobody knows it and may not.
+    :param prefer_m: preferred distance from its centre to walls; also the longest one of
+        :meth:`has_room`.
+    :param unknown: whether unknown ground may be driven over.
+    :ivar cost: including stamped obstacles.
+    :ivar solid: whether a cell is occupied, or unknown and not allowed.
     :ivar width: cells in a row, with the border.
-    :ivar computed: tiles that could not be taken over from the terrain before.
+    :ivar computed: tiles that could not be copied from the previous terrain.
     """
 
     def __init__(self, grid: GridMap, radius_m: float, prefer_m: float, unknown: bool) -> None:
@@ -87,8 +87,8 @@ class Terrain:
         """
         Make one; it yields after each bounded piece of work.
 
-        :param before: of the map before: tiles that are as they were are copied.
-        :return: the terrain; ``before`` itself when nothing is different.
+        :param before: of the previous map: unchanged tiles are copied.
+        :return: the terrain; ``before`` itself when there is no difference.
         """
         made = cls.__new__(cls)
         made._prepare(grid, radius_m, prefer_m, unknown)
@@ -131,7 +131,7 @@ class Terrain:
         return halo_of(self._reach_m / self.grid.resolution_m)
 
     def _shift_to(self, before: Terrain) -> tuple[int, int] | None:
-        """Return where the first cell is on the map before; None when cells do not match."""
+        """Return where the first cell is on the previous map; None when the grids differ."""
         grid, other = self.grid, before.grid
         if (grid.resolution_m, grid.origin[2], self.radius_m, self._reach_m, self._unknown) != (
                 other.resolution_m, other.origin[2], before.radius_m, before._reach_m,
@@ -162,7 +162,7 @@ class Terrain:
 
     def _take_over(self, before: Terrain, shift: tuple[int, int],
                    area: tuple[int, int, int, int]) -> bool:
-        """Copy a tile of the terrain before, if all that matters for it is as it was."""
+        """Copy a tile of the previous terrain, if it and its surroundings are unchanged."""
         row, column, rows, columns = area
         up, across, high, wide = self._around_area(area)
         there, beside = row + shift[0], column + shift[1]
@@ -201,7 +201,7 @@ class Terrain:
     # ---- cells and places --------------------------------------------------------------------
 
     def cell(self, x: float, y: float) -> int:
-        """Return the cell at a place; -1 off the map, or for what is no number."""
+        """Return the cell at a place; -1 off the map, or for NaN."""
         found = self.grid.cell(x, y)
         if found is None:
             return -1
@@ -237,16 +237,16 @@ class Terrain:
         return cell + up[keep] * self.width + across[keep]
 
     def has_room(self, cells: Cells, room_m: float) -> npt.NDArray[np.bool_]:
-        """Return which cells are so far, with their middles, from what the map has."""
+        """Return which cells have centres at least this far from occupied cells."""
         least_m = min(room_m + 0.49 * self.grid.resolution_m, self._reach_m)
         return np.asarray(self._wall_m[cells] >= least_m)
 
     def is_wall(self, cells: Cells) -> npt.NDArray[np.bool_]:
-        """Return which cells the map has as occupied."""
+        """Return which cells are occupied on the map."""
         return np.asarray(self._wall_m[cells] <= 0.0)
 
     def is_unseen(self, cell: int) -> bool:
-        """Return whether nobody knows what is in a cell of the map."""
+        """Return whether a cell of the map is unknown."""
         row, column = divmod(cell, self.width)
         row, column = row - self._border, column - self._border
         return 0 <= row < self.grid.rows and 0 <= column < self.grid.columns and (
@@ -254,14 +254,14 @@ class Terrain:
 
     def has_ground(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64],
                    room_m: float) -> npt.NDArray[np.bool_]:
-        """Return at which places the robot may be, and has so much room."""
+        """Return at which places the robot may be with this much room."""
         cells = self.cells(x, y)
         least_m = room_m + _CELL_SHARE * self.grid.resolution_m
         return np.asarray((self._wall_m[cells] >= least_m) & ~self.solid[cells])
 
     def beside_wall(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64],
                     within_m: float) -> npt.NDArray[np.bool_]:
-        """Return which places are so near to what the map has, or off the map."""
+        """Return which places are this near to occupied cells, or off the map."""
         cells = self.cells(x, y)
         return np.asarray((self._wall_m[cells] <= within_m) | self.solid[cells])
 
@@ -272,9 +272,9 @@ class Terrain:
         """
         Forbid what the map forbids and the surroundings of obstacles, piece by piece.
 
-        :param obstacles: cells in which something stands.
-        :param here: where the robot is.
-        :param own_m: its radius: it stands on free ground, though nobody may have seen that.
+        :param obstacles: occupied cells that are not on the map.
+        :param here: position of the robot.
+        :param own_m: its radius: the ground under it is free, though it may be unseen.
         """
         for begin in range(0, self.static.size, PIECE):
             self.cost[begin:begin + PIECE] = self.static[begin:begin + PIECE]
@@ -292,8 +292,8 @@ class Terrain:
 
 
 def forbidden_m(radius_m: float, resolution_m: float) -> float:
-    """Return how far what is occupied keeps the middle of a robot, from middle to middle."""
-    # Neighbours of what is occupied are forbidden at the least: else a diagonal slips through.
+    """Return the smallest distance of the robot's centre from the centre of an occupied cell."""
+    # At least the neighbours of occupied cells are forbidden: else a diagonal slips through.
     return max(radius_m + _CELL_SHARE * resolution_m, 1.01 * resolution_m)
 
 

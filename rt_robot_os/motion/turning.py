@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Where a localiser sits on a robot, found by turning the robot on the spot."""
+"""Calibrate the mounting of a localiser by turning the robot on the spot."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ LEAST_TURN_RAD: Final = math.radians(120)
 @dataclass(frozen=True)
 class TurnFit:
     """
-    What a turn on the spot shows.
+    The result of a turn on the spot.
 
-    :ivar centre_m: where the robot turned, in the map.
+    :ivar centre_m: centre of the turn on the map.
     :ivar offset_m: how far the pose that was recorded lies ahead and to the left of the turning
         axis, in its own axes.
-    :ivar rms_m: of what is left over.
+    :ivar rms_m: of the residuals.
     :ivar turn_rad: how much of the circle the headings cover.
     """
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What scanners see and a map does not explain, and which points of it are one thing."""
+"""Points of scanners that a map does not have, and their clusters."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ Array = npt.NDArray[np.float64]
 
 
 class HasWalls(Protocol):
-    """A map that knows what is beside what it has."""
+    """A map that can find places near its walls."""
 
     def beside_wall(self, x: Array, y: Array, within_m: float) -> npt.NDArray[np.bool_]:
-        """Return which places are so near to what the map has, or off the map."""
+        """Return which places are this near to occupied cells, or off the map."""
         ...
 
 
 def unmapped_points(chart: HasWalls, pose: Pose, x: Array, y: Array, tolerance_m: float
                     ) -> tuple[Array, Array]:
     """
-    Return which points the map does not have, in the map; safe in the real-time loop.
+    Return the points that the map does not have, in its frame; safe in the real-time loop.
 
-    :param pose: of the robot in the map.
+    :param pose: of the robot on the map.
     :param x: of points in ``base_link``, in m.
     :param y: as x.
-    :param tolerance_m: what is so near to what the map has, is that.
+    :param tolerance_m: points this near to occupied cells are part of them.
     :return: x and y in m, in the order of the points.
     """
     x0, y0, yaw = pose
@@ -55,12 +55,12 @@ def unmapped_points(chart: HasWalls, pose: Pose, x: Array, y: Array, tolerance_m
 
 def clusters(x: Array, y: Array, gap_m: float) -> list[tuple[Array, Array]]:
     """
-    Part the points of one scan where there are gaps; safe in the real-time loop.
+    Split the points of one scan at gaps; safe in the real-time loop.
 
     :param x: in m, in the order in which the scanner turns.
     :param y: as x.
-    :param gap_m: neighbours that are farther apart are not of one thing.
-    :return: the points of each thing, also of one that the beginning of a full turn cuts in two.
+    :param gap_m: neighbours that are farther apart belong to different objects.
+    :return: the points of each object, also of one at the beginning and end of a full turn.
     """
     if not x.size:
         return []

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What a robot with two wheels can do: limits of speeds and accelerations.
+Limits of speeds and accelerations of a robot with two wheels.
 
-A command beyond a limit is not cut off axis by axis, which would bend the way another way: both
+A command beyond a limit is not clipped axis by axis, which would change the curvature: both
 velocities shrink together, so that the curvature stays. All is safe in the real-time loop.
 """
 
@@ -40,7 +40,7 @@ class VelocityLimits:
         0.3, 'Speed at which paths are driven where nothing else limits it', 'm/s', 0.001, 20.0,
         live=True)
     linear_max_m_s: float = setting(
-        0.4, 'Largest speed of a command: what is above speed_m_s is there to catch up', 'm/s',
+        0.4, 'Largest speed of a command: the part above speed_m_s is for catching up', 'm/s',
         0.001, 20.0, live=True)
     angular_max_rad_s: float = setting(
         1.0, 'Largest turning rate', 'rad/s', 0.001, 50.0, live=True)
@@ -68,9 +68,9 @@ class VelocityLimits:
 
 def within_speeds(linear: float, angular: float, limits: VelocityLimits) -> tuple[float, float]:
     """
-    Shrink a velocity until robot and wheels are within their speeds; the curvature stays.
+    Scale a velocity until robot and wheels are within their speeds; the curvature stays.
 
-    What is not a number is a standstill.
+    NaN is treated as a standstill.
     """
     if not (math.isfinite(linear) and math.isfinite(angular)):
         return 0.0, 0.0
@@ -86,13 +86,13 @@ def within_reach(linear: float, angular: float, now: tuple[float, float], limits
     """
     Return the velocity nearest to a wanted one that can be reached in a period.
 
-    It lies on the line of the wanted curvature where that line passes what is reachable, as in
-    dynamic window pure pursuit, else as near to that line as can be. A standstill is approached
+    It lies on the line of the wanted curvature where that line passes the reachable window, as in
+    dynamic window pure pursuit, else as near to that line as possible. A standstill is approached
     on the curve that is being driven.
 
-    :param now: linear and angular velocity that are in force.
+    :param now: the present linear and angular velocity.
     """
-    # What nobody could measure is nothing: ratios to it would be infinite.
+    # Immeasurably small is 0: ratios to it would be infinite.
     linear = linear if abs(linear) > _NOTHING else 0.0
     angular = angular if abs(angular) > _NOTHING else 0.0
     v0, w0 = now
@@ -123,9 +123,9 @@ def within_reach(linear: float, angular: float, now: tuple[float, float], limits
 
 
 def _window(v0: float, faster: float, slower: float) -> tuple[float, float]:
-    """Return the speeds that can be reached: to grow takes another limit than to shrink."""
+    """Return the reachable speeds: acceleration and deceleration have different limits."""
     if v0 > 0.0:
-        # What is left of the period after the standstill goes into the other direction.
+        # The rest of the period after the standstill is for the other direction.
         return (v0 - slower if v0 >= slower else (v0 / slower - 1.0) * faster), v0 + faster
     if v0 < 0.0:
         return v0 - faster, (v0 + slower if -v0 >= slower else (1.0 + v0 / slower) * faster)
@@ -134,7 +134,7 @@ def _window(v0: float, faster: float, slower: float) -> tuple[float, float]:
 
 def _beside(linear: float, angular: float, v: list[float], w: list[float]
             ) -> tuple[float, float]:
-    """Return what is nearest to the line of a curvature: speeds and turning rates to choose."""
+    """Return the reachable velocity nearest to the line of a curvature."""
     norm = math.hypot(linear, angular)
     across = [(abs(a * angular - b * linear) / norm, math.hypot(a - linear, b - angular), a, b)
               for a in v for b in w]

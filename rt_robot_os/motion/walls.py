@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Walls as straight segments: how far they are along rays, and which are near."""
+"""Walls as straight segments: ray casting, and nearby segments."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ Floats = npt.NDArray[np.float64]
 Segment = tuple[float, float, float, float]
 Square = tuple[int, int, float]
 
-# A ray this near the end of a segment counts as on it, so that no ray slips through a joint.
+# A ray this near the end of a segment hits it, so that no ray slips through a joint.
 _JOINT_RAD: Final = 1e-9
-# Edge of the squares in which nearby segments are looked up, to stop at and to look at.
+# Edge of the squares in which segments are looked up, for collisions and for ray casting.
 _SQUARE_M: Final = 0.5
 _WIDE_SQUARE_M: Final = 4.0
-# So many segments are looked at all at once.
+# Number of segments up to which all are tested.
 _FEW: Final = 1000
 _SQUARES_KEPT: Final = 4096
 
 
 class Walls:
     """
-    Segments that are seen from their left side; nothing changes them.
+    Immutable segments that are visible from their left side.
 
     :ivar segments: of shape (count, 4): x and y of both ends, in m.
     """
@@ -54,7 +54,7 @@ class Walls:
 
     @classmethod
     def of(cls, grid: GridMap) -> Walls:
-        """Take the outlines of what a map has."""
+        """Return the outlines of the obstacles of a map."""
         return cls(outline(grid))
 
     def cast(self, x: float, y: float, angles: Floats, maximum_m: float = math.inf) -> Floats:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The counters of two wheels, as angles that never jump.
+The counters of two wheels, as angles without jumps.
 
-A counter wraps, starts anew when its board is reset, and is misread when bytes are lost. Only what
-wheels can turn is added to the angles, so none of that becomes a movement of the robot.
+A counter wraps, restarts when its board is reset, and is misread when bytes are lost. Only
+plausible steps are added to the angles, so none of that becomes a movement of the robot.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from rt_robot_os.motion.differential import tick_difference
 
 Counts = tuple[float, float]
 
-# A reading may be later than the one before by this, with all that the wheels turned meanwhile.
+# Jitter of the time of a reading, with the turn of the wheels meanwhile.
 _JITTER_S: Final = 0.02
-# After a longer gap no more is believed than in this time.
+# After a longer gap only the turn of this time is accepted.
 _LONGEST_GAP_S: Final = 1.0
-# A wheel gains or loses its highest speed in this time at least, and half of what it has at once.
+# A wheel gains or loses its highest speed in this time at least, and half its speed immediately.
 _FASTEST_START_S: Final = 0.15
 _TOLERANCE_RAD: Final = 0.02
-# Counts by which a coarse encoder is off as well.
+# Error of a coarse encoder, in counts.
 _ROUNDING: Final = 1.5
-# Readings in a row that have to fit to each other before what they say is believed, and before
-# they are those of counters that were reset.
+# Consistent readings in a row until they are accepted, and until they count as those of counters
+# that were reset.
 _SURE: Final = 3
 _SURE_OF_RESET: Final = 5
 # Over a shorter time the speed would be noise of the arrivals.
@@ -50,10 +50,10 @@ _SHORTEST_S: Final = 0.015
 
 class CounterReading(Enum):
     """
-    What became of a reading.
+    The result of a reading.
 
-    TAKEN: it was added. REJECTED: it is not what the wheels were about to do, and those behind it
-    decide whether it was wrong. REBASED: the counters started anew, elsewhere.
+    TAKEN: it was added. REJECTED: it is not what the wheels were about to do, and later ones
+    decide whether it was wrong. REBASED: the counters restarted at another value.
     """
 
     TAKEN = 'taken'
@@ -63,7 +63,7 @@ class CounterReading(Enum):
 
 class _HeldReadings(NamedTuple):
     """
-    Readings that are held back and fit to each other.
+    Consistent readings that are held back.
 
     :ivar number: of them.
     :ivar speeds: of both wheels in rad/s; None while it is one reading.
@@ -81,22 +81,22 @@ class WheelCounters:
     """
     Angles and speeds of two wheels, left before right; safe in the real-time loop.
 
-    A reading that surprises is held back. If one behind it fits to those before, it was wrong, and
-    nothing is lost. If three in a row fit to each other and wheels can have turned that far, they
-    are right, and nothing is lost either. If five do, the counters were reset, and what they did
-    since the first of those counts.
+    An unexpected reading is held back. If a later one is consistent with those before, it was
+    wrong, and nothing is lost. If three in a row are consistent and plausible, they are right, and
+    nothing is lost either. If five are consistent, the counters were reset, and the motion since
+    the first of those is used.
 
     :ivar position_rad: how far the wheels have turned since the beginning.
     :ivar velocity_rad_s: how fast they turned between the last readings.
-    :ivar stamp_ns: of the last reading that was taken; 0 = none yet.
+    :ivar stamp_ns: of the last accepted reading; 0 = none yet.
     :ivar rejected: readings that were held back, right or wrong.
-    :ivar resets: times that the counters started anew.
+    :ivar resets: times that the counters restarted.
     """
 
     def __init__(self, left_rad: float, right_rad: float, *, bits: int, fastest_rad_s: float,
                  most: float = 0.0, silence_s: float = 0.25) -> None:
         """
-        Keep what a count means.
+        Set the parameters.
 
         :param left_rad: angle of one count of the left wheel; negative where it counts backwards.
         :param bits: width of the counters, after which they wrap; 0 for numbers that do not.
@@ -107,7 +107,7 @@ class WheelCounters:
         """
         self._units = left_rad, right_rad
         self._bits = bits
-        # Numbers that do not wrap have no steps to speak of.
+        # Numbers that do not wrap have negligible steps.
         self._tolerance_rad = max(_TOLERANCE_RAD, _ROUNDING * max(
             abs(left_rad), abs(right_rad)) if bits else 0.0)
         self._silence_ns = round(silence_s * NS_PER_S)
@@ -126,13 +126,13 @@ class WheelCounters:
         self.rejected = self.resets = 0
 
     def restart(self) -> None:
-        """Begin anew with the next reading, wherever the counters are; the angles stay."""
+        """Restart with the next reading, whatever its counts; the angles stay."""
         self._last = self._held = None
         self._doubted = False
         self.velocity_rad_s = 0.0, 0.0
 
     def expect_reset(self) -> None:
-        """Expect that the counters may have been reset: answers stayed away for a while."""
+        """Expect that the counters may have been reset, after a while without answers."""
         self._doubted = True
 
     def update(self, left: float, right: float, now_ns: int) -> CounterReading:
@@ -162,7 +162,7 @@ class WheelCounters:
         return self._surprise(steps, counts, now_ns)
 
     def _surprise(self, steps: Counts, counts: Counts, now_ns: int) -> CounterReading:
-        """Hold a reading back until it is known what to think of it."""
+        """Hold a reading back until later ones decide about it."""
         held = self._held
         if held is None or not self._follows(counts, held, now_ns):
             self._held = _HeldReadings(counts, now_ns, counts, now_ns)
@@ -181,7 +181,7 @@ class WheelCounters:
         return CounterReading.REJECTED
 
     def _follows(self, counts: Counts, held: _HeldReadings, now_ns: int) -> bool:
-        """Return whether a reading fits to those that are held back."""
+        """Return whether a reading is consistent with those that are held back."""
         steps, took_ns = self._difference(counts, held.last), now_ns - held.last_ns
         if held.speeds is None:
             return self._can_be(steps, took_ns)
@@ -220,10 +220,10 @@ class WheelCounters:
     def _is_likely(self, steps: Counts, took_ns: int, speeds_rad_s: Counts,
                    gain_rad_s2: float) -> bool:
         """
-        Return whether the wheels went on about as they did.
+        Return whether the wheels continued about as before.
 
-        :param speeds_rad_s: what they did.
-        :param gain_rad_s2: what they may have gained or lost, besides half of their speed.
+        :param speeds_rad_s: their previous speeds.
+        :param gain_rad_s2: largest acceleration, in addition to half of their speed.
         """
         took_s = min(max(took_ns, 0) / NS_PER_S, _LONGEST_GAP_S)
         gained_rad = gain_rad_s2 * took_s * took_s + self._tolerance_rad

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Where two wheels have carried a robot, and how sure that is; pure and safe in the real-time loop.
+Odometry of two wheels, with its covariance; pure and safe in the real-time loop.
 
 The pose is the sum of exact arcs. Each wheel's travel is uncertain by ``noise`` times the root of
 its length, so the variances of a step are ``k |dl|`` and ``k |dr|`` with ``k = noise^2``
 (Siegwart, Nourbakhsh, Introduction to Autonomous Mobile Robots, section 5.2.4). With a gyroscope
 the turn is the gyroscope's, and the wheels are compared with it: one wheel that slips by s turns
-the robot by s / separation less than the wheels say, and takes it s / 2 less far.
+the robot by s / separation less than the wheels indicate, and moves it s / 2 less far.
 """
 
 from __future__ import annotations
@@ -34,29 +34,30 @@ from rt_robot_os.motion.ekf import Ekf
 from rt_robot_os.motion.ekf import PoseCovariance
 from rt_robot_os.motion.gyro_turn import RestBias
 
-# A rim slower than that stands still, in m/s; a robot that stands so long has no turn of its own.
+# A slower rim stands still, in m/s; a robot that stands for this time does not turn.
 _STANDING_M_S: Final = 5e-4
 _STANDING_S: Final = 0.2
-# Stamps of encoders jitter by some milliseconds: a step may be that much too long.
+# Stamps of encoders jitter by some milliseconds: tolerance of a step.
 _SLACK_M: Final = 0.005
-# The mean velocity of a robot that stands is not known better, in m/s and rad/s.
+# Smallest standard deviations of the mean velocity, in m/s and rad/s.
 _FLOOR_M_S: Final = 1e-3
 _FLOOR_RAD_S: Final = 1e-3
-# When encoders jump, the robot goes on as before for so long, but it may brake or gain speed.
+# When encoders jump, the robot moves on as before for this time, with this acceleration.
 _COAST_S: Final = 0.2
 _ACCELERATION_M_S2: Final = 5.0
-# Wheels and gyroscope are compared over about so long; a slip is this and this part of a turn.
+# Wheels and gyroscope are compared over about this time; a slip is a larger difference, constant
+# and relative to the turn.
 _COMPARED_S: Final = 0.3
 _SLIP_RAD: Final = 0.04
 _SLIP_PART: Final = 0.1
-# While the wheels stand, a difference below does not come from a robot that is pushed round.
+# While the wheels stand, a smaller difference is not from a robot that is pushed round.
 _PUSHED_RAD: Final = 0.006
 
 
 @dataclass(frozen=True)
 class WheelParameters:
     """
-    What a pair of wheels is like.
+    The parameters of a pair of wheels.
 
     :ivar left_radius_m: of the left wheel, as it rolls under load.
     :ivar right_radius_m: of the right one.
@@ -65,7 +66,7 @@ class WheelParameters:
     :ivar noise_m: standard deviation of a wheel's travel after 1 m; it grows with the root.
     :ivar gyro_noise_rad: of the gyroscope's turn after 1 s, the same way.
     :ivar gyro_scale_rad: of the gyroscope's turn after 1 rad, the same way.
-    :ivar bias_most_rad_s: largest bias of the gyroscope that is believed.
+    :ivar bias_most_rad_s: largest accepted bias of the gyroscope.
     """
 
     left_radius_m: float
@@ -81,15 +82,15 @@ class WheelParameters:
 @dataclass
 class WheelSampleCounters:
     """
-    What became of the samples.
+    Counters of samples.
 
     :ivar steps: used.
     :ivar not_finite: dropped: a position is missing or infinite.
-    :ivar duplicates: dropped: the sample before, once more.
+    :ivar duplicates: dropped: a repeated sample.
     :ivar stopped: dropped: the wheels moved, but the stamp did not.
     :ivar backwards: dropped: older than the one before.
-    :ivar restarts: the stamps began anew, earlier by more than a second: motion unknown meanwhile.
-    :ivar implausible: a wheel jumped; the robot is assumed to have gone on as before.
+    :ivar restarts: the stamps restarted, earlier by more than a second: motion unknown meanwhile.
+    :ivar implausible: a wheel jumped; the robot is assumed to have moved on as before.
     :ivar slips: times that wheels and gyroscope began to disagree.
     """
 
@@ -105,7 +106,7 @@ class WheelSampleCounters:
 
 class WheelOdometry:
     """
-    Add up what the wheels say.
+    Integrate the motion of the wheels.
 
     :ivar distance_m: of the last step, along the arc.
     :ivar turn_rad: of the last step.
@@ -155,10 +156,10 @@ class WheelOdometry:
     def update(self, stamp_ns: int, left_rad: float, right_rad: float,
                gyro_rad: float = math.nan) -> bool:
         """
-        Take the angles of the wheels.
+        Process the angles of the wheels.
 
-        :param gyro_rad: what a gyroscope turned since the last sample that was used, the bias
-            still in it; NaN when nothing is known.
+        :param gyro_rad: turn of a gyroscope since the last sample that was used, with its bias;
+            NaN when unknown.
         :return: whether there is a new pose.
         """
         if not (math.isfinite(left_rad) and math.isfinite(right_rad)):
@@ -217,7 +218,7 @@ class WheelOdometry:
         return stands
 
     def _roll(self, left_m: float, right_m: float, gyro_rad: float) -> None:
-        """Work out a step of the wheels, in the light of the gyroscope if there is one."""
+        """Compute a step of the wheels, with the gyroscope if there is one."""
         wheels, dt_s = self._wheels, self.dt_s
         separation = wheels.separation_m
         self.distance_m, turn = body_velocity(left_m, right_m, separation)
@@ -238,7 +239,7 @@ class WheelOdometry:
         self.step_covariance = 0.0
 
     def _compare(self, turn: float, gyro_rad: float, left_m: float, right_m: float) -> None:
-        """Notice a slip: wheels and gyroscope disagree about the turn of the last moments."""
+        """Detect a slip: wheels and gyroscope disagree about the recent turn."""
         keep = math.exp(-self.dt_s / _COMPARED_S)
         missing = turn - gyro_rad
         self._mismatch = keep * self._mismatch + missing
@@ -255,7 +256,7 @@ class WheelOdometry:
             added = abs(self._mismatch) * half
         else:
             added = abs(missing) * half
-        # Metres that one slip takes away are no noise: they add up, not their squares.
+        # Errors of one slip are correlated: they add up linearly.
         self.distance_variance += added * (2 * self._slipped_m + added)
         self._slipped_m += added
         still = _STANDING_M_S * self.dt_s
@@ -263,7 +264,7 @@ class WheelOdometry:
                       'right' if abs(right_m) <= still < abs(left_m) else '')
 
     def _coast(self, gyro_rad: float) -> None:
-        """Go on as before for a moment: nobody knows how far, for the encoders have jumped."""
+        """Move on as before for a moment, at an uncertain distance, as the encoders jumped."""
         wheels, dt_s = self._wheels, self.dt_s
         self._bad_s += dt_s
         goes_on = self._bad_s <= _COAST_S

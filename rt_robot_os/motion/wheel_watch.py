@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whether a wheel does what it is told, as far as its encoder shows."""
+"""Monitor whether a wheel follows its command, by its encoder."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 
-# Part of the way that it should have gone; less is none.
+# Share of the commanded distance below which it stands.
 _SOME: Final = 0.02
-# What it should have gone at least before it is judged, as a multiple of the noise.
+# Commanded distance before it is judged, as a multiple of the noise.
 _ENOUGH: Final = 4.0
-# Part of the way that it has to go backwards.
+# Share of the commanded distance that it must move backwards.
 _BACKWARDS: Final = 0.2
 
 
 class WheelState(Enum):
     """
-    What a wheel does.
+    The state of a wheel.
 
     STANDSTILL: it is commanded to turn and its encoder stands still. WRONG_WAY: it turns against
     its command, and gets no slower.
@@ -46,16 +46,16 @@ class WheelWatch:
     """
     Watches one wheel; safe in the real-time loop.
 
-    An encoder of which one channel is broken counts to and fro: that is a standstill as well.
+    An encoder with a broken channel alternates between two counts: that is a standstill as well.
     """
 
     def __init__(self, *, patience_s: float, slowest_rad_s: float, noise_rad: float) -> None:
         """
-        Keep the limits.
+        Set the limits.
 
-        :param patience_s: how long a wheel may do what it should not.
+        :param patience_s: how long a wheel may deviate.
         :param slowest_rad_s: commands below it are not watched: friction may hold the wheel.
-        :param noise_rad: what the encoder may show of a wheel that stands still.
+        :param noise_rad: noise of the encoder of a standing wheel.
         """
         self._patience_ns = round(patience_s * NS_PER_S)
         self._slowest_rad_s = slowest_rad_s
@@ -65,7 +65,7 @@ class WheelWatch:
         self._still_at_rad = 0.0
         self._still_ns = 0
         self._should_rad = 0.0
-        # Where the wheel was half a patience ago, and how far it had gone in the half before.
+        # Position half a patience ago, and the distance in the half before.
         self._half_at_rad = 0.0
         self._half_ns = 0
         self._gone_rad: float | None = None
@@ -74,11 +74,11 @@ class WheelWatch:
         """
         Compare a wheel with its command.
 
-        :param command_rad_s: the speed that it has been told; 0 when it may do as it likes.
-        :param position_rad: the angle that its encoder shows.
+        :param command_rad_s: the commanded speed; 0: it is not monitored.
+        :param position_rad: the angle of its encoder.
         """
         before, self._command_rad_s = self._command_rad_s, command_rad_s
-        # What it did while nobody looked is not known.
+        # Its motion between two calls is unknown after a pause.
         unseen = now_ns - self._looked_ns >= self._patience_ns
         if unseen or abs(command_rad_s) < self._slowest_rad_s or command_rad_s * before <= 0.0:
             self._start(position_rad, now_ns)

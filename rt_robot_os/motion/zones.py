@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-How long a robot can go on with a velocity until it touches something, and how fast that may be.
+Time to collision of a robot with a velocity, and the velocity that it may have.
 
 A footprint (a circle or a rectangle round ``base_link``) moves along the arc of a velocity; points
 are obstacles. Positions are in m in ``base_link``, x ahead and y to the left; velocities are v
@@ -39,9 +39,9 @@ Mask = npt.NDArray[np.bool_]
 
 # An arc of a larger radius, in m, is taken as a straight line.
 _STRAIGHT_M: Final = 1e4
-# What is this near to a footprint touches it, in m.
+# Points this near to a footprint touch it, in m.
 TOUCHING_M: Final = 0.005
-# What it touches may come nearer at this share of the speed: it glides along.
+# Share of the speed at which a touched point may come nearer, when gliding along it.
 _GLANCING: Final = 0.02
 _TURN: Final = 2 * math.pi
 
@@ -50,7 +50,7 @@ class Footprint(ABC):
     """
     The outline of a robot; with a clearance it is larger to all sides.
 
-    :ivar reach_m: how far it is from ``base_link`` at most.
+    :ivar reach_m: largest distance of its outline from ``base_link``.
     """
 
     reach_m: float
@@ -61,13 +61,13 @@ class Footprint(ABC):
 
     @abstractmethod
     def normals(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Return x and y of the direction in which each point gets away from it, of length 1."""
+        """Return x and y of the direction away from it at each point, of length 1."""
 
     @abstractmethod
     def touched(self, x: float, y: float, dx: float, dy: float
                 ) -> tuple[float, float, float, float]:
         """
-        Return where something touches it that a sensor has right before it, and from where.
+        Return the contact of an obstacle right in front of a sensor.
 
         :param x: of the sensor, as is y.
         :param dx: of the direction in which it looks, of length 1, as is dy.
@@ -105,7 +105,7 @@ class Footprint(ABC):
 
     def approached(self, x: Array, y: Array, nx: Array, ny: Array, v: float, w: float) -> Mask:
         """
-        Return which of the points that it touches it would push; away and along it may drive.
+        Return which touched points it would push; it may move away from and along them.
 
         :param nx: see :meth:`normals`, as is ny.
         """
@@ -190,7 +190,7 @@ class Rectangle(Footprint):
         dy = y - np.clip(y, y0, y1)
         gap = np.hypot(dx, dy)
         inside = gap <= 0.0
-        # Within it the nearest side is the way out.
+        # Within it the nearest side is the direction away.
         side = np.argmin(np.stack((x1 - x, x - x0, y1 - y, y - y0)), axis=0)
         length = np.where(inside, 1.0, gap)
         return (np.where(inside, np.array((1.0, -1.0, 0.0, 0.0))[side], dx / length),
@@ -272,5 +272,5 @@ def braking_share(time_s: float, stopping_s: float, reaction_s: float) -> float:
     if time_s >= reaction_s + stopping_s / 2:
         return 1.0
     root = math.sqrt(reaction_s * reaction_s + 2.0 * stopping_s * time_s)
-    # The usual form subtracts what is nearly equal when the robot can stop at once.
+    # The usual form subtracts what is nearly equal when the robot can stop immediately.
     return min(1.0, 2.0 * time_s / (root + reaction_s))

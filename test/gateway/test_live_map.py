@@ -67,7 +67,7 @@ def test_what_is_shown_is_where_it_was(cells: Any, origin: tuple[float, float, f
                                        frame: str) -> None:
     cdr = message(cells, origin, frame=frame)
     if not (cells >= 0).any():
-        with pytest.raises(ConfigError, match='nothing on it is known'):
+        with pytest.raises(ConfigError, match='cells are unknown'):
             message_of(cdr)
         return
     here, there = GridMap(cells, 0.05, origin), shown(message_of(cdr))

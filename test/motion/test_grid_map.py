@@ -129,7 +129,7 @@ def test_all_forms_of_the_picture_are_read(tmp_path: Path, picture: bytes) -> No
 
 
 @pytest.mark.parametrize('picture, text', [
-    (b'', 'room.pgm: is no PGM of kind P5 or P2: it has not its header'),
+    (b'', 'room.pgm: is not a PGM of kind P5 or P2: its header is missing'),
     (b'GIF89a', 'it is a GIF; convert it'),
     (b'P5 3 2 255\n\x00', 'is cut off: 1 of 6 pixels'),
     (b'P5 3 2 256\n' + bytes(11), 'is cut off: 5 of 6 pixels'),
@@ -168,13 +168,13 @@ def test_every_problem_of_the_file_is_told_with_its_line(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize('text, problem', [
-    ('[]', 'is no map: it must have the keys image'),
-    ('', 'is no map'),
+    ('[]', 'is not a map: it must have the keys image'),
+    ('', 'is not a map'),
     ('image: [', ':1: not YAML'),
     (YAML.replace('[-1.0, -2.0, 0.0]', '[1, 2]'), ':3: origin: must be a list of three numbers'),
     (YAML.replace('0.196', '0.9'), ':6: free_thresh: 0.9 must not be above'),
     (YAML.replace('room.pgm', 'hall.pgm'), 'hall.pgm: cannot be read: No such file'),
-    (YAML.replace('room.pgm', '.'), 'is no file'),
+    (YAML.replace('room.pgm', '.'), 'is not a file'),
     ('[' * 5000, 'not YAML'),
 ])
 def test_a_file_that_is_no_map_is_named(tmp_path: Path, text: str, problem: str) -> None:
@@ -189,7 +189,7 @@ def test_a_file_that_is_missing_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('cells, resolution, text', [
     ([[0, 101]], 0.05, 'values from 0 to 101'), ([], 0.05, 'must have rows'),
-    ([[0]], 0.0, 'cells above 0'), ([[0]], math.nan, 'finite numbers')])
+    ([[0]], 0.0, 'cells above 0'), ([[0]], math.nan, 'all must be finite')])
 def test_a_map_of_nonsense_is_refused(cells: list[list[int]], resolution: float, text: str
                                       ) -> None:
     with pytest.raises(ConfigError, match=text):

@@ -78,10 +78,10 @@ def test_the_marks_of_a_real_room() -> None:
     ('a.csv', 'id,x,y\n1,2,3,4,5\n', 'a.csv: line 2: must be a number from 0'),
     ('a.csv', 'id,x_inch,y\n1,2,3\n', "a.csv: line 2: 'x_inch' is unknown"),
     ('a.yaml', 'landmarks: 5\n', 'a.yaml holds no landmarks'),
-    ('a.yaml', '{', 'a.yaml is no YAML'),
+    ('a.yaml', '{', 'a.yaml is not YAML'),
     ('a.yaml', '1: [.nan, 0, 0]', 'landmark 1: must be a number from 0'),
     ('a.yaml', '1.5: [0, 0, 0]', 'landmark 1.5: must be a number from 0'),
-    ('a.yaml', '1: {x: 0, x_cm: 0, y: 1}', "landmark 1: 'x_cm' is unknown or said twice"),
+    ('a.yaml', '1: {x: 0, x_cm: 0, y: 1}', "landmark 1: 'x_cm' is unknown or duplicate"),
     ('a.yaml', '-1: [0, 0]', 'landmark -1: must be a number from 0')])
 def test_what_is_wrong_is_told(name: str, text: str, said: str) -> None:
     with pytest.raises(ConfigError) as caught:

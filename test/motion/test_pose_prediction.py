@@ -79,10 +79,10 @@ def test_odometry_that_begins_anew_waits_for_a_pose() -> None:
     prediction.add_odometry(20 * MS, (50.006, 0.0, 0.0), (0.3, 0.0))
     assert prediction.known
     assert prediction.at(20 * MS, 0.0, 0.02) == pytest.approx((1.006, 0.0, 0.0))
-    prediction.odometry(40 * MS, (0.0, 0.0, 0.0), (0.3, 0.0))
+    prediction.add_odometry(40 * MS, (0.0, 0.0, 0.0), (0.3, 0.0))
     assert not prediction.known
     assert prediction.resets == 1
-    prediction.localised(40 * MS, (1.012, 0.0, 0.0))
+    prediction.add_pose(40 * MS, (1.012, 0.0, 0.0))
     assert prediction.at(40 * MS, 0.0, 0.02) == pytest.approx((1.012, 0.0, 0.0))
 
 

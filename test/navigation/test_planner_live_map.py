@@ -152,7 +152,7 @@ def nothing(message: Any) -> None:
 
 
 @pytest.mark.parametrize(('damage', 'text'), [
-    (lambda m: setattr(m.info, 'width', 121), 'it has 9600 cells, and says that it has 121 x 80'),
+    (lambda m: setattr(m.info, 'width', 121), 'it has 9600 cells instead of 121 x 80'),
     (nothing, 'it is empty: 0 x 0'),
     (lambda m: setattr(m.info, 'width', 2**31), 'cells are more than 4000000'),
     (lambda m: setattr(m.info, 'resolution', math.nan), 'its cells are nan m wide'),
@@ -160,8 +160,8 @@ def nothing(message: Any) -> None:
     (lambda m: setattr(m.info, 'resolution', 0.0), 'its cells are 0 m wide'),
     (lambda m: setattr(m.info.origin.position, 'x', math.nan), 'its origin is at nan, 0'),
     (lambda m: setattr(m.info.origin, 'orientation', (0.7, 0.0, 0.0, 0.7)), 'tilted'),
-    (lambda m: setattr(m.info.origin, 'orientation', (0.0, 0.0, math.nan, 1.0)), 'no rotation'),
-    (lambda m: m.data.fill(-1), 'nothing on it is known'),
+    (lambda m: setattr(m.info.origin, 'orientation', (0.0, 0.0, math.nan, 1.0)), 'not a rotation'),
+    (lambda m: m.data.fill(-1), 'cells are unknown'),
     (lambda m: m.data.fill(101), 'it has the value 101')])
 def test_a_map_that_is_none_is_refused_and_the_one_before_is_kept(
         tmp_path: Path, damage: Callable[[Any], object], text: str) -> None:

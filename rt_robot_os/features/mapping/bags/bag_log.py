@@ -163,20 +163,20 @@ class BagLog:
             self._take_transforms(message)
 
     def _take_scan(self, message: BagMessage) -> None:
-        told = scan_in(message.cdr)
+        given = scan_in(message.cdr)
         stamp_ns = self._stamp(CdrReader(message.cdr).stamp_ns(), message)
-        numbers = (told.angle_min, told.angle_increment)
-        if not (all(map(math.isfinite, numbers)) and told.angle_increment and len(told.ranges)):
+        numbers = (given.angle_min, given.angle_increment)
+        if not (all(map(math.isfinite, numbers)) and given.angle_increment and len(given.ranges)):
             raise ValueError('no scan')
         if stamp_ns <= self._last_ns:
             self.counts['backwards'] += 1
             return
         self._last_ns = stamp_ns
-        ranges = echo_ranges(told.ranges, told.range_min, told.range_max)
-        beam_s = beam_seconds(told.time_increment_s, told.scan_time_s, told.angle_increment,
+        ranges = echo_ranges(given.ranges, given.range_min, given.range_max)
+        beam_s = beam_seconds(given.time_increment_s, given.scan_time_s, given.angle_increment,
                               len(ranges))
         self._waiting.append((Sweep(stamp_ns, ranges, *numbers, beam_s),
-                              told.frame_id.lstrip('/')))
+                              given.frame_id.lstrip('/')))
 
     def _take_transforms(self, message: BagMessage) -> None:
         is_fixed = message.topic in self.topics.fixed

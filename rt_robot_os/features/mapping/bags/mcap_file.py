@@ -63,11 +63,11 @@ class McapFile:
         for channel in channels.values():
             self._define(channel)
         if not self._topics:
-            told = len(findings.problems), findings.lost
+            before = len(findings.problems), findings.lost
             for _ in self._records(_BEGINNING_BYTES):
                 pass  # definitions are collected while reading
-            del findings.problems[told[0]:]  # they are reported when the file is read
-            findings.lost = told[1]
+            del findings.problems[before[0]:]  # they are reported when the file is read
+            findings.lost = before[1]
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
         """Yield the messages of some topics, as far as the file is intact."""

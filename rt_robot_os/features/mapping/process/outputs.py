@@ -55,7 +55,7 @@ _PATH_POSES: Final = 1000
 _GRAPH_NS: Final = 2 * NS_PER_S
 
 
-class SamplePublisher(Protocol):
+class CorePublisher(Protocol):
     """The connection to the core, for samples."""
 
     def publish(self, topic: str, cdr: bytes, stamp_ns: int = 0) -> bool:
@@ -72,7 +72,7 @@ class Outputs:
     :param map_period_ns: minimum time between two maps.
     """
 
-    def __init__(self, port: SamplePublisher, map_period_ns: int) -> None:
+    def __init__(self, port: CorePublisher, map_period_ns: int) -> None:
         self._publisher = port
         self._map_period_ns = map_period_ns
         self.reset()

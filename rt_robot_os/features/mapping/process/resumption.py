@@ -86,7 +86,8 @@ class Resumption:
 
     def base_at(self, odometry: Floats) -> Floats:
         """Return the pose of the robot now, for the pose of the same odometry now."""
-        assert self.base is not None
+        if self.base is None:
+            raise ValueError('the saved state has no pose of the robot')
         return composed(self.base, between(self.odometry, odometry))
 
 

@@ -185,9 +185,9 @@ def _clear(yaml: Path) -> None:
 
 
 def _graph_file(graph: MapGraph, grid: GridMap, settings: Mapping[str, Any] | None) -> bytes:
-    told = json.dumps(settings or {}, sort_keys=True).encode()
+    packed = json.dumps(settings or {}, sort_keys=True).encode()
     return pack({
-        'version': np.array([VERSION]), 'settings': np.frombuffer(told, np.uint8),
+        'version': np.array([VERSION]), 'settings': np.frombuffer(packed, np.uint8),
         'grid': _packed_cells(grid), 'grid_shape': np.array(grid.cells.shape),
         'grid_place': np.array((grid.resolution_m, *grid.origin)), **arrays_of(graph)})
 
@@ -305,11 +305,11 @@ def _described(shape: Any, place: Any) -> str:
 
 
 def _contents(arrays: Arrays, file: Path) -> tuple[MapGraph | None, Mapping[str, Any]]:
-    told = arrays.get('settings')
+    packed = arrays.get('settings')
     try:
-        if told is None or told.dtype != np.uint8 or told.size > _SETTINGS_MOST:
+        if packed is None or packed.dtype != np.uint8 or packed.size > _SETTINGS_MOST:
             raise ValueError('settings are missing')
-        settings = json.loads(told.tobytes())
+        settings = json.loads(packed.tobytes())
         if not isinstance(settings, dict):
             raise ValueError('its settings are not a JSON object')
         graph = graph_of(arrays)

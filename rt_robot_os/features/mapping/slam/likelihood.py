@@ -41,7 +41,7 @@ _MARGIN_M: Final = 1.0
 _MARGIN: Final = 16
 #: Larger grids are made coarser: 4096 x 4096 cells are 32 MB.
 _SIDE_MOST: Final = 4096
-#: Values that are added up at once: they fit into a cache.
+#: Values that are added up together: they fit into a cache.
 _AT_ONCE: Final = 200_000
 
 

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Recognise a laser that reports its reach where it has no echo: REP 117 wants +inf there.
+Detect a laser that reports its maximum range instead of no echo: REP 117 requires +inf.
 
-A LaserScan says in ``range_max`` what its reach is; in a log it is recognised. A wall does not
-stand at one distance from a robot that moves, with nothing farther away and nothing just in front
-of it. A reported reach does.
+A LaserScan has the maximum range in ``range_max``; in a log it must be detected. A wall is not at
+a constant distance from a moving robot, with nothing farther away and nothing just in front of it.
+A reported maximum range is.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from rt_robot_os.features.mapping.slam.tuning import MapperTuning
 
 _BIN_M: Final = 0.01
 _SLACK_M: Final = 1e-3
-#: Scans count when the robot has moved so far since the last one that counts.
+#: Distance between two scans that are counted.
 _APART_M: Final = 0.2
-#: So many have to count; more than the second number are not needed.
+#: Smallest number of counted scans, and the number that is enough.
 _PLACES_LEAST: Final = 10
 _PLACES_MOST: Final = 2000
-#: The reach is reported with this spread,
+#: The maximum range is reported with this spread,
 _SPREAD_M: Final = 0.03
 #: by this share of the ranges at least,
 _SHARE: Final = 0.01
@@ -51,7 +51,7 @@ _SCANS_SHARE: Final = 0.2
 _LONGER_SHARE: Final = 0.001
 #: In front of it, within this distance,
 _FRONT_M: Final = 0.25
-#: lie fewer ranges than this share of those that are the reach.
+#: lie fewer ranges than this share of those at the maximum range.
 _FRONT_SHARE: Final = 0.5
 
 
@@ -59,8 +59,8 @@ def echo_ranges(ranges: npt.NDArray[Any], range_min_m: float, range_max_m: float
     """
     Return the ranges of a LaserScan: +inf is no echo, NaN no measurement.
 
-    :param ranges: in m. From ``range_max_m`` on there was no echo.
-    :param range_max_m: of a driver that does not state its reach, not more than ``range_min_m``.
+    :param ranges: in m. From ``range_max_m`` on there is no echo.
+    :param range_max_m: at most ``range_min_m`` for a driver that does not set it.
     """
     found = np.array(ranges, np.float64)
     found[found < range_min_m] = math.nan
@@ -71,10 +71,10 @@ def echo_ranges(ranges: npt.NDArray[Any], range_min_m: float, range_max_m: float
 
 class MaxRangeDetector:
     """
-    How often each range occurs, at places that lie apart.
+    A histogram of ranges, from scans that are some distance apart.
 
-    :param range_max_m: ranges from here on are left out by mapping anyway; they count as longer.
-    :ivar is_sure: enough scans were counted, more would change nothing.
+    :param range_max_m: mapping ignores ranges from here on; they count as longer.
+    :ivar is_sure: enough scans were counted.
     """
 
     def __init__(self, range_max_m: float) -> None:
@@ -94,7 +94,7 @@ class MaxRangeDetector:
         self._last = scan.odometry
         ranges = np.asarray(scan.ranges, np.float64)
         usable = np.minimum(ranges[np.isfinite(ranges) & (ranges > 0.0)], self._range_max_m)
-        # A float of 32 bits lies up to a micrometre below the number that was meant.
+        # A 32-bit float may be up to a micrometre below the intended number.
         bins = ((usable + 1e-6) / _BIN_M).astype(np.int64)
         self._counts += np.bincount(bins, minlength=len(self._counts))
         self._scans[np.unique(bins)] += 1
@@ -102,13 +102,13 @@ class MaxRangeDetector:
         self.is_sure = self._places >= _PLACES_MOST
 
     def found_m(self) -> float | None:
-        """Return from where on ranges are the laser's reach, in m; None: none are."""
+        """Return the reported maximum range, in m; None: there is none."""
         total = int(self._counts.sum())
         if self._places < _PLACES_LEAST or not total:
             return None
         below = np.concatenate(((0,), np.cumsum(self._counts)))
         wide, front = round(_SPREAD_M / _BIN_M), round(_FRONT_M / _BIN_M)
-        # The last bin holds what is longer than mapping uses.
+        # The last bin has the ranges that are longer than mapping uses.
         for top in range(len(self._counts) - 1, front + wide, -1):
             if total - below[top] > _LONGER_SHARE * total:
                 return None
@@ -124,10 +124,10 @@ class MaxRangeDetector:
 def reported_max_range(scans: Iterable[Scan], range_max_m: float = MapperTuning.range_max_m
                        ) -> float | None:
     """
-    Look at the scans of a log, and return from where on ranges are the laser's reach, in m.
+    Return the maximum range that the laser of a log reports instead of no echo, in m.
 
-    :param range_max_m: a longer reach makes no difference to mapping, and is not looked for.
-    :return: None: the laser does not report its reach as a range.
+    :param range_max_m: a longer one makes no difference to mapping, and is not searched for.
+    :return: None: the laser does not report it as a range.
     """
     reach = MaxRangeDetector(range_max_m)
     for scan in scans:

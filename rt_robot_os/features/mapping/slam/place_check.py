@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-How well a scan fits places of a known map, looked at beam by beam, many places at once.
+The likelihood of a scan at many poses of a known map, beam by beam.
 
-A beam ends where the map has its surface, or shorter, for somebody stands there, or it went
-through a wall: that is the strongest evidence against a place.
+A beam ends at the surface of the map, or before it at a person, or it went through a wall: that is
+the strongest evidence against a pose.
 """
 
 from __future__ import annotations
@@ -31,38 +31,38 @@ from rt_robot_os.features.mapping.slam.known_map import KnownMap
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.features.mapping.slam.transforms import wrapped
 
-#: Beams that are looked at; of places that are looked at closely, more.
+#: Beams that are evaluated; more for a fine evaluation.
 _BEAMS: Final = 72
 _BEAMS_CLOSELY: Final = 360
 _STEPS: Final = 8
 _SOFT_M: Final = 0.1
-#: A refined place may be so far from where it began.
+#: Largest movement of a refined pose.
 _NEAR_M: Final = 0.35
 _NEAR_RAD: Final = 0.12
-#: A surface lies somewhere in its cells. Besides that, the standard deviation of a beam's end on
-#: it; it grows with the cells.
+#: Uncertainty of a surface within its cells, and in addition the standard deviation of the end of
+#: a beam on it, which grows with the cells.
 _SURFACE_CELLS: Final = 0.5
 _SIGMA_M: Final = 0.02
 _SIGMA_CELLS: Final = 0.4
-#: A beam that ends so far behind its surface did not end on it, though another one may be there.
+#: A beam that ends this far behind its surface did not end on it, though another one may be there.
 _BEHIND_M: Final = 0.1
 #: A beam this near to its surface ended on it.
 _ON_M: Final = 0.13
-#: One that went so much further than all around it may went through.
+#: A beam that is longer than all neighbours allow by this went through.
 _THROUGH_M: Final = 0.25
-#: Turned by so much to each side, a beam along a wall may see another one.
+#: Angle to each side within which a beam along a wall may hit another one.
 _GRAZING_RAD: Final = 0.02
-#: Likelihoods of what is no surface, as parts of that of a perfect end.
+#: Likelihoods of beams that do not end on a surface, relative to a perfect end.
 _SHORT: Final = 0.04
 _PASSED: Final = 0.004
-#: Nobody knows what is there.
+#: In unknown cells.
 _UNKNOWN: Final = 0.15
 
 
 @dataclass(frozen=True)
 class PlaceFit:
     """
-    How well a scan fits places; each of shape (places,).
+    The match of a scan at several poses; each of shape (places,).
 
     :ivar likelihood: mean logarithm of a beam's likelihood; 0 is perfect, -5.5 the worst.
     :ivar explained: share of the beams that end on a surface.
@@ -76,9 +76,9 @@ class PlaceFit:
 
 def some_of(points: Floats, closely: bool = False) -> Floats:
     """
-    Return as many points of a scan as are looked at, spread evenly.
+    Return the points of a scan that are evaluated, spread evenly.
 
-    :param closely: what only a few beams tell apart is looked for: a corner, the edge of a shelf.
+    :param closely: use more points, for small features: a corner, the edge of a shelf.
     """
     most = _BEAMS_CLOSELY if closely else _BEAMS
     if len(points) <= most:
@@ -88,7 +88,7 @@ def some_of(points: Floats, closely: bool = False) -> Floats:
 
 def refined(known: KnownMap, places: Floats, points: Floats) -> Floats:
     """
-    Return places moved to where points fit best, near where they are.
+    Return poses refined to the best match nearby.
 
     :param places: shape (m, 3), in the grid's own frame.
     :param points: shape (n, 2), in the laser's.
@@ -129,7 +129,7 @@ def _sloped(known: KnownMap, x: Floats, y: Floats) -> tuple[Floats, Floats, Floa
 
 def checked(known: KnownMap, places: Floats, points: Floats) -> PlaceFit:
     """
-    Look at each beam from each place.
+    Evaluate each beam at each pose.
 
     :param places: shape (m, 3), in the grid's own frame; points of shape (n, 2), n > 0.
     """
@@ -146,7 +146,7 @@ def checked(known: KnownMap, places: Floats, points: Floats) -> PlaceFit:
     through = ranges > furthest + _THROUGH_M
     error = np.minimum(np.abs(ranges - reach), away)
     explained = ~through & (error < max(_ON_M, 1.2 * known.cell_m))
-    # What is right within the cell, and between the neighbours of a beam, is no error.
+    # Deviations within the cell, and between the neighbours of a beam, are no errors.
     spare = _SURFACE_CELLS * known.cell_m
     behind, before = (np.maximum(each - spare, 0.0)
                       for each in (ranges - furthest, nearest - ranges))

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Where on a whole map a scan may have been taken: every free place, every heading.
+Search of a scan on a whole map: every free place, every heading.
 
 Branch and bound as in W. Hess and others, Real-time loop closure in 2D lidar SLAM, ICRA 2016: the
-best value of a square bounds what all places in it can give, so that most are never looked at.
+best value of a square bounds the scores of all places in it, so that most are never evaluated.
 """
 
 from __future__ import annotations
@@ -33,31 +33,31 @@ from rt_robot_os.features.mapping.slam.known_map import KnownMap
 from rt_robot_os.features.mapping.slam.known_map import STEP_M
 from rt_robot_os.features.mapping.slam.transforms import Floats
 
-#: Edge of the cells in which is searched.
+#: Edge of the cells of the search.
 _CELL_M: Final = 0.1
-#: How far an end of a beam may be from its surface, as a standard deviation.
+#: Standard deviation of the distance of the end of a beam from its surface.
 _SIGMA_M: Final = 0.12
 _BEAMS: Final = 60
 _HEADINGS: Final = 180
-#: Squares at the top are 2 ** levels cells wide; all of them are looked at.
+#: Squares at the top are 2 ** levels cells wide; all of them are evaluated.
 _LEVELS: Final = 2
 _WIDE: Final = 1 << _LEVELS
 #: Values that are looked up, and those that are added up, in one piece of work: some 10 ms.
 _PIECE: Final = 500_000
 _SUMS: Final = 30_000_000
-#: Squares that are added up at once, for they fit into a cache; a call takes as long as so many.
+#: Squares that are added up together, as they fit into a cache; a call costs as much as this many.
 _AT_ONCE: Final = 65_536
 _CALL: Final = 4_000
-#: Squares that are looked into, at most: the best ones.
+#: Squares that are expanded at most: the best ones.
 _SQUARES_MOST: Final = 400_000
 #: Rows that are filled in one piece.
 _STRIP: Final = 256
 _TOP_CHUNK: Final = 400
-#: A place must give so much of what a perfect one does, and no less than that below the best; more
-#: where a map has more such places than can be kept.
+#: Smallest score of a place relative to a perfect one, and largest difference to the best;
+#: stricter if a map has more such places than can be stored.
 _LEAST: Final = 0.35
 _BELOW_BEST: Final = 0.25
-#: One place of each so large square and each so large angle is kept, and so many in all.
+#: One place of each square and angle of this size is stored, and this many in all.
 _APART_M: Final = 0.3
 _APART_HEADINGS: Final = 4
 _PLACES_MOST: Final = 1200
@@ -68,9 +68,9 @@ Numbers = npt.NDArray[Any]
 
 class Pyramid:
     """
-    What bounds how well beams fit in squares of a map, for squares of several sizes.
+    Upper bounds of the scores of beams in squares of a map, for several sizes.
 
-    :param reach_m: beams that are looked up are no longer.
+    :param reach_m: length of the longest beam.
     :ivar cell_m: edge of the smallest squares.
     :ivar free: where a robot may be, for squares of 1, 2 and 4 cells.
     :ivar values: the best value in squares of 1 and 2 cells, at each cell.
@@ -149,7 +149,7 @@ class PlaceSearch:
         up = np.floor(sine * x + cosine * y + 0.5).astype(np.int64)
         self._shifts = np.stack((up, across), -1)
         self._offsets = up * pyramid.columns + across
-        self._least = _LEAST * 255.0  # what a place must give
+        self._least = _LEAST * 255.0  # the smallest score
 
     def work(self) -> Iterator[None]:
         """Search; each step takes some 10 ms."""
@@ -178,9 +178,9 @@ class PlaceSearch:
 
     def _look_at_squares(self, parts: list[Numbers], fits: list[Any]) -> Iterator[None]:
         """
-        Look at all squares of the highest level, and fill in those that may hold a place.
+        Evaluate all squares of the highest level, and collect those that may hold a place.
 
-        Beam by beam for all squares at once: that is many times faster than one by one.
+        Beam by beam for all squares together, which is many times faster than one by one.
         """
         free = self._pyramid.free[_LEVELS]
         rows, columns = free.shape
@@ -204,7 +204,7 @@ class PlaceSearch:
                     yield
 
     def _summed(self, heading: int, low: int, rows: int, columns: int) -> Any:
-        """Return what beams give at most in each square of some rows, added up."""
+        """Return the sums of the bounds of all beams in each square of some rows."""
         sums, top = np.zeros((rows, columns), np.uint16), self._pyramid.top
         up, across = (self._shifts[heading] + self._pyramid.pad).T
         for row, column, first, left in zip((up % _WIDE).tolist(), (across % _WIDE).tolist(),
@@ -214,14 +214,14 @@ class PlaceSearch:
         return sums
 
     def _values(self, nodes: Numbers, level: int) -> Any:
-        """Return the mean value under the beams, 0 to 255; of squares no place gives more."""
+        """Return the mean value under the beams, 0 to 255; for squares an upper bound."""
         pyramid = self._pyramid
         at = (nodes[:, 1] + pyramid.pad) * pyramid.columns + nodes[:, 2] + pyramid.pad
         found = pyramid.values[level].reshape(-1).take(at[:, None] + self._offsets[nodes[:, 0]])
         return found.sum(1, dtype=np.int64) / self._beams
 
     def _descend(self, nodes: Numbers, leaves: list[Numbers], fits: list[Any]) -> Iterator[None]:
-        """Look into squares, down to the places in them that fit."""
+        """Expand squares down to the matching places in them."""
         for level in range(_LEVELS - 1, -1, -1):
             step = 1 << level
             four = np.array(((0, 0, 0), (0, 0, step), (0, step, 0), (0, step, step)))
@@ -264,7 +264,7 @@ class PlaceSearch:
 
 
 def _best_only(parts: list[Numbers], fits: list[Any], count: int) -> tuple[float, int]:
-    """Keep so many of the best; return the least value of them, and their number."""
+    """Keep the best ones; return their smallest value, and their number."""
     nodes, values = np.concatenate(parts), np.concatenate(fits)
     good = np.argpartition(values, len(values) - count)[len(values) - count:]
     parts[:], fits[:] = [nodes[good]], [values[good]]

@@ -13,10 +13,9 @@
 # limitations under the License.
 
 """
-What the beams of a scan say of the cells of a grid: which they ended in, which they passed.
+The evidence of the beams of a scan for the cells of a grid: those they hit, those they passed.
 
-Each cell is told of once a scan: what ended in it counts before what passed it, and both before
-beams that came back with no echo.
+Each cell gets one code a scan: a hit outranks a pass, and both outrank beams without an echo.
 """
 
 from __future__ import annotations
@@ -39,24 +38,24 @@ Box = tuple[int, int, int, int]
 NOTHING: Final = 0
 PASSED: Final = 1
 HIT: Final = 2
-#: Passed by nothing but beams without an echo.
+#: Passed only by beams without an echo.
 ECHOLESS: Final = 3
 
-#: The wall may begin so long before the point that was measured, in cells.
+#: How far before the measured point the wall may start, in cells.
 _BEFORE_END: Final = 0.5
-#: Of a beam along a wall: the least sine of the angle between them that is counted with.
+#: Smallest sine of the angle between a beam and its wall.
 _FLATTEST: Final = 0.1
-#: Neighbours so far apart are of one wall, when the line between them is so flat on it.
+#: Neighbours up to this distance belong to one wall, if the line between them is this flat on it.
 _GAP_MOST_M: Final = 0.3
 _ALONG: Final = 0.3
-#: Speed before size: most of it is runs of nothing.
+#: Speed before size: most codes are runs of nothing.
 _PACKING: Final = 1
 
 
 @dataclass(frozen=True)
 class ScanFootprint:
     """
-    What a scan says of a rectangle of cells.
+    The evidence of a scan for a rectangle of cells.
 
     :ivar row: of the lowest row of the rectangle, counted from y = 0 of the map;
     :ivar column: of its first column, counted from x = 0.
@@ -76,7 +75,7 @@ class ScanFootprint:
 
 @dataclass(frozen=True)
 class PackedScanFootprint:
-    """A footprint in a hundredth of its size."""
+    """A compressed footprint, a hundredth of its size."""
 
     box: Box
     packed: bytes
@@ -100,12 +99,12 @@ class PackedScanFootprint:
 def footprint_of(pose: Floats, surface: Surface, cell_m: float, reach_m: float,
                  echoless_m: float) -> ScanFootprint:
     """
-    Return what a scan says of the cells round it.
+    Return the evidence of a scan for the cells round it.
 
     :param pose: shape (3,): of the laser on the map.
     :param cell_m: edge of a cell.
     :param reach_m: beams are drawn until there: the rectangle has a bounded size.
-    :param echoless_m: how far a beam that came back with no echo says that there is nothing.
+    :param echoless_m: length of free space along a beam without an echo.
     """
     start = pose[:2] / cell_m
     ends = placed(pose, surface.points) / cell_m
@@ -157,14 +156,14 @@ def _between(surface: Surface, ends: Floats, far: npt.NDArray[np.bool_], cell_m:
 
 def _passed(start: Floats, ends: Floats, spare: Floats, columns: int) -> npt.NDArray[np.int32]:
     """
-    Return the cells on the way to each end, some several times.
+    Return the cells on the ray to each end, some several times.
 
     :param start: in cells; never below 0, as ends.
-    :param spare: shape (ends,): so much before the end nothing is said, in cells.
+    :param spare: shape (ends,): length before the end without evidence, in cells.
     """
     reach = ends - start
     length = np.hypot(reach[:, 0], reach[:, 1])
-    # As many points as there are columns or rows on the way, each in the middle of its step.
+    # One point for each column or row on the ray, in the middle of its step.
     steps = np.ceil(np.abs(reach).max(1, initial=0.0))
     size = np.divide(1.0, steps, out=np.zeros_like(steps), where=steps > 0.0)
     part = 1.0 - np.divide(spare, length, out=np.ones_like(length), where=length > 0.0)

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-How right a map is, by relations between poses that somebody knows.
+The accuracy of a map, by known relations between poses.
 
 R. Kummerle and others, On measuring the accuracy of SLAM algorithms, Autonomous Robots 2009: the
-error of each relation is what is between the pose that it names and the one that was found, so
-that one wrong turn is one wrong relation, not an error of all that follow.
+error of each relation is the difference between the known relative pose and the estimated one, so
+a single wrong turn affects one relation, not all that follow.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ _COLUMNS = 'i,j,dx,dy,dyaw'
 @dataclass(frozen=True)
 class Relations:
     """
-    What is known between poses.
+    Known relative poses.
 
-    :ivar first: indices of poses; ``second`` is in their frames at ``relative``.
+    :ivar first: indices of poses; ``second`` is at ``relative`` in their frames.
     :ivar relative: shape (n, 3).
     """
 
@@ -53,7 +53,7 @@ def read_relations(path: Path) -> Relations:
     """
     Read a CSV with the columns i, j, dx, dy, dyaw.
 
-    :raises ConfigError: it is none.
+    :raises ConfigError: it is malformed.
     """
     try:
         head, *lines = path.read_text().splitlines() or ['']
@@ -80,7 +80,7 @@ def compare(poses: Floats, relations: Relations) -> dict[str, float | int | list
     :param poses: shape (n, 3).
     :return: ``mean_m``, ``mean_rad``, ``largest_m`` and which relation that is (``largest``),
         ``loops_mean_m`` of those that are no neighbours, ``relations``, ``loops``.
-    :raises ConfigError: a relation is of a pose that is not there.
+    :raises ConfigError: a relation refers to a missing pose.
     """
     highest = int(max(relations.first.max(), relations.second.max()))
     if highest >= len(poses):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A scan, and what it says of the surfaces around: points and the lines that they lie on."""
+"""A scan, and the surfaces that it shows: points and the lines through them."""
 
 from __future__ import annotations
 
@@ -24,29 +24,29 @@ import numpy.typing as npt
 
 from rt_robot_os.features.mapping.slam.transforms import Floats
 
-#: Nearer than that a range is the robot's own edge or no measurement.
+#: Shorter ranges are the robot itself or invalid.
 NEAREST_M = 0.05
-#: Two neighbours further apart than this, or than so many steps of the beam, are of two things.
+#: Neighbours further apart than this, or than this many steps of the beam, are of two objects.
 _GAP_M = 0.15
 _GAP_STEPS = 4.0
 #: Neighbours on each side that make a line.
 _NEIGHBOURS = 3
-#: A coordinate that no scan has: points of no use are put there.
+#: A coordinate that no scan has, for invalid points.
 _NOWHERE = 1e9
 
 
 @dataclass(frozen=True)
 class Scan:
     """
-    A scan and where odometry was when it was taken.
+    A scan and the pose of odometry at its time.
 
-    :ivar stamp_ns: when.
+    :ivar stamp_ns: its time.
     :ivar odometry: shape (3,): x, y in m, yaw in rad; of the laser, in the frame of odometry.
-    :ivar ranges: shape (beams,), in m; what is not finite or out of range is no measurement.
+    :ivar ranges: shape (beams,), in m; values that are not finite or out of range are invalid.
     :ivar angle_min: of the first beam in rad, counter-clockwise.
     :ivar angle_increment: from beam to beam in rad; negative for a laser upside down.
-    :ivar beam_poses: shape (beams, 3): where the laser was when each beam was measured, seen from
-        where it was at the stamp; None for a laser that stood still.
+    :ivar beam_poses: shape (beams, 3): pose of the laser at each beam, relative to that at the
+        stamp; None for a laser that stood still.
     """
 
     stamp_ns: int
@@ -60,14 +60,14 @@ class Scan:
 @dataclass(frozen=True)
 class Surface:
     """
-    What a scan has seen, in the frame of its laser.
+    The surfaces of a scan, in the frame of its laser.
 
     :ivar points: shape (n, 2), in m.
     :ivar normals: shape (n, 2), of unit length, to the side of the laser; zero where there is no
         line.
     :ivar lined: shape (n,): whether a point lies on a line.
-    :ivar echoless: shape (k,): bearings in rad of beams that came back with no echo, which a
-        range of +inf says (REP 117); what else is no measurement says nothing.
+    :ivar echoless: shape (k,): bearings in rad of beams without an echo, those with a range of
+        +inf (REP 117); other invalid ranges have no meaning.
     """
 
     points: Floats
@@ -83,7 +83,7 @@ def surface_of(scan: Scan, range_max: float) -> Surface:
     """
     Return the points of a scan, each with the normal of the line through its neighbours.
 
-    :param range_max: in m; what is further says nothing.
+    :param range_max: in m; longer ranges are ignored.
     """
     ranges = np.asarray(scan.ranges, dtype=np.float64)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A scan as sectors around its laser: how far it sees in each."""
+"""A scan as sectors around its laser, with the visible distance in each."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ _BEYOND_PART: Final = 0.05
 
 
 def seen_through(ranges: Floats) -> Floats:
-    """Return from where on a beam has passed what lies at these distances, in m."""
+    """Return the length from which on a beam has passed points at these distances, in m."""
     return ranges * (1.0 + _BEYOND_PART) + _BEYOND_M
 
 
 def ends_by_sector(surface: Surface) -> tuple[Floats, Floats]:
-    """Return the nearest end of a beam in each sector, and how far is seen in all around it."""
+    """Return the nearest end of a beam in each sector, and the visible distance around it."""
     points = surface.points
     sector = sector_of(points)
     ranges = np.hypot(points[:, 0], points[:, 1])
@@ -51,7 +51,7 @@ def ends_by_sector(surface: Surface) -> tuple[Floats, Floats]:
 
 
 def sector_of(points: Floats) -> npt.NDArray[np.int64]:
-    """Return in which sector points lie; shape (n,)."""
+    """Return the sectors of points; shape (n,)."""
     angles = np.arctan2(points[:, 1], points[:, 0])
     sectors: npt.NDArray[np.int64] = np.floor(
         (angles + np.pi) * (SECTORS / (2.0 * np.pi))).astype(np.int64) % SECTORS
@@ -59,7 +59,7 @@ def sector_of(points: Floats) -> npt.NDArray[np.int64]:
 
 
 def furthest_by_sector(surface: Surface) -> Floats:
-    """Return how far a scan sees in each sector or its neighbours, in m; 0: it says nothing."""
+    """Return the visible distance in each sector or its neighbours, in m; 0: unknown."""
     furthest = np.zeros(SECTORS)
     np.maximum.at(furthest, sector_of(surface.points), np.hypot(*surface.points.T))
     return np.maximum(furthest, np.maximum(np.roll(furthest, 1), np.roll(furthest, -1)))

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a mapping run knows, kept on the disk so that it goes on after any end, as of ``kill -9``.
+The state of a mapping run on the disk, so that it resumes after any end, also ``kill -9``.
 
-Two files take turns. Each is written beside, put on the disk and renamed, and carries a number
-and a checksum: whatever happens, one of both is whole, and the newer one of those is read.
+Two files alternate. Each is written to a temporary file, synced and renamed, and has a number and
+a checksum: one of both is always intact, and the newer intact one is read.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from rt_robot_os.features.mapping.slam.graph_arrays import graph_of
 
 _NAMES: Final = ('state.0.npz', 'state.1.npz')
 VERSION: Final = 1
-#: It is written again and again: speed before size.
+#: It is written repeatedly: speed before size.
 _LEVEL: Final = 1
 _EXTRA_MOST: Final = 1 << 20
 
@@ -53,8 +53,8 @@ class StateFile:
     """
     The state of a run in a folder.
 
-    :param folder: made when it is first written; of this run alone.
-    :ivar problems: what was wrong with files when they were last read; a line each.
+    :param folder: created with the first write; used by this run alone.
+    :ivar problems: of the files when they were last read; a line each.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
@@ -64,16 +64,16 @@ class StateFile:
 
     def write(self, graph: MapGraph, extra: Mapping[str, Any] | None = None) -> int:
         """
-        Write a state; the one before stays until this one is on the disk.
+        Write a state; the previous one stays until this one is on the disk.
 
-        :param extra: plain values (JSON) to be read again.
+        :param extra: plain values (JSON) that are stored with it.
         :return: its size in bytes.
-        :raises ConfigError: it cannot be written; the state of before is as it was.
+        :raises ConfigError: it cannot be written; the previous state is unchanged.
         """
         number = (self._newest() if self._number is None else self._number) + 1
-        told = json.dumps(dict(extra or {})).encode()
+        extra_json = json.dumps(dict(extra or {})).encode()
         data = pack({'version': np.array([VERSION]), 'number': np.array([number]),
-                     'extra': np.frombuffer(told, np.uint8), **arrays_of(graph)}, _LEVEL)
+                     'extra': np.frombuffer(extra_json, np.uint8), **arrays_of(graph)}, _LEVEL)
         path = self.folder / _NAMES[number % 2]
         aside = path.with_name(f'.{path.name}.new')
         try:
@@ -83,31 +83,31 @@ class StateFile:
             sync_folder(self.folder)
         except OSError as error:
             with suppress(OSError):
-                aside.unlink(missing_ok=True)  # on a full disk others need that room
+                aside.unlink(missing_ok=True)  # on a full disk others need that space
             raise ConfigError([f'{path}: the state of mapping cannot be written: '
-                               f'{error.strerror}: make room or give another folder; the state '
-                               'of before is as it was']) from error
+                               f'{error.strerror}: free space or give another folder; the '
+                               'previous state is unchanged']) from error
         self._number = number
         return len(data)
 
     def read(self) -> tuple[MapGraph, dict[str, Any]] | None:
         """
-        Return the newest state that is whole, with what was written beside it.
+        Return the newest intact state, with its extra values.
 
         :return: None: there is none; :attr:`problems` says whether one is damaged.
         """
         for _, path, arrays in self._states():
             try:
-                told = json.loads(arrays['extra'].tobytes())
-                if not isinstance(told, dict):
+                extra_json = json.loads(arrays['extra'].tobytes())
+                if not isinstance(extra_json, dict):
                     raise ValueError('no object')
-                return graph_of(arrays), told
+                return graph_of(arrays), extra_json
             except (KeyError, ValueError, RecursionError) as error:
                 self.problems += (f'{path}: is damaged: {error}',)
         return None
 
     def remove(self) -> None:
-        """Forget the state, as after a reset."""
+        """Delete the state, as after a reset."""
         for name in _NAMES:
             (self.folder / name).unlink(missing_ok=True)
             (self.folder / f'.{name}.new').unlink(missing_ok=True)
@@ -116,7 +116,7 @@ class StateFile:
         return max((number for number, _, _ in self._states()), default=0)
 
     def _states(self) -> list[tuple[int, Path, Arrays]]:
-        """Return those that are whole, the newest first."""
+        """Return the intact states, the newest first."""
         found, problems = [], []
         for path in (self.folder / name for name in _NAMES):
             try:
@@ -133,7 +133,7 @@ class StateFile:
 
 
 def _is_there(path: Path) -> bool:
-    """Return whether there is something of that name; nobody knows of what he may not enter."""
+    """Return whether a path exists; an inaccessible folder is an error."""
     try:
         os.lstat(path)
     except FileNotFoundError:
@@ -147,9 +147,9 @@ def _is_there(path: Path) -> bool:
 def _number(arrays: Arrays) -> int:
     version, number, extra = (arrays.get(each) for each in ('version', 'number', 'extra'))
     if version is None or number is None or extra is None or number.shape != (1,):
-        raise ValueError('is no state of mapping')
+        raise ValueError('is not a state of mapping')
     if version.shape != (1,) or version[0] != VERSION:
         raise ValueError(f'is of version {version.tolist()}: this release reads {VERSION}')
     if extra.dtype != np.uint8 or extra.size > _EXTRA_MOST or number.dtype.kind != 'i':
-        raise ValueError('is no state of mapping')
+        raise ValueError('is not a state of mapping')
     return int(number[0])

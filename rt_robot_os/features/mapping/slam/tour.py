@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The shortest way through some places, begun where one is."""
+"""The shortest path through some places, from the present one."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from rt_robot_os.features.mapping.slam.transforms import Floats
 
 def first_of_tour(ways: Sequence[float], between: Floats, ends: Sequence[float]) -> int:
     """
-    Return the place that the shortest way through all of them begins with.
+    Return the first place of the shortest path through all of them.
 
     Held and Karp's dynamic programme: exact, 2 ** n * n * n steps.
 
-    :param ways: from where one is to each place, in m.
+    :param ways: distance from the present place to each place, in m.
     :param between: from place to place in m; shape (places, places).
-    :param ends: what it costs to end at each place, in m.
+    :param ends: cost of ending at each place, in m.
     """
     count = len(ways)
     apart = between.tolist()
-    # The shortest way through a set of places, as bits, from one of them on.
+    # The shortest path through a set of places, as bits, from one of them on.
     after: list[list[float]] = [[math.inf] * count for _ in range(1 << count)]
     for place in range(count):
         after[1 << place][place] = ends[place]

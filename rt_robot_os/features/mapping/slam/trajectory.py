@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Where each scan was taken, seen from a keyframe, so that the way moves with the map."""
+"""The pose of each scan relative to a keyframe, so that the path moves with the map."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class ScanTrajectory:
     """
     The last poses, each in the frame of a keyframe.
 
-    :param most: so many are remembered; beyond it the older half is forgotten.
-    :ivar forgotten: how many are no longer remembered.
+    :param most: maximum number; beyond it the older half is dropped.
+    :ivar forgotten: number of dropped poses.
     """
 
     def __init__(self, most: int) -> None:
@@ -45,10 +45,10 @@ class ScanTrajectory:
 
     def append(self, keyframe: int, relative: Floats) -> None:
         """
-        Remember a pose.
+        Append a pose.
 
         :param keyframe: index of a keyframe.
-        :param relative: shape (3,): the pose, seen from there.
+        :param relative: shape (3,): the pose relative to it.
         """
         if self._count == self._most:
             gone = self._most // 2
@@ -67,16 +67,16 @@ class ScanTrajectory:
         """
         Correct a pose.
 
-        :param place: among those that are remembered, from 0.
-        :param keyframe: index of a keyframe, from which it is seen at ``relative``, shape (3,).
+        :param place: index among the stored poses.
+        :param keyframe: index of a keyframe; the pose is ``relative`` to it, shape (3,).
         """
         self._at[place], self._relative[place] = keyframe, relative
 
     def remove_keyframe(self, index: int, successor: int, seen_from_successor: Floats) -> None:
         """
-        Follow a keyframe that is taken out of the list.
+        Adapt to a keyframe that is removed from the list.
 
-        :param successor: which keyframe its poses are given to; its index before.
+        :param successor: index, before the removal, of the keyframe that gets its poses.
         :param seen_from_successor: shape (3,): where the keyframe was.
         """
         at = self._at[:self._count]

@@ -30,7 +30,7 @@ def wrapped(angles: Floats) -> Floats:
 
 def composed(first: Floats, second: Floats) -> Floats:
     """
-    Return poses that are given in the frames of others, in the frame of those.
+    Compose poses: return the second, given in the frames of the first, in the outer frame.
 
     :param first: shape (..., 3), as the second.
     """
@@ -42,7 +42,7 @@ def composed(first: Floats, second: Floats) -> Floats:
 
 def between(first: Floats, second: Floats) -> Floats:
     """
-    Return the second poses in the frames of the first: what ``composed`` undoes.
+    Return the second poses in the frames of the first: the inverse of ``composed``.
 
     :param first: shape (..., 3), as the second.
     """

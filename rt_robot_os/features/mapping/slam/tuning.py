@@ -22,21 +22,21 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class MapperTuning:
     """
-    What a mapper takes for granted.
+    The parameters of a mapper.
 
-    :ivar range_max_m: beams that end further away say nothing.
-    :ivar keyframe_m: after this way, or
-    :ivar keyframe_rad: this turn, a scan is kept.
-    :ivar keep_share: of the points on lines; a scan of which more lie on the map adds nothing
-    :ivar cover_m: this near to a keyframe, and is not kept.
-    :ivar local_keyframes: the last so many are what a scan is matched with,
-    :ivar near_keyframes: and so many near the pose, if the graph
-    :ivar tied_m: says that they are in place to this standard deviation;
+    :ivar range_max_m: longer beams are ignored.
+    :ivar keyframe_m: after this distance, or
+    :ivar keyframe_rad: this turn, a scan becomes a keyframe.
+    :ivar keep_share: of the points on lines; a scan of which more lie on the map
+    :ivar cover_m: this near to a keyframe does not become one.
+    :ivar local_keyframes: number of recent ones in the local map,
+    :ivar near_keyframes: and of those near the pose, if they are certain by the graph
+    :ivar tied_m: to this standard deviation;
     :ivar place_tied_m: the same of the keyframes of a place at which a loop may be closed.
-    :ivar place_most: so many keyframes are kept
+    :ivar place_most: maximum number of keyframes
     :ivar place_m: within this distance of each other,
-    :ivar keyframes_most: and so many in all.
-    :ivar trajectory_most: scans whose poses are remembered.
+    :ivar keyframes_most: and in all.
+    :ivar trajectory_most: scans whose poses are stored.
     :ivar odometry_m: standard deviation of a step of odometry, and
     :ivar odometry_per_m: more for each metre of it;
     :ivar odometry_rad: of its turn, and
@@ -44,15 +44,15 @@ class MapperTuning:
     :ivar match_noise_m: standard deviation of a point of a scan on its line, with what points of
         one wall have in common.
     :ivar point_noise_m: the same, as far as it makes the pose of one scan uncertain.
-    :ivar share_good: of the points on lines, from which a match is taken as it is;
-    :ivar share_least: below it a match says nothing, and odometry is followed.
-    :ivar loop_apart_m: way since a place was left, from which coming back is a loop; a radian
+    :ivar share_good: of the points on lines, from which a match is used unmodified;
+    :ivar share_least: below it a match is rejected, and odometry is used.
+    :ivar loop_apart_m: distance since a place was left, from which a return is a loop; a radian
         counts as half a metre.
-    :ivar loop_reach_m: how far around places are looked for, beyond what the pose may be wrong by.
-    :ivar loop_reach_most_m: the furthest.
+    :ivar loop_reach_m: search radius for loops in addition to the uncertainty of the pose.
+    :ivar loop_reach_most_m: its maximum.
     :ivar loop_share: of the points on lines, from which a loop is closed.
-    :ivar loop_score: and how well they have to fit.
-    :ivar loop_candidates: places that are tried for each keyframe.
+    :ivar loop_score: and the smallest score.
+    :ivar loop_candidates: candidates that are tried for each keyframe.
     """
 
     range_max_m: float = 20.0

@@ -22,25 +22,25 @@ import numpy as np
 
 from rt_robot_os.features.mapping.slam.transforms import Floats
 
-#: Scans are compared by so many beams; what is farther away counts as there, in m.
+#: Number of beams that are compared, and the range to which longer ones are clipped, in m.
 _BEAMS: Final = 240
 _FAR_M: Final = 20.0
-#: A beam that is off by more is off by no more, in m.
+#: Largest deviation of a beam, in m.
 _OFF_MOST_M: Final = 0.5
-#: The mean beam of another laser is off by more, and that of the same one by less of it.
+#: Smallest mean deviation of another laser, and largest share of it for the same one.
 _UNLIKE_M: Final = 0.25
 _LIKE: Final = 0.4
-#: Scans that come by turns weigh so much more than such that do not, up to a sum at which two
-#: lasers are believed, until nothing of it is left.
+#: Weight of alternating scans against others, and the sum from which on two lasers are assumed,
+#: until it is 0 again.
 _WEIGHT: Final = 2
 _SUM: Final = 12
 
 
 class TwoLasers:
     """
-    Watch the scans of a topic, all that come; 15 us each, not for the real-time loop.
+    Monitor all scans of a topic; 15 us each, not for the real-time loop.
 
-    :ivar are_two: whether two lasers send them.
+    :ivar are_two: whether two lasers publish them.
     """
 
     def __init__(self) -> None:
@@ -50,9 +50,9 @@ class TwoLasers:
 
     def update(self, ranges: Floats) -> bool:
         """
-        Look at the next scan.
+        Process the next scan.
 
-        :param ranges: shape (beams,), m; no number: not measured, inf: nothing there.
+        :param ranges: shape (beams,), m; NaN: not measured, inf: no echo.
         :return: :attr:`are_two`.
         """
         beams = np.minimum(ranges[::max(1, len(ranges) // _BEAMS)], _FAR_M)

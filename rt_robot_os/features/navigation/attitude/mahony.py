@@ -26,7 +26,7 @@ of the gyroscope. Changed here:
    mean of its direction.
 2. The magnetic field turns about the vertical only. Whatever it does, roll and pitch do not move.
 3. What is not gravity and not the earth's field, by its length and dip, is rejected.
-4. The first samples align at once, and the gains then go down like those of a running mean.
+4. The first samples align immediately, and the gains then go down like those of a running mean.
 5. At rest the bias is what the gyroscope says.
 
 NumPy would be slower: three numbers are too few for it.

@@ -75,7 +75,7 @@ class Uncertainty:
 
     def restart(self, gap_s: float = 0.0) -> None:
         """
-        Begin anew, or after a gap.
+        Start again, or after a gap.
 
         :param gap_s: during which the sensor may have been turned.
         """

@@ -127,8 +127,8 @@ class Planner(Module):
         frames = {self.topic_of(port): str(getattr(self, port).msg.header.frame_id)
                   for port in ('goal', 'pose')}
         if len(set(frames.values())) > 1:
-            told = ', '.join(f'{topic} in {frame!r}' for topic, frame in frames.items())
-            raise ConfigError([f'{self.name}: {told}: declare both in the frame of the map'])
+            described = ', '.join(f'{topic} in {frame!r}' for topic, frame in frames.items())
+            raise ConfigError([f'{self.name}: {described}: declare both in the frame of the map'])
         self._radius_m = s['robot_radius_m'] + s['clearance_m']
         self._ground = PlanningGround(LiveMap(
             s['map'], self.map if self.connected('map') else None, frames[self.topic_of('pose')],

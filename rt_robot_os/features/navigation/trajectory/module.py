@@ -64,7 +64,7 @@ _STATE_LENGTH: Final = 200
 _STATE_AGAIN_NS: Final = NS_PER_S
 
 
-class _Request(NamedTuple):
+class _DriveRequest(NamedTuple):
     """
     A goal, a plan or a path.
 
@@ -274,14 +274,14 @@ class Trajectory(Module):
             self.log.warn('%s: not driven: %s', request.input.topic.name, error, throttle_s=1.0)
         return pose
 
-    def _newest_request(self) -> _Request | None:
-        newest: _Request | None = None
+    def _newest_request(self) -> _DriveRequest | None:
+        newest: _DriveRequest | None = None
         for kind, source in self._request_inputs:
             if source.latest() and (newest is None or source.stamp_ns >= newest.stamp_ns):
-                newest = _Request(source.stamp_ns, kind, source)
+                newest = _DriveRequest(source.stamp_ns, kind, source)
         return newest
 
-    def _apply_stops(self, request: _Request | None) -> bool:
+    def _apply_stops(self, request: _DriveRequest | None) -> bool:
         """Execute cancellations and e-stops; return whether one is newer than a request."""
         is_newer = False
         for reason, source in self._stop_inputs:
@@ -303,7 +303,7 @@ class Trajectory(Module):
             if self._estop_release.msg.data:
                 self._is_estop_latched = self._is_estop_pressed  # as in the multiplexer
 
-    def _requested_poses(self, request: _Request, problem: str, now_ns: int) -> list[Pose]:
+    def _requested_poses(self, request: _DriveRequest, problem: str, now_ns: int) -> list[Pose]:
         """
         Return the poses of a request.
 

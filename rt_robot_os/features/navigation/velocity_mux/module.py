@@ -172,9 +172,9 @@ class VelocityMux(Module):
     # ---- work --------------------------------------------------------------------------------
 
     def _read_switches(self, now_ns: int) -> None:
-        for lock, told in self._lock_inputs:
-            while told.take():
-                lock.update(bool(told.msg.data), min(told.stamp_ns, now_ns))
+        for lock, source in self._lock_inputs:
+            while source.take():
+                lock.update(bool(source.msg.data), min(source.stamp_ns, now_ns))
         if self._has_dead_man:
             while self.dead_man.take():
                 self._dead_man.update(bool(self.dead_man.msg.data),
