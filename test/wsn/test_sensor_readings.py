@@ -86,7 +86,7 @@ def test_nodes_that_nobody_surveyed_are_counted_and_named() -> None:
         assert len(statistics['strangers_named'].split()) == 8
         assert 'node 79 sends readings but is not in the survey' in statistics['warning']
         assert statistics['unexpected'] == 1
-        assert 'hall sends smoke, which the survey does not say' in statistics['warning']
+        assert 'hall sends smoke, which the survey does not list' in statistics['warning']
         bench.run(70.0)
         assert module.statistics()['warning'] == ''
 
