@@ -136,7 +136,7 @@ def test_strangers_have_a_bounded_place_and_slips_make_room() -> None:
     assert 120 not in model.nodes and model.counters.nodes_refused == 1
     watch = NetworkWatch(model)
     watch.evaluate(302 * S)
-    assert 'more than max_nodes 4 nodes that nobody surveyed' in watch.warning()
+    assert 'increase max_nodes, 4' in watch.warning()
 
 
 def test_a_foreign_group_is_counted_and_nothing_else() -> None:
@@ -189,7 +189,7 @@ def test_a_reboot_is_told_for_a_minute() -> None:
     for second in range(200):
         model.update(data(1, second if second < 100 else second - 100), second * S)
         watch.evaluate(second * S)
-        told.append('hall (node 1) began anew (1 times so far)' in watch.warning())
+        told.append('hall (node 1) rebooted (1 times so far)' in watch.warning())
     assert told.index(True) == 100 and sum(told) == 61
 
 

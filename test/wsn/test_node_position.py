@@ -24,10 +24,10 @@ import numpy as np
 import pytest
 from rt_robot_os.features.wsn.sensor_network.node_position import distance_of_lqi
 from rt_robot_os.features.wsn.sensor_network.node_position import estimate
-from rt_robot_os.features.wsn.sensor_network.node_position import PositionLink
 from rt_robot_os.features.wsn.sensor_network.node_position import LinkLog
 from rt_robot_os.features.wsn.sensor_network.node_position import lqi_of_link_cost
 from rt_robot_os.features.wsn.sensor_network.node_position import MOST_LINKS
+from rt_robot_os.features.wsn.sensor_network.node_position import PositionLink
 
 ROOM = [(0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (0.0, 8.0), (5.0, 4.0)]
 

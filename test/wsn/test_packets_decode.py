@@ -282,9 +282,11 @@ def test_frames_of_both_generations_on_the_air() -> None:
 
 
 @pytest.mark.parametrize(('frame', 'problem'), [
-    ('', 'too short: 0 bytes, a frame has 6'), ('0602000131a4', 'its length byte is 6, but 5 bytes follow'),
+    ('', 'too short: 0 bytes, a frame has 6'),
+    ('0602000131a4', 'its length byte is 6, but 5 bytes follow'),
     ('0503000131a4', 'is neither of data nor of an acknowledgement'),
-    ('0e41cc010000000000000000000000', 'frame control field 0xcc41 has an address format other than'),
+    ('0e41cc010000000000000000000000',
+     'frame control field 0xcc41 has an address format other than'),
     ('0d' '418801' '2200' '0000' '0000' '41' '42' '0000', "network byte is 0x41, TinyOS' is 0x3f"),
     ('0541880131a4', 'too short: 6 bytes, a frame with data has 14'),
     ('0502000131a5', 'its frame check sequence is wrong')])

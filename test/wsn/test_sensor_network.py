@@ -84,7 +84,7 @@ def test_a_node_that_falls_silent_is_told_until_it_is_back() -> None:
         bench.run(25.0)
         assert rows(nodes)[1].state == NodeState.SILENT
         assert rows(nodes)[2].state == NodeState.UNHEARD
-        assert 'nothing has been heard of hall (node 1) for 15 s' in module.statistics()['warning']
+        assert 'no packet from hall (node 1) for 15 s' in module.statistics()['warning']
         sink.at(0.5, data_msg(1, 25))
         bench.run(3.0)
         assert rows(nodes)[1].state != NodeState.SILENT and rows(nodes)[1].lost == 15
@@ -152,7 +152,7 @@ def test_troubles_are_warned_of_each_with_its_text() -> None:
         sink.at(31.1, data_msg(7, 1, group=0x11))
         bench.run(32.5)
         statistics = module.statistics()
-        assert 'two nodes have the number 1 (hall)' in statistics['warning']
+        assert 'two nodes have the id 1 (hall)' in statistics['warning']
         assert 'bed (node 2) claims to be the sink' in statistics['warning']
         assert statistics['foreign_groups'] == 1 and statistics['nodes'] == 2
 
@@ -164,13 +164,14 @@ def test_without_a_packet_it_says_so() -> None:
         bench.run(3.0)
         assert module.statistics()['warning'] == ''
         bench.run(10.0)
-        assert module.statistics()['warning'] == 'no packet has come yet: is the sink connected?'
+        assert module.statistics()['warning'] == (
+            'no packet so far: check that the sink is connected')
 
 
 @pytest.mark.parametrize(('given', 'said'), [
     ({'packets_topics': []}, 'packets_topics is empty'),
-    ({'packets_topics': ['a', 'a']}, "'a' stands there twice"),
-    ({'battery_curve': [2.0, 0.0, 3.0]}, 'battery_curve: a volt without its share'),
+    ({'packets_topics': ['a', 'a']}, "'a' is given twice"),
+    ({'battery_curve': [2.0, 0.0, 3.0]}, 'battery_curve: an odd number of values'),
     ({'battery_curve': [3.0, 0.0, 2.0, 1.0]}, 'battery_curve: .* both rising'),
     ({'nodes': ['a 1 2']}, "net.nodes: 'a 1 2'"),
 ])

@@ -69,7 +69,7 @@ def test_what_no_sensor_says_is_no_reading() -> None:
         assert not pulse.take() and not spo2.take()
         statistics = module.statistics()
         assert (statistics['implausible'], statistics['readings']) == (2, 0)
-        assert 'bed says spo2_percent 700 %, which no sensor does' in statistics['warning']
+        assert 'bed reports spo2_percent 700 %, which is implausible' in statistics['warning']
 
 
 def test_nodes_that_nobody_surveyed_are_counted_and_named() -> None:
@@ -84,9 +84,9 @@ def test_nodes_that_nobody_surveyed_are_counted_and_named() -> None:
         assert statistics['strangers'] == 32
         assert statistics['strangers_named'].startswith('40:2 50')
         assert len(statistics['strangers_named'].split()) == 8
-        assert 'node 79 sends readings, and nobody surveyed it' in statistics['warning']
+        assert 'node 79 sends readings but is not in the survey' in statistics['warning']
         assert statistics['unexpected'] == 1
-        assert 'hall sends smoke, which the survey does not say' in statistics['warning']
+        assert 'hall sends smoke, which the survey does not list' in statistics['warning']
         bench.run(70.0)
         assert module.statistics()['warning'] == ''
 
@@ -112,7 +112,7 @@ def test_a_payload_of_ones_own_gives_readings() -> None:
 @pytest.mark.parametrize(('given', 'said'), [
     ({}, 'dut: nodes_file and nodes are both empty'),
     ({'nodes': ['hall 1 2']}, "dut.nodes: 'hall 1 2': must be: name x y height"),
-    ({'nodes': NODES, 'quantities': ['smoke']}, 'no node of the survey measures any of it'),
+    ({'nodes': NODES, 'quantities': ['smoke']}, 'no node of the survey measures any of these'),
     ({'nodes': NODES, 'quantities': ['Smoke']}, 'dut.quantities: .Smoke. is not a valid name'),
     ({'nodes': NODES, 'payloads': ['soil 0x42']}, 'dut.payloads: payload .soil 0x42.'),
     ({'nodes_file': '/nowhere.yaml'}, 'dut.nodes_file = ./nowhere.yaml.: No such file'),

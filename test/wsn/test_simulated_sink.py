@@ -201,8 +201,9 @@ def test_faults_of_the_line_give_no_packet_that_was_not_sent(tmp_path: Path, fau
 @pytest.mark.parametrize(('sim', 'problem'), [
     ({'protocol': 'ctp'}, "protocol = 'ctp': motes under tinyos1 have paper or multihoplqi"),
     ({'protocol': 'paper', 'stack': 'tinyos2'}, 'motes under tinyos2 have ctp or multihoplqi'),
-    ({'payload': 'soil'}, "payload = 'soil': must be data, surge or one of your own payloads"),
-    ({'platform': 'mica'}, 'simulated motes are of the family telos: set that')])
+    ({'payload': 'soil'},
+     "payload = 'soil': must be data, surge or one of the user-defined payloads"),
+    ({'platform': 'mica'}, 'simulated motes are of the family telos: set it')])
 def test_what_cannot_be_is_told(tmp_path: Path, sim: dict[str, Any], problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
         SimulatedSink('sink', sim, PtyPort(tmp_path / 'sink'))

@@ -158,7 +158,7 @@ def test_two_nodes_with_one_id_both_come_through_and_are_named() -> None:
         assert packets(rest) == sent
         statistics = device.statistics()
         assert statistics.more['duplicates'] == len(sent)
-        assert 'two nodes seem to have the id 5' in statistics.more['warning']
+        assert 'two nodes probably have the id 5' in statistics.more['warning']
 
 
 def test_two_nodes_with_one_id_that_count_alike_are_named() -> None:
@@ -167,7 +167,7 @@ def test_two_nodes_with_one_id_that_count_alike_are_named() -> None:
         for n in range(len(lines)):
             device.read((n + 1) * S)
         assert len(rest.samples) == 18
-        assert 'two nodes seem to have the id 5' in device.statistics().more['warning']
+        assert 'two nodes probably have the id 5' in device.statistics().more['warning']
 
 
 def test_a_node_that_begins_anew_and_says_the_same_is_heard_after_one_packet() -> None:
@@ -235,7 +235,8 @@ def test_a_node_that_floods_in_the_name_of_another_displaces_no_alarm() -> None:
         assert forged_found == 40 + 9 * 20  # twice the rate at once, then the rate
         statistics = device.statistics()
         assert statistics.more['over_rate'] == 1000 - forged_found == statistics.lost_samples
-        assert ('packets over node_rate_hz were dropped, the last from node 5, delivered by node 9'
+        assert ('packets above node_rate_hz were dropped, the last from node 5, '
+                'delivered by node 9'
                 in statistics.more['warning'])
 
 
@@ -368,7 +369,7 @@ def test_a_node_that_claims_to_be_at_no_cost_is_named(stack: str, line: bytes) -
         device.read(S)
         more = device.statistics().more
         assert more['cost_0_claims'] == 1
-        assert 'node 4 claims to be at no cost from the sink' in more['warning']
+        assert 'node 4 advertises a cost of 0 to the sink' in more['warning']
 
 
 def test_beacons_that_nodes_pass_on_are_no_copies() -> None:
@@ -403,16 +404,16 @@ def test_the_bytes_of_a_base_station_are_recognised() -> None:
 
 @pytest.mark.parametrize('changes, said', [
     ({'classes': []}, 'sink.classes = .*: 0 classes: name 1 to 8'),
-    ({'classes': ['a', 'a']}, 'a class is named twice'),
-    ({'classes': ['A b']}, "'A b' is no name of a class"),
+    ({'classes': ['a', 'a']}, 'a class is given twice'),
+    ({'classes': ['A b']}, "'A b' is not a valid name of a class"),
     ({'rules': ['alarm']}, "rules: 'alarm': must look like"),
     ({'rules': ['fire if kind smoke']}, "there is no class 'fire': use one of alarm, vital, rest"),
-    ({'rules': ['alarm if colour red']}, "'colour' is nothing that a rule can ask for: use type"),
+    ({'rules': ['alarm if colour red']}, "'colour' is not a fact of a rule: use type"),
     ({'rules': ['alarm if kind fire']}, "kind 'fire': must be a number .* or one of none, temp"),
     ({'rules': ['alarm if origin 70000']}, "origin '70000': must be within 0-65535"),
     ({'rules': ['alarm if origin 7-3']}, "origin '7-3': must be within 0-65535, the smaller"),
     ({'rules': ['alarm if kind']}, 'kind needs values'),
-    ({'rules': ['alarm if kind 1 and kind 2']}, 'kind is asked for twice'),
+    ({'rules': ['alarm if kind 1 and kind 2']}, 'kind is given twice'),
     ({'payloads': ['soil']}, 'sink.payloads: '),
     ({'depth': 8}, 'packets_per_job = 16: must be at most depth, 8'),
     ({'port': 'udpp://x:1'}, 'sf://')])

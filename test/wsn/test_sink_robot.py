@@ -204,7 +204,7 @@ def test_a_queue_that_is_full_loses_its_oldest_and_counts_them(robot: Maker) -> 
     statistics = made.managed.statistics()
     assert (made.more['lost_rest'], made.more['lost_alarm']) == (130, 0)
     assert statistics.device.lost_samples == 130
-    assert '130 packets of class rest were lost: its queue was full' in statistics.reason
+    assert '130 packets of class rest were lost because its queue was full' in statistics.reason
 
 
 def test_classes_are_what_the_settings_say(robot: Maker) -> None:

@@ -16,5 +16,6 @@
 Wireless sensor networks: packets, routing, radio, and a simulator of networks of motes.
 
 `packets`, `routing`, `radio` and most of `simulator` are pure computation: bytes in, bytes out,
-and time as an argument. The driver of the sink, its simulated device, the modules and the commands use them.
+and time as an argument. The driver of the sink, its simulated device, the modules and the commands
+use them.
 """

@@ -46,8 +46,8 @@ PACKET_SETTINGS: Final = (
         _AUTO, *PLATFORMS)),
     Field('group', int, ANY_GROUP, 'AM group of the network; packets of other groups are counted '
           f'and not used; {ANY_GROUP}: all that the sink publishes', '', ANY_GROUP, 255),
-    Field('payloads', list, [], "User-defined payloads: 'NAME AM_TYPE FIELD ...', where a field is "
-          "'name:code[unit]=quantity,scale'; see docs/packets.md"),
+    Field('payloads', list, [], "User-defined payloads: 'NAME AM_TYPE FIELD ...', where a field "
+          "is 'name:code[unit]=quantity,scale'; see docs/packets.md"),
 )
 
 

@@ -27,7 +27,7 @@ def load_survey(url: str, key: str) -> tuple[SurveyedNode, ...]:
 
     :param url: a path, ``file://`` or ``package://package/path``.
     :param key: key of the setting, for errors.
-    :raises ConfigError: it cannot be read; the text has the file, the position in it and the remedy.
+    :raises ConfigError: it cannot be read; the text has the file, the line and the remedy.
     """
     path, text = read_text_file(url, key, 'a YAML file with nodes')
     return read_survey(text, str(path))

@@ -157,10 +157,6 @@ class Activity:
 
     # ---- deadlines ---------------------------------------------------------------------------
 
-    def is_active(self, kind: str) -> bool:
-        """Return whether a cause is active."""
-        return kind in self._active
-
     @property
     def due_ns(self) -> float:
         """Time of the next deadline; infinite without one."""

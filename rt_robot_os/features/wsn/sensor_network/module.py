@@ -95,7 +95,7 @@ class SensorNetwork(Module):
                 for topic in self.settings['packets_topics']}
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return the output, with space for all nodes, and their names as the label of its rows."""
+        """Return the output, with space for all nodes and their names as the label."""
         rows = 1 + len(self._survey) + self.settings['max_nodes']
         label = names_label({each.id: each.token for each in self._survey})
         return tuple(replace(each, tail=WIDTH * rows, fixed={'layout.dim': [{'label': label}]})

@@ -61,9 +61,9 @@ class NetworkNode:
 
     __slots__ = ('id', 'name', 'known', 'surveyed', 'x', 'y', 'z', 'place', 'links', 'account',
                  'sink_account', 'plain', 'unnumbered', 'parent', 'via', 'parent_ns',
-                 'delivered_ns', 'hops', 'cost', 'cost_ns', 'battery', 'heard_ns', 'first_ns', 'packets',
-                 'asleep', 'claims_sink_ns', 'in_loop', 'state', 'set_period_ns', '_clock',
-                 '_interval_ns', '_data_ns', '_recent', '_recent_ns')
+                 'delivered_ns', 'hops', 'cost', 'cost_ns', 'battery', 'heard_ns', 'first_ns',
+                 'packets', 'asleep', 'claims_sink_ns', 'in_loop', 'state', 'set_period_ns',
+                 '_clock', '_interval_ns', '_data_ns', '_recent', '_recent_ns')
 
     def __init__(self, number: int, name: str, curve: Curve) -> None:
         self.id = number

@@ -47,10 +47,10 @@ SETTINGS: Final = (
           'silent; ten times that while its period is unknown', 's', 0.1, 86_400.0, live=True),
     Field('delivery_min', float, _LIMITS.delivery, 'Delivery of the last minutes below which '
           'a node is weak', '', 0.0, 1.0, live=True),
-    Field('battery_low_v', float, _LIMITS.battery_v, 'Voltage below which a battery is nearly empty',
-          'V', 0.0, 60.0, live=True),
-    Field('days_low', float, _LIMITS.days, 'Remaining days below which a battery is nearly empty', 'days', 0.0, 365.0,
-          live=True),
+    Field('battery_low_v', float, _LIMITS.battery_v, 'Voltage below which a battery is nearly '
+          'empty', 'V', 0.0, 60.0, live=True),
+    Field('days_low', float, _LIMITS.days, 'Remaining days below which a battery is nearly empty',
+          'days', 0.0, 365.0, live=True),
     Field('battery_curve', list, [each for point in ALKALINE for each in point], 'Discharge curve '
           'of the batteries: volts and remaining share of the charge in turn, both '
           'rising; default: two AA alkaline cells', '', 0.0, 60.0, item=float),

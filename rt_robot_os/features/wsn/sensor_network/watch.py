@@ -140,8 +140,8 @@ class NetworkWatch:
         volts = node.battery.volts
         days = node.battery.days_left()
         if volts < limits.battery_v:
-            found.append(Trouble('battery', node.id, f'{name} has a battery voltage of {volts:.2f} V: '
-                                                     'change its battery'))
+            found.append(Trouble('battery', node.id, f'{name} has a battery voltage of '
+                                                     f'{volts:.2f} V: change its battery'))
         elif days < limits.days:
             found.append(Trouble('battery', node.id, f'the battery of {name} will be empty in '
                                                      f'{days:.1f} days: change it'))
@@ -161,8 +161,8 @@ class NetworkWatch:
         silent_ns = now_ns - node.heard_ns
         if silent_ns > self._silence_ns(node):
             return NodeState.SILENT, [Trouble(
-                'silent', node.id, f'no packet from {name} for {silent_ns / NS_PER_S:.0f} s: check '
-                'that it is on, and within range of the others')]
+                'silent', node.id, f'no packet from {name} for {silent_ns / NS_PER_S:.0f} s: '
+                'check that it is on, and within range of the others')]
         return state, found
 
     def _address_conflict(self, node: NetworkNode, now_ns: int) -> Trouble | None:
@@ -222,8 +222,8 @@ class NetworkWatch:
                 for each in ring:
                     nodes[each].in_loop = True
                 told = ' > '.join(map(str, [*ring[:8], '...' if len(ring) > 8 else ring[0]]))
-                found.append(Trouble('loop', min(ring), f'routing loop {told}: the packets of these '
-                                     'nodes do not reach the sink'))
+                found.append(Trouble('loop', min(ring), f'routing loop {told}: the packets of '
+                                     'these nodes do not reach the sink'))
             done.update(way)
         return found
 
@@ -232,10 +232,11 @@ class NetworkWatch:
         counters, found = model.counters, []
         silent_ns = round(self.limits.silent_s * NS_PER_S)
         if not counters.packets and now_ns - self._since_ns >= silent_ns:
-            found.append(Trouble('nothing', -1, 'no packet so far: check that the sink is connected'))
+            found.append(Trouble('nothing', -1, 'no packet so far: check that the sink is '
+                                                'connected'))
         if counters.nodes_refused:
-            found.append(Trouble('refused', -1, f'{counters.nodes_refused} packets of further nodes '
-                                 'outside the survey are not used: increase max_nodes, '
+            found.append(Trouble('refused', -1, f'{counters.nodes_refused} packets of further '
+                                 'nodes outside the survey are not used: increase max_nodes, '
                                  f'{model.max_nodes}, or set group'))
         if counters.packets and counters.foreign_groups == counters.packets:
             found.append(Trouble('group', -1, 'every packet is of another group than '

@@ -54,7 +54,8 @@ class SensorReadings(Module):
 
     SETTINGS = (
         *PACKET_SETTINGS,
-        Field('prefix', str, 'wsn', 'First part of the names of the topics, as in wsn/hall/temperature'),
+        Field('prefix', str, 'wsn', 'First part of the names of the topics, as in '
+              'wsn/hall/temperature'),
         Field('quantities', list, [], 'Quantities to publish, of those of the nodes of the '
               'survey; empty: all'),
     )
@@ -142,8 +143,9 @@ class SensorReadings(Module):
             else:
                 self._implausible += 1
                 self._tell('implausible', stamp_ns, (
-                    f'{self._names[packet.origin]} reports {name} {value:g} {output.quantity.unit}, '
-                    'which is implausible: the sensor is defective or not worn, or the conversion '
+                    f'{self._names[packet.origin]} reports {name} {value:g} '
+                    f'{output.quantity.unit}, which is implausible: the sensor is '
+                    'defective or not worn, or the conversion '
                     'is wrong'))
 
     def _no_topics_of(self, number: int, stamp_ns: int) -> None:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The air between the motes: who hears a frame, and who does not, and why.
+The radio medium between the motes: which of them receive a frame, and why others do not.
 
-Nothing is done for nodes that a frame does not concern. Whether one receives it is decided when it
-ends, from what was on the air meanwhile; whether the channel is busy, when a node looks.
+The medium does no work for nodes that a frame does not concern. Reception is decided at the end of
+a frame, from the frames that overlapped with it; a busy channel when a node assesses it.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ CUT: Final = 7
 _MASK: Final = (1 << 64) - 1
 _CHANCES: Final = 1 << 53
 
-#: What became of a frame at a node that it was for, by number.
+#: Outcomes of a frame at a node that it was addressed to, by number.
 OUTCOMES: Final = (
     'received', 'weak', 'collision', 'receiving_another', 'sending', 'off', 'no_link',
     'cut')
@@ -53,22 +53,22 @@ OUTCOMES: Final = (
 
 class Medium(ABC):
     """
-    What is common to all media: what is on the air, and to whom it is given.
+    Base of all media: the frames on the air and their delivery.
 
-    :ivar outcomes: how often each of ``OUTCOMES`` occurred: once for each frame and each node that
-        it was for and that could hear it; once for the frame ``no_link`` when there was none, and
-        ``cut`` when its sender was switched off meanwhile.
-    :ivar lqi: of the frame that was received last.
-    :ivar rssi_dbm: of the same.
-    :ivar overhears: frames for others are given to all as well.
-    :ivar snooped: says which of these are given to all although not all have to be.
-    :ivar on_end: called with each frame, acknowledgements too, when it has ended.
-    :ivar trace: the same, and with who received it; of frames for one node all of them only with
-        ``overhears``. It takes time: all that hear an acknowledgement are looked at.
+    :ivar outcomes: count of each of ``OUTCOMES``: once for each frame and each node that it was
+        addressed to and that has a link; once for the frame ``no_link`` without any, and ``cut``
+        when its sender was switched off meanwhile.
+    :ivar lqi: of the last frame received.
+    :ivar rssi_dbm: of the last frame received.
+    :ivar overhears: deliver frames for other nodes to all nodes as well.
+    :ivar snooped: returns whether a frame for another node is delivered to all nodes anyway.
+    :ivar on_end: called at the end of each frame, including acknowledgements.
+    :ivar trace: the same, with the receivers; for frames to one node all receivers only with
+        ``overhears``. This is slow, as all receivers of an acknowledgement are evaluated.
     """
 
     def __init__(self) -> None:
-        """Start with nobody there."""
+        """Create a medium without radios."""
         self.outcomes = [0] * len(OUTCOMES)
         self.lqi = 0
         self.rssi_dbm = 0
@@ -83,13 +83,13 @@ class Medium(ABC):
         self._out_of_step: list[Radio] = []
 
     def seed(self, seed: int) -> None:
-        """Begin the series of random numbers."""
+        """Set the seed of the random numbers."""
         self.random.seed(f'{seed} air')
         self._salt = Random(f'{seed} overheard').getrandbits(64)
 
     def attach(self, radio: Radio, position: Position) -> None:
         """
-        Let a radio hear and be heard.
+        Add a radio.
 
         :param position: x, y and height in m.
         """
@@ -97,15 +97,15 @@ class Medium(ABC):
         self._by_address.setdefault(radio.pan << 16 | radio.address, []).append(radio)
 
     def detach(self, radio: Radio) -> None:
-        """Take a radio away; its frame on the air ends as if it were there."""
+        """Remove a radio; its frame on the air ends normally."""
         self._by_address[radio.pan << 16 | radio.address].remove(radio)
 
     def moved(self, radio: Radio, position: Position) -> None:
-        """Take note that a radio is somewhere else, or sends with another power."""
+        """Note a new position or transmit power of a radio."""
 
     @abstractmethod
     def hearers(self, radio: Radio) -> tuple[Radio, ...]:
-        """Return who may receive what a radio sends."""
+        """Return the radios that may receive frames of a radio."""
 
     @abstractmethod
     def is_busy(self, radio: Radio, now_ns: int) -> bool:
@@ -113,14 +113,14 @@ class Medium(ABC):
 
     @abstractmethod
     def hear(self, frame: Transmission, radio: Radio) -> int:
-        """Return what becomes of a frame that has just ended at a radio: one of ``OUTCOMES``."""
+        """Return the outcome (``OUTCOMES``) of a frame that has just ended at a radio."""
 
     def received_by(self, radio: Radio, now_ns: int) -> Transmission | None:
         """Return the data frame or beacon that a radio is receiving, where the medium knows."""
         return None
 
     def set_out_of_step(self, radio: Radio, is_out_of_step: bool) -> None:
-        """Give a radio all that it receives, or no longer, whoever it is for."""
+        """Set whether a radio gets all frames it receives, whatever their destination."""
         if is_out_of_step != radio.is_out_of_step:
             radio.is_out_of_step = is_out_of_step
             if is_out_of_step:
@@ -129,7 +129,7 @@ class Medium(ABC):
                 self._out_of_step.remove(radio)
 
     def begin(self, frame: Transmission) -> None:
-        """Put a frame on the air; what is there already overlaps with it."""
+        """Start a frame; it overlaps with those already on the air."""
         near = frame.sender.near
         for cell in near:
             for other in cell:
@@ -145,7 +145,7 @@ class Medium(ABC):
         frame.cell.append(frame)
 
     def end_frame(self, frame: Transmission) -> None:
-        """Take a frame off the air and give it to those who receive it."""
+        """End a frame and deliver it to its receivers."""
         receivers: list[Radio] = []
         destination = frame.destination
         if destination == BROADCAST:
@@ -164,9 +164,9 @@ class Medium(ABC):
 
     def end_ack(self, ack: Transmission, waiting: Iterable[Radio]) -> None:
         """
-        Take an acknowledgement off the air.
+        End an acknowledgement.
 
-        :param waiting: radios that wait for one with its number: all of them take it.
+        :param waiting: radios that wait for one with its number: all of them accept it.
         """
         receivers = [radio for radio in waiting
                      if not radio.is_out_of_step and not self.hear(ack, radio)]
@@ -185,30 +185,30 @@ class Medium(ABC):
             radio.acked()
 
     def is_overheard(self, frame: Transmission) -> bool:
-        """Return whether a frame for one node is given to the others too."""
+        """Return whether a frame for one node is delivered to the others, too."""
         return self.overhears or (self.snooped is not None and self.snooped(frame))
 
     def _give_out_of_step(self, frame: Transmission) -> None:
-        """Give a frame to radios that are out of step, unless they get it anyhow."""
+        """Deliver a frame to radios out of step, unless they get it anyway."""
         for radio in tuple(self._out_of_step):
             if radio.address != frame.destination or frame.am_type == ACK:
                 if not self.hear(frame, radio):
                     radio.store(frame, self.lqi, self.rssi_dbm)
 
     def is_acknowledged(self, frame: Transmission, receiver: Radio) -> bool:
-        """Decide, where acknowledgements are not sent, whether that of a receiver arrives."""
+        """Return whether an acknowledgement arrives, for media that do not send them as frames."""
         return True
 
     def is_falsely_acknowledged(self) -> bool:
-        """Decide, where acknowledgements are not sent, whether one comes for a lost frame."""
+        """Return whether a lost frame is acknowledged, for media without such frames."""
         return False
 
     def finish(self, frame: Transmission) -> None:
-        """Take a frame off the air."""
+        """Remove a frame from the air."""
         frame.cell.remove(frame)
         frame.unfinished -= 1
         if frame.overlaps is not None:
-            # What overlapped with frames that are all over is of no use to anybody.
+            # No frame is left that could overlap with the finished ones.
             for other in frame.overlaps:
                 other.unfinished -= 1
                 if not other.unfinished:
@@ -217,7 +217,7 @@ class Medium(ABC):
                 frame.overlaps = None
 
     def give_to_all(self, frame: Transmission, receivers: list[Radio]) -> None:
-        """Give a frame to all that receive it."""
+        """Deliver a frame to all its receivers."""
         outcomes = self.outcomes
         nobody = True
         for radio in self.hearers(frame.sender):
@@ -230,7 +230,7 @@ class Medium(ABC):
         outcomes[NO_LINK] += nobody
 
     def cut(self, frame: Transmission) -> None:
-        """Take a frame off the air whose sender is switched off; nobody receives it."""
+        """Abort a frame whose sender is switched off; no node receives it."""
         if frame in frame.cell:
             self.finish(frame)
             if frame.am_type != ACK:
@@ -238,7 +238,7 @@ class Medium(ABC):
 
     def _give_to_one(self, frame: Transmission, destination: int,
                      receivers: list[Radio]) -> None:
-        """Give a frame to those with an address."""
+        """Deliver a frame to the nodes with an address."""
         radios = self._by_address.get(frame.sender.pan << 16 | destination)
         if not radios:
             self.outcomes[NO_LINK] += 1
@@ -254,7 +254,7 @@ class Medium(ABC):
 
     def _give_to_others(self, frame: Transmission, destination: int,
                         receivers: list[Radio]) -> None:
-        """Give a frame to those that it is not for."""
+        """Deliver a frame to nodes other than its destination."""
         for radio in self.hearers(frame.sender):
             if radio.address != destination and not self.hear(frame, radio):
                 receivers.append(radio)
@@ -264,17 +264,17 @@ class Medium(ABC):
         """
         Return a random number from 0 to 1, 1 not included.
 
-        What is drawn for frames of others leaves the rest as it is, so that a run is the same
-        whether or not somebody looks at them.
+        Numbers for overheard frames do not affect the others, so that a run is the same with and
+        without overhearing.
 
-        :param step: one for each thing that is drawn for a frame at a radio.
+        :param step: index of the number among those for a frame at a radio.
         """
         if frame.destination == BROADCAST or frame.destination == radio.address:
             return self.random.random()
         return self.chance(frame, radio, step)
 
     def chance(self, frame: Transmission, radio: Radio, step: int) -> float:
-        """Return the same from nothing but seed, frame, radio and step, whoever asks first."""
+        """Return a number that depends only on seed, frame, radio and step."""
         mixed = (self._salt + frame.begin_ns * 0x9E3779B97F4A7C15
                  + (frame.sender.number << 40 | radio.number << 16 | step)
                  * 0xD1B54A32D192ED03) & _MASK

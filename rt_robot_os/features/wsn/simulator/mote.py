@@ -36,10 +36,10 @@ _BILLION = 1_000_000_000
 
 class MoteNetwork(Protocol):
     """
-    What a mote has of its network.
+    The interface of a network to its motes.
 
-    :ivar queue: of the events.
-    :ivar seed: of everything that is random.
+    :ivar queue: event queue.
+    :ivar seed: seed of all random numbers.
     :ivar on_note: see ``Network``.
     """
 
@@ -48,10 +48,10 @@ class MoteNetwork(Protocol):
     on_note: Callable[[int, Mote, str, tuple[int, ...]], None] | None
 
     def source_of(self, frame: Transmission) -> int:
-        """Return what a frame says of its sender."""
+        """Return the sender address in a frame."""
 
     def generated(self, mote: Mote, application: bytes) -> None:
-        """Remember when a packet was made."""
+        """Store the creation time of a packet."""
 
     def delivered(self, sink: Mote, am_type: int, payload: bytes, origin: int,
                   application: bytes) -> None:
@@ -64,7 +64,7 @@ class MoteTimer:
     __slots__ = ('_mote', '_call', '_event', '_begun_ns', '_period_ns', '_rounds')
 
     def __init__(self, mote: Mote, call: Callable[[], None]) -> None:
-        """Make a timer that does not run."""
+        """Create a stopped timer."""
         self._mote = mote
         self._call = call
         self._event = Event(call)
@@ -73,7 +73,7 @@ class MoteTimer:
         self._rounds = 0
 
     def start(self, delay_ns: int) -> None:
-        """Run down once from now on."""
+        """Start the timer for one call."""
         mote = self._mote
         if not mote.is_on:
             return
@@ -84,12 +84,12 @@ class MoteTimer:
 
     def every(self, period_ns: int) -> None:
         """
-        Run down again and again.
+        Start the timer for periodic calls.
 
-        :raises ValueError: for a period that is not positive.
+        :raises ValueError: the period is not positive.
         """
         if period_ns <= 0:
-            raise ValueError(f'a period of {period_ns} ns: it has to be positive')
+            raise ValueError(f'a period of {period_ns} ns: must be positive')
         if not self._mote.is_on:
             return
         self._begun_ns = self._mote.queue.now_ns
@@ -110,19 +110,19 @@ class MoteTimer:
         self._call()
 
     def stop(self) -> None:
-        """Do not run down."""
+        """Stop the timer."""
         self._mote.queue.cancel(self._event)
 
 
 class Traffic(NamedTuple):
     """
-    What the application on a mote sends.
+    The packets of the application on a mote.
 
     :ivar period_ns: between packets, on the mote's clock.
-    :ivar build: makes the bytes of a packet from the mote and the packet's number, 0 and up; no
-        two packets of a mote may be the same, else they are not told apart.
+    :ivar build: returns the bytes of a packet for the mote and the packet's number from 0; all
+        packets of a mote must differ.
     :ivar first_ns: from the start of the mote to its first packet; None: random in a period.
-    :ivar jitter_ns: each packet is late by a random time up to this.
+    :ivar jitter_ns: largest random delay of a packet.
     """
 
     period_ns: int
@@ -137,19 +137,19 @@ class Mote:
 
     :ivar address: of 16 bits.
     :ivar number: unique in the simulation; the address where there is one network.
-    :ivar random: for delays of the protocol.
+    :ivar random: random numbers for delays of the protocol.
     :ivar is_root: it is the sink.
     :ivar position: x, y and height in m.
-    :ivar router: its protocol.
+    :ivar router: its routing protocol.
     :ivar radio: its radio.
     :ivar is_on: it has power and is awake.
-    :ivar drift_ppb: its clock is fast by so many in a billion.
-    :ivar battery: None for one that never empties.
+    :ivar drift_ppb: relative error of its clock in 1e-9; positive for fast.
+    :ivar battery: None for one that never discharges.
     :ivar generated: packets of its application.
-    :ivar refused: of these, packets that the protocol had no room for.
-    :ivar delivered: of these, packets that the sink got.
-    :ivar boots: how often it has started.
-    :ivar is_removed: it was taken out of the network for good.
+    :ivar refused: of these, packets that did not fit into the queue of the protocol.
+    :ivar delivered: of these, packets that the sink received.
+    :ivar boots: number of boots.
+    :ivar is_removed: it was removed from the network.
     """
 
     __slots__ = (
@@ -160,7 +160,7 @@ class Mote:
 
     def __init__(self, network: MoteNetwork, address: int, is_root: bool,
                  position: Position, drift_ppb: int, number: int) -> None:
-        """Make a mote that is off; ``Network.add`` does so."""
+        """Create a mote that is off; called by ``Network.add``."""
         self.address = address
         self.number = number
         self.random = Random(f'{network.seed} node {number}')
@@ -185,7 +185,7 @@ class Mote:
         self._period_timer = self.timer(self._due)
         self._late_timer = self.timer(self._generate)
 
-    # What the protocol has of it.
+    # Interface to the protocol.
 
     def now_ns(self) -> int:
         """Return the time since the mote started, on its own clock."""
@@ -193,47 +193,47 @@ class Mote:
         return since + since * self.drift_ppb // _BILLION
 
     def true_ns(self, local_ns: int) -> int:
-        """Return how long a time on the mote's clock really is."""
+        """Return the true length of a time on the mote's clock."""
         return local_ns - local_ns * self.drift_ppb // (_BILLION + self.drift_ppb)
 
     def timer(self, call: Callable[[], None]) -> MoteTimer:
-        """Make a timer that calls when it has run down."""
+        """Create a timer with its callback."""
         timer = MoteTimer(self, call)
         self._timers.append(timer)
         return timer
 
     def sender(self, done: Callable[[bool], None]) -> FrameSender:
-        """Make a sender; ``done`` is called when its frame is through."""
+        """Create a sender; ``done`` is called when its transmission has ended."""
         return FrameSender(self.radio, done)
 
     def deliver(self, am_type: int, payload: bytes, origin: int, application: bytes) -> None:
-        """Hand a data packet to the sink's serial line."""
+        """Pass a data packet to the sink's serial line."""
         self._network.delivered(self, am_type, payload, origin, application)
 
     def note(self, event: str, *numbers: int) -> None:
-        """Tell of something for logs and pictures."""
+        """Report an event for logs and figures."""
         on_note = self._network.on_note
         if on_note is not None:
             on_note(self.queue.now_ns, self, event, numbers)
 
-    # What the radio tells it.
+    # Interface to the radio.
 
     def received(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
-        """Take a frame for this node or for all."""
+        """Receive a frame for this node, or a broadcast."""
         self.router.receive(Received(
             frame.destination, self._network.source_of(frame), frame.am_type, frame.payload, lqi,
             rssi_dbm))
 
     def overheard(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
-        """Take a frame for another node."""
+        """Receive a frame for another node."""
         self.router.snoop(Received(
             frame.destination, self._network.source_of(frame), frame.am_type, frame.payload, lqi,
             rssi_dbm))
 
-    # What a scenario does with it.
+    # Interface to the scenario.
 
     def boot(self) -> None:
-        """Start, with nothing known; one that runs starts anew."""
+        """Boot, or reboot, with an empty state."""
         if self.is_on:
             self.kill()
         if self.is_removed or (self.battery is not None and self.battery.is_empty):
@@ -249,7 +249,7 @@ class Mote:
         self.note('boot', self.boots)
 
     def kill(self) -> None:
-        """Take away the power; ``boot`` gives it back."""
+        """Switch off the power; ``boot`` switches it on."""
         if not self.is_on:
             return
         self.router.stop()
@@ -263,9 +263,9 @@ class Mote:
 
     def originate(self, application: bytes) -> bool:
         """
-        Give the protocol a packet for the sink.
+        Send a packet to the sink.
 
-        :return: False when the mote is off or the protocol has no room.
+        :return: False when the mote is off or the queue of the protocol is full.
         """
         if not self.is_on:
             return False
@@ -278,7 +278,7 @@ class Mote:
 
     @property
     def traffic(self) -> Traffic | None:
-        """Return what the application sends; it can be set at any time."""
+        """Return the traffic of the application; it can be set at any time."""
         return self._traffic
 
     @traffic.setter
@@ -299,13 +299,13 @@ class Mote:
         self._first_timer.start(first_ns)
 
     def _first_due(self) -> None:
-        """Send the first packet, and the others from now on."""
+        """Send the first packet, and start the period."""
         assert self._traffic is not None
         self._period_timer.every(self._traffic.period_ns)
         self._due()
 
     def _due(self) -> None:
-        """Send a packet, late where that is wanted."""
+        """Send a packet after its random delay."""
         assert self._traffic is not None
         if self._traffic.jitter_ns:
             self._late_timer.start(int(self.random.random() * self._traffic.jitter_ns))

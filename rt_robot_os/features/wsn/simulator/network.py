@@ -48,28 +48,28 @@ class Network:
     """
     Motes that run a protocol over a medium.
 
-    :ivar queue: of the events; ``queue.now_ns`` is the time.
-    :ivar medium: the air.
-    :ivar mac: the rules of the medium access.
-    :ivar seed: of everything that is random.
-    :ivar motes: by number, which is the address where there is one network; of two with one number
-        the last.
+    :ivar queue: event queue; ``queue.now_ns`` is the time.
+    :ivar medium: radio medium.
+    :ivar mac: profile of the medium access.
+    :ivar seed: seed of all random numbers.
+    :ivar motes: by number, which is the address where there is one network; of two with
+        the same number the last.
     :ivar duplicates: packets that the sink delivered again.
-    :ivar latencies_ns: from origin to sink, of each packet that was delivered.
-    :ivar on_deliver: called with each packet that the sink delivers, duplicates too:
+    :ivar latencies_ns: from origin to sink, of each packet delivered.
+    :ivar on_deliver: called with each packet that the sink delivers, including duplicates:
         ``on_deliver(mote, am_type, payload, origin, application)``.
-    :ivar on_note: called with what protocols tell: ``on_note(now_ns, mote, event, numbers)``.
+    :ivar on_note: called with each event of the protocols: ``on_note(now_ns, mote, event, numbers)``.
     """
 
     def __init__(self, medium: Medium, protocol: RouterFactory, *, mac: MacProfile = TINYOS2,
                  seed: int = 1, drift_ppm: float = _DRIFT_PPM,
                  power: PowerModel | None = None) -> None:
         """
-        Make a network without motes.
+        Create a network without motes.
 
-        :param protocol: makes the protocol of a mote.
-        :param drift_ppm: standard deviation of the motes' clocks.
-        :param power: what motes draw; None: batteries never empty.
+        :param protocol: factory of the protocol of a mote.
+        :param drift_ppm: standard deviation of the drift of the motes' clocks.
+        :param power: power model of the motes; None: batteries never discharge.
         """
         self.queue = EventQueue()
         self.medium = medium
@@ -98,14 +98,14 @@ class Network:
         Add a mote.
 
         :param position: x, y and height in m.
-        :param boot_ns: when it starts.
-        :param used_mah: of its battery.
+        :param boot_ns: time of its boot.
+        :param used_mah: charge already used of its battery.
         :param pan: which of several networks in the same area it belongs to.
         :param number: unique among all of them; None: the address.
-        :raises ValueError: for an address that is none of a mote.
+        :raises ValueError: the address is not valid for a mote.
         """
         if not 0 <= address < 0xFFFF:
-            raise ValueError(f'mote {address}: an address is from 0 to 65534')
+            raise ValueError(f'mote {address}: the address must be from 0 to 65534')
         drift = int(self._random.gauss(0, self._drift_ppm) * 1000) if self._drift_ppm else 0
         number = address if number is None else number
         mote = Mote(self, address, is_root, position, drift, number)
@@ -127,19 +127,19 @@ class Network:
         return mote
 
     def _snooped(self, frame: Transmission) -> bool:
-        """Return whether the protocol looks at a frame that is for another node."""
+        """Return whether the protocol snoops a frame for another node."""
         mote = self.motes.get(frame.sender.number)
         return mote is None or mote.router.snoops(frame.am_type, frame.payload)
 
     def number_of(self, address: int, mote: Mote) -> int:
-        """Return the number of what a mote calls by an address; the address if there is none."""
+        """Return the number of the node that a mote knows by an address, or the address itself."""
         return self._numbers.get((mote.radio.pan, address), address)
 
     def remove(self, number: int) -> None:
         """
-        Take a mote away for good.
+        Remove a mote.
 
-        :raises KeyError: when there is none.
+        :raises KeyError: there is no such mote.
         """
         mote = self.motes.pop(number)
         mote.kill()
@@ -147,27 +147,27 @@ class Network:
         self.medium.detach(mote.radio)
 
     def move(self, number: int, position: Position) -> None:
-        """Put a mote somewhere else."""
+        """Move a mote."""
         mote = self.motes[number]
         mote.position = position
         self.medium.moved(mote.radio, position)
 
     def at(self, time_ns: int, call: Callable[[], None]) -> Event:
-        """Plan something, such as a fault; the event may be cancelled at ``queue``."""
+        """Schedule a call, such as a fault; the event may be cancelled at ``queue``."""
         event = Event(call)
         self.queue.at(time_ns, event)
         return event
 
     def run_until(self, time_ns: int) -> None:
-        """Run up to a time, that of the time itself included."""
+        """Run all events up to a time, inclusive."""
         self.queue.run_until(time_ns)
 
     def source_of(self, frame: Transmission) -> int:
-        """Return what a frame says of its sender: nothing in TinyOS 1.x, which is -1."""
+        """Return the sender address in a frame; -1 in TinyOS 1.x, which has none."""
         return frame.sender.address if self.mac.version > 1 else -1
 
     def generated(self, mote: Mote, application: bytes) -> None:
-        """Remember when a packet was made."""
+        """Store the creation time of a packet."""
         outstanding = self._outstanding
         outstanding[mote.number, application] = self.queue.now_ns
         if len(outstanding) > _OUTSTANDING:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A scenario made into a network that runs, and what it found."""
+"""Runs the network of a scenario, and collects the results."""
 
 from __future__ import annotations
 
@@ -68,32 +68,32 @@ from rt_robot_os.features.wsn.simulator.topology import WallCount
 from rt_robot_os.features.wsn.simulator.traffic import application
 from rt_robot_os.motion.grid_map import GridMap
 
-#: AM types of beacons, and how the cost stands in them: where, and in which order of bytes.
+#: AM types of beacons, with position and byte order of the cost in them.
 _BEACONS: Final = {0x73: (8, 'big'), 0x70: (5, 'big'), 250: (12, 'little')}
 _ACK_DELAYS_NS: Final = {'hardware': TURNAROUND_NS, 'software': TINYOS2.ack_delay_ns}
 _SLICES: Final = 200
 _SHORTEST_NOISE: Final = 1 << 14
 
-#: Called now and then with the simulated seconds so far.
+#: Called periodically with the simulated time in s.
 Progress = Callable[[float], None]
-#: Called with each frame that was on the air, acknowledgements too, when it has ended.
+#: Called at the end of each frame, including acknowledgements.
 OnFrame = Callable[[Transmission], None]
-#: The tree as it changed: time, node, parent, cost, hops.
+#: Changes of the tree: time, node, parent, cost, hops.
 TreeChange = tuple[int, int, int | None, int, int]
 
 
 class Simulation:
     """
-    A network as a scenario has it.
+    The simulation of a scenario.
 
-    :param scenario: settled.
-    :param topology: of the same.
+    :param scenario: with all defaults set.
+    :param topology: of the scenario.
     :param on_frame: see ``OnFrame``.
-    :param with_host: let the robot's model of the network count as well.
+    :param with_host: run the robot's model of the network as well.
     :raises ConfigError: the recorded noise cannot be read.
-    :ivar network: that runs.
-    :ivar statistics: the truth.
-    :ivar tree: how the tree changed, if :meth:`run` is asked to look.
+    :ivar network: the simulated network.
+    :ivar statistics: true counts of the packets.
+    :ivar tree: changes of the tree, if :meth:`run` records them.
     """
 
     def __init__(self, scenario: Scenario, topology: Topology,
@@ -195,14 +195,14 @@ class Simulation:
         self.network.at(round(self.scenario.sink.start_s * NS_PER_S), drive)
 
     def _sink_speed(self) -> float:
-        """Return how fast the sink drives, in m/s: over the last second."""
+        """Return the mean speed of the sink over the last second, in m/s."""
         way, now_s = self.topology.route, self._now_ns() / NS_PER_S
         if way is None:
             return 0.0
         return math.dist(way.at_s(now_s), way.at_s(max(0.0, now_s - 1.0)))
 
     def _who(self, one: Fault) -> list[int]:
-        # The same nodes each time that it is asked.
+        # The same nodes at each call.
         random = Random(f'{self.scenario.seed} {one}')
         return list(nodes_of(one, self.topology.places, self.topology.sinks, random))
 
@@ -259,7 +259,7 @@ class Simulation:
         """
         Run to the end of the scenario.
 
-        After a KeyboardInterrupt, which is not caught, what there is so far can be asked for.
+        KeyboardInterrupt is not caught; after it the results so far are available.
         """
         end_ns = round(self.scenario.seconds * NS_PER_S)
         begin_ns, began_s = self._now_ns(), perf_counter()
@@ -285,7 +285,7 @@ class Simulation:
     # ---- afterwards ---------------------------------------------------------------------------
 
     def results(self) -> Results:
-        """Return what was found so far."""
+        """Return the results so far."""
         scenario, sinks = self.scenario, self.topology.sinks
         now_ns = self._now_ns()
         motes = {each: mote for each, mote in self.network.motes.items() if each not in sinks}
@@ -326,7 +326,7 @@ class Simulation:
     def _counted_by_host(self) -> Mapping[str, Any]:
         if self._host is None:
             return {}
-        # CTP gives no number to what it has no room for, and tells the application.
+        # CTP does not number packets that its queue refuses, and informs the application.
         unnumbered = self.scenario.protocol == 'ctp'
         return self._host.as_json({
             each: self.statistics.lost_before_last(each) - (mote.refused if unnumbered else 0)
@@ -357,7 +357,7 @@ def _mac(scenario: Scenario) -> MacProfile:
 
 def _noise(scenario: Scenario) -> list[int]:
     radio, random = scenario.radio, Random(f'{scenario.seed} noise')
-    # Short runs need no long series.
+    # Short runs need only a short series.
     length = min(SERIES_LENGTH, max(_SHORTEST_NOISE, round(1000 * scenario.seconds)))
     if radio.noise_file:
         try:

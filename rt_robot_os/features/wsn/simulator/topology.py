@@ -14,10 +14,10 @@
 
 
 """
-Which nodes there are and where, or how they hear each other.
+The nodes of a scenario and their positions, or their links.
 
-A topology of places (grid, random, surveyed) leaves the links to the radio's model; one of a file
-(links, TOSSIM) has the links and no places.
+A topology with positions (grid, random, surveyed) gets its links from the radio model; one from a
+file (links, TOSSIM) has links and no positions.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _TRIES: Final = 30
 
 
 class NodePlacement(NamedTuple):
-    """Where a node is, in m in the frame of the map, and what it measures."""
+    """The position of a node in m in the frame of the map, and its quantities."""
 
     id: int  # noqa: A003
     name: str
@@ -73,12 +73,12 @@ class Topology:
     """
     The nodes of a scenario, the sink among them.
 
-    :ivar places: of all nodes by id; those of a file of links have none that means anything.
-    :ivar sink: of the first network.
-    :ivar pan_nodes: nodes of each network, in the order of their ids; 0: there is one network.
-    :ivar located: whether the places mean something.
+    :ivar places: of all nodes by id; arbitrary for a links file.
+    :ivar sink: id of the sink of the first network.
+    :ivar pan_nodes: number of nodes of each network, in order of their ids; 0: one network.
+    :ivar located: whether the positions are real.
     :ivar links: of a links file; None without.
-    :ivar changes: of these, in the order of time.
+    :ivar changes: changes of these links, in order of time.
     :ivar gains: of a TOSSIM topology in dB; None without.
     :ivar walls: the map whose walls are between the nodes; None without.
     :ivar route: the route of the sink; None when it does not move.
@@ -96,16 +96,16 @@ class Topology:
 
     @cached_property
     def sinks(self) -> frozenset[int]:
-        """Return the sink of each network: of all but the first its first node."""
+        """Return the sink of each network: in all but the first its first node."""
         more = range(self.pan_nodes, len(self.places), self.pan_nodes) if self.pan_nodes else ()
         return frozenset((self.sink, *more))
 
 
 def make_topology(scenario: Scenario) -> Topology:
     """
-    Read what files the scenario names and place the nodes.
+    Read the files of a scenario and place the nodes.
 
-    :raises ConfigError: a file or a text is wrong, or the sink is nowhere.
+    :raises ConfigError: a file or a setting is wrong, or the sink has no position.
     """
     topology, sink = scenario.topology, scenario.sink.id
     if topology.links:
@@ -131,7 +131,7 @@ def make_topology(scenario: Scenario) -> Topology:
 
 
 def _pan_nodes(count: int) -> int:
-    """Return the nodes of each network; 0 where one network has addresses for all."""
+    """Return the number of nodes of each network; 0 where one network is sufficient."""
     networks = -(-count // MOST_NODES_A_PAN)
     return 0 if networks == 1 else -(-count // networks)
 
@@ -154,7 +154,7 @@ def _listed(ids: set[int], sink: int, file: str) -> dict[int, NodePlacement]:
                            f'{known}'])
     count = len(ids)
     _check_count(count, file)
-    # On a circle, so that a picture has something to show.
+    # On a circle, for the figures.
     return {each: NodePlacement(each, str(each), *_on_circle(index, count), 0.0)
             for index, each in enumerate(sorted(ids))}
 
@@ -216,7 +216,7 @@ def _random(scenario: Scenario, walls: GridMap | None) -> Iterator[NodePlacement
 
 
 class _Taken:
-    """Points, found by where they are."""
+    """A spatial index of points."""
 
     def __init__(self, apart_m: float) -> None:
         self._apart_m = apart_m
@@ -275,16 +275,16 @@ def _middle(scenario: Scenario, walls: GridMap | None) -> tuple[float, float]:
 
 class WallCount:
     """
-    How many walls are between two points of a map: each obstacle that a straight line enters.
+    Counts the walls between two points of a map: each obstacle that a straight line enters.
 
-    A node that hangs in or on a wall does not count that one.
+    The wall that a node is mounted on is not counted.
     """
 
     def __init__(self, grid: GridMap) -> None:
         self._grid = grid
 
     def between(self, ax: float, ay: float, bx: float, by: float) -> int:
-        """Count them; takes some 20 us for 10 m."""
+        """Return the number of walls; takes about 20 us for 10 m."""
         length = math.hypot(bx - ax, by - ay)
         steps = int(2.0 * length / self._grid.resolution_m) + 2
         part = np.linspace(0.0, 1.0, steps)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The radio of a mote: it waits its turn at the channel, sends, and sees to acknowledgements."""
+"""The radio of a mote: medium access (CSMA), transmission and acknowledgements."""
 
 from __future__ import annotations
 
@@ -37,26 +37,26 @@ from rt_robot_os.features.wsn.simulator.receive_fifo import ReceiveFifo
 
 
 class Listener(Protocol):
-    """Who gets the frames of a radio."""
+    """The receiver of the frames of a radio."""
 
     def received(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
-        """Take a frame for this node or for all."""
+        """Receive a frame for this node, or a broadcast."""
 
     def overheard(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
-        """Take a frame for another node."""
+        """Receive a frame for another node."""
 
 
 class FrameSender:
     """
-    A place for one frame at a radio.
+    A buffer for one frame at a radio.
 
-    :ivar busy: the frame is on its way.
+    :ivar busy: the frame is waiting or being sent.
     """
 
     __slots__ = ('busy', 'destination', 'am_type', 'payload', 'acknowledge', 'done', '_radio')
 
     def __init__(self, radio: Transceiver, done: Callable[[bool], None]) -> None:
-        """:param done: called when the frame is through, with whether it was acknowledged."""
+        """:param done: called at the end of the transmission, with whether it was acknowledged."""
         self.busy = False
         self.destination = 0
         self.am_type = 0
@@ -67,9 +67,9 @@ class FrameSender:
 
     def send(self, destination: int, am_type: int, payload: bytes, acknowledge: bool) -> bool:
         """
-        Give a frame to the radio; see ``Sender`` of the protocols.
+        Pass a frame to the radio; see ``Sender`` of the protocols.
 
-        One that is too long for any radio is through without having been on the air.
+        The transmission of one that is too long for any radio ends without a frame on the air.
         """
         radio = self._radio
         if self.busy or not radio.is_on:
@@ -83,7 +83,7 @@ class FrameSender:
         return True
 
     def rewrite(self, destination: int, payload: bytes) -> None:
-        """Change the frame that is on its way; see ``Sender`` of the protocols."""
+        """Change the frame in transit; see ``Sender`` of the protocols."""
         if self.busy:
             self._radio.rewrite(self, destination, payload)
 
@@ -92,9 +92,9 @@ class Transceiver(Radio):
     """
     The radio of a mote.
 
-    :ivar too_long_frames: that were not sent because no frame has room for them.
-    :ivar cut_off_frames: of others that it was receiving when it began to send.
-    :ivar unread_frames: that were received, and lost in the receive FIFO.
+    :ivar too_long_frames: frames that were not sent because of their length.
+    :ivar cut_off_frames: frames of others whose reception ended with its own transmission.
+    :ivar unread_frames: frames received, but lost in the receive FIFO.
     """
 
     __slots__ = ('too_long_frames', 'cut_off_frames', 'unread_frames', '_fifo',
@@ -106,10 +106,10 @@ class Transceiver(Radio):
                  mac: MacProfile, listener: Listener, acks_awaited: list[list[Transceiver]],
                  ) -> None:
         """
-        Make a radio that is off.
+        Create a radio that is off.
 
-        :param acks_awaited: by sequence number, the radios that wait for an acknowledgement with
-            it; one list for all radios.
+        :param acks_awaited: radios that wait for an acknowledgement, by sequence number; one
+            mapping for all radios.
         """
         super().__init__(address, power_dbm)
         self.too_long_frames = 0
@@ -132,12 +132,12 @@ class Transceiver(Radio):
         self._acks_awaited = acks_awaited
 
     def switch_on(self) -> None:
-        """Begin to listen."""
+        """Start listening."""
         self.is_on = True
         self.on_since_ns = self._queue.now_ns
 
     def switch_off(self) -> None:
-        """Forget what was to be sent; what is on the air is heard no more by anybody."""
+        """Drop the frames to send; a frame on the air is aborted."""
         self.is_on = False
         if self._sending is not None:
             self._sending.busy = False
@@ -156,7 +156,7 @@ class Transceiver(Radio):
         self._medium.set_out_of_step(self, False)
 
     def enqueue(self, sender: FrameSender) -> None:
-        """Send the frame of a sender when its turn has come."""
+        """Queue the frame of a sender."""
         if self._sending is None:
             self._begin(sender)
         else:
@@ -164,9 +164,9 @@ class Transceiver(Radio):
 
     def rewrite(self, sender: FrameSender, destination: int, payload: bytes) -> None:
         """
-        Change a frame that was given to the radio, as far as TinyOS' memory reaches.
+        Change a frame that was passed to the radio, as far as this is possible in TinyOS.
 
-        A CC2420 has a copy of the frame whose turn it is. TOSSIM's receivers read the sender's
+        A CC2420 has a copy of the frame that it sends. TOSSIM's receivers read the sender's
         memory at the end of the frame, and its flag that requests an acknowledgement is also the
         one that reports it (``TossimPacketModelC``).
         """
@@ -182,7 +182,7 @@ class Transceiver(Radio):
         sender.destination, sender.payload = destination, payload
 
     def _begin(self, sender: FrameSender) -> None:
-        """Wait for a random time, then look whether the channel is clear."""
+        """Wait for a random time, then assess the channel."""
         self._sending = sender
         low, count, step = self._mac.initial
         ticks = low + step * int(self._medium.random.random() * count)
@@ -216,7 +216,7 @@ class Transceiver(Radio):
             self._transmit(now_ns)
 
     def _transmit(self, now_ns: int) -> None:
-        """Put the frame on the air."""
+        """Start the transmission."""
         sender = self._sending
         assert sender is not None
         mac = self._mac
@@ -241,12 +241,12 @@ class Transceiver(Radio):
         self._queue.at(end_ns, self._event)
 
     def _sent(self) -> None:
-        """Give the frame to those who hear it; wait for the acknowledgement."""
+        """Deliver the frame to its receivers; wait for the acknowledgement."""
         frame = self._frame
         assert frame is not None
         mac = self._mac
         self._frame = None
-        # Planned before the receivers act, so that they may do so at the same time.
+        # Scheduled before the receivers act, so that they may act at the same time.
         if frame.acknowledge or mac.is_tossim:
             self._event.call = self._no_ack
             self._queue.at(frame.end_ns + mac.ack_wait_ns, self._event)
@@ -268,7 +268,7 @@ class Transceiver(Radio):
             waiting.remove(self)
 
     def acked(self) -> None:
-        """Take an acknowledgement with the number of the frame that was sent."""
+        """Receive an acknowledgement with the sequence number of the frame sent."""
         if self._mac.is_tossim:
             self._acked = True
             return
@@ -277,7 +277,7 @@ class Transceiver(Radio):
         self._finish(True)
 
     def _finish(self, acked: bool) -> None:
-        """Tell the sender, and let the next one begin."""
+        """Notify the sender, and start the next one."""
         sender = self._sending
         assert sender is not None
         self._sending = None
@@ -287,28 +287,28 @@ class Transceiver(Radio):
         sender.done(acked)
 
     def take(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
-        """Take a frame for this node or for all."""
+        """Receive a frame for this node, or a broadcast."""
         if self._fifo is not None:
             self.store(frame, lqi, rssi_dbm)
             return
         self._read(frame, lqi, rssi_dbm)
 
     def overhear(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
-        """Take a frame for another node."""
+        """Receive a frame for another node."""
         if self._fifo is not None:
             self.store(frame, lqi, rssi_dbm)
             return
         self._listener.overheard(frame, lqi, rssi_dbm)
 
     def _read(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
-        """Acknowledge a frame for this node or for all, and hand it on."""
+        """Acknowledge a frame for this node or for all, and pass it on."""
         self.received_frames += 1
         if frame.acknowledge:
             self._acknowledge(frame)
         self._listener.received(frame, lqi, rssi_dbm)
 
     def _cut_off_reception(self, now_ns: int) -> None:
-        """Leave what was received of a frame in the FIFO, as the radio begins to send."""
+        """Leave a partly received frame in the FIFO at the start of a transmission."""
         frame = self._medium.received_by(self, now_ns)
         if frame is None:
             return
@@ -323,7 +323,7 @@ class Transceiver(Radio):
         self._process_arrivals(self._fifo.cut_off(data, now_ns), None)
 
     def store(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
-        """Take a frame into the FIFO that is out of step, and what the mote then reads."""
+        """Add a frame to the FIFO that is out of step; process what the mote reads."""
         fifo = self._fifo
         assert fifo is not None
         data = in_fifo(bytes_of(frame, self._mac.version), lqi, rssi_dbm)
@@ -357,13 +357,13 @@ class Transceiver(Radio):
                 self._listener.received(frame, arrival.lqi, arrival.rssi_dbm)
 
     def miss(self, frame: Transmission) -> None:
-        """Miss a frame for this node; TOSSIM acknowledges a few of them."""
+        """Lose a frame for this node; TOSSIM acknowledges a few of these."""
         if (self._mac.is_tossim and frame.acknowledge and self.is_on and self._frame is None
                 and self._medium.is_falsely_acknowledged()):
             self._acknowledge(frame)
 
     def _acknowledge(self, frame: Transmission) -> None:
-        """Acknowledge a frame, as the profile has it."""
+        """Acknowledge a frame according to the MAC profile."""
         mac = self._mac
         if frame.destination == BROADCAST and not mac.broadcast_acks:
             return
@@ -379,7 +379,7 @@ class Transceiver(Radio):
             self._queue.at(max(begin_ns - mac.turnaround_ns, self._queue.now_ns), self._ack_event)
 
     def _send_ack(self) -> None:
-        """Put the acknowledgement on the air, unless a frame of this radio is."""
+        """Send the acknowledgement, unless this radio is sending."""
         ack = self._ack
         assert ack is not None
         if self._frame is not None:
@@ -392,7 +392,7 @@ class Transceiver(Radio):
         self._queue.at(ack.end_ns, self._ack_event)
 
     def _ack_sent(self) -> None:
-        """Give the acknowledgement to those who wait for one with its number."""
+        """Deliver the acknowledgement to radios that wait for its sequence number."""
         ack = self._ack
         assert ack is not None
         self._ack = None

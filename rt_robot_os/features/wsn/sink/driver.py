@@ -15,11 +15,11 @@
 """
 The sink of a wireless sensor network: a TinyOS mote on a serial port, or a serial forwarder.
 
-What nodes send arrives on one line. Each packet is sorted by importance before it is decoded, see
-:mod:`rt_robot_os.features.wsn.sink.importance`; each class is a topic whose readers have
-priorities of their own, and has a bounded queue of its own. DuplicateFilter of packets are left out.
+The packets of all nodes arrive on one line. Each one is sorted by importance before it is decoded,
+see :mod:`rt_robot_os.features.wsn.sink.importance`; each class has a topic, whose readers have
+priorities of their own, and a bounded queue. Duplicates are dropped.
 
-Commands to nodes are texts on a topic, see :mod:`rt_robot_os.features.wsn.packets.commands`.
+Commands to nodes are strings on a topic, see :mod:`rt_robot_os.features.wsn.packets.commands`.
 """
 
 from __future__ import annotations
@@ -68,25 +68,25 @@ from rt_robot_os.topics.ports import Input
 PACKET: Final = 'std_msgs/msg/UInt8MultiArray'
 PACKET_MAXIMUM: Final = 256
 _STACKS: Final = {each.name: each for each in (TINYOS_1, TINYOS_2)}
-# Where motes are unless they were built with another one.
+# Default AM groups of TinyOS.
 _GROUPS: Final = {TINYOS_1.name: (0x7D,), TINYOS_2.name: (0x00, 0x22)}
-# What waits for a later job has that long.
+# Delay of the next job while packets wait.
 _NEXT_JOB_NS: Final = NS_PER_MS
-# Commands that are told of in the statistics until they are over.
+# Largest number of commands whose outcomes are tracked.
 _TICKETS_MAXIMUM: Final = 64
-# Frames that say for sure that it is the other generation.
-_SURE: Final = 3
-# What happened that long ago needs no warning any more; the counters keep it.
-_TOLD_NS: Final = 60 * NS_PER_S
-# Bytes without a frame that are more than noise on a quiet line.
+# Number of consecutive frames that identify the other generation.
+_FRAMES_FOR_OTHER_STACK: Final = 3
+# Age up to which an event is part of the warning.
+_RECENT_NS: Final = 60 * NS_PER_S
+# Number of bytes without a frame that is more than noise on an idle line.
 _GARBAGE_BYTES: Final = 128
 
 
 class Sink(SerialDevice[Frame]):
     """
-    A sink.
+    The driver of a sink.
 
-    :cvar command: commands to nodes, as texts.
+    :cvar command: commands to nodes, as strings.
     """
 
     SETTINGS = SINK_SETTINGS
@@ -103,7 +103,7 @@ class Sink(SerialDevice[Frame]):
         Keep the settings; nothing is opened.
 
         :raises ConfigError: the classes or their rules are wrong, or packets_per_job is more than
-            a topic keeps.
+            the depth of the topics.
         """
         stack = _STACKS[settings['stack']]
         self._line: Line = ForwarderLine(stack, settings['platform']) if (
@@ -115,21 +115,21 @@ class Sink(SerialDevice[Frame]):
             raise ConfigError([
                 f'{name}.packets_per_job = {settings["packets_per_job"]}: must be at most depth, '
                 f'{settings["depth"]}, or readers of lower priority lose packets'])
-        self._most = int(settings['packets_per_job'])
+        self._packets_per_job = int(settings['packets_per_job'])
         self._commands = self._bad_commands = self._lost_commands = 0
         self._tickets: deque[tuple[int, str]] = deque(maxlen=_TICKETS_MAXIMUM)
         self._given_up, self._given_up_ns = '', 0
         self._other_stack = self._other_in_a_row = 0
         self._unknown_protocols = 0
-        # Bytes that were rejected until the last frame came.
+        # Bytes rejected before the last frame.
         self._rejected_before = 0
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic."""
+        """Return whether a port has a topic; the others are unused."""
         return bool(self.topic_of(attribute))
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return what is published: a topic for each class, of packets without their framing."""
+        """Return a topic for each class, with packets without their framing."""
         s = self.settings
         return tuple(
             TopicSpec(f'{s["topic"]}/{name}', PACKET, {'layout.dim': 0}, s['depth'],
@@ -137,14 +137,14 @@ class Sink(SerialDevice[Frame]):
             for name in self._sorting.classes)
 
     def restart(self) -> None:
-        """Forget what belongs to the stream so far; what the nodes said last is kept."""
+        """Reset the state of the stream."""
         self._other_in_a_row = 0
         self._rejected_before = self._line.rejected_bytes
-        self._tell_of_commands()
+        self._log_outcomes()
         self._send_output(self.clock_ns())
 
     def quiet_s(self) -> float:
-        """Return how long all nodes may be silent; not the line itself, nor strange bytes."""
+        """Return how long all nodes may be silent while the line itself is in order."""
         strange = self._line.rejected_bytes - self._rejected_before
         if not self._line.ready or strange >= _GARBAGE_BYTES:
             return 0.0
@@ -152,13 +152,13 @@ class Sink(SerialDevice[Frame]):
 
     def write(self, now_ns: int) -> None:
         """
-        PacketHeader whether the mote speaks the language that is set; send what could not be sent.
+        Check the protocol of the mote; send data that are waiting.
 
-        :raises DeviceError: it does not, or it is gone.
+        :raises DeviceError: the mote uses another protocol, or it is gone.
         """
         if self._line.problem:
             raise DeviceError(f'{self.name}: {self._line.problem}')
-        if self._other_in_a_row >= _SURE:
+        if self._other_in_a_row >= _FRAMES_FOR_OTHER_STACK:
             self._other_in_a_row = 0
             other = TINYOS_2 if self._stack is TINYOS_1 else TINYOS_1
             raise DeviceError(f'{self.name}: its frames are those of the other generation of '
@@ -167,15 +167,15 @@ class Sink(SerialDevice[Frame]):
 
     def receive(self, now_ns: int, polled: bool) -> int:
         """
-        Take commands, send them, and send again what was not acknowledged.
+        Send new commands, and those again that were not acknowledged.
 
-        :return: when it has to look again; 0 when it need not.
+        :return: time of the next call; 0 for none.
         """
         if self.connected('command'):
             while self.command.take():
                 self._take_command(self.command.msg.data)
         self._send_output(now_ns)
-        self._tell_of_commands()
+        self._log_outcomes()
         due_ns = self._line.due_ns
         if self._sorting.waiting or self._left:
             soon_ns = now_ns + _NEXT_JOB_NS
@@ -183,7 +183,7 @@ class Sink(SerialDevice[Frame]):
         return due_ns or 0
 
     def own_rounds_hz(self) -> float:
-        """Return how often packets that wait ask for a round at most."""
+        """Return the highest rate of jobs for waiting packets."""
         return float(NS_PER_S // _NEXT_JOB_NS) if self.settings['output_rate_hz'] > 1000 else 0.0
 
     def handle(self, frame: Frame, arrival_ns: int) -> int:
@@ -204,20 +204,20 @@ class Sink(SerialDevice[Frame]):
         return 0
 
     def idle(self, now_ns: int) -> int:
-        """Answer what the mote wants acknowledged, and hand on what waits."""
+        """Acknowledge frames of the mote, and publish waiting packets."""
         if self._line.answers:
             self._send_output(now_ns)
         if not self._sorting.waiting:
             return 0
-        return self._sorting.publish(self._publishers, self._most)
+        return self._sorting.publish(self._publishers, self._packets_per_job)
 
     @property
     def waiting_bytes(self) -> int:
-        """Return the number of bytes that wait for a later job, those of packets included."""
+        """Return the number of bytes that wait for a later job, including those of packets."""
         return super().waiting_bytes + self._sorting.waiting_bytes
 
     def unused(self) -> str:
-        """Return what the valid frames are that gave no packet."""
+        """Return a hint on valid frames without a packet for this sink."""
         sorting = self._sorting
         if sorting.foreign:
             return (f'they are of group {sorting.foreign_group}: set groups: '
@@ -226,11 +226,11 @@ class Sink(SerialDevice[Frame]):
         if platform and platform != self.settings['platform']:
             return f'they are of another family of motes: set platform: {platform}'
         if sorting.misfit:
-            return 'they are neither of telos nor of mica motes: check what the mote runs'
+            return 'they are neither of telos nor of mica motes: check the program of the mote'
         return ''
 
     def statistics(self) -> DeviceStatistics:
-        """Return the counters as they are now; lost are packets without room or over the rate."""
+        """Return the counters; lost are packets of full queues or above the rate."""
         more: dict[str, Value] = {'mode': str(self.settings['mode']), **self._sorting.report()}
         more.update({'other_stack': self._other_stack,
                      'unknown_protocols': self._unknown_protocols, **self._line.report()})
@@ -240,15 +240,15 @@ class Sink(SerialDevice[Frame]):
         return self._counters(lost_samples=lost, more=more)
 
     def input_counters(self) -> Mapping[str, Value]:
-        """Return what became of the commands."""
+        """Return the counters of commands."""
         return {'commands': self._commands, 'bad_commands': self._bad_commands,
                 'lost_commands': self._lost_commands, **self._line.command_counters()}
 
     def silence(self) -> str:
-        """Return what to check when nothing comes."""
+        """Return what to check when no bytes arrive."""
         if self._line.ready or silence_of(self._port):
             return super().silence()
-        return 'it is connected, but no serial forwarder has greeted: check the number of the port'
+        return 'it is connected, but no serial forwarder answers: check the number of the port'
 
     def _take_command(self, text: str) -> None:
         self._commands += 1
@@ -277,7 +277,7 @@ class Sink(SerialDevice[Frame]):
         groups = [each for each in self.settings['groups'] if each != ANY_GROUP]
         return int(groups[0]) if groups else _GROUPS[self._stack.name][0]
 
-    def _tell_of_commands(self) -> None:
+    def _log_outcomes(self) -> None:
         """Log the commands that the mote has not acknowledged."""
         for outcome in self._line.take_outcomes():
             while self._tickets and self._tickets[0][0] < outcome.ticket:
@@ -291,23 +291,23 @@ class Sink(SerialDevice[Frame]):
                                outcome.tries)
 
     def _warning(self) -> str:
-        """Return what a person has to look after, the most serious first; else nothing."""
+        """Return the recent problems, the most serious first; empty without any."""
         sorting = self._sorting
-        since_ns = self._came_ns - _TOLD_NS
+        since_ns = self._came_ns - _RECENT_NS
         recent = {what for what, at_ns in sorting.last_ns.copy().items() if at_ns > since_ns}
-        found = [f'{count} packets of class {name} were lost: its queue was full'
+        found = [f'{count} packets of class {name} were lost because its queue was full'
                  for name, count in zip(sorting.classes, sorting.lost) if name in recent]
         if self._given_up and self._given_up_ns > since_ns:
             found.append(f'command {self._given_up!r} was not acknowledged')
         limit = sorting.limit
         if FLOODED in recent:
             by = f', delivered by node {limit.relay}' if limit.relay >= 0 else ''
-            found.append(f'{limit.refused} packets over node_rate_hz were dropped, the last from '
+            found.append(f'{limit.refused} packets above node_rate_hz were dropped, the last from '
                          f'node {limit.origin}{by}')
         if SHARED in recent:
-            found.append(f'two nodes seem to have the id {sorting.copies.shared_id}')
+            found.append(f'two nodes probably have the id {sorting.duplicates.shared_id}')
         if CLAIMED in recent:
-            found.append(f'node {sorting.claimant} claims to be at no cost from the sink')
+            found.append(f'node {sorting.claimant} advertises a cost of 0 to the sink')
         if FOREIGN in recent:
             found.append(f'{sorting.foreign} packets of other groups, the last of '
                          f'{sorting.foreign_group}')

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-DuplicateFilter of packets that have come already, and what the numbers of an origin tell.
+Detection of duplicate packets, and evaluation of the sequence numbers of an origin.
 
-A packet may come more than once: a relay whose acknowledgement was lost sends it again, a node
-without a route sends to all who hear it, and a sniffer hears every hop. A copy is what says the
-same as a packet of the same origin that came shortly before, apart from what changes from hop to
-hop. Since that includes the number of the packet and its reading, another node with the same id,
-a node that begins anew and a number that begins again at 0 are not taken for copies.
+A packet may arrive more than once: a relay whose acknowledgement was lost sends it again, a node
+without a route broadcasts it, and a sniffer receives every hop. A duplicate has the same content
+as a recent packet of the same origin, except for the fields that change at each hop. Since the
+content includes the sequence number and the reading, packets of another node with the same id, of
+a rebooted node and after a wrap of the number are not duplicates.
 """
 
 from __future__ import annotations
@@ -29,34 +29,35 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 
-#: Packets of each stream that are remembered: those of one type from one origin.
+#: Number of packets stored of each stream (one type from one origin).
 MEMORY: Final = 64
 STREAMS_MAXIMUM: Final = 4096
-#: A number that much smaller than the last is that of a node that has begun anew.
+#: A number smaller than the last one by more than this is that of a rebooted node.
 BACKWARDS: Final = 64
-# Until then a copy is one whatever comes next.
+# Up to this age a repetition is always a duplicate.
 _SURELY_NS: Final = 2 * NS_PER_S
-# So many late ones in order are a stream that begins anew, not a relay that was held up.
+# Number of late packets in order that show a reboot rather than a delayed relay.
 _IN_ORDER: Final = 3
-# Numbers below the first one of a row that may come late.
+# Numbers below the first one of a stream that may arrive late.
 _GRACE: Final = 8
-_NO_COPY: Final = -2, 0, 0
+_NO_DUPLICATE: Final = -2, 0, 0
 
 
 class _Stream:
     """
-    What is known of the packets of one type from one origin.
+    The packets of one type from one origin.
 
-    :ivar seen: content -> when it came, oldest first.
-    :ivar highest: number of its newest packet; -1 none yet.
-    :ivar before: that of the stream that the present one took the place of; -1 none.
-    :ivar late: the last number below the highest, and how many came in order up to it.
-    :ivar missing: how many numbers below the highest may still come.
-    :ivar unexplained: more of them came than were missing.
-    :ivar old_copy: the last one that was an old copy: its number, when the first came and when it.
+    :ivar seen: content -> time of arrival, oldest first.
+    :ivar highest: number of its newest packet; -1 for none.
+    :ivar before: highest number of the stream that the present one replaced; -1 for none.
+    :ivar late: the last number below the highest, and the number of packets in order up to it.
+    :ivar missing: count of numbers below the highest that may still arrive.
+    :ivar unexplained: more of them arrived than were missing.
+    :ivar old_duplicate: the last duplicate that was old: its number, the arrival of the first copy
+        and its own.
     """
 
-    __slots__ = ('seen', 'highest', 'before', 'late', 'missing', 'unexplained', 'old_copy')
+    __slots__ = ('seen', 'highest', 'before', 'late', 'missing', 'unexplained', 'old_duplicate')
 
     def __init__(self) -> None:
         self.seen: OrderedDict[int, int] = OrderedDict()
@@ -65,10 +66,10 @@ class _Stream:
         self.late = -2, 0
         self.missing = _GRACE
         self.unexplained = False
-        self.old_copy = _NO_COPY
+        self.old_duplicate = _NO_DUPLICATE
 
     def go_on(self, sequence: int) -> None:
-        """Have a new highest number, behind which nothing is late yet."""
+        """Set a new highest number; forget the late packets."""
         self.highest = sequence
         self.late = -2, 0
         self.unexplained = False
@@ -76,24 +77,24 @@ class _Stream:
 
 class DuplicateFilter:
     """
-    Leave out copies, in bounded memory; safe in the loop.
+    Detects duplicates, in bounded memory; safe in the loop.
 
-    :ivar copies: packets that were left out.
-    :ivar jumps: times that numbers of a stream were missing.
-    :ivar restarts: times that one began anew, its number having gone back.
-    :ivar shared_ids: times that one origin said two things under one number, or two rows of
-        numbers came from it in turn: two nodes have one id.
-    :ivar shared_id: the last such origin; -1 none.
-    :ivar forgotten: streams that were forgotten because there were too many.
+    :ivar dropped: number of duplicates.
+    :ivar jumps: gaps in the numbers of a stream.
+    :ivar restarts: reboots: the number of a stream went back.
+    :ivar shared_ids: packets of one origin with the same number and different content, or with
+        two alternating sequences: two nodes have the same id.
+    :ivar shared_id: the last such origin; -1 for none.
+    :ivar forgotten: streams removed because there were too many.
     """
 
     def __init__(self, keep_ns: int) -> None:
         """
-        Begin with an empty memory.
+        Create an empty filter.
 
-        :param keep_ns: how long a packet is remembered; 0 leaves nothing out.
+        :param keep_ns: how long a packet is stored; 0 disables the filter.
         """
-        self.copies = self.jumps = self.restarts = 0
+        self.dropped = self.jumps = self.restarts = 0
         self.shared_ids = self.forgotten = 0
         self.shared_id = -1
         self._keep_ns = keep_ns
@@ -101,17 +102,17 @@ class DuplicateFilter:
 
     @property
     def streams(self) -> int:
-        """Return the number of streams that are remembered."""
+        """Return the number of streams stored."""
         return len(self._streams)
 
-    def is_copy(self, origin: int, am_type: int, content: int, sequence: int, bits: int,
-                now_ns: int) -> bool:
+    def is_duplicate(self, origin: int, am_type: int, content: int, sequence: int, bits: int,
+                     now_ns: int) -> bool:
         """
-        Take a packet, and return whether it is a copy of one before.
+        Add a packet, and return whether it is a duplicate.
 
-        :param origin: who made it; -1 unknown.
-        :param content: a number for what stays the same from hop to hop; 0 has no copies.
-        :param sequence: the number that the origin gave it; -1 none.
+        :param origin: node that made it; -1 if unknown.
+        :param content: hash of what is the same at each hop; 0 for packets without duplicates.
+        :param sequence: sequence number from the origin; -1 for none.
         :param bits: of that number; 0 when gaps in it mean nothing.
         """
         key = origin, am_type
@@ -124,28 +125,28 @@ class DuplicateFilter:
             known = streams[key] = _Stream()
         elif len(streams) > STREAMS_MAXIMUM // 2:
             streams.move_to_end(key)
-        if content and self._keep_ns and self._seen(known, content, sequence, now_ns):
-            self.copies += 1
+        if content and self._keep_ns and self._is_repeated(known, content, sequence, now_ns):
+            self.dropped += 1
             return True
         if bits and sequence >= 0 and self._keep_ns:
             self._count(origin, known, sequence, 1 << bits)
         return False
 
-    def _seen(self, known: _Stream, content: int, sequence: int, now_ns: int) -> bool:
-        """Return whether it came before; if not, remember it."""
+    def _is_repeated(self, known: _Stream, content: int, sequence: int, now_ns: int) -> bool:
+        """Return whether the content is a repetition; if not, store it."""
         seen = known.seen
         came_ns = seen.get(content)
         if came_ns is not None and now_ns - came_ns < self._keep_ns:
             if now_ns - came_ns <= _SURELY_NS:
                 return True
-            number, before_ns, copied_ns = known.old_copy
-            known.old_copy = sequence, came_ns, now_ns
-            # What a relay held back comes at once. What comes in order and as slowly as the first
-            # time is a node that has begun anew and measures the same.
+            number, before_ns, copied_ns = known.old_duplicate
+            known.old_duplicate = sequence, came_ns, now_ns
+            # Packets that a relay held back arrive in a burst. Packets in order and as slow as
+            # the first time are from a rebooted node that measures the same.
             if sequence != number + 1 or 2 * (now_ns - copied_ns) < came_ns - before_ns:
                 return True
         else:
-            known.old_copy = _NO_COPY
+            known.old_duplicate = _NO_DUPLICATE
         seen[content] = now_ns
         seen.move_to_end(content)
         if len(seen) > MEMORY:
@@ -153,14 +154,14 @@ class DuplicateFilter:
         return False
 
     def _count(self, origin: int, known: _Stream, sequence: int, numbers: int) -> None:
-        """Note what the number of a packet tells that is new."""
+        """Evaluate the sequence number of a new packet."""
         highest = known.highest
         step = _step(highest, sequence, numbers) if highest >= 0 else 1
         if -BACKWARDS <= step <= 0:
             self._note_late(origin, known, sequence, step)
             return
         if known.unexplained:
-            # Numbers that were not missing came between others that go on: two rows of them.
+            # Numbers that were not missing, between others that continue: two sequences.
             self._note_shared(origin)
         if step > BACKWARDS or step < 0:
             before, known.before = known.before, highest
@@ -197,6 +198,6 @@ class DuplicateFilter:
 
 
 def _step(before: int, after: int, numbers: int) -> int:
-    """Return how far a number that begins again has gone; more than half of its way is back."""
+    """Return the step of a number that wraps; more than half of its range is backwards."""
     step = (after - before) % numbers
     return step if step < numbers // 2 else step - numbers

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A bound on the packets of important classes from one node, by the relay that delivered them.
+A rate limit of the packets of important classes from one node, by the relay that delivered them.
 
 Addresses on the radio are not authenticated: a node can send alarms in the name of another and
-fill the queue of their class. The bound counts each origin by each relay, so that a flood in the
-name of a node leaves the packets alone that this node sends by another relay.
+fill the queue of their class. The limit applies to each pair of origin and relay, so that a flood
+in the name of a node does not affect packets of this node through another relay.
 
 The algorithm is the generic cell rate algorithm (ITU-T I.371, virtual scheduling).
 """
@@ -29,28 +29,28 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 
-#: Pairs of origin and relay that are remembered; the one unused for longest is forgotten.
+#: Number of pairs of origin and relay stored; the least recently used is removed.
 FLOWS_MAXIMUM: Final = 4096
-#: A node that was silent may send as many packets at once as its rate gives in this time.
+#: After a silence a node may send a burst of as many packets as its rate gives in this time.
 BURST_S: Final = 2
 
 
 class FlowLimit:
     """
-    Count packets by origin and relay, in bounded memory; safe in the loop.
+    Limits packets by origin and relay, in bounded memory; safe in the loop.
 
     :ivar refused: packets beyond the rate.
-    :ivar origin: who sent the last one, according to the packet; -1 none.
-    :ivar relay: which node delivered it; -1 unknown.
+    :ivar origin: origin of the last one, according to the packet; -1 for none.
+    :ivar relay: node that delivered it; -1 if unknown.
     """
 
     __slots__ = ('refused', 'origin', 'relay', '_interval_ns', '_burst_ns', '_due_ns')
 
     def __init__(self, rate_hz: float) -> None:
         """
-        Begin with an empty memory.
+        Create an unused limit.
 
-        :param rate_hz: packets a second that are accepted of each; 0 accepts all.
+        :param rate_hz: accepted packets per second of each pair; 0 accepts all.
         """
         self.refused = 0
         self.origin = self.relay = -1
@@ -61,15 +61,15 @@ class FlowLimit:
 
     @property
     def flows(self) -> int:
-        """Return the number of pairs that are remembered."""
+        """Return the number of pairs stored."""
         return len(self._due_ns)
 
     def accepts(self, origin: int, relay: int, now_ns: int) -> bool:
         """
         Return whether a packet is within the rate.
 
-        :param origin: who made it; -1 unknown.
-        :param relay: who delivered it; -1 unknown.
+        :param origin: node that made it; -1 if unknown.
+        :param relay: node that delivered it; -1 if unknown.
         """
         if not self._interval_ns:
             return True

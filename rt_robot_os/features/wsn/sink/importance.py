@@ -15,14 +15,15 @@
 """
 Classes of packets by importance, and the rules that say which packet is of which class.
 
-A rule is a line of text, the first that fits counts, and what none fits is of the last class::
+A rule is a line of text. The first one that matches applies; packets without a match are of the
+last class::
 
     alarm if kind alarm smoke water
     vital if kind pulse spo2 and origin 3-7 9
     vital if type 0x93 and group 0x22
 
-A rule needs nothing of a packet but what :mod:`rt_robot_os.features.wsn.sink.packet_header` finds in its
-header, so the class is known before anything is decoded.
+A rule uses only the header of a packet (:mod:`rt_robot_os.features.wsn.sink.packet_header`), so
+the class is known before the packet is decoded.
 """
 
 from __future__ import annotations
@@ -44,11 +45,11 @@ DEFAULT_RULES: Final = (
     'consciousness')
 CLASSES_MAXIMUM: Final = 8
 
-# What a rule may ask for, and the largest value of it.
+# Facts of rules, with their largest values.
 _FACTS: Final[Mapping[str, int]] = {'type': 0xFF, 'kind': 0xFFFF, 'origin': 0xFFFF, 'group': 0xFF}
 _CLASS: Final = re.compile(r'[a-z][a-z0-9_]{0,31}', re.ASCII)
 _FORM: Final = "must look like 'vital if kind pulse spo2 and origin 3-7 9'"
-# Enough for some thousand nodes with their types; then the answers are found out anew.
+# Size of the cache: enough for a few thousand nodes with their types.
 _REMEMBERED: Final = 8192
 
 _Spans = tuple[tuple[int, int], ...]
@@ -58,8 +59,8 @@ class ImportanceRule(NamedTuple):
     """
     One rule.
 
-    :ivar place: of its class in the list of classes.
-    :ivar conditions: fact -> first and last value of each span; all of the facts must fit.
+    :ivar place: index of its class.
+    :ivar conditions: fact -> first and last value of each span; all facts must match.
     """
 
     place: int
@@ -67,14 +68,15 @@ class ImportanceRule(NamedTuple):
 
 
 def class_problems(classes: Sequence[str]) -> list[str]:
-    """Return what is wrong with the names of the classes."""
-    problems = [f'{each!r} is no name of a class: a small letter, then small letters, digits and _'
+    """Return the problems of the names of the classes."""
+    problems = [f'{each!r} is not a valid name of a class: must be a lower case letter, then '
+                'lower case letters, digits or _'
                 for each in classes if not _CLASS.fullmatch(each)]
     if not classes or len(classes) > CLASSES_MAXIMUM:
         problems.append(f'{len(classes)} classes: name 1 to {CLASSES_MAXIMUM}, the most important '
                         'first')
     if len(set(classes)) != len(classes):
-        problems.append('a class is named twice')
+        problems.append('a class is given twice')
     return problems
 
 
@@ -82,7 +84,7 @@ def parse_rule(text: str, classes: Sequence[str]) -> ImportanceRule:
     """
     Read a rule.
 
-    :raises ValueError: it is none; the message says what is wrong and what would be right.
+    :raises ValueError: it is not valid; the text has the problem and the remedy.
     """
     name, separator, rest = text.strip().partition(' if ')
     name = name.strip()
@@ -95,10 +97,10 @@ def parse_rule(text: str, classes: Sequence[str]) -> ImportanceRule:
     for part in rest.split(' and '):
         fact, *values = part.split()[:64] or ['']
         if fact not in _FACTS:
-            raise ValueError(f'{fact[:32]!r} is nothing that a rule can ask for: use '
+            raise ValueError(f'{fact[:32]!r} is not a fact of a rule: use '
                              f'{", ".join(_FACTS)}; it {_FORM}')
         if fact in conditions:
-            raise ValueError(f'{fact} is asked for twice: write its values one after the other')
+            raise ValueError(f'{fact} is given twice: write its values in one list')
         if not values:
             raise ValueError(f'{fact} needs values; it {_FORM}')
         conditions[fact] = tuple(_span(fact, each) for each in values)
@@ -124,16 +126,16 @@ def _span(fact: str, text: str) -> tuple[int, int]:
 
 class Classifier:
     """
-    Tell the class of a packet; safe in the loop.
+    Determines the class of packets; safe in the loop.
 
-    :ivar classes: their names, the most important first.
+    :ivar classes: names of the classes, the most important first.
     """
 
     def __init__(self, classes: Sequence[str], rules: Sequence[str]) -> None:
         """
         Read the rules.
 
-        :raises ValueError: some are wrong; the message has a line for each problem.
+        :raises ValueError: some are not valid; the text has a line for each problem.
         """
         problems = [f'classes = {list(classes)}: {each}' for each in class_problems(classes)]
         found: list[ImportanceRule] = []
@@ -150,10 +152,10 @@ class Classifier:
 
     def place(self, am_type: int, kind: int, origin: int, group: int) -> int:
         """
-        Return the place of the class in the list, 0 for the most important.
+        Return the index of the class, 0 for the most important.
 
-        :param kind: of the reading; -1 where the packet has none.
-        :param origin: who made the packet; -1 where that is not known.
+        :param kind: of the reading; -1 for none.
+        :param origin: node that made the packet; -1 if unknown.
         """
         key = am_type, kind, origin, group
         place = self._known.get(key)

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What stands between the bytes of a port and the packets of a sink: a serial line, or a forwarder.
+The protocols between the port and the packets of a sink: a serial line, or a forwarder.
 
-Both are decoders of a stream and take packets to be sent; neither does any input or output.
+Both decode a stream and queue packets to send; neither does any input or output.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from rt_robot_os.features.wsn.packets.serial_link import CAPACITY
 from rt_robot_os.features.wsn.packets.serial_link import Link
 from rt_robot_os.features.wsn.packets.serial_link import Outcome
 
-# Outcomes that nobody has taken; more cannot be under way.
+# Largest number of unread outcomes; there cannot be more packets in transit.
 _OUTCOMES: Final = 4 * CAPACITY
 
 
 class Line(Protocol):
-    """What a sink has of its line; as a decoder it counts what every decoder does."""
+    """The interface of a line; as a decoder it has the counters of decoders."""
 
     frames: int
     rejected_bytes: int
@@ -47,11 +47,11 @@ class Line(Protocol):
 
     @property
     def problem(self) -> str:
-        """Return why the other side is of no use; empty when it is."""
+        """Return why the other side cannot be used; empty when it can."""
 
     @property
     def ready(self) -> bool:
-        """Return whether packets may come."""
+        """Return whether packets may arrive."""
 
     @property
     def pending_bytes(self) -> int:
@@ -63,54 +63,54 @@ class Line(Protocol):
 
     @property
     def due_ns(self) -> int | None:
-        """Return when :meth:`output` has something: 0 at once, None never."""
+        """Return when :meth:`output` has data: 0 for at once, None for never."""
 
     @property
     def answers(self) -> bool:
-        """Return whether something is to be sent at once, because of what came."""
+        """Return whether an answer to received data is to be sent at once."""
 
     def feed(self, data: bytes) -> Sequence[Frame]:
-        """Take the next bytes and give the frames with packets that they complete."""
+        """Add received bytes; return the completed frames with packets."""
 
     def reset(self) -> None:
-        """Begin anew: what is pending is rejected, what waits to be sent is given up."""
+        """Reset: pending bytes are rejected, waiting packets are given up."""
 
     def send(self, packet: bytes) -> int:
-        """Have a packet sent; return its ticket, 0 when there is no room."""
+        """Queue a packet; return its ticket, 0 when the queue is full."""
 
     def output(self, now_ns: int) -> bytes:
         """Return the bytes to send now."""
 
     def take_outcomes(self) -> Sequence[Outcome]:
-        """Return what became of packets since the last call."""
+        """Return the outcomes of packets since the last call."""
 
     def command_counters(self) -> dict[str, Value]:
-        """Return what became of packets, by name."""
+        """Return the counters of packets sent, by name."""
 
     def report(self) -> dict[str, Value]:
         """Return the other counters by name."""
 
 
 class SerialLine(FrameReader):
-    """A serial line: frames with packets, and acknowledgements, which it deals with."""
+    """A serial line: frames with packets, and acknowledgements, which it handles."""
 
     def __init__(self, protocols: Protocols) -> None:
         """
-        Begin with nothing.
+        Create an idle line.
 
-        :param protocols: what is written; read are those of both generations.
+        :param protocols: of the frames sent; frames of both generations are received.
         """
         super().__init__()
         self._link = Link(protocols)
 
     @property
     def problem(self) -> str:
-        """Return nothing: what is wrong with a line its bytes tell."""
+        """Return nothing: problems of a serial line show in its bytes."""
         return ''
 
     @property
     def ready(self) -> bool:
-        """Return whether packets may come: always."""
+        """Return whether packets may arrive: always."""
         return True
 
     @property
@@ -120,30 +120,30 @@ class SerialLine(FrameReader):
 
     @property
     def due_ns(self) -> int | None:
-        """Return when :meth:`output` has something: 0 at once, None never."""
+        """Return when :meth:`output` has data: 0 for at once, None for never."""
         return self._link.next_ns
 
     @property
     def answers(self) -> bool:
-        """Return whether acknowledgements that the mote wants are to be sent."""
+        """Return whether acknowledgements for the mote are to be sent."""
         return self._link.has_answers
 
     def feed(self, data: bytes) -> list[Frame]:
         """
-        Take the next bytes of the line; never raises.
+        Add received bytes; never raises.
 
-        :return: the frames with packets that they complete, in order.
+        :return: the completed frames with packets, in order.
         """
         take = self._link.take
         return [each for each in super().feed(data) if take(each)]
 
     def reset(self) -> None:
-        """Begin anew: what is pending is rejected, what waits to be sent is given up."""
+        """Reset: pending bytes are rejected, waiting packets are given up."""
         super().reset()
         self._link.reset()
 
     def send(self, packet: bytes) -> int:
-        """Have a packet sent; return its ticket, 0 when there is no room."""
+        """Queue a packet; return its ticket, 0 when the queue is full."""
         return self._link.send(packet)
 
     def output(self, now_ns: int) -> bytes:
@@ -151,11 +151,11 @@ class SerialLine(FrameReader):
         return self._link.poll(now_ns)
 
     def take_outcomes(self) -> list[Outcome]:
-        """Return what became of packets since the last call."""
+        """Return the outcomes of packets since the last call."""
         return self._link.take_outcomes()
 
     def command_counters(self) -> dict[str, Value]:
-        """Return what became of packets, by name."""
+        """Return the counters of packets sent, by name."""
         link = self._link
         return {'waiting_commands': link.waiting, 'acknowledged_commands': link.acknowledged,
                 'unacknowledged_commands': link.given_up, 'command_resends': link.resends}
@@ -171,17 +171,17 @@ class ForwarderLine:
     """
     A serial forwarder of TinyOS.
 
-    It does not tell what becomes of packets that are sent; those that wait for the connection when
-    it breaks are told as given up.
+    It does not acknowledge packets; those that wait when the connection breaks are reported as
+    given up.
 
-    :ivar frames: packets that came.
-    :ivar rejected_bytes: bytes that were no part of its protocol.
+    :ivar frames: packets received.
+    :ivar rejected_bytes: bytes that do not belong to its protocol.
     :ivar rejected_frames: always 0; TCP has checksums of its own.
     """
 
     def __init__(self, protocols: Protocols, platform: str) -> None:
         """
-        Begin with nothing.
+        Create an unconnected line.
 
         :param protocols: of the generation that is set.
         :param platform: of the motes under TinyOS 1.x.
@@ -201,12 +201,12 @@ class ForwarderLine:
 
     @property
     def problem(self) -> str:
-        """Return why the other side is of no use; empty when it is."""
+        """Return why the other side cannot be used; empty when it can."""
         return self._client.problem
 
     @property
     def ready(self) -> bool:
-        """Return whether both sides have greeted."""
+        """Return whether the handshake is complete."""
         return self._client.ready
 
     @property
@@ -221,19 +221,19 @@ class ForwarderLine:
 
     @property
     def due_ns(self) -> int | None:
-        """Return when :meth:`output` has something: 0 at once, None never."""
+        """Return when :meth:`output` has data: 0 for at once, None for never."""
         return 0 if self.answers or self._waiting and self._client.ready else None
 
     @property
     def answers(self) -> bool:
-        """Return whether a greeting is to be sent."""
+        """Return whether a handshake is to be sent."""
         return self._client.has_output
 
     def feed(self, data: bytes) -> list[Frame]:
         """
-        Take the next bytes of the forwarder; never raises.
+        Add received bytes; never raises.
 
-        :return: a frame for each packet that they complete; all end with the bytes.
+        :return: a frame for each completed packet; all end with the last byte.
         """
         client, plain, end = self._client, self._protocols.plain, len(data)
         found = [Frame(plain, -1, packet, end, len(packet) + 1) for packet in client.feed(data)]
@@ -243,7 +243,7 @@ class ForwarderLine:
         return found
 
     def reset(self) -> None:
-        """Greet anew: what is pending is rejected, what waits to be sent is given up."""
+        """Restart the handshake: pending bytes are rejected, waiting packets are given up."""
         self.rejected_bytes += self._client.pending_bytes
         self._rejected = 0
         self._client = ForwarderClient(self._protocols.name, platform=self._platform)
@@ -254,7 +254,7 @@ class ForwarderLine:
         self._waiting.clear()
 
     def send(self, packet: bytes) -> int:
-        """Have a packet sent; return its ticket, 0 when there is no room."""
+        """Queue a packet; return its ticket, 0 when the queue is full."""
         if len(self._waiting) >= CAPACITY:
             return 0
         self._tickets += 1
@@ -270,13 +270,13 @@ class ForwarderLine:
         return client.take_output()
 
     def take_outcomes(self) -> list[Outcome]:
-        """Return which packets were given up since the last call."""
+        """Return the packets that were given up since the last call."""
         found = list(self._outcomes)
         self._outcomes.clear()
         return found
 
     def command_counters(self) -> dict[str, Value]:
-        """Return what became of packets, by name."""
+        """Return the counters of packets sent, by name."""
         return {'waiting_commands': len(self._waiting), 'forwarded_commands': self._sent,
                 'unacknowledged_commands': self._given_up}
 

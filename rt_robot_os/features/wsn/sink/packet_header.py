@@ -150,8 +150,8 @@ def read_telos_header(packet: bytes, routed: Collection[int] = frozenset((SURGE,
                             relay=relay)
     kind = packet[30] | packet[31] << 8 if length >= 24 and not (packet[20] or packet[21]) else -1
     return PacketHeader(am_type, group, origin, kind,
-                        packet[26] | packet[27] << 8 | packet[28] << 16 | packet[29] << 24, 32, content,
-                        relay=relay)
+                        packet[26] | packet[27] << 8 | packet[28] << 16 | packet[29] << 24, 32,
+                        content, relay=relay)
 
 
 def read_mica_header(packet: bytes, routed: Collection[int] = frozenset((SURGE,)),

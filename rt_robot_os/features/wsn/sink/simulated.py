@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-A simulated sink: the mote of a base station, and the whole network that it is the sink of.
+A simulated sink: the mote of a base station, and its whole network.
 
-The nodes are those of the world, where they are and as they are; the sink is where the robot is.
-Without a world it is that of a little network of its own.
+The nodes are those of the world; the sink is at the position of the robot. Without a world it has
+a small default network.
 """
 
 from __future__ import annotations
@@ -66,18 +66,18 @@ OSCILLOSCOPE: Final = 'oscilloscope'
 _OF_STACK: Final = {TINYOS_1.name: (PAPER, MULTIHOP_LQI), TINYOS_2.name: (CTP, MULTIHOP_LQI)}
 _SNIFFERS: Final = {TINYOS_1.name: 'tosbase', TINYOS_2.name: 'base_station'}
 _ROOT: Final = 'root'
-# What the simulated device knows from the section of its driver, if its own says nothing.
+# Settings taken from the section of the driver unless the simulated device has its own.
 _OF_DRIVER: Final = ('stack', 'platform', 'mode', 'root', 'payloads')
 _LONGEST_MS: Final = 3_600_000.0
 _PERSON_DB: Final = 4.0
-# Far apart for a radio of -25 dBm, so that some need others to reach the sink at 0, 0.
-_LITTLE: Final = (
+# Far apart for a radio of -25 dBm, so that some need relays to reach the sink at 0, 0.
+_DEFAULT_NODES: Final = (
     'hall 3 0 2.2', 'kitchen 9 2 1.4', 'bed 5 -6 0.7 pulse_per_min spo2_percent alarm battery',
     'study 12 -4 1.2', 'cellar 17 1 0.5 temperature water battery')
 
 
-class _Room:
-    """What places are like without a world."""
+class _DefaultEnvironment:
+    """The environment without a world."""
 
     def temperature_c(self, x: float, y: float) -> float:
         """Return the temperature at a place."""
@@ -88,7 +88,7 @@ class _Room:
         return 200.0
 
     def noticed(self, x: float, y: float) -> bool:
-        """Return that nobody moves about."""
+        """Return False: there is no motion."""
         return False
 
 
@@ -101,36 +101,38 @@ class SimulatedSink(SimulatedDevice):
 
     SETTINGS = common_settings(100.0, 1000.0, SINK_FAULTS) + (
         Field('protocol', str, '', 'Routing of the simulated motes: paper (least cost with a '
-              'moving sink) or multihoplqi under TinyOS 1.x, ctp or multihoplqi under 2.x; when '
-              'absent the first.', choices=('', PAPER, MULTIHOP_LQI, CTP)),
-        Field('stack', str, TINYOS_1.name, 'Generation of TinyOS, as the driver has it.',
+              'moving sink) or multihoplqi under TinyOS 1.x, ctp or multihoplqi under 2.x; empty: '
+              'the first of these.', choices=('', PAPER, MULTIHOP_LQI, CTP)),
+        Field('stack', str, TINYOS_1.name, 'Generation of TinyOS, as for the driver.',
               choices=tuple(_OF_STACK)),
-        Field('mode', str, _ROOT, 'root or sniffer, as the driver has it.',
+        Field('mode', str, _ROOT, 'root or sniffer, as for the driver.',
               choices=(_ROOT, 'sniffer')),
-        Field('root', int, 0, 'Address of the sink, as the driver has it.', '', 0, 65533),
-        Field('platform', str, TELOS, 'Family of the motes, as the driver has it.',
+        Field('root', int, 0, 'Address of the sink, as for the driver.', '', 0, 65533),
+        Field('platform', str, TELOS, 'Family of the motes, as for the driver.',
               choices=PLATFORMS),
-        Field('group', int, -1, 'AM group of the network, as the driver has it; -1: the usual '
-              'one.', '', -1, 255),
-        Field('payload', str, DATA, f'What nodes send under TinyOS 1.x: {DATA} (any quantity, '
-              f'with its kind and the battery) or {SURGE} (what one converter reads); under 2.x '
-              f'{DATA} is MultihopOscilloscope. Or the name of one of your own payloads: nodes '
-              'send it that measure something of it.'),
-        Field('payloads', list, (), 'Payloads of your own, as the driver has them.'),
+        Field('group', int, -1, 'AM group of the network, as for the driver; -1: the default.',
+              '', -1, 255),
+        Field('payload', str, DATA, f'Payload of the nodes under TinyOS 1.x: {DATA} (any '
+              f'quantity, with its kind and the battery) or {SURGE} (one ADC channel); under 2.x '
+              f'{DATA} is MultihopOscilloscope. Or the name of a user-defined payload, sent by '
+              'the nodes that measure one of its quantities.'),
+        Field('payloads', list, (), 'User-defined payloads, as for the driver.'),
         Field('period_ms', float, 2000.0, 'Time between two packets of a node; it measures its '
               'quantities in turn.', 'ms', 20.0, _LONGEST_MS),
-        Field('beacon_period_ms', float, 0.0, 'Time between two beacons; 0 is that of the '
-              'protocol: 4 s, multihoplqi 32 s. ctp has its own.', 'ms', 0.0, _LONGEST_MS),
-        Field('power_dbm', float, -25.0, 'Power of the radios: at -25 a house takes several hops.',
+        Field('beacon_period_ms', float, 0.0, 'Time between two beacons; 0: the default '
+              'of the protocol, 4 s, for multihoplqi 32 s. Not for ctp.', 'ms', 0.0, _LONGEST_MS),
+        Field('power_dbm', float, -25.0, 'Transmit power of the radios; at -25 dBm a house needs '
+              'several hops.',
               'dBm', -25.0, 0.0),
         Field('height_m', float, 0.4, 'Height of the sink above the floor, in the middle of the '
               'robot.', 'm', 0.0, 10.0),
-        Field('wall_db', float, 6.0, 'What each wall takes away.', 'dB', 0.0, 60.0),
-        Field('person_db', float, _PERSON_DB, 'What each person takes away who stands between '
-              'two nodes.', 'dB', 0.0, 60.0),
-        Field('noise', str, 'quiet', 'Other radios: quiet, or heavy as beside busy Wi-Fi.',
+        Field('wall_db', float, 6.0, 'Attenuation of each wall.', 'dB', 0.0, 60.0),
+        Field('person_db', float, _PERSON_DB, 'Attenuation of each person between two nodes.',
+              'dB', 0.0, 60.0),
+        Field('noise', str, 'quiet', 'Interference: quiet, or heavy as near busy Wi-Fi.',
               choices=('quiet', 'heavy')),
-        Field('battery_times', float, 1.0, 'Batteries empty so many times faster.', '', 0.0, 1e6),
+        Field('battery_times', float, 1.0, 'Factor by which batteries discharge faster.', '',
+              0.0, 1e6),
     )
     BAUD = 57600
     KNOWN_FAULTS = SINK_FAULTS
@@ -140,9 +142,9 @@ class SimulatedSink(SimulatedDevice):
         cls, name: str, settings: Mapping[str, Any], place: RobotSite, device: Mapping[str, Any],
     ) -> SimulatedDevice:
         """
-        Make the simulated counterpart of a device; nothing is plugged in yet.
+        Create the simulated device for a driver; nothing is plugged in yet.
 
-        :raises ConfigError: a setting is wrong, or does not go with another.
+        :raises ConfigError: a setting is wrong, or conflicts with another.
         """
         known = {key: device[key] for key in _OF_DRIVER if key in device}
         groups = [each for each in device.get('groups', ()) if each >= 0]
@@ -152,24 +154,25 @@ class SimulatedSink(SimulatedDevice):
 
     def prepare(self) -> None:
         """
-        Make the network; it begins with the first bytes.
+        Create the network; it starts with the first bytes.
 
-        :raises ConfigError: the protocol is none of the generation, or the platform not simulated.
+        :raises ConfigError: the protocol does not exist for the generation of TinyOS, or the
+            platform is not simulated.
         """
         s = self.settings
         scenario = self._scenario()
         payload = self._own_payload()
         world = self.world
         wireless = world.wireless if world is not None and world.wireless.nodes else Wireless(
-            survey_of(_LITTLE), ())
+            survey_of(_DEFAULT_NODES), ())
         if s['platform'] == MICA and s['stack'] == TINYOS_1.name:
             raise ConfigError([f'{self.name}: platform = {MICA!r}: simulated motes are of the '
-                               f'family {TELOS}: set that'])
-        # A survey may say where the sink stands; here that is where the robot is.
+                               f'family {TELOS}: set it'])
+        # The survey may have a position of the sink; here it is that of the robot.
         nodes = [node for node in wireless.nodes if node.surveyed.id != s['root']]
         walls = None
         if world is not None and world.map is not None:
-            # Late: it needs NumPy, and most simulated devices do not.
+            # Imported late: it needs NumPy, which most simulated devices do not.
             from rt_robot_os.features.wsn.simulator.topology import WallCount
             walls = WallCount(world.map).between
         self._frames: list[bytes] = []
@@ -181,7 +184,7 @@ class SimulatedSink(SimulatedDevice):
             station = 'multihop_oscilloscope' + ('_lqi' if scenario.protocol != CTP else '')
         self.live = LiveNetwork(
             nodes, scenario, _protocol(scenario, payload), STATIONS[station],
-            environment=_Room() if world is None else world,
+            environment=_DefaultEnvironment() if world is None else world,
             obstacles=Obstacles(walls, s['wall_db'], self._people, s['person_db']),
             sink_position=self._position, to_host=self._to_host, baud=self._baud,
             group=s['group'], root=s['root'], times=s['battery_times'],
@@ -212,29 +215,30 @@ class SimulatedSink(SimulatedDevice):
             *installed_payloads(), *parse_payloads(self.settings['payloads']))}
         if name not in own:
             raise ConfigError([f'{self.name}: payload = {name!r}: must be {DATA}, {SURGE} or one '
-                               f'of your own payloads ({", ".join(own) or "there are none"})'])
+                               'of the user-defined payloads '
+                               f'({", ".join(own) or "there are none"})'])
         return own[name]
 
     def check_speed(self) -> None:
-        """Check nothing: what does not fit is lost in the mote, as it is in a real one."""
+        """Check nothing: the mote itself loses packets above the line rate, as a real one does."""
 
     def pump(self, now_ns: int) -> None:
         """
-        Do everything that is due by now; without power the sink does nothing.
+        Process everything that is due by now; without power the sink does nothing.
 
-        :raises DeviceError: the port cannot be made again after a fault.
+        :raises DeviceError: the port cannot be created again after a fault.
         """
         self.live.power(not self.has_fault('reset'))
         super().pump(now_ns)
 
     def sample(self, time_s: float) -> bytes:
-        """Let the network go on, and return what the mote has sent meanwhile."""
+        """Advance the network, and return the bytes that the mote has sent meanwhile."""
         self._frames.clear()
         self.live.advance(round(time_s * NS_PER_S))
         return b''.join(self._frames)
 
     def handle_command(self, data: bytes) -> None:
-        """Hand bytes to the mote; it answers."""
+        """Pass bytes to the mote, and send its answer."""
         self._frames.clear()
         self.live.from_host(data)
         self.reply(b''.join(self._frames))
@@ -251,7 +255,7 @@ class SimulatedSink(SimulatedDevice):
 
 
 def _protocol(scenario: Scenario, payload: Payload | None) -> RouterFactory:
-    """Make what makes the routing of a node; packets of somebody's own have their own AM type."""
+    """Return the factory of routers; user-defined payloads have their own AM type."""
     if payload is None:
         return router_factory(scenario)
     am_type, period_ns = payload.am_type, scenario.beacon_period_ns

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The sink's post room: packets are sorted by importance before anything in them is decoded.
+Sorts the packets of a sink by importance before they are decoded.
 
-Each class has a queue of its own, bounded, so that a flood of one neither delays nor displaces
-another. What is most important is handed on first.
+Each class has a bounded queue of its own, so that a flood of one neither delays nor displaces
+another. The most important packets are published first.
 """
 
 from __future__ import annotations
@@ -32,52 +32,52 @@ from rt_robot_os.features.wsn.sink.duplicates import DuplicateFilter
 from rt_robot_os.features.wsn.sink.flow_limit import FlowLimit
 from rt_robot_os.features.wsn.sink.importance import Classifier
 from rt_robot_os.features.wsn.sink.packet_header import HeaderReader
-from rt_robot_os.features.wsn.sink.packet_header import LYING
 from rt_robot_os.features.wsn.sink.packet_header import NOT_AM
 from rt_robot_os.features.wsn.sink.packet_header import PacketHeader
 from rt_robot_os.features.wsn.sink.packet_header import TRUNCATED
+from rt_robot_os.features.wsn.sink.packet_header import WRONG_LENGTH
 
-#: No names of classes.
+#: Keys of ``Sorting.last_ns`` besides the classes.
 SHARED, CLAIMED, FOREIGN, FLOODED = 'shared id', 'claims no cost', 'foreign group', 'flooded'
 _TYPES_TOLD: Final = 8
 
 
 class Sorting:
     """
-    Sort packets, leave out copies, keep them by class and hand them on; safe in the loop.
+    Sort packets, drop duplicates, queue them by class and publish them; safe in the loop.
 
-    :ivar copies: what leaves out copies, with its counters.
-    :ivar taken: packets of each class that were good, copies left out.
-    :ivar lost: packets of each class for which its queue had no room, always the oldest.
-    :ivar ignored: packets that were not handed on for what they are, copies included.
+    :ivar duplicates: the filter of duplicates, with its counters.
+    :ivar taken: valid packets of each class, without duplicates.
+    :ivar lost: packets of each class that its full queue lost, always the oldest.
+    :ivar ignored: packets that are not published, duplicates included.
     :ivar foreign: packets of other groups.
     :ivar foreign_group: group of the last one; -1 none.
-    :ivar truncated: packets that end within their header.
-    :ivar lying: packets whose length byte says something else than how long they are.
+    :ivar truncated: packets shorter than their header.
+    :ivar wrong_length: packets whose length byte does not match their length.
     :ivar misfit: the last of those two.
-    :ivar not_am: packets under TinyOS 2.x that are no active messages.
-    :ivar free_of_charge: beacons of others than the root that claim to be at no cost from it.
-    :ivar claimant: who sent the last one; -1 nobody.
-    :ivar limit: the bound on what one node sends in the important classes, with its counters.
-    :ivar last_ns: when that was last which a person has to look after, by ``SHARED``,
+    :ivar not_am: packets under TinyOS 2.x that are not active messages.
+    :ivar zero_cost_claims: beacons of other nodes than the root that advertise a cost of 0.
+    :ivar claimant: sender of the last one; -1 for none.
+    :ivar limit: the rate limit of each node in the important classes, with its counters.
+    :ivar last_ns: time of the last event that needs attention, by ``SHARED``,
         ``CLAIMED``, ``FOREIGN``, ``FLOODED``, or the class that lost a packet.
-    :ivar sink_resets: times that the sink itself began anew, as its numbers tell.
+    :ivar sink_resets: reboots of the sink itself, according to its sequence numbers.
     """
 
-    def __init__(self, look: HeaderReader, classifier: Classifier, copies: DuplicateFilter,
-                 limit: FlowLimit, *, room: int, groups: Collection[int],
-                 known_types: Collection[int], root: int) -> None:
+    def __init__(self, read_header: HeaderReader, classifier: Classifier,
+                 duplicates: DuplicateFilter, limit: FlowLimit, *, room: int,
+                 groups: Collection[int], known_types: Collection[int], root: int) -> None:
         """
-        Begin with empty queues.
+        Create empty queues.
 
-        :param room: packets that wait in each class at most.
-        :param groups: that are taken; empty takes all.
-        :param known_types: those that are not counted as unknown.
+        :param room: capacity of each queue.
+        :param groups: accepted AM groups; empty for all.
+        :param known_types: types that are not counted as unknown.
         :param root: address of the sink.
         """
-        self._look = look
+        self._read_header = read_header
         self._classifier = classifier
-        self.copies = copies
+        self.duplicates = duplicates
         self.limit = limit
         self._room = room
         self._groups = frozenset(groups)
@@ -90,7 +90,7 @@ class Sorting:
         self.waiting = 0
         self.waiting_bytes = 0
         self.ignored = 0
-        self.foreign = self.truncated = self.lying = self.not_am = self.free_of_charge = 0
+        self.foreign = self.truncated = self.wrong_length = self.not_am = self.zero_cost_claims = 0
         self.foreign_group = self.claimant = -1
         self.misfit = b''
         self._unknown: dict[int, int] = {}
@@ -104,45 +104,45 @@ class Sorting:
 
     @property
     def unknown(self) -> int:
-        """Return the number of packets of unknown types; they are handed on all the same."""
+        """Return the number of packets of unknown types; they are published, too."""
         return sum(self._unknown.values())
 
     @property
     def sink_resets(self) -> int:
-        """Return how often the sink itself began anew, as its numbers tell."""
+        """Return the number of reboots of the sink itself."""
         return self._root_restarts
 
     def add(self, packet: bytes, arrival_ns: int) -> bool:
         """
-        PacketHeader at a packet and put it into the queue of its class.
+        Put a packet into the queue of its class.
 
-        :return: whether it is one to be handed on.
+        :return: whether it will be published.
         """
-        look = self._look(packet)
-        if look.problem or (self._groups and look.group not in self._groups):
-            self._refuse(look, packet, arrival_ns)
+        header = self._read_header(packet)
+        if header.problem or (self._groups and header.group not in self._groups):
+            self._refuse(header, packet, arrival_ns)
             return False
-        if look.am_type not in self._known_types:
-            self._unknown[look.am_type] = self._unknown.get(look.am_type, 0) + 1
-        if look.sequence >= 0 or look.content:
-            copies = self.copies
-            restarts, shared = copies.restarts, copies.shared_ids
-            if copies.is_copy(look.origin, look.am_type, look.content, look.sequence, look.bits,
-                              arrival_ns):
+        if header.am_type not in self._known_types:
+            self._unknown[header.am_type] = self._unknown.get(header.am_type, 0) + 1
+        if header.sequence >= 0 or header.content:
+            duplicates = self.duplicates
+            restarts, shared = duplicates.restarts, duplicates.shared_ids
+            if duplicates.is_duplicate(header.origin, header.am_type, header.content,
+                                       header.sequence, header.bits, arrival_ns):
                 self.ignored += 1
                 return False
-            if copies.restarts != restarts and look.origin == self._root:
+            if duplicates.restarts != restarts and header.origin == self._root:
                 self._root_restarts += 1
-            if copies.shared_ids != shared:
+            if duplicates.shared_ids != shared:
                 self.last_ns[SHARED] = arrival_ns
-        if look.free_of_charge >= 0 and look.free_of_charge != self._root:
-            self.free_of_charge += 1
-            self.claimant = look.free_of_charge
+        if header.zero_cost >= 0 and header.zero_cost != self._root:
+            self.zero_cost_claims += 1
+            self.claimant = header.zero_cost
             self.last_ns[CLAIMED] = arrival_ns
-        place = self._classifier.place(look.am_type, look.kind, look.origin, look.group)
-        # The last class is the rest: it has its own queue, and nothing waits for it.
+        place = self._classifier.place(header.am_type, header.kind, header.origin, header.group)
+        # The last class has no rate limit: its queue delays no other.
         if place < len(self._queues) - 1 and not self.limit.accepts(
-                look.origin, look.relay, arrival_ns):
+                header.origin, header.relay, arrival_ns):
             self.ignored += 1
             self.last_ns[FLOODED] = arrival_ns
             return False
@@ -151,11 +151,11 @@ class Sorting:
 
     def publish(self, publishers: Sequence[SamplePublisher], most: int) -> int:
         """
-        Publish what waits, the most important class first and in each the oldest.
+        Publish queued packets, the most important class first and the oldest of each first.
 
         :param publishers: one for each class.
-        :param most: packets that are published at most; the others wait on.
-        :return: how many were published.
+        :param most: largest number of packets to publish.
+        :return: number of packets published.
         """
         left = most
         for place, queue in enumerate(self._queues):
@@ -171,42 +171,42 @@ class Sorting:
 
     def report(self) -> dict[str, Value]:
         """Return the counters by name, for statistics and diagnostics."""
-        copies = self.copies
-        found: dict[str, Value] = {'duplicates': copies.copies}
+        duplicates = self.duplicates
+        found: dict[str, Value] = {'duplicates': duplicates.dropped}
         for place, name in enumerate(self.classes):
             found[f'packets_{name}'] = self.taken[place]
             found[f'lost_{name}'] = self.lost[place]
             found[f'waiting_{name}'] = len(self._queues[place])
         found.update({
-            'streams': copies.streams, 'sequence_jumps': copies.jumps,
-            'restarted_nodes': copies.restarts, 'sink_resets': self.sink_resets,
-            'shared_ids': copies.shared_ids, 'forgotten_streams': copies.forgotten,
+            'streams': duplicates.streams, 'sequence_jumps': duplicates.jumps,
+            'restarted_nodes': duplicates.restarts, 'sink_resets': self.sink_resets,
+            'shared_ids': duplicates.shared_ids, 'forgotten_streams': duplicates.forgotten,
             'foreign_groups': self.foreign, 'unknown_types': self.unknown,
             'unknown_by_type': self.unknown_by_type(), 'truncated_headers': self.truncated,
-            'lying_lengths': self.lying, 'no_active_messages': self.not_am,
-            'cost_0_claims': self.free_of_charge, 'over_rate': self.limit.refused})
+            'lying_lengths': self.wrong_length, 'no_active_messages': self.not_am,
+            'cost_0_claims': self.zero_cost_claims, 'over_rate': self.limit.refused})
         return found
 
     def unknown_by_type(self) -> str:
-        """Return how many packets there were of unknown types, the commonest first."""
+        """Return the number of packets of each unknown type, the most frequent first."""
         ranked = sorted(self._unknown.items(), key=lambda each: (-each[1], each[0]))
         told = ', '.join(f'{am_type:#04x}: {count}' for am_type, count in ranked[:_TYPES_TOLD])
         more = len(ranked) - _TYPES_TOLD
         return f'{told}, {more} more' if more > 0 else told
 
-    def _refuse(self, look: PacketHeader, packet: bytes, arrival_ns: int) -> None:
+    def _refuse(self, header: PacketHeader, packet: bytes, arrival_ns: int) -> None:
         self.ignored += 1
-        if look.problem == TRUNCATED:
+        if header.problem == TRUNCATED:
             self.truncated += 1
             self.misfit = packet
-        elif look.problem == LYING:
-            self.lying += 1
+        elif header.problem == WRONG_LENGTH:
+            self.wrong_length += 1
             self.misfit = packet
-        elif look.problem == NOT_AM:
+        elif header.problem == NOT_AM:
             self.not_am += 1
         else:
             self.foreign += 1
-            self.foreign_group = look.group
+            self.foreign_group = header.group
             self.last_ns[FOREIGN] = arrival_ns
 
     def _put(self, place: int, packet: bytes, arrival_ns: int) -> None:

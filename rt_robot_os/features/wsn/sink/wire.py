@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What tells the bytes of a sink from those of other devices."""
+"""Identification of a sink by its bytes."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from rt_robot_os.features.wsn.packets.framing import Protocols
 from rt_robot_os.features.wsn.packets.framing import TINYOS_1
 from rt_robot_os.features.wsn.packets.framing import TINYOS_2
 
-# Frames with a CRC of 16 bits and a protocol byte that is one of three.
-_SURE: Final = 2
+# Number of frames with a valid CRC and protocol byte that identify a sink.
+_FRAMES_NEEDED: Final = 2
 
 
 def is_tinyos1(data: bytes) -> bool:
-    """Return whether bytes are frames of a mote under TinyOS 1.x, for sure."""
+    """Return whether bytes are frames of a mote under TinyOS 1.x."""
     return _is_of(data, TINYOS_1)
 
 
 def is_tinyos2(data: bytes) -> bool:
-    """Return whether bytes are frames of a mote under TinyOS 2.x, for sure."""
+    """Return whether bytes are frames of a mote under TinyOS 2.x."""
     return _is_of(data, TINYOS_2)
 
 
 def _is_of(data: bytes, protocols: Protocols) -> bool:
     frames = FrameReader().feed(data)
-    return sum(each.protocol in protocols[1:] for each in frames) >= _SURE
+    return sum(each.protocol in protocols[1:] for each in frames) >= _FRAMES_NEEDED
