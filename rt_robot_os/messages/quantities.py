@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What sensor nodes measure: the message that a reading becomes, its unit, and what can be true.
+What sensor nodes measure: the message of a reading, its unit, and its plausible range.
 
-A reading is a number in the unit of this table, everywhere: in decoded packets, in payloads of a
-user's own, in simulated nodes and in the messages of ROS.
+A reading is a number in the unit of this table everywhere: in decoded packets, in payloads of
+users, in simulated nodes and in ROS messages.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ NAME: Final = re.compile(r'[a-z][a-z0-9_]{0,63}', re.ASCII)
 
 class Quantity(NamedTuple):
     """
-    Something that a node measures.
+    A quantity that a node measures.
 
-    :ivar name: the last part of the topic's name; has the unit where the message has none.
+    :ivar name: the last part of the topic's name; with the unit where the message has none.
     :ivar message: type of the message.
-    :ivar field: of the message that has the number.
+    :ivar field: of the message with the number.
     :ivar unit: of a reading, as in the message.
-    :ivar low: no sensor says less, unless it is broken or not worn.
-    :ivar high: no sensor says more.
+    :ivar low: the lowest plausible reading; a lower one means broken or not worn.
+    :ivar high: the highest plausible reading.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Quantity(NamedTuple):
     high: float
 
     def plausible(self, value: float) -> bool:
-        """Return whether a sensor can have said that; a NaN never is. Safe in the loop."""
+        """Return whether a reading is plausible; NaN is not. Safe in the real-time loop."""
         return self.low <= value <= self.high
 
 
@@ -75,7 +75,7 @@ QUANTITIES: Final[Mapping[str, Quantity]] = MappingProxyType({each.name: each fo
     Quantity('body_temperature', TEMPERATURE, 'temperature', 'degC', 15.0, 46.0),
     Quantity('systolic_mmhg', FLOAT, 'data', 'mmHg', 20.0, 300.0),
     Quantity('diastolic_mmhg', FLOAT, 'data', 'mmHg', 10.0, 250.0),
-    # What is given to breathe: 0 is air.
+    # Oxygen that is given: 0 is air.
     Quantity('oxygen_l_per_min', FLOAT, 'data', 'l/min', 0.0, 100.0),
     # 0 alert, 1 newly confused, 2 answers to a voice, 3 to pain, 4 to nothing.
     Quantity('consciousness', FLOAT, 'data', 'code', 0.0, 4.0),
@@ -83,16 +83,16 @@ QUANTITIES: Final[Mapping[str, Quantity]] = MappingProxyType({each.name: each fo
     Quantity('alarm', FLOAT, 'data', 'code', 0.0, 65535.0),
     Quantity('smoke', FLOAT, 'data', '1', 0.0, 65535.0),
     Quantity('water', FLOAT, 'data', '1', 0.0, 65535.0),
-    # Of a room: 1 while somebody is there, else 0.
+    # Of a room: 1 while a person is there, else 0.
     Quantity('presence', FLOAT, 'data', '1', 0.0, 65535.0),
     # Of a worn node: the number of the node that hangs next to it.
     Quantity('nearest_node', FLOAT, 'data', 'number', 0.0, 65534.0),
 )})
 
-#: What says 1 while the node's button is pressed (2: "I am fine"), in smoke, in water.
+#: Quantities that are 1 while the button is pressed (2: "I am fine"), in smoke, in water.
 ALARMS: Final = frozenset({'alarm', 'smoke', 'water'})
 
-#: What a surveyed node is taken to measure when its text does not say.
+#: What a surveyed node measures when its text names nothing.
 DEFAULT_QUANTITIES: Final = ('temperature', 'humidity', 'light', 'battery')
 
 
@@ -106,8 +106,8 @@ def quantity(name: str) -> Quantity:
     if found is not None:
         return found
     if not NAME.fullmatch(name):
-        raise ValueError(f'{name[:40]!r} is no name of a quantity: it must be a small letter, '
+        raise ValueError(f'{name[:40]!r} is not a name of a quantity: it must be a small letter, '
                          'then small letters, digits and _, such as soil_moisture_percent')
-    # The largest numbers rather than infinities: those are no readings.
+    # The largest numbers instead of infinities, which are not readings.
     return Quantity(name, FLOAT, 'data', '', -math.nextafter(math.inf, 0.0),
                     math.nextafter(math.inf, 0.0))

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The vital signs of a person: their units, what can be true, and for how long a value says anything.
+The vital signs of a person: units, plausible ranges, and for how long a value is valid.
 
-A monitor whose sensor is off writes 0. That is no value: nobody has a pulse of 0 because a finger
-clip fell off.
+A monitor whose sensor is off writes 0, which is not a value: a finger clip that fell off does not
+mean a pulse of 0.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from rt_robot_os.messages.quantities import QUANTITIES
 
 
 class Consciousness(IntEnum):
-    """How a person reacts: ACVPU, as a nurse finds it."""
+    """The level of consciousness (ACVPU), as a nurse assesses it."""
 
     ALERT = 0
-    #: Confusion that is new.
+    #: New confusion.
     CONFUSION = 1
     #: Reacts to a voice.
     VOICE = 2
@@ -52,16 +52,16 @@ class Sign(NamedTuple):
     :ivar name: of the quantity and the last part of the topic's name.
     :ivar title: for people.
     :ivar unit: of a value.
-    :ivar low: less is no value.
-    :ivar high: more is no value.
-    :ivar stale_s: age from which a value says nothing any more.
+    :ivar low: lower numbers are not values.
+    :ivar high: higher numbers are not values.
+    :ivar stale_s: age from which a value is stale.
     :ivar has_off: 0 means that the sensor is off, not a value.
-    :ivar is_continuous: a sensor that is worn says it all the time, so that silence means that it
-        is off; the others come now and then.
+    :ivar is_continuous: a worn sensor sends it continuously, so that no message means that it is
+        off; the others are measured now and then.
     :ivar jump: a change by more than it, within seconds, has to be confirmed by what follows; 0:
         any change may be true.
-    :ivar apart: two sensors that are further apart than it contradict each other; 0: two may.
-    :ivar whole: values are codes, whole numbers.
+    :ivar apart: two sensors that differ by more contradict each other; 0: they may differ.
+    :ivar whole: values are codes, integers.
     """
 
     name: str
@@ -77,11 +77,11 @@ class Sign(NamedTuple):
     whole: bool = False
 
     def is_off(self, value: float) -> bool:
-        """Return whether that is how a sensor says that it measures nothing; a NaN does too."""
+        """Return whether a number means that the sensor measures nothing; NaN does, too."""
         return value != value or (self.has_off and value == 0.0)
 
     def is_plausible(self, value: float) -> bool:
-        """Return whether a person can have that; a NaN never is. Safe in the loop."""
+        """Return whether a value is plausible; NaN is not. Safe in the real-time loop."""
         return self.low <= value <= self.high and (not self.whole or value == math.floor(value))
 
 
@@ -114,15 +114,15 @@ SIGNS: Final[Mapping[str, Sign]] = MappingProxyType({each.name: each for each in
 
 def checked_sign(name: str) -> str:
     """
-    Return the name of a sign as it is.
+    Return the name of a sign unmodified.
 
     :raises ValueError: there is none of that name.
     """
     if name not in SIGNS:
-        # Most write a part of it: pulse, temp, spo2.
+        # Users often write a part of it: pulse, temp, spo2.
         close = ([each for each in SIGNS if len(name) > 1 and name.lower() in each]
                  or get_close_matches(name, SIGNS, 1))
         hint = (f'did you mean {" or ".join(close[:2])}?' if close
                 else f'there are {", ".join(SIGNS)}')
-        raise ValueError(f'{name[:40]!r} is no sign: {hint}')
+        raise ValueError(f'{name[:40]!r} is not a sign: {hint}')
     return name

@@ -13,19 +13,19 @@
 # limitations under the License.
 
 """
-The survey of the sensor nodes: which there are, where each hangs and what it measures.
+The survey of the sensor nodes: names, positions and quantities.
 
-A node is one text, ``name x y height [id N] [on PERSON] [quantity ...]``, such as::
+A node is one string, ``name x y height [id N] [on PERSON] [quantity ...]``, such as::
 
     nodes:
       - hall 3.0 1.5 2.2
       - bed 2.4 6.6 0.8 id 12 pulse_per_min spo2_percent battery
       - wrist 2.4 3.9 1.0 on anna pulse_per_min alarm
 
-A node that somebody wears is where they are; its place is where it is when they are nowhere.
+A node that a person wears is where the person is; its position counts while that is unknown.
 
 The same list serves the simulated world, the simulator of networks and the modules that read
-nodes. Numbers of nodes count from 1 in the order of the list where a text does not say another.
+nodes. Nodes are numbered from 1 in the order of the list, where a string has no other number.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ from rt_robot_os.messages.quantities import QUANTITIES
 from rt_robot_os.messages.quantities import quantity
 
 MOST_NODES: Final = 10_000
-#: 65535 is everybody, on the air.
+#: 65535 is the broadcast address.
 HIGHEST_ID: Final = 65_534
-# No building is larger; a slip of the unit is noticed.
+# No building is larger; a wrong unit is noticed.
 FARTHEST_M: Final = 1e6
 _MOST_QUANTITIES: Final = 16
 _FORM: Final = 'name x y height [id N] [on PERSON] [quantity ...]'
@@ -60,7 +60,7 @@ _WHOLE: Final = re.compile('[0-9]{1,5}')
 
 class SurveyedNode(NamedTuple):
     """
-    A wireless node that hangs somewhere.
+    A wireless node at a surveyed position.
 
     :ivar name: for people; may be a number.
     :ivar x: in the map, in m.
@@ -68,7 +68,7 @@ class SurveyedNode(NamedTuple):
     :ivar z: height above the floor, in m.
     :ivar id: its address, which is in its packets; -1 until :func:`numbered` gives one.
     :ivar quantities: what it measures; see :mod:`rt_robot_os.messages.quantities`.
-    :ivar person: who wears it; empty for one that hangs somewhere.
+    :ivar person: the person who wears it; empty for a fixed one.
     """
 
     name: str
@@ -81,21 +81,21 @@ class SurveyedNode(NamedTuple):
 
     @property
     def token(self) -> str:
-        """Return its name as part of a topic's: ``hall``, for ``12`` and ``hall-2`` another."""
+        """Return its name as part of a topic's name; ``12`` and ``hall-2`` are changed."""
         return topic_token(self.name)
 
 
 def topic_token(name: str) -> str:
-    """Return what stands for a node in the names of its topics."""
+    """Return the part of the names of its topics that stands for a node."""
     token = re.sub(r'\W', '_', name, flags=re.ASCII)
     return f'node_{token}' if token[:1].isdigit() else token
 
 
 def node(text: str) -> SurveyedNode:
     """
-    Read one text; commas and colons may stand between its words.
+    Parse one string; commas and colons may separate its words.
 
-    :raises ValueError: with what is wrong and what would be right.
+    :raises ValueError: with what is wrong, and an example.
     """
     words = text.replace(',', ' ').replace(':', ' ').split()
     if len(words) < 4:
@@ -111,10 +111,10 @@ def node(text: str) -> SurveyedNode:
 def numbered(nodes: Sequence[SurveyedNode], where: str = 'nodes', first: int = 1
              ) -> tuple[SurveyedNode, ...]:
     """
-    Give each node its number and check that none is there twice, as a number, name or topic.
+    Number the nodes, and check that no number, name or topic occurs twice.
 
     :param where: the setting or file, for the errors.
-    :param first: from which they count.
+    :param first: number of the first.
     :raises ConfigError: with every problem.
     """
     found = tuple(each if each.id >= 0 else each._replace(id=place)
@@ -145,7 +145,7 @@ def numbered(nodes: Sequence[SurveyedNode], where: str = 'nodes', first: int = 1
 def survey_of(texts: Iterable[str], where: str = 'nodes', first: int = 1
               ) -> tuple[SurveyedNode, ...]:
     """
-    Read a list of texts.
+    Parse a list of strings.
 
     :param where: the setting or file, for the errors.
     :param first: number of the first.
@@ -164,7 +164,7 @@ def survey_of(texts: Iterable[str], where: str = 'nodes', first: int = 1
 
 def read_survey(text: str, name: str) -> tuple[SurveyedNode, ...]:
     """
-    Read the content of a YAML file: a list of texts, at its top or below ``nodes``.
+    Parse the content of a YAML file: a list of strings, at its top or below ``nodes``.
 
     :param name: of the file, for the errors.
     :raises ConfigError: with every problem.
@@ -187,7 +187,7 @@ def read_survey(text: str, name: str) -> tuple[SurveyedNode, ...]:
 
 
 def text_of(each: SurveyedNode) -> str:
-    """Return a text that :func:`node` reads as this node."""
+    """Return a string that :func:`node` parses as this node."""
     words: list[Any] = [each.name, repr(each.x), repr(each.y), repr(each.z)]
     if each.id >= 0:
         words += [_ID, each.id]
@@ -197,14 +197,14 @@ def text_of(each: SurveyedNode) -> str:
 
 
 def _rest(words: list[str]) -> tuple[int, tuple[str, ...], str]:
-    """Return the number, -1 without, the quantities, and who wears it."""
+    """Return the number, -1 without, the quantities, and the person who wears it."""
     number, quantities, person = -1, [], ''
     left = iter(words)
     for word in left:
         if word == _ID:
             said = next(left, '')
             if not _WHOLE.fullmatch(said) or int(said) > HIGHEST_ID:
-                raise ValueError(f'id {said[:20]!r}: it must be a whole number from 0 to '
+                raise ValueError(f'id {said[:20]!r}: it must be an integer from 0 to '
                                  f'{HIGHEST_ID}')
             if number >= 0:
                 raise ValueError('two numbers: "id" may stand once')
@@ -214,7 +214,7 @@ def _rest(words: list[str]) -> tuple[int, tuple[str, ...], str]:
                 raise ValueError('two people: "on" may stand once')
             person = next(left, '')
             if not person:
-                raise ValueError('nobody behind "on": write who wears it, such as on anna')
+                raise ValueError('no person after "on": name the person who wears it, such as on anna')
         elif word in quantities:
             raise ValueError(f'{word[:40]} is there twice')
         else:
@@ -228,9 +228,9 @@ def _quantity_name(word: str) -> str:
     name = quantity(word).name
     if name not in QUANTITIES:
         close = get_close_matches(name, QUANTITIES, 1, 0.8)
-        # temperature_2 is one of a user's own; temprature is a slip.
+        # temperature_2 is a quantity of the user; temprature is a typing error.
         if close and not name.startswith(close[0]):
-            raise ValueError(f'{name!r} is no quantity: did you mean {close[0]}?')
+            raise ValueError(f'{name!r} is not a quantity: did you mean {close[0]}?')
     return name
 
 
@@ -240,5 +240,5 @@ def _number(word: str) -> float:
     except ValueError:
         value = math.nan
     if not abs(value) <= FARTHEST_M:
-        raise ValueError(f'{word[:40]!r} is no number that can be used: it must be: {_FORM}')
+        raise ValueError(f'{word[:40]!r} is not a valid number: it must be: {_FORM}')
     return value

@@ -219,7 +219,7 @@ def test_it_is_the_same_however_often_somebody_looks(looks_per_s: int) -> None:
     ({'sources': [PULSE], 'stale_limits': ['pulse_per_min soon']}, 'is no duration'),
     ({'sources': [PULSE], 'stale_limits': ['pulse_per_min 0 s']}, 'must be 1 s at least'),
     ({'sources': ['spo2_percent ' + PULSE]}, 'by its name pulse_per_min, not spo2_percent'),
-    ({'sources': [PULSE], 'stale_limits': ['puls 3 s']}, 'is no sign')])
+    ({'sources': [PULSE], 'stale_limits': ['puls 3 s']}, 'is not a sign')])
 def test_what_cannot_be_meant_is_refused(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=words.replace('?', r'\?')):
         VitalSigns('signs', settings_of(VitalSigns, **{'person': 'anna', **changes}))

@@ -157,7 +157,7 @@ def test_what_is_no_number_is_no_reading() -> None:
     ('soil 1 a:H=temperature,0', 'scale 0.0 and offset 0.0 must be finite, and the scale not 0'),
     ('soil 1 a:H=temperature,1,x', "field 'a': the offset 'x' must be a number"),
     ('soil 1 a:H=temperature,sht1x_temperature,2', 'a conversion takes no offset'),
-    ('soil 1 a:H=Wet', "'Wet' is no name of a quantity"),
+    ('soil 1 a:H=Wet', "'Wet' is not a name of a quantity"),
     ('soil 1 a:4s=temperature', "the code '4s' gives no number"),
     ('soil 1 a:H a:H', "field 'a': the field 'a' is there twice; rename one"),
     ('soil 1 a:H=light b:H=light', "field 'b': the quantity 'light' is there twice"),

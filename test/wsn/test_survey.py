@@ -53,7 +53,7 @@ def test_numbers_count_from_one_where_none_is_said() -> None:
     (['hall 1 2 3 on anna on bob'], '"on" may stand once'),
     (['hall 1 2 3 temprature'], 'did you mean temperature'),
     (['hall 1 2 3 light light'], 'light is there twice'),
-    (['hall 1 2 3 soil-moisture'], 'is no name of a quantity'),
+    (['hall 1 2 3 soil-moisture'], 'is not a name of a quantity'),
     (['hall 1 2 3', 'hall 1 2 4'], 'nodes: hall is there twice'),
     (['a-b 1 2 3', 'a_b 1 2 4'], 'a-b and a_b would have the same topics, wsn/a_b/'),
     (['a 1 2 3 id 2', 'b 1 2 4'], 'a and b both have the number 2'),

@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Where the robot sees somebody, by what its scanners see and the map has not.
+Where the robot sees a person: objects in its scans that are not on the map.
 
-It looks only while the agent serves that person, round where the nodes say that they are, and
-never round what it said itself: it could not be corrected. What it publishes is the part of the
-body that is nearest to the robot. A place beside that has its distance from all of the body, as
-far as the robot is concerned; beside the middle of somebody who lies it could be on their head.
+It searches only while the agent serves that person, around the location from the nodes, and never
+around its own result, which could not be corrected otherwise. It publishes the nearest point of
+the body. A pose next to that point keeps its distance from the whole body; next to the middle of a
+lying person it could be at their head.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ _MAP_PIECES: Final = 20
 
 
 class PersonFinder(Module):
-    """Tell where the robot sees one person, while the agent serves them."""
+    """Publish where the robot sees one person, while the agent serves them."""
 
     RATE_HZ = 5.0
 
@@ -107,7 +107,7 @@ class PersonFinder(Module):
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; the map is read later.
+        Check the settings; the map is read later.
 
         :raises ConfigError: there is no map, or no such person, or they are among the others.
         """
@@ -134,11 +134,11 @@ class PersonFinder(Module):
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic."""
+        """Return whether a port has a topic."""
         return bool(self.topic_of(attribute))
 
     def listed_inputs(self) -> Mapping[str, Input]:
-        """Return an input for where nodes say the person is, and for each scanner."""
+        """Return an input for the location from the nodes, and for each scanner."""
         return {
             'by nodes': Input(BY_NODES_TOPIC.format(self._person), message=_POSE, initial=True,
                               newest=True),
@@ -163,7 +163,7 @@ class PersonFinder(Module):
         """
         Read the map.
 
-        :raises ConfigError: it cannot be read, or nobody says where a scanner is.
+        :raises ConfigError: it cannot be read, or there is no transform of a scanner.
         """
         s = self.settings
         self._map = LiveMap(s['map'], self.map if self.connected('map') else None,
@@ -175,7 +175,7 @@ class PersonFinder(Module):
                     outline, s['scan_minimum_m']) for topic in s['scan_topics']]
 
     def activate(self) -> None:
-        """Begin without having seen anybody, also after a failure."""
+        """Start without a detection, also after a failure."""
         self._things.forget()
         self._looks = False
         self._robot = self._place = self._seen = None
@@ -184,7 +184,7 @@ class PersonFinder(Module):
             self.listed[key].rewind()
 
     def step(self) -> None:
-        """Look, if the agent serves the person."""
+        """Search, if the agent serves the person."""
         if self.state.latest():
             self._take_state(str(self.state.msg.data))
         if not self._looks:
@@ -200,7 +200,7 @@ class PersonFinder(Module):
                 self._look(scanner, min(self.listed[scanner.topic].stamp_ns, now_ns))
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell whether it looks, and what it found."""
+        """Return whether it searches, and what it found."""
         seen = self._seen
         return {'warning': self._map.warning(), **self._map.statistics(), 'looks': self._looks,
                 'scans': self._scans, 'scans_while_turning': self._turning,
@@ -210,7 +210,7 @@ class PersonFinder(Module):
     # ---- work --------------------------------------------------------------------------------
 
     def _take_state(self, text: str) -> None:
-        """Take what the agent does: ``approach anna: fall``."""
+        """Handle the state of the agent: ``approach anna: fall``."""
         state, _, rest = text.partition(' ')
         looks = state in _LOOKS and rest.partition(':')[0] == self._person
         if looks and not self._looks:
@@ -220,7 +220,7 @@ class PersonFinder(Module):
         self._looks = looks
 
     def _take_map(self) -> None:
-        """Take the newest map, in pieces; later ones have whoever lies there."""
+        """Read the newest map, in pieces; later ones contain a lying person."""
         if self._map.go_on(_MAP_PIECES) and self._map.grid is not None:
             self._clearing = Clearing(self._map.grid)
         self._takes_map = self._map.is_underway or self._clearing is None

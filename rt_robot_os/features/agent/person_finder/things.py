@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What stays in its place near where somebody is said to be: the best is most likely them."""
+"""Objects that stay in place near the expected location of a person."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _TOGETHER: Final = 3
 @dataclass
 class Thing:
     """
-    Something that is not on the map, over time.
+    An object that is not on the map, over time.
 
     :ivar x: middle of what is seen of it, in m in the map.
     :ivar y: as x.
@@ -60,7 +60,7 @@ class Thing:
     outline: tuple[Array, Array]
 
     def nearest(self, point: Point) -> Point:
-        """Return the part of it that is nearest to a point."""
+        """Return its point that is nearest to another."""
         x, y = self.outline
         away = np.hypot(x - point[0], y - point[1])
         near = np.argsort(away)[:_TOGETHER]
@@ -69,7 +69,7 @@ class Thing:
 
 class Things:
     """
-    Follow what is seen from scan to scan; safe in the real-time loop.
+    Tracks objects from scan to scan; safe in the real-time loop.
 
     :param size_m: the smallest and the largest size of what counts.
     :param points: how many points it has at the least.
@@ -92,13 +92,13 @@ class Things:
         return len(self._things)
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Reset."""
         self._things.clear()
         self._chosen = None
 
     def look(self, outlines: Iterable[tuple[Array, Array]], stamp_ns: int) -> None:
         """
-        Take what one scan shows.
+        Update with one scan.
 
         :param outlines: the points of each thing, in m in the map.
         """
@@ -123,17 +123,17 @@ class Things:
                                           not self._steady_ns, outline))
 
     def _is(self, thing: Thing, middle: Point) -> bool:
-        """Return whether something is what was there; of a body each side has another middle."""
+        """Return whether an object is a known one; each side of a body has another middle."""
         before = (thing.x, thing.y) if thing.is_steady else thing.start
         return math.dist(before, middle) <= self._steady_m
 
     def best(self, place: Point, within_m: float, stamp_ns: int, others: Iterable[Point] = ()
              ) -> Thing | None:
         """
-        Return what is most likely somebody who is said to be at a place; None when nothing is.
+        Return the object that is most likely the person at a location; None without.
 
-        That is the nearest, and of things about as near the longest: who has fallen lies. What is
-        nearer to where somebody else is said to be is them.
+        It is the nearest one, and of those about as near the longest, because a fallen person
+        lies. An object nearer to the location of another person is that person.
 
         :param within_m: how far from the place they may be.
         :param stamp_ns: of the scan in which it has to be seen.
