@@ -214,7 +214,8 @@ def _rest(words: list[str]) -> tuple[int, tuple[str, ...], str]:
                 raise ValueError('two people: "on" may stand once')
             person = next(left, '')
             if not person:
-                raise ValueError('no person after "on": name the person who wears it, such as on anna')
+                raise ValueError('no person after "on": name the person who wears it, such as '
+                                 'on anna')
         elif word in quantities:
             raise ValueError(f'{word[:40]} is there twice')
         else:

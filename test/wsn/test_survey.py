@@ -44,12 +44,12 @@ def test_numbers_count_from_one_where_none_is_said() -> None:
 
 @pytest.mark.parametrize(('texts', 'said'), [
     (['hall 1 2'], "'hall 1 2': must be: name x y height"),
-    (['hall 1 2 x'], "'x' is no number that can be used"),
-    (['hall 1 2 nan'], "'nan' is no number that can be used"),
-    (['hall 1 2 3 id'], "id '': it must be a whole number from 0 to 65534"),
+    (['hall 1 2 x'], "'x' is not a valid number"),
+    (['hall 1 2 nan'], "'nan' is not a valid number"),
+    (['hall 1 2 3 id'], "id '': it must be an integer from 0 to 65534"),
     (['hall 1 2 3 id 65535'], "id '65535'"),
     (['hall 1 2 3 id 1 id 2'], '"id" may stand once'),
-    (['hall 1 2 3 on'], 'nobody behind "on"'),
+    (['hall 1 2 3 on'], 'no person after "on"'),
     (['hall 1 2 3 on anna on bob'], '"on" may stand once'),
     (['hall 1 2 3 temprature'], 'did you mean temperature'),
     (['hall 1 2 3 light light'], 'light is there twice'),
