@@ -217,8 +217,8 @@ class Behaviours:
         for kind in self._orders:
             text = self._found.get(kind)
             parts.append(f'no {kind}' if text is None else f'{kind}: {text}' if text else kind)
-        if self.dialogue.heard:
-            parts.append(f'heard something {self.dialogue.heard} times')
+        if self.dialogue.voices:
+            parts.append(f'heard something {self.dialogue.voices} times')
         return ', '.join(parts)
 
     def _begin_stay(self, t_ns: int, why: str) -> None:

@@ -46,12 +46,12 @@ class Dialogue:
     A repeated question, and whether the microphone has picked up a voice.
 
     :param say: receives what is to be said.
-    :ivar heard: how often a voice was detected that is not an answer.
+    :ivar voices: how often a voice was detected that is not an answer.
     """
 
     def __init__(self, tuning: AgentTuning, say: Callable[[Say], None]) -> None:
         self.tuning = tuning
-        self.heard = 0
+        self.voices = 0
         self._say = say
         self._person = ''
         self._is_unclear = False
@@ -59,7 +59,7 @@ class Dialogue:
 
     def begin(self, person: str, t_ns: int) -> None:
         """Ask for the first time."""
-        self._person, self.heard, self._asked_ns = person, 0, t_ns
+        self._person, self.voices, self._asked_ns = person, 0, t_ns
         self._is_unclear = False
         self.speak(self.tuning.question, t_ns)
 
@@ -78,7 +78,7 @@ class Dialogue:
         Continuous noise is answered no more often than the question is asked.
         """
         if t_ns >= self._quiet_ns and voice_db >= self.tuning.voice_db:
-            self.heard += 1
+            self.voices += 1
             if not self._is_unclear or t_ns >= self._again_ns:
                 self._is_unclear = True
                 self.speak(self.tuning.unclear, t_ns)

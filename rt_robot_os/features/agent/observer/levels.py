@@ -70,8 +70,8 @@ class Levels:
     def between(self, from_ns: int, until_ns: int) -> Loudness | None:
         """Return the loudness from one moment to another; None without a level."""
         first, end = bisect_left(self._times, from_ns), bisect_right(self._times, until_ns)
-        heard = self._levels_db[first:end]
-        if not heard:
+        levels = self._levels_db[first:end]
+        if not levels:
             return None
-        power = sum(10.0 ** (level / 10.0) for level in heard) / len(heard)
-        return Loudness(10.0 * math.log10(power), max(heard), len(heard))
+        power = sum(10.0 ** (level / 10.0) for level in levels) / len(levels)
+        return Loudness(10.0 * math.log10(power), max(levels), len(levels))

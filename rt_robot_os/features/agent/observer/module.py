@@ -125,9 +125,9 @@ class Observer(Module):
                 self._levels.add(self.level.stamp_ns, float(self.level.msg.data))
         while self.order.take():
             self._take_order(str(self.order.msg.data), self.order.stamp_ns)
-        for topic, told in self.listed.items():
-            while told.take():
-                self._take_answer(topic, str(told.msg.data), told.stamp_ns)
+        for topic, reply in self.listed.items():
+            while reply.take():
+                self._take_answer(topic, str(reply.msg.data), reply.stamp_ns)
         for one in [each for each in self._open if each.due_ns <= now_ns]:
             self._end(one)
         self._wake_up.no_later_than(min((each.due_ns for each in self._open), default=math.inf))
@@ -184,8 +184,8 @@ class Observer(Module):
 
     def _take_answer(self, topic: str, text: str, stamp_ns: int) -> None:
         try:
-            told = json.loads(text)
-            number = told.get('id', 0)
+            reply = json.loads(text)
+            number = reply.get('id', 0)
         except (ValueError, AttributeError, RecursionError):
             self._unreadable += 1
             return
@@ -196,45 +196,45 @@ class Observer(Module):
         one.waits_for.discard(topic)
         if not one.waits_for:
             self._open.remove(one)
-        told = {key: value for key, value in told.items() if key != 'id'}
+        reply = {key: value for key, value in reply.items() if key != 'id'}
         # Unmodified but for what the order says: a camera may add fields of its own.
-        self._answer({**told, **_observation(one).to_dict(), **self._heard(one)}, stamp_ns)
+        self._answer({**reply, **_observation(one).to_dict(), **self._loudness(one)}, stamp_ns)
 
     def _end(self, one: _OpenOrder) -> None:
         """Answer for the cameras that have not."""
         self._open.remove(one)
         if one.order.order is ObservationKind.SOUND:
-            heard = self._levels.between(one.from_ns, one.until_ns)
-            if heard is None:
+            loudness = self._levels.between(one.from_ns, one.until_ns)
+            if loudness is None:
                 found = _observation(one, problem=(
                     f'{self.topic_of("level")} has said nothing: is the microphone there?'))
             else:
-                found = _observation(one, text=_sound_text(heard, one), t_ns=one.until_ns,
-                                     **_sound(heard))
+                found = _observation(one, text=_sound_text(loudness, one), t_ns=one.until_ns,
+                                     **_sound(loudness))
             self._answer(found.to_dict(), one.due_ns)
             return
         for topic in sorted(one.waits_for):
             self._unanswered += 1
-            found = _observation(one, **self._heard(one), problem=(
+            found = _observation(one, **self._loudness(one), problem=(
                 f'{topic} has not answered for {self.settings["timeout_s"]:g} s: look whether '
                 'the camera is there'))
             self._answer(found.to_dict(), one.due_ns)
 
-    def _heard(self, one: _OpenOrder) -> dict[str, Any]:
-        heard = self._levels.between(one.from_ns, one.until_ns)
-        return {} if heard is None else _sound(heard)
+    def _loudness(self, one: _OpenOrder) -> dict[str, Any]:
+        loudness = self._levels.between(one.from_ns, one.until_ns)
+        return {} if loudness is None else _sound(loudness)
 
-    def _answer(self, told: Mapping[str, Any], stamp_ns: int) -> None:
-        problem = str(told.get('problem', ''))
+    def _answer(self, reply: Mapping[str, Any], stamp_ns: int) -> None:
+        problem = str(reply.get('problem', ''))
         self._answers += 1
         self._problems += bool(problem)
         self._problem = problem
         if problem:
             self.log.warn('%s', problem, throttle_s=1.0)
-        text = json.dumps({key: value for key, value in told.items() if value != ''},
+        text = json.dumps({key: value for key, value in reply.items() if value != ''},
                           separators=(',', ':'))
         if len(text) > _OBSERVED_BYTES:
-            text = json.dumps({'alarm': told.get('alarm', ''), 'kind': told.get('kind', ''),
+            text = json.dumps({'alarm': reply.get('alarm', ''), 'kind': reply.get('kind', ''),
                                'problem': 'the answer is too long'})
         self.observed.msg.data = text
         self.observed.publish(stamp_ns)
@@ -245,11 +245,11 @@ def _observation(one: _OpenOrder, **more: Any) -> Observation:
     return Observation(order.alarm, order.subject, order.order.value, **more)
 
 
-def _sound(heard: Loudness) -> dict[str, Any]:
-    return {'level_db': round(heard.mean_db, 1), 'loudest_db': round(heard.loudest_db, 1)}
+def _sound(loudness: Loudness) -> dict[str, Any]:
+    return {'level_db': round(loudness.mean_db, 1), 'loudest_db': round(loudness.loudest_db, 1)}
 
 
-def _sound_text(heard: Loudness, one: _OpenOrder) -> str:
+def _sound_text(loudness: Loudness, one: _OpenOrder) -> str:
     lasts_s = (one.until_ns - one.from_ns) / NS_PER_S
-    return (f'sound over {lasts_s:.0f} s: {heard.mean_db:.0f} dB in the mean, '
-            f'{heard.loudest_db:.0f} dB at the loudest, of full scale')
+    return (f'sound over {lasts_s:.0f} s: {loudness.mean_db:.0f} dB in the mean, '
+            f'{loudness.loudest_db:.0f} dB at the loudest, of full scale')

@@ -55,13 +55,13 @@ from rt_robot_os.topics.ports import Input
 SEEN_TOPIC: Final = 'health/{}/seen'
 _POSE: Final = 'geometry_msgs/msg/PoseStamped'
 _LOOKS: Final = ('confirm', 'approach', 'observe', 'report', 'stay')
-# Pose and scan are of about the same moment, and the robot does not turn fast between two looks:
-# else walls would seem to stand beside themselves.
+# Pose and scan must be of about the same time, and the robot must not turn fast between them:
+# else walls would appear twice.
 _APART_NS: Final = NS_PER_S // 5
 _TURN_RAD_S: Final = 0.6
-# What was said longer ago of other people excludes nothing.
+# Older locations of other people are ignored.
 _OTHERS_NS: Final = 60 * NS_PER_S
-# Of taking a map: that of 65,000 cells each.
+# Pieces of reading a map: 65,000 cells each.
 _MAP_PIECES: Final = 20
 
 
@@ -75,34 +75,34 @@ class PersonFinder(Module):
     state = Input('agent/state', message='std_msgs/msg/String', initial=True, newest=True)
 
     SETTINGS = (
-        Field('person', str, REQUIRED, 'Who; part of the names of topics'),
-        Field('others', list, [], 'Other people who have a whereabouts: what is nearer to where '
-              'they are said to be is not this one'),
-        Field('map', str, '', 'The map: a YAML file as map_saver writes it; what it has is '
-              'nobody', is_file=True),
-        Field('map_topic', str, '', 'Maps that grow while they are made, each a '
-              'nav_msgs/msg/OccupancyGrid: the newest is taken when it begins to look, and kept '
-              'until it has ended, for who lies still is soon on the map; map is for what '
-              'nobody has seen there yet'),
+        Field('person', str, REQUIRED, 'Name of the person; part of the names of topics'),
+        Field('others', list, [], 'Other people with a module whereabouts: an object nearer to '
+              'one of their locations is not this person'),
+        Field('map', str, '', 'The map: a YAML file as map_saver writes it; objects on it are '
+              'not a person', is_file=True),
+        Field('map_topic', str, '', 'Topic of a growing map, nav_msgs/msg/OccupancyGrid: the '
+              'newest at the start of a search is used until its end, because a lying person is '
+              'soon on the map; map is used for areas that it does not cover yet'),
         Field('scan_topics', list, ['scan'], 'Laser scanners, each a sensor_msgs/msg/LaserScan; '
-              'one that is 0.25 m above the floor sees who lies there'),
-        Field('scan_minimum_m', float, 0.0, 'What a scanner sees nearer than this is the robot '
-              'itself; 0: its own range_min', 'm', 0.0, 5.0),
-        Field('range_m', float, 5.0, 'How far from the robot scanners are believed', 'm', 0.1,
-              30.0),
-        Field('map_tolerance_m', float, 0.2, 'What is seen so near to what the map has, is that',
-              'm', 0.0, 2.0),
-        Field('search_m', float, 3.0, 'How far they may be from where nodes say', 'm', 0.1, 30.0,
-              live=True),
-        Field('gap_m', float, 0.3, 'What is farther apart is not of one body', 'm', 0.01, 2.0,
-              live=True),
-        Field('size_min_m', float, 0.1, 'What is smaller is nobody', 'm', 0.0, 2.0),
-        Field('size_max_m', float, 2.2, 'What is larger is nobody', 'm', 0.1, 10.0),
-        Field('points', int, 5, 'How many rays meet a body at the least', '', 1, 1000),
-        Field('steady_s', float, 1.0, 'How long they have to be in one place; who walks by is '
-              'somebody else', 's', 0.0, 60.0),
-        Field('steady_m', float, 0.3, 'How large that place is', 'm', 0.01, 2.0),
-        Field('lost_s', float, 2.0, 'What was not seen for so long is gone', 's', 0.1, 60.0),
+              'one that is 0.25 m above the floor detects a lying person'),
+        Field('scan_minimum_m', float, 0.0, 'Nearer points of a scan are the robot itself; 0: the '
+              'range_min of the scanner', 'm', 0.0, 5.0),
+        Field('range_m', float, 5.0, 'Farther points of a scan are ignored', 'm', 0.1, 30.0),
+        Field('map_tolerance_m', float, 0.2, 'Points this near to an object of the map belong to '
+              'it', 'm', 0.0, 2.0),
+        Field('search_m', float, 3.0, 'Radius of the search around the location from the nodes',
+              'm', 0.1, 30.0, live=True),
+        Field('gap_m', float, 0.3, 'Points that are farther apart belong to different objects',
+              'm', 0.01, 2.0, live=True),
+        Field('size_min_m', float, 0.1, 'Smaller objects are not a person', 'm', 0.0, 2.0),
+        Field('size_max_m', float, 2.2, 'Larger objects are not a person', 'm', 0.1, 10.0),
+        Field('points', int, 5, 'The fewest points of a person in a scan', '', 1, 1000),
+        Field('steady_s', float, 1.0, 'How long an object has to stay in place; a person who '
+              'walks by is another one', 's', 0.0, 60.0),
+        Field('steady_m', float, 0.3, 'Movement that still counts as staying in place', 'm', 0.01,
+              2.0),
+        Field('lost_s', float, 2.0, 'An object that was not seen for this time is gone', 's', 0.1,
+              60.0),
     )
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:

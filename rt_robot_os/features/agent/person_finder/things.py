@@ -27,11 +27,11 @@ from rt_robot_os.motion.unexplained import Array
 Point = tuple[float, float]
 
 _MOST: Final = 16
-# What is taken may be so much farther from where it is looked for, and no other takes its place
-# that is not better by so much: else it would change to and fro.
+# Hysteresis: the present object may be this much farther away, and another one has to be better
+# by this much.
 _KEPT_M: Final = 1.0
 _BETTER_M: Final = 0.5
-# A point of a body is the mean of so many, as a single one may be noise.
+# A point of a body is the mean of this many, because a single one may be noise.
 _TOGETHER: Final = 3
 
 
@@ -71,11 +71,11 @@ class Things:
     """
     Tracks objects from scan to scan; safe in the real-time loop.
 
-    :param size_m: the smallest and the largest size of what counts.
-    :param points: how many points it has at the least.
-    :param steady_m: what stays in a place moves by less, and ...
-    :param steady_ns: ... has to do so for this long.
-    :param lost_ns: what was not seen for so long is gone.
+    :param size_m: the smallest and the largest size of an object.
+    :param points: the fewest points of an object.
+    :param steady_m: an object that moves by less stays in place, ...
+    :param steady_ns: ... if it does so for this time.
+    :param lost_ns: an object that was not seen for this time is gone.
     """
 
     def __init__(self, size_m: Point, points: int, steady_m: float, steady_ns: int, lost_ns: int
@@ -153,7 +153,7 @@ class Things:
         kept = next((each for each in likely if each is self._chosen), None)
         if kept is not None and away_m(kept) <= within_m + _KEPT_M and (
                 found is None or rank_m(found) > rank_m(kept) - _BETTER_M):
-            # While it is hidden for a moment, nothing else is taken for them.
+            # While it is hidden for a moment, no other object replaces it.
             return kept if kept.seen_ns == stamp_ns else None
         self._chosen = found
         return found
