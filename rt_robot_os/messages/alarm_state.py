@@ -24,7 +24,7 @@ class AlarmState(Enum):
 
     #: It waits for a person to confirm or cancel it; without an answer it is raised.
     SUSPECTED = 'suspected'
-    #: It is active, and nobody has acknowledged it: notifications repeat and escalate.
+    #: It is active and not acknowledged: notifications repeat and escalate.
     RAISED = 'raised'
     #: A person has acknowledged it; it is active until it is resolved.
     ACKNOWLEDGED = 'acknowledged'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The rows in which a network is published: one for each node, numbers only."""
+"""The network graph as published: one row of numbers for each node."""
 
 from __future__ import annotations
 
@@ -25,37 +25,37 @@ from typing import NamedTuple
 
 
 class NodeState(IntEnum):
-    """How a node is; the worst that applies."""
+    """The state of a node; the worst that applies."""
 
-    UNHEARD = 0  #: surveyed, and never heard
+    UNHEARD = 0  #: surveyed, without any packet
     GOOD = 1
-    WEAK = 2  #: much of what it sends is lost, or its battery is nearly empty
+    WEAK = 2  #: many of its packets are lost, or its battery is low
     SILENT = 3
-    ASLEEP = 4  #: somebody sent it to sleep
+    ASLEEP = 4  #: it was sent to sleep
     DOUBTFUL = 5  #: two nodes have its number, or it claims to be the sink, or is in a loop
     SINK = 6
 
 
 class NodeRow(NamedTuple):
     """
-    One node; NaN is what is not known.
+    One node; NaN is not known.
 
     :ivar id: its number.
-    :ivar x: in the map, in m; so are y and z.
+    :ivar x: position in the map, in m; so are y and z.
     :ivar stddev_m: of the position; 0 when it was surveyed.
-    :ivar parent: the next node on the way to the sink; -1 when not known.
+    :ivar parent: the next node on the route to the sink; -1 when not known.
     :ivar hops: to the sink.
-    :ivar cost: of the way to the sink, as the routing counts it.
+    :ivar cost: of the route to the sink, as the routing protocol counts it.
     :ivar state: a :class:`NodeState`.
-    :ivar battery_v: of its battery.
-    :ivar days_left: until it is empty.
-    :ivar delivery: share of its packets that came, since it was heard first.
+    :ivar battery_v: voltage of its battery.
+    :ivar days_left: until the battery is empty.
+    :ivar delivery: share of its packets that arrived, since the first.
     :ivar recent: the same of the last minutes.
     :ivar received: packets, each counted once.
-    :ivar lost: packets that did not come.
-    :ivar duplicates: packets that came again.
-    :ivar reboots: times that it began anew.
-    :ivar age_s: since it was heard last.
+    :ivar lost: packets that did not arrive.
+    :ivar duplicates: packets that arrived again.
+    :ivar reboots: restarts of the node.
+    :ivar age_s: since its last packet.
     """
 
     id: float  # noqa: A003
@@ -83,18 +83,18 @@ WIDTH: Final = len(COLUMNS)
 
 
 def rows_of(numbers: Sequence[float]) -> Iterator[NodeRow]:
-    """Take numbers apart; what is left of a row that is cut is passed over."""
+    """Split numbers into rows; an incomplete row is skipped."""
     for start in range(0, len(numbers) - WIDTH + 1, WIDTH):
         yield NodeRow(*numbers[start:start + WIDTH])
 
 
 def names_label(names: Mapping[int, str]) -> str:
-    """Write the names of nodes as a label of the layout of the rows: ``1=hall 2=bed``."""
+    """Return the names of nodes as the label of the rows: ``1=hall 2=bed``."""
     return ' '.join(f'{number}={name}' for number, name in names.items())
 
 
 def names_of(label: str) -> dict[int, str]:
-    """Read what :func:`names_label` wrote; what is no name is passed over."""
+    """Parse what :func:`names_label` returned; invalid parts are skipped."""
     found = {}
     for word in label.split():
         number, equals, name = word.partition('=')

@@ -61,11 +61,12 @@ class World:
         self._goal: Pose | None = None
         self.agent = Agent(
             AgentTuning(**{**SHORT, **tuning}),
-            AgentContext(StandoffPlanner(None, 1.0, 0.2), {'kitchen': Location(8.0, 1.0, 'kitchen')},
-                         {'wrist': 'anna'}, home), self._take, PERIOD_NS)
-        self.senses = self.agent.senses
-        self.senses.people['anna'] = Location(4.0, 4.0, 'anna')
-        self.senses.steering = 'nobody'
+            AgentContext(StandoffPlanner(None, 1.0, 0.2),
+                         {'kitchen': Location(8.0, 1.0, 'kitchen')}, {'wrist': 'anna'}, home),
+            self._take, PERIOD_NS)
+        self.inputs = self.agent.inputs
+        self.inputs.people['anna'] = Location(4.0, 4.0, 'anna')
+        self.inputs.steering = 'nobody'
         self.pose: Pose | None = (0.0, 0.0, 0.0)
         self._sense()
 
@@ -84,15 +85,15 @@ class World:
             self.pose = (*self.pose[:2], self.pose[2] + order.rate_rad_s * PERIOD_NS / 1e9)
 
     def _sense(self) -> None:
-        senses = self.senses
+        inputs = self.inputs
         while self._due and self._due[0][0] <= self.t_ns:
             _, text = self._due.pop(0)
             if text == 'done' and self._goal is not None:
                 self.pose = self._goal
-            senses.planner, senses.planner_new = text, True
-        senses.pose = self.pose
+            inputs.planner, inputs.planner_new = text, True
+        inputs.pose = self.pose
         if self.pose is not None and self.knows_pose:
-            senses.pose_ns = senses.pose_good_ns = self.t_ns
+            inputs.pose_ns = inputs.pose_good_ns = self.t_ns
 
     @property
     def state(self) -> AgentState:
@@ -120,9 +121,9 @@ class World:
 
     def move_anna(self, x: float, y: float) -> None:
         """Let anna be elsewhere."""
-        self.senses.people['anna'] = Location(x, y, 'anna')
+        self.inputs.people['anna'] = Location(x, y, 'anna')
 
     def away_m(self) -> float:
         """Return how far anna is from the robot."""
         assert self.pose is not None
-        return math.dist(self.pose[:2], self.senses.people['anna'].point)
+        return math.dist(self.pose[:2], self.inputs.people['anna'].point)

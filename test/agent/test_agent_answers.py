@@ -77,17 +77,18 @@ def test_an_answer_that_was_given_about_another_emergency_does_not_count() -> No
     world.agent.answer('fine', answered_ns, world.t_ns)
     assert world.state is S.CONFIRM and world.agent.refused == 1
     world.agent.answer('fine', world.t_ns, world.t_ns)
-    assert [each.text for each in world.orders if isinstance(each, SendAlarmCommand)] == ['cancel 2 by bob']
+    assert [each.text for each in world.orders if isinstance(each, SendAlarmCommand)] == [
+        'cancel 2 by bob']
 
 
 def test_an_answer_counts_while_the_robot_is_held() -> None:
     world = asked()
-    world.senses.estop = True
+    world.inputs.estop = True
     world.run(0.2)
     assert world.state is S.HELD
     world.agent.answer('anna fine', world.t_ns, world.t_ns)
     assert world.agent.refused == 0
-    world.senses.estop = False
+    world.inputs.estop = False
     world.run(0.1)
     assert (world.made[-2].source, world.made[-2].target) == (S.HELD, S.RETURN)
 

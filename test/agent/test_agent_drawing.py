@@ -65,7 +65,8 @@ def drawn(lines: list[str]) -> Iterator[StateEdge]:
         begin, end, events, guard, action = match.groups()
         for source in inside.get(begin, [begin]):
             for event in events.split(', '):
-                yield StateEdge(AgentState(source), event, guard or '', None if end == BEFORE else AgentState(end), action or '')
+                target = None if end == BEFORE else AgentState(end)
+                yield StateEdge(AgentState(source), event, guard or '', target, action or '')
 
 
 def test_the_drawing_has_every_edge_of_the_table_and_no_other() -> None:

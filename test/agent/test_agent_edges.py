@@ -42,9 +42,9 @@ def reach(world: World, edge: StateEdge) -> None:
     """Bring the agent to where an edge begins."""
     state = edge.source
     if (edge.source, edge.event) == (S.APPROACH, 'no_place'):
-        world.senses.people.clear()
+        world.inputs.people.clear()
     if (edge.source, edge.event) == (S.RETURN, 'no_place'):
-        world.pose = world.senses.pose = None
+        world.pose = world.inputs.pose = None
     if state is S.IDLE:
         return
     if state is S.CONFIRM:
@@ -74,17 +74,17 @@ def reach(world: World, edge: StateEdge) -> None:
         world.run(0.1)
         world.agent.command('return', world.t_ns)
     if state is S.HELD:
-        world.senses.estop = True
+        world.inputs.estop = True
         world.run(0.1)
     if state is S.OPERATOR:
-        world.senses.steering = 'teleop'
+        world.inputs.steering = 'teleop'
         world.run(0.1)
     assert world.state is state, (state, [each.message().to_json() for each in world.made])
 
 
 def cause(world: World, edge: StateEdge) -> None:
     """Let the event of an edge happen."""
-    event, senses = edge.event, world.senses
+    event, inputs = edge.event, world.inputs
     if event in ('suspected', 'raised'):
         world.alarm(event, '2', 'critical')
     elif event in ('abort', 'stay', 'return'):
@@ -94,16 +94,16 @@ def cause(world: World, edge: StateEdge) -> None:
     elif event in ('over', 'confirmed', 'acknowledged'):
         world.alarm({'over': 'resolved', 'confirmed': 'raised'}.get(event, event))
     elif event == 'estop':
-        senses.estop = True
+        inputs.estop = True
     elif event == 'operator':
-        senses.steering = 'teleop'
+        inputs.steering = 'teleop'
     elif event == 'released':
-        senses.estop = False
-        senses.steering = 'teleop' if edge.guard == 'driven' else 'nobody'
+        inputs.estop = False
+        inputs.steering = 'teleop' if edge.guard == 'driven' else 'nobody'
     elif event in ('arrived', 'blocked'):
         world.planner = {'arrived': 'done', 'blocked': 'stopped: blocked'}[event]
     elif event == 'battery_low':
-        senses.battery = 0.05
+        inputs.battery = 0.05
     elif event == 'lost_position':
         world.knows_pose = False
     elif event == 'moved':

@@ -27,19 +27,19 @@ Change = Callable[[World], None]
 
 
 def press(world: World) -> None:
-    world.senses.estop = True
+    world.inputs.estop = True
 
 
 def release(world: World) -> None:
-    world.senses.estop = False
+    world.inputs.estop = False
 
 
 def drive(world: World) -> None:
-    world.senses.steering = 'teleop'
+    world.inputs.steering = 'teleop'
 
 
 def let_go(world: World) -> None:
-    world.senses.steering = 'nobody'
+    world.inputs.steering = 'nobody'
 
 
 def approaching(**tuning: str) -> World:

@@ -72,15 +72,15 @@ class Days(RuleBasedStateMachine):
 
     @rule(pressed=st.booleans())
     def estop(self, pressed: bool) -> None:
-        self.world.senses.estop = pressed
+        self.world.inputs.estop = pressed
 
     @rule(who=st.sampled_from(['teleop', 'nobody', 'agent', 'trajectory', 'nobody: e-stop, x']))
     def steer(self, who: str) -> None:
-        self.world.senses.steering = who
+        self.world.inputs.steering = who
 
     @rule()
     def send_elsewhere(self) -> None:
-        self.world.senses.other_goal = True
+        self.world.inputs.other_goal = True
 
     @rule(planner=PLANNER)
     def plan(self, planner: str) -> None:
@@ -90,13 +90,13 @@ class Days(RuleBasedStateMachine):
     def move(self, place: tuple[float, float], known: bool) -> None:
         self.world.move_anna(*place)
         if not known:
-            del self.world.senses.people['anna']
+            del self.world.inputs.people['anna']
 
     @rule(charge=st.sampled_from([math.nan, 0.05, 0.9]), known=st.booleans(),
           voice=st.sampled_from([math.nan, -10.0]))
     def live(self, charge: float, known: bool, voice: float) -> None:
-        self.world.senses.battery, self.world.knows_pose = charge, known
-        self.world.senses.voice = voice
+        self.world.inputs.battery, self.world.knows_pose = charge, known
+        self.world.inputs.voice = voice
 
     @rule(seconds=st.sampled_from([0.05, 0.3, 1.0, 4.0, 15.0]))
     def wait(self, seconds: float) -> None:
@@ -119,11 +119,11 @@ class Days(RuleBasedStateMachine):
     def whoever_has_the_robot_has_it_alone(self) -> None:
         world = self.world
         world.orders.clear()
-        held = world.senses.estop or world.senses.steering.startswith('nobody: e-stop')
+        held = world.inputs.estop or world.inputs.steering.startswith('nobody: e-stop')
         world.run(0.1)
         if world.state is not AgentState.IDLE:
             assert (world.state is AgentState.HELD) == held
-        if world.state in PAUSES and world.senses.steering != 'nobody':
+        if world.state in PAUSES and world.inputs.steering != 'nobody':
             first = 1 + next((place for place, each in enumerate(world.orders)
                               if each == Goal(None)), -1)
             assert not [each for each in world.orders[first:] if isinstance(each, Goal)
@@ -139,11 +139,12 @@ class Days(RuleBasedStateMachine):
         if not hasattr(self, 'world'):
             return
         world = self.world
-        world.senses.estop, world.senses.steering = False, 'nobody'
-        world.senses.planner, world.senses.planner_new = 'done', True
+        world.inputs.estop, world.inputs.steering = False, 'nobody'
+        world.inputs.planner, world.inputs.planner_new = 'done', True
         world.planner = ''
         world.run(400.0, lambda: world.state is AgentState.IDLE)
-        assert world.state is AgentState.IDLE, [each.message().to_json() for each in world.made[-8:]]
+        assert world.state is AgentState.IDLE, [
+            each.message().to_json() for each in world.made[-8:]]
 
 
 TestDays = Days.TestCase

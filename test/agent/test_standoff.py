@@ -77,16 +77,16 @@ def test_each_place_is_free_and_apart_from_the_others(x: float, y: float, most: 
 def test_a_drive_takes_what_was_said_before_its_goal_for_nothing() -> None:
     drive = GoalFollower(4, 10, 10, 1)
     drive.begin([(5.0, 0.0, 0.0), (7.0, 0.0, 0.0)], 0)
-    drive.told('done', 0, (5.0, 0.0, 0.0))
+    drive.update('done', 0, (5.0, 0.0, 0.0))
     assert not drive.arrived and drive.next_goal(0) == (5.0, 0.0, 0.0)
-    drive.told('done', 1, (0.0, 0.0, 0.0))  # of a goal before
+    drive.update('done', 1, (0.0, 0.0, 0.0))  # of a goal before
     assert not drive.arrived
-    drive.told('waiting: somebody', 2, None)
+    drive.update('waiting: somebody', 2, None)
     drive.tick(11)
     assert not drive.problem
     drive.tick(12)
     assert drive.next_goal(13) == (7.0, 0.0, 0.0)
-    drive.told('stopped: blocked', 14, None)
+    drive.update('stopped: blocked', 14, None)
     assert drive.problem == 'blocked (2 places tried)'
 
 

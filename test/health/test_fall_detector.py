@@ -86,7 +86,8 @@ class Worn:
         self.bench.run(seconds or self.end_s)
         found = []
         while self._causes.take():
-            found.append((self._causes.stamp_ns / NS_PER_S, Cause.from_json(self._causes.msg.data)))
+            found.append((self._causes.stamp_ns / NS_PER_S,
+                          Cause.from_json(self._causes.msg.data)))
         return found
 
     def state_stamps(self) -> list[float]:

@@ -40,9 +40,9 @@ class Seeing(Helper):
     FINDER = True
 
     def __init__(self, folder: Path) -> None:
-        self.body = SimulatedPerson(WalkingRoute('anna', 0.0, (BODY, (9.0, 9.0))))
-        self.body.fall(self.HEADING)
-        self.body.step(2.0, -9.0, -9.0, 0.2)
+        self.robot = SimulatedPerson(WalkingRoute('anna', 0.0, (BODY, (9.0, 9.0))))
+        self.robot.fall(self.HEADING)
+        self.robot.step(2.0, -9.0, -9.0, 0.2)
         self.gaps_m: list[float] = []
         super().__init__(folder)
 
@@ -67,14 +67,14 @@ class Seeing(Helper):
     def from_body_m(self) -> float:
         """Return how far the middle of the robot is from the nearest part of her."""
         return min(math.dist((x, y), self.pose[:2]) - radius_m
-                   for x, y, radius_m in self.body.discs())
+                   for x, y, radius_m in self.robot.discs())
 
     def _look(self) -> None:
         x, y, yaw = self.pose
         x, y = x + 0.1 * math.cos(yaw), y + 0.1 * math.sin(yaw)
         msg, rays = self.scan.msg, ANGLES + yaw
         ranges = self.walls.cast(x, y, rays, 5.0)
-        for disc_x, disc_y, radius_m in self.body.discs():
+        for disc_x, disc_y, radius_m in self.robot.discs():
             ranges = np.minimum(ranges, disc_distances(disc_x - x, disc_y - y, rays, radius_m))
         msg.angle_min, msg.angle_increment = -2.0, 4.0 / (ANGLES.size - 1)
         msg.range_min, msg.range_max = 0.02, 5.0
@@ -100,7 +100,7 @@ def test_it_stops_beside_the_body_and_looks_at_it(
         assert robot.path() == ['approach', 'observe', 'report', 'stay']
         x, y, yaw = robot.pose
         off = min(abs(math.remainder(math.atan2(disc_y - y, disc_x - x) - yaw, math.tau))
-                  for disc_x, disc_y, _ in robot.body.discs())
+                  for disc_x, disc_y, _ in robot.robot.discs())
         found[kind] = robot.from_body_m(), min(robot.gaps_m), off
     away_m, nearest_m, off = found[Seeing]
     assert 0.75 < away_m < 1.3

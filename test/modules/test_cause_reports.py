@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from dataclasses import replace
+
 from hypothesis import given
 from hypothesis import strategies as st
 from rt_robot_os.base.units import NS_PER_S

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the robot does when somebody needs help: its states, and what leads to another."""
+"""What the robot does in an emergency: its states, and the events between them."""

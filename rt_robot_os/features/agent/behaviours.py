@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the agent does in each state: how it begins, what it does at each tick, when it ends."""
+"""The behaviour of each state: how it begins, what it does at each tick, when it ends."""
 
 from __future__ import annotations
 
@@ -44,24 +44,24 @@ _NEVER: Final = -1
 
 class Behaviours:
     """
-    The work on one emergency after the other; safe in the real-time loop.
+    The behaviours of all states, for one emergency at a time; safe in the real-time loop.
 
-    :param emit: takes each order.
-    :param where: finds the place of an emergency; None when nobody knows it.
-    :param orders: what is looked and listened for: ``picture``, ``clip``, ``sound``.
+    :param emit: receives each order.
+    :param where: returns the location of an emergency; None when it is not known.
+    :param orders: what is recorded: ``picture``, ``clip``, ``sound``.
     :param home: where it returns to; None: to where it came from.
-    :ivar emergency: which is served; None without.
+    :ivar emergency: the one that is served; None without.
     :ivar others_wait: another emergency waits to be served.
-    :ivar is_aborted: an operator said so.
-    :ivar stays_put: an operator said that it is to stay where it is.
+    :ivar is_aborted: an operator has aborted it.
+    :ivar stays_put: an operator has ordered it to stay where it is.
     :ivar origin: where the robot was when it set out.
     """
 
-    def __init__(self, tuning: AgentTuning, body: RobotInterface, dialogue: Dialogue,
+    def __init__(self, tuning: AgentTuning, robot: RobotInterface, dialogue: Dialogue,
                  emit: Callable[[AgentOrder], None], where: Callable[[Emergency], Location | None],
                  orders: Sequence[str], home: Pose | None) -> None:
         self.tuning = tuning
-        self.body = body
+        self.robot = robot
         self.dialogue = dialogue
         self.emergency: Emergency | None = None
         self.others_wait = self.is_aborted = self.stays_put = False
@@ -85,7 +85,7 @@ class Behaviours:
             AgentState.STAY: self._tick_stay, AgentState.RETURN: self._tick_return,
             AgentState.GIVE_UP: self._tick_give_up}
 
-    # ---- what others ask ------------------------------------------------------------------
+    # ---- for the agent --------------------------------------------------------------------
 
     def place(self) -> Location | None:
         """Return where the emergency is."""
@@ -93,35 +93,36 @@ class Behaviours:
 
     def is_there(self) -> bool:
         """Return whether the robot is beside the place."""
-        return self.body.drive.arrived
+        return self.robot.drive.arrived
 
     def observed(self, alarm: str, kind: str, text: str) -> None:
-        """Take what came of an order."""
+        """Store the result of an observation."""
         if self.emergency is not None and self.emergency.alarm == alarm and kind in self._orders:
             self._found[kind] = clean(text[:80])
 
     def begin(self, state: AgentState, t_ns: int, why: str) -> None:
-        """Begin the work of a state; in a pause there is none."""
+        """Begin the behaviour of a state; a pause has none."""
         self._since_ns, self._deadline_ns = t_ns, _NEVER
         begin = self._begin.get(state)
         if begin is not None:
             begin(t_ns, why)
 
     def tick(self, state: AgentState, t_ns: int) -> BehaviourEvent | None:
-        """Go on; return what happened, and why, if something did."""
+        """Continue; return an event and its reason, if there is one."""
         tick = self._tick.get(state)
         found = tick(t_ns) if tick is not None else None
         if found is None and 0 <= self._deadline_ns <= t_ns:
             self._deadline_ns = _NEVER
             seconds = (t_ns - self._since_ns) / NS_PER_S
-            return ('silence' if state is AgentState.CONFIRM else 'timeout'), f'after {seconds:.0f} s'
+            event = 'silence' if state is AgentState.CONFIRM else 'timeout'
+            return event, f'after {seconds:.0f} s'
         return found
 
     # ---- asking and driving -----------------------------------------------------------------
 
     def _begin_idle(self, t_ns: int, why: str) -> None:
-        self.body.forget()
-        self.body.limit(None)
+        self.robot.forget()
+        self.robot.limit(None)
         self._clear()
         self.origin = self.emergency = None
 
@@ -131,14 +132,14 @@ class Behaviours:
         self.dialogue.begin(self._person(), t_ns)
 
     def _tick_confirm(self, t_ns: int) -> BehaviourEvent | None:
-        self.dialogue.tick(self.body.senses.voice, t_ns)
+        self.dialogue.tick(self.robot.inputs.voice, t_ns)
         place = self.place()
-        if place is not None and not self.body.is_flat():
-            self.body.go_beside(place, t_ns)
+        if place is not None and not self.robot.is_battery_low():
+            self.robot.go_beside(place, t_ns)
         return None
 
     def _begin_approach(self, t_ns: int, why: str) -> None:
-        drive = self.body.drive
+        drive = self.robot.drive
         self.stays_put = False
         if not drive.is_under_way:
             self._set_out(t_ns)
@@ -146,26 +147,26 @@ class Behaviours:
         self._until(t_ns, self.tuning.approach_s)
 
     def _set_out(self, t_ns: int) -> None:
-        """Begin to move at once: what takes longer is for the next tick."""
+        """Start to move immediately; longer computations follow at the next tick."""
         place = self.place()
         if place is None:
-            self.body.halt()
+            self.robot.halt()
         else:
-            self.body.forget()
-        self.body.face(place, t_ns)
+            self.robot.forget()
+        self.robot.face(place, t_ns)
 
     def _tick_approach(self, t_ns: int) -> BehaviourEvent | None:
-        body, place = self.body, self.place()
-        if body.is_flat():
-            return 'battery_low', f'{100 * body.senses.battery:.0f} %'
-        if body.is_lost(self._since_ns, t_ns):
+        robot, place = self.robot, self.place()
+        if robot.is_battery_low():
+            return 'battery_low', f'{100 * robot.inputs.battery:.0f} %'
+        if robot.is_lost(self._since_ns, t_ns):
             return 'lost_position', f'no good pose for {self.tuning.lost_s:g} s'
-        if body.drive.arrived:
+        if robot.drive.arrived:
             return 'arrived', ''
-        if body.drive.problem:
-            return 'blocked', body.drive.problem
+        if robot.drive.problem:
+            return 'blocked', robot.drive.problem
         if place is not None:
-            body.go_beside(place, t_ns)
+            robot.go_beside(place, t_ns)
         elif t_ns - self._since_ns >= round(self.tuning.place_s * NS_PER_S):
             return 'no_place', 'nobody knows where it is'
         return None
@@ -173,17 +174,17 @@ class Behaviours:
     # ---- being there ------------------------------------------------------------------------
 
     def _begin_observe(self, t_ns: int, why: str) -> None:
-        self.body.face(self.place(), t_ns)
+        self.robot.face(self.place(), t_ns)
         self._clear()
         self._found.clear()
         self._ordered_ns = _NEVER
 
     def _tick_observe(self, t_ns: int) -> BehaviourEvent | None:
         place, t = self.place(), self.tuning
-        if place is not None and self.body.has_left(place):
+        if place is not None and self.robot.has_moved_away(place):
             return 'moved', f'to {place.x:.1f}, {place.y:.1f}'
         if self._ordered_ns < 0:
-            if self.body.is_aligned or t_ns - self._since_ns >= round(t.look_s * NS_PER_S):
+            if self.robot.is_aligned or t_ns - self._since_ns >= round(t.look_s * NS_PER_S):
                 self._ordered_ns = t_ns
                 self._until(t_ns, t.observe_s)
                 self._order()
@@ -207,8 +208,8 @@ class Behaviours:
         return None
 
     def _finding(self) -> str:
-        """Return in words what was found."""
-        pose, place = self.body.senses.pose, self.place()
+        """Return the findings in words."""
+        pose, place = self.robot.inputs.pose, self.place()
         parts = ['robot is there']
         if pose is not None and place is not None:
             away_m = math.dist(pose[:2], place.point)
@@ -216,8 +217,8 @@ class Behaviours:
         for kind in self._orders:
             text = self._found.get(kind)
             parts.append(f'no {kind}' if text is None else f'{kind}: {text}' if text else kind)
-        if self.dialogue.heard:
-            parts.append(f'heard something {self.dialogue.heard} times')
+        if self.dialogue.voices:
+            parts.append(f'heard something {self.dialogue.voices} times')
         return ', '.join(parts)
 
     def _begin_stay(self, t_ns: int, why: str) -> None:
@@ -226,12 +227,12 @@ class Behaviours:
 
     def _tick_stay(self, t_ns: int) -> BehaviourEvent | None:
         t, emergency, place = self.tuning, self.emergency, self.place()
-        if self.body.is_flat():
-            return 'battery_low', f'{100 * self.body.senses.battery:.0f} %'
+        if self.robot.is_battery_low():
+            return 'battery_low', f'{100 * self.robot.inputs.battery:.0f} %'
         if place is not None and self.stays_put:
-            self.body.look_at(place, t_ns)
+            self.robot.look_at(place, t_ns)
         elif place is not None:
-            self.body.keep_beside(place, t_ns)
+            self.robot.stay_beside(place, t_ns)
         if t_ns >= self._speak_ns and emergency is not None:
             self._speak_ns = t_ns + round(t.comfort_s * NS_PER_S)
             self.dialogue.speak(t.comfort, t_ns, self._person())
@@ -242,28 +243,28 @@ class Behaviours:
     # ---- leaving ----------------------------------------------------------------------------
 
     def _begin_return(self, t_ns: int, why: str) -> None:
-        self.body.halt()
+        self.robot.halt()
         self._clear()
         self._until(t_ns, self.tuning.return_s)
         target = self._home or self.origin
         if target is not None:
-            self.body.go_to(target, t_ns)
+            self.robot.go_to(target, t_ns)
 
     def _tick_return(self, t_ns: int) -> BehaviourEvent | None:
-        drive = self.body.drive
+        drive = self.robot.drive
         if drive.arrived:
             return 'arrived', ''
         if drive.problem:
             return 'blocked', drive.problem
         if (self._home or self.origin) is None:
             return 'no_place', 'it never knew where it was, and home is not set'
-        if self.body.is_lost(self._since_ns, t_ns):
+        if self.robot.is_lost(self._since_ns, t_ns):
             return 'lost_position', f'no good pose for {self.tuning.lost_s:g} s'
         return None
 
     def _begin_give_up(self, t_ns: int, why: str) -> None:
         t, emergency = self.tuning, self.emergency
-        self.body.halt()
+        self.robot.halt()
         wait_s = t.retry_s if self.may_retry() else t.give_up_s
         self._until(t_ns, wait_s)
         if emergency is not None:
@@ -273,13 +274,13 @@ class Behaviours:
             self.dialogue.speak(t.unreachable, t_ns, self._person())
 
     def _tick_give_up(self, t_ns: int) -> BehaviourEvent | None:
-        if self.may_retry() and 0 <= self._deadline_ns <= t_ns and not self.body.is_flat():
+        if self.may_retry() and 0 <= self._deadline_ns <= t_ns and not self.robot.is_battery_low():
             self._deadline_ns = _NEVER
             return 'retry', f'{self.tries + 1} of {self.tuning.retries}'
         return None
 
     def may_retry(self) -> bool:
-        """Return whether it has tries left, and an emergency to try them for."""
+        """Return whether it has an emergency and tries left."""
         return (not self.is_aborted and self.emergency is not None
                 and self.tries < self.tuning.retries)
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Ask somebody whether they are all right, and understand what comes back."""
+"""Ask a person whether they are well, and parse the answer."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from rt_robot_os.features.agent.tuning import AgentTuning
 
 FINE: Final = 'fine'
 HELP: Final = 'help'
-#: What the button of a worn node says, as the quantity ``alarm``.
+#: Values of the button of a worn node, the quantity ``alarm``.
 BUTTON: Final = {1: HELP, 2: FINE}
 
 
 def answer_of(text: str) -> tuple[str, str] | None:
     """
-    Read an answer: ``anna fine``, ``anna help``, or one of the two words alone.
+    Parse an answer: ``anna fine``, ``anna help``, or one of the two words alone.
 
-    :return: who (empty when the text does not say), and which of the two; None for anything else.
+    :return: the person, empty without, and the word; None for anything else.
     """
     words = text.split()
     if not 1 <= len(words) <= 2 or words[-1].lower() not in (FINE, HELP):
@@ -43,15 +43,15 @@ def answer_of(text: str) -> tuple[str, str] | None:
 
 class Dialogue:
     """
-    One question, asked again, and whether something was heard.
+    A repeated question, and whether the microphone has picked up a voice.
 
-    :param say: takes what is to be said.
-    :ivar heard: how often something was heard that nobody understood.
+    :param say: receives what is to be said.
+    :ivar voices: how often a voice was detected that is not an answer.
     """
 
     def __init__(self, tuning: AgentTuning, say: Callable[[Say], None]) -> None:
         self.tuning = tuning
-        self.heard = 0
+        self.voices = 0
         self._say = say
         self._person = ''
         self._is_unclear = False
@@ -59,12 +59,12 @@ class Dialogue:
 
     def begin(self, person: str, t_ns: int) -> None:
         """Ask for the first time."""
-        self._person, self.heard, self._asked_ns = person, 0, t_ns
+        self._person, self.voices, self._asked_ns = person, 0, t_ns
         self._is_unclear = False
         self.speak(self.tuning.question, t_ns)
 
     def speak(self, text: str, t_ns: int, person: str = '') -> None:
-        """Say something; for a while the microphone hears nothing but that."""
+        """Say something; for a while the microphone is ignored."""
         t = self.tuning
         self._again_ns = t_ns + round(t.ask_again_s * NS_PER_S)
         self._quiet_ns = t_ns + round(t.quiet_s * NS_PER_S)
@@ -73,12 +73,12 @@ class Dialogue:
 
     def tick(self, voice_db: float, t_ns: int) -> None:
         """
-        Ask again when it is time, and at once when something was heard; a NaN was not.
+        Ask again when it is due, and immediately after a voice; NaN is no sound.
 
-        Noise that goes on is answered no more often than the question is asked.
+        Continuous noise is answered no more often than the question is asked.
         """
         if t_ns >= self._quiet_ns and voice_db >= self.tuning.voice_db:
-            self.heard += 1
+            self.voices += 1
             if not self._is_unclear or t_ns >= self._again_ns:
                 self._is_unclear = True
                 self.speak(self.tuning.unclear, t_ns)
@@ -87,5 +87,5 @@ class Dialogue:
             self.speak(self.tuning.question, t_ns)
 
     def counts(self, stamp_ns: int) -> bool:
-        """Return whether an answer of that moment is one to this question."""
+        """Return whether an answer of that time is one to this question."""
         return 0 <= self._asked_ns <= stamp_ns

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""GoalFollower somewhere by goals for a planner: try one place after the other, and know when to stop."""
+"""Drive to a pose by goals for a planner: try one pose after the other, and stop in time."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from typing import Final
 
 from rt_robot_os.motion.differential import Pose
 
-# A planner says so far at most from the goal that it is done: it moves goals to where there is
-# room, and what it says of a goal before is told apart.
+# Distance from the goal within which the planner's `done` is accepted: it moves goals to free
+# ground, and a `done` of an earlier goal must not count.
 _DONE_M: Final = 1.0
 
 
 class GoalFollower:
     """
-    The way to one of several poses; safe in the real-time loop.
+    Drives to one of several poses; safe in the real-time loop.
 
     :param tries: how many goals are given for one drive.
-    :param answer_ns: how long the planner may take to say something.
-    :param waiting_ns: how long it may wait for a way to become free.
+    :param answer_ns: time-out of the planner.
+    :param waiting_ns: how long the planner may wait for a free path.
     :param pause_ns: how long to wait before the next goal.
     :ivar goal: the last that was given; None without.
-    :ivar has_way: whoever was told has a way to it.
+    :ivar has_way: the planner has a path to it.
     :ivar arrived: the robot is there.
-    :ivar problem: why it got nowhere; empty while it may.
-    :ivar is_open: whoever was told has a goal, or may have: it would go there, now or when a way
-        becomes free.
+    :ivar problem: why no pose was reached; empty without.
+    :ivar is_open: the planner has a goal, or may have: the robot would drive there, now or when a
+        path becomes free.
     """
 
     def __init__(self, tries: int, answer_ns: int, waiting_ns: int, pause_ns: int) -> None:
@@ -51,7 +51,7 @@ class GoalFollower:
         self.stop()
 
     def stop(self) -> None:
-        """Want nothing any more; what was told is not taken back."""
+        """Drop the goal; the one that was given is not cancelled."""
         self.goal: Pose | None = None
         self.has_way = self.arrived = False
         self.problem = ''
@@ -63,12 +63,12 @@ class GoalFollower:
 
     @property
     def is_under_way(self) -> bool:
-        """Whether a goal was given, and nothing has come of it yet."""
+        """Whether a goal was given and has no result yet."""
         return self.goal is not None and not self.arrived and not self.problem
 
     def begin(self, poses: Sequence[Pose], t_ns: int) -> None:
         """
-        GoalFollower to the first of some poses, or to the next when that cannot be.
+        Drive to the first of some poses, or to the next one that can be reached.
 
         :param poses: in the order in which they are tried.
         """
@@ -79,7 +79,7 @@ class GoalFollower:
             self.problem = 'no place to stand beside it'
 
     def next_goal(self, t_ns: int) -> Pose | None:
-        """Return a goal when it is time to give one."""
+        """Return a goal when one is due."""
         if self.arrived or self.problem or self._next_ns < 0 or t_ns < self._next_ns:
             return None
         self.goal = self._left.pop(0)
@@ -88,11 +88,11 @@ class GoalFollower:
         self.has_way, self.is_open = False, True
         return self.goal
 
-    def told(self, state: str, t_ns: int, robot: Pose | None) -> None:
+    def update(self, state: str, t_ns: int, robot: Pose | None) -> None:
         """
-        Take a state of the planner, told after the goal was given.
+        Handle a state of the planner that came after the goal.
 
-        :param robot: where the robot is; None when nobody knows.
+        :param robot: where the robot is; None when it is not known.
         """
         if self.goal is None or self._next_ns >= 0:
             return
@@ -109,7 +109,7 @@ class GoalFollower:
             self._waits_ns, self._why = t_ns, state.partition(': ')[2]
 
     def tick(self, t_ns: int) -> None:
-        """Look at the time."""
+        """Check the time-outs."""
         if self.goal is None or self._next_ns >= 0 or self.arrived or self.problem:
             return
         if self._told_ns < 0 and t_ns - self._given_ns >= self.answer_ns:

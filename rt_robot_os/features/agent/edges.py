@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The states of the agent, and what leads from one to another: the table that it is driven by.
+The table of edges between the states of the agent, which decides what it does.
 
 The drawing in docs/active_agent.md shows the same edges; a test compares the two. Of several edges
-from one state for one event the first whose guard holds is taken.
+from one state for one event the first one whose guard holds applies.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ BUSY: Final = (*SERVING, AgentState.RETURN)
 
 class StateEdge(NamedTuple):
     """
-    One way from a state to another.
+    An edge from a state to another.
 
     :ivar source: where it begins.
     :ivar event: what happens; one of :data:`EVENTS`.
-    :ivar guard: what must hold besides; one of :data:`GUARDS`, empty for nothing.
+    :ivar guard: a condition; one of :data:`GUARDS`, empty for none.
     :ivar target: where it ends; None: the state before the pause.
-    :ivar action: what is done on the way, besides what each state begins with; empty for nothing.
+    :ivar action: what is done in addition to the start of the state; empty for nothing.
     """
 
     source: AgentState
@@ -62,39 +62,39 @@ class StateEdge(NamedTuple):
         return BEFORE if self.target is None else self.target.value
 
 
-#: What happens, and what it means.
+#: The events, and what they mean.
 EVENTS: Final = {
-    'suspected': 'an emergency that is not sure yet is the most important that is not served',
-    'raised': 'an emergency that is sure is the most important that is not served',
-    'confirmed': 'the emergency in question has become sure',
+    'suspected': 'a suspected emergency is the most important one that is not served',
+    'raised': 'a raised emergency is the most important one that is not served',
+    'confirmed': 'the emergency that is served was confirmed',
     'over': 'the emergency was resolved or cancelled',
-    'acknowledged': 'somebody has taken the emergency over',
+    'acknowledged': 'a person has acknowledged the emergency',
     'fine': 'the person says that all is well',
     'help': 'the person wants help',
-    'silence': 'nobody answered within confirm_s',
-    'arrived': 'the robot is beside the place, or at home',
-    'blocked': 'there is no way, or none was found in the tries that it has',
+    'silence': 'there was no answer within confirm_s',
+    'arrived': 'the robot has reached the person, or home',
+    'blocked': 'there is no path, or none was found within the allowed tries',
     'battery_low': 'the battery is below battery_low',
-    'lost_position': 'nobody knows for lost_s where the robot is',
-    'no_place': 'nobody knows where the emergency is',
-    'moved': 'the person is somewhere else now',
-    'observed': 'all that was asked for has come',
-    'timeout': 'the time of the state is over',
-    'retry': 'it is time to try again',
-    'abort': 'an operator says abort',
-    'stay': 'an operator says stay',
-    'return': 'an operator says return',
+    'lost_position': 'the position of the robot has been unknown for lost_s',
+    'no_place': 'the location of the emergency is not known',
+    'moved': 'the person has moved',
+    'observed': 'all requested observations have arrived',
+    'timeout': 'the time limit of the state has passed',
+    'retry': 'another try is due',
+    'abort': 'an operator has sent abort',
+    'stay': 'an operator has sent stay',
+    'return': 'an operator has sent return',
     'estop': 'the e-stop is set',
     'operator': 'an operator drives, or has given the robot another goal',
-    'released': 'the e-stop is released; the operator has let go',
+    'released': 'the e-stop is released, or the operator has stopped driving',
 }
 
-#: What must hold besides an event.
+#: The guards, and what they mean.
 GUARDS: Final = {
-    'there': 'the robot is beside the place already',
+    'there': 'the robot has reached the person already',
     'leaves': 'when_acknowledged is return',
-    'tries left': 'it has not tried as often as tries says',
-    'aborted': 'an operator said abort',
+    'tries left': 'there are tries left (retries)',
+    'aborted': 'an operator has sent abort',
     'driven': 'an operator drives',
     'gives up': 'after_operator is give_up',
 }
@@ -107,7 +107,7 @@ def _from(sources: Iterable[AgentState], event: str, guard: str, target: AgentSt
 
 def _edges() -> Iterator[StateEdge]:
     state = AgentState
-    # The worst first: whoever may stop it does so in each state.
+    # E-stop, operator and their commands first: they apply in each state.
     yield from _from((*BUSY, state.OPERATOR), 'estop', '', state.HELD, 'stop')
     yield from _from(BUSY, 'operator', '', state.OPERATOR, 'stop')
     yield from _from(BUSY, 'abort', '', state.GIVE_UP, 'abort')
@@ -116,7 +116,7 @@ def _edges() -> Iterator[StateEdge]:
     # Another emergency.
     yield from _from((state.IDLE, *BUSY), 'suspected', '', state.CONFIRM, 'take')
     yield from _from((state.IDLE, *BUSY), 'raised', '', state.APPROACH, 'take')
-    # The one that is served.
+    # The emergency that is served.
     yield from _from(SERVING, 'over', '', state.RETURN, 'leave')
     yield from _from(SERVING, 'acknowledged', 'leaves', state.RETURN, 'leave')
     yield StateEdge(state.CONFIRM, 'fine', '', state.RETURN, 'cancel')
@@ -138,12 +138,12 @@ def _edges() -> Iterator[StateEdge]:
     yield StateEdge(state.GIVE_UP, 'timeout', '', state.RETURN, 'leave')
     for event in ('arrived', 'blocked', 'lost_position', 'no_place', 'timeout'):
         yield StateEdge(state.RETURN, event, '', state.IDLE)
-    # Whoever had the robot gives it back.
+    # The e-stop or the operator releases the robot.
     yield StateEdge(state.HELD, 'released', 'driven', state.OPERATOR)
     yield StateEdge(state.HELD, 'released', '', None)
     yield StateEdge(state.OPERATOR, 'released', 'gives up', state.GIVE_UP, 'abort')
     yield StateEdge(state.OPERATOR, 'released', '', None)
 
 
-#: The table, in the order in which edges are looked at.
+#: The table, in the order in which edges are tried.
 EDGES: Final = tuple(_edges())

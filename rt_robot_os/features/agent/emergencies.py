@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which emergencies there are, as the alarms tell it, and which of them comes first."""
+"""The open emergencies, from the events of alarms, in the order of their importance."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ _SUSPECTED: Final = AlarmState.SUSPECTED
 @dataclass
 class Emergency:
     """
-    An alarm that is open.
+    An open alarm that is an emergency.
 
     :ivar alarm: its identifier.
-    :ivar level: how much it matters.
-    :ivar since_ns: from when on it has mattered so much.
+    :ivar level: how severe it is.
+    :ivar since_ns: since when it has this level.
     :ivar state: of the alarm; an open one.
-    :ivar subject: whom or what it concerns.
+    :ivar subject: the person, room or device concerned.
     :ivar kinds: of its causes.
     :ivar node: that reported it; empty without.
-    :ivar x: where its cause said it is, in m; NaN without.
+    :ivar x: position of its cause, in m; NaN without.
     :ivar y: as x.
-    :ivar is_done: the agent did what it could: it goes on only when something new is told.
-    :ivar first: an operator wants this one first.
+    :ivar is_done: the agent has finished with it; only news makes it serve it again.
+    :ivar first: an operator has requested it.
     """
 
     alarm: str
@@ -65,14 +65,14 @@ class Emergency:
     first: bool = False
 
     def key(self) -> tuple[bool, int, int, str]:
-        """Return by what they are ordered, the most important first: level, then age."""
+        """Return the sort key, the most important first: level, then age."""
         return not self.first, -self.level, self.since_ns, self.alarm
 
     def what(self, worn: Container[str]) -> str:
         """
         Return it in words: ``smoke, at kitchen``.
 
-        :param worn: names of nodes that people wear, which are no place.
+        :param worn: names of nodes that people wear, which are not a location.
         """
         kinds = ', '.join(self.kinds[:3]) or 'emergency'
         return f'{kinds}, at {self.node}' if self.node and self.node not in worn else kinds
@@ -80,12 +80,12 @@ class Emergency:
 
 class EmergencyQueue:
     """
-    All alarms that are open and emergencies.
+    The open emergencies.
 
-    :param least: those of a lower level are none.
-    :param ignored: alarms of which all kinds are among these are none, such as tests.
-    :ivar unreadable: texts that were no event of an alarm.
-    :ivar dropped: emergencies that there was no room for: the least important.
+    :param least: alarms of a lower level are not emergencies.
+    :param ignored: alarms of these kinds only, such as tests, are not emergencies.
+    :ivar unreadable: texts that were not an event of an alarm.
+    :ivar dropped: emergencies that were dropped for want of room, the least important.
     """
 
     def __init__(self, least: Level, ignored: Collection[str]) -> None:
@@ -165,7 +165,7 @@ class EmergencyQueue:
 
     def best(self, but: Emergency | None = None) -> Emergency | None:
         """
-        Return the most important that waits to be served; None when there is none.
+        Return the most important one that waits to be served; None when there is none.
 
         :param but: the one that is served.
         """
@@ -176,7 +176,7 @@ class EmergencyQueue:
 
     def prefer(self, alarm: str) -> bool:
         """
-        Have one served first; an operator wants it.
+        Serve one first, as an operator requests.
 
         :return: whether it is open.
         """

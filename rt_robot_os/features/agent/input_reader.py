@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What comes in from the robot, put where the agent looks for it."""
+"""Reads the topics of the robot into the inputs of the agent."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ from rt_robot_os.topics import Subscription
 # Of sensor_msgs/msg/BatteryState.
 _CHARGING: Final = (1, 4)
 _X_X, _Y_Y = 0, 7
-# What the agent gave as a goal comes back as it is.
+# A goal of the agent comes back unmodified.
 _SAME_M: Final = 1e-6
 
 
 class InputReader:
     """
-    Take the newest of each topic into the senses; safe in the real-time loop.
+    Reads the newest sample of each topic; safe in the real-time loop.
 
     :param topics: what is connected, by the names of the module's inputs.
-    :param people: where each person is told to be.
+    :param people: topics with the location of each person.
     :ivar own_goal: the last goal that the agent gave.
     """
 
-    def __init__(self, senses: AgentInputs, topics: Mapping[str, Subscription],
+    def __init__(self, inputs: AgentInputs, topics: Mapping[str, Subscription],
                  people: Mapping[str, Subscription], stddev_max_m: float) -> None:
         self.stddev_max_m = stddev_max_m
         self.own_goal: Pose | None = None
-        self._senses = senses
+        self._inputs = inputs
         self._people = people
         self._pose = topics.get('pose')
         self._battery = topics.get('battery')
@@ -55,30 +55,30 @@ class InputReader:
         self._planner = topics.get('planner_state')
         self._voice = topics.get('voice')
         self._goals = topics.get('goals')
-        # What was told before counts, also after a failure: the e-stop may have been set.
+        # Earlier samples count, also after a failure: the e-stop may have been set.
         for each in (self._pose, self._battery, self._estop, self._steering, *people.values()):
             if each is not None:
                 each.rewind()
 
-    def listen(self) -> None:
-        """Take what has come."""
-        senses = self._senses
+    def poll(self) -> None:
+        """Read what has come."""
+        inputs = self._inputs
         if self._pose is not None and self._pose.latest():
             self._take_pose(self._pose)
         if self._estop is not None and self._estop.latest():
-            senses.estop = bool(self._estop.msg.data)
+            inputs.estop = bool(self._estop.msg.data)
         if self._steering is not None and self._steering.latest():
-            senses.steering = str(self._steering.msg.data)
+            inputs.steering = str(self._steering.msg.data)
         if self._planner is not None and self._planner.latest():
-            senses.planner, senses.planner_new = str(self._planner.msg.data), True
+            inputs.planner, inputs.planner_new = str(self._planner.msg.data), True
         if self._battery is not None and self._battery.latest():
             message = self._battery.msg
-            senses.battery = float(message.percentage)
-            senses.charging = int(message.power_supply_status) in _CHARGING
+            inputs.battery = float(message.percentage)
+            inputs.charging = int(message.power_supply_status) in _CHARGING
         if self._voice is not None and self._voice.latest():
-            senses.voice = float(self._voice.msg.data)
+            inputs.voice = float(self._voice.msg.data)
         else:
-            senses.voice = math.nan  # heard once is answered once
+            inputs.voice = math.nan  # one sample is handled once
         if self._goals is not None and self._goals.latest():
             self._take_goal(self._goals)
         for name, place in self._people.items():
@@ -89,21 +89,21 @@ class InputReader:
         pose = planar(read.msg.pose.pose)
         if pose is None:
             return
-        senses = self._senses
-        senses.pose, senses.pose_ns = pose, read.stamp_ns
+        inputs = self._inputs
+        inputs.pose, inputs.pose_ns = pose, read.stamp_ns
         covariance = read.msg.pose.covariance
         variance = float(covariance[_X_X]) + float(covariance[_Y_Y])
         if 0.0 <= variance <= self.stddev_max_m ** 2:
-            senses.pose_good_ns = read.stamp_ns
+            inputs.pose_good_ns = read.stamp_ns
 
     def _take_goal(self, read: Subscription) -> None:
         position = read.msg.pose.position
         own = self.own_goal
-        self._senses.other_goal |= own is None or max(
+        self._inputs.other_goal |= own is None or max(
             abs(position.x - own[0]), abs(position.y - own[1])) > _SAME_M
 
     def _take_place(self, name: str, read: Subscription) -> None:
         position = read.msg.pose.position
         x, y = float(position.x), float(position.y)
         if math.isfinite(x) and math.isfinite(y):
-            self._senses.people[name] = Location(x, y, name)
+            self._inputs.people[name] = Location(x, y, name)

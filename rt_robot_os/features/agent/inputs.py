@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the agent knows of the robot and of the people, and what it wants of others."""
+"""The inputs of the agent, of robot and people, and its orders."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from rt_robot_os.motion.differential import Pose
 
 class Location(NamedTuple):
     """
-    Where somebody or something is.
+    Where a person or an object is.
 
     :ivar x: in the map, in m.
     :ivar y: in the map, in m.
@@ -47,15 +47,15 @@ class Location(NamedTuple):
 @dataclass
 class AgentInputs:
     """
-    What has come in, kept up to date by whoever has the topics.
+    The newest inputs, which the module updates.
 
     :ivar pose: of the robot; None before the first.
     :ivar pose_ns: moment of that pose.
-    :ivar pose_good_ns: moment of the last one that was known well enough.
+    :ivar pose_good_ns: moment of the last one that was accurate enough.
     :ivar planner: state of the planner, and ``planner_new`` whether it came since the last tick.
-    :ivar estop: the last word of the e-stop.
-    :ivar steering: who steers, as the multiplexer says it.
-    :ivar other_goal: somebody else gave the robot a goal since the last tick.
+    :ivar estop: the e-stop is set.
+    :ivar steering: the active source, from the multiplexer.
+    :ivar other_goal: the robot got a goal that is not of the agent since the last tick.
     :ivar battery: charge from 0 to 1; NaN when it is not known.
     :ivar charging: the battery is being charged.
     :ivar voice: level of sound in dB below full scale; NaN without a microphone.
@@ -77,13 +77,13 @@ class AgentInputs:
 
 
 class Say(NamedTuple):
-    """Something to be said aloud."""
+    """A sentence to be spoken."""
 
     text: str
 
 
 class Goal(NamedTuple):
-    """Where the robot is to drive; None: it is to stop."""
+    """A goal to drive to; None: stop."""
 
     pose: Pose | None
 
@@ -95,13 +95,13 @@ class Spin(NamedTuple):
 
 
 class SendAlarmCommand(NamedTuple):
-    """A command for the alarms, such as ``confirm 3 by robot``."""
+    """A command about alarms, such as ``confirm 3 by robot``."""
 
     text: str
 
 
 class Observe(NamedTuple):
-    """An order for whoever has camera and microphone."""
+    """An order for cameras and microphone."""
 
     kind: ObservationKind
     alarm: str
@@ -109,21 +109,21 @@ class Observe(NamedTuple):
 
 
 class AddNote(NamedTuple):
-    """What the agent found, for the next notification of an alarm."""
+    """A note of the findings, for the next notification of an alarm."""
 
     alarm: str
     text: str
 
 
 class ReportBlocked(NamedTuple):
-    """Whether the robot cannot reach somebody, and why; told as a technical cause."""
+    """Whether the robot cannot reach a person, and why; published as a technical cause."""
 
     active: bool
     text: str = ''
 
 
 class LimitSpeed(NamedTuple):
-    """The largest speed in m/s; 0: none of the agent's."""
+    """The speed limit in m/s; 0: no limit."""
 
     speed_m_s: float
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Follow the table of edges: which state, and by what each change came about."""
+"""The state machine that follows the table of edges."""
 
 from __future__ import annotations
 
@@ -60,12 +60,12 @@ class StateTransition(NamedTuple):
 
 class StateMachine:
     """
-    A state, and the edges that lead from it; safe in the real-time loop.
+    A state, and the edges from it; safe in the real-time loop.
 
-    :param guards: what they are, by the names that the table uses.
+    :param guards: functions, by the names that the table uses.
     :ivar state: now.
-    :ivar before: what is resumed after ``held`` or ``operator``. What happens meanwhile leads on
-        from there, as far as it needs no robot.
+    :ivar before: the state that is resumed after ``held`` or ``operator``. Events meanwhile change
+        it, as far as they need no robot.
     :ivar ignored: events that the state has no edge for.
     """
 
@@ -81,9 +81,9 @@ class StateMachine:
 
     def find(self, event: str) -> tuple[StateEdge, AgentState] | None:
         """
-        Return the edge that an event leads along now, and the state at its end; None without one.
+        Return the edge of an event now, and the state at its end; None without one.
 
-        In a pause it is one from the state that will be resumed, when the pause has none itself.
+        In a pause it is an edge from the state that will be resumed, if the pause has none.
         """
         found = self._edge(self.state, event)
         if found is None and self.state in PAUSES and self.before not in PAUSES:
@@ -95,9 +95,9 @@ class StateMachine:
 
     def go(self, edge: StateEdge, target: AgentState) -> bool:
         """
-        Take an edge that was found.
+        Follow an edge that was found.
 
-        :return: whether the state has changed, or begins anew; in a pause only what is resumed
+        :return: whether the state has changed or restarts; in a pause only the resumed state
             changes.
         """
         if self.state in PAUSES and edge.source is not self.state:

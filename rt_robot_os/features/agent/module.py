@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The agent as a module: a coroutine that awaits alarms, commands and the next point of its grid.
+The agent as a module: a coroutine that awaits alarms, commands and points of its grid.
 
-What :mod:`rt_robot_os.features.agent` decides is carried out here. Decisions are stamped with the
-event that led to them or with the point of the grid at which they were made, never with the time
-at which the job came to run: that is another in a replay.
+It publishes what :mod:`rt_robot_os.features.agent` decides. A decision has the stamp of the event
+or of the grid point that led to it, never the time at which the job ran, which differs in a
+replay.
 """
 
 from __future__ import annotations
@@ -59,30 +59,30 @@ from rt_robot_os.motion.differential import Pose
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
 
-# Commands that stop what it does are never too old.
+# Commands that stop the robot are never too old.
 _STOPS: Final = ('abort', 'stay')
 _TEXT: Final = 'std_msgs/msg/String'
 _BOOL: Final = 'std_msgs/msg/Bool'
 _FLOAT: Final = 'std_msgs/msg/Float64'
 _ON_MAP: Final = {'header.frame_id': 'map'}
 _SAY_BYTES: Final = 1000
-# Enough for what is cut to 200 letters, and an alarm's name, however JSON writes them.
+# Enough for 200 characters and the name of an alarm, however JSON escapes them.
 _TEXT_BYTES: Final = 4000
 _COMMAND_BYTES: Final = 1000
-# A grid that fell so far behind is begun anew: what was missed is over.
+# A grid that fell behind by this restarts; missed points are dropped.
 _MOST_BEHIND: Final = 20
-# Of taking a map: that of 65,000 cells each.
+# Pieces of reading a map: 65,000 cells each.
 _MAP_PIECES: Final = 20
 
 
 class AgentModule(Module):
-    """Go to whoever needs help: ask, look, tell, stay."""
+    """Drive to a person in an emergency: ask, observe, report, stay."""
 
     events = Input('alarms/events', message=_TEXT)
     command = Input('agent/command', message=_TEXT)
     answer = Input('agent/answer', message=_TEXT)
     observed = Input('agent/observed', message=_TEXT)
-    # It looks at these when somebody needs it, and then at what is newest.
+    # Read during an emergency only, and then the newest.
     pose = Input('pose', message='geometry_msgs/msg/PoseWithCovarianceStamped', newest=True)
     planner_state = Input('planner/state', message=_TEXT, newest=True)
     steering = Input('steering', message=_TEXT, newest=True)
@@ -123,11 +123,11 @@ class AgentModule(Module):
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic."""
+        """Return whether a port has a topic."""
         return bool(self.topic_of(attribute))
 
     def awaits(self) -> tuple[str, ...]:
-        """Name what it goes on with, besides its own rounds."""
+        """Return the inputs that wake it, besides its own grid."""
         return ('events', 'command') if self.connected('command') else ('events',)
 
     def own_rounds_hz(self) -> float:
@@ -135,7 +135,7 @@ class AgentModule(Module):
         return float(self.settings['decision_rate_hz'])
 
     def publications(self) -> tuple[TopicSpec, ...]:
-        """Return the topics; it turns once a round at most, whatever wakes it."""
+        """Return the topics; it publishes at most one turn per grid point."""
         turn = self.topic_of('turn')
         return tuple(replace(each, most_hz=self.own_rounds_hz()) if each.topic == turn else each
                      for each in super().publications())
@@ -165,29 +165,31 @@ class AgentModule(Module):
                          for topic in self.settings['answer_topics']}
 
     def activate(self) -> None:
-        """Begin without an emergency; after a failure with those of before."""
+        """Start without an emergency; after a failure with those of before."""
         tuning = made(AgentTuning, self.settings)
         self._restarted = self._agent is not None
         self._agent = agent = Agent(tuning, self._around, self._emit, self._period_ns)
         people = {name: self.listed[f'place {name}'] for name in self.settings['people']}
         topics = {name: getattr(self, name) for name in self.used(Input)}
-        self._orders = OutputWriter({name: getattr(self, name) for name in self.used(Output)},
-                              self.name, self.settings['name'], self.log, self._gave_goal)
-        self._hearing = InputReader(agent.senses, topics, people, tuning.position_stddev_max_m)
+        self._outputs = OutputWriter(
+            {name: getattr(self, name) for name in self.used(Output)}, self.name,
+            self.settings['name'], self.log, self._gave_goal)
+        self._input_reader = InputReader(agent.inputs, topics, people,
+                                         tuning.position_stddev_max_m)
 
     def changed(self, name: str) -> None:
-        """Take over a setting."""
+        """Apply a setting."""
         if self._agent is not None:
             tuning = made(AgentTuning, self.settings)
             self._agent.retune(tuning)
-            self._hearing.stddev_max_m = tuning.position_stddev_max_m
+            self._input_reader.stddev_max_m = tuning.position_stddev_max_m
 
     def safe_state(self) -> None:
         """Publish a standstill."""
-        self._orders.carry_out(Spin(0.0), 0)
+        self._outputs.publish(Spin(0.0), 0)
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell what it does, and what it could not use."""
+        """Return its state and its counters."""
         agent = self._agent
         if agent is None:
             return {}
@@ -199,25 +201,25 @@ class AgentModule(Module):
             'emergencies_dropped': emergencies.dropped, 'events_ignored': agent.ignored,
             'words_refused': agent.refused, 'observed_unreadable': self._unreadable,
             'ticks_late': self._late,
-            **self._orders.statistics(), **self._map.statistics()}
+            **self._outputs.statistics(), **self._map.statistics()}
 
     # ---- work --------------------------------------------------------------------------------
 
     async def run(self) -> None:
-        """Await what comes first: a point of the grid, an alarm, a command."""
+        """Await the next input: a point of the grid, an alarm, a command."""
         agent, period_ns = self._agent, self._period_ns
         if agent is None or self.kernel is None:
             return
         if self._restarted:
             self._remember(agent)
-        # Whoever comes late hears it; of a moment that is the same in a replay.
-        self._orders.tell(agent.text, self._stamp_ns or self.kernel.start_ns)
+        # For subscribers that come later; the stamp is the same in a replay.
+        self._outputs.publish_state(agent.text, self._stamp_ns or self.kernel.start_ns)
         tick_ns = 0
         while True:
             waits: list[Wait] = [self.events.next(), self.command.next()] if (
                 self.connected('command')) else [self.events.next()]
             if agent.state is not AgentState.IDLE:
-                # The point first: in a replay the job begins at the recorded time.
+                # The grid point first: in a replay the job begins at the recorded time.
                 tick_ns = tick_ns or self._next_point(self._stamp_ns)
                 waits.insert(0, Until(tick_ns))
             else:
@@ -232,32 +234,32 @@ class AgentModule(Module):
             elif source is self.events:
                 self._begin_at(source.stamp_ns)
                 agent.alarm(str(source.msg.data), self._stamp_ns)
-                self._orders.tell(agent.text, self._stamp_ns)
+                self._outputs.publish_state(agent.text, self._stamp_ns)
             else:
                 self._begin_at(source.stamp_ns)
                 self._take_command(agent, str(source.msg.data), source.stamp_ns)
-                self._orders.tell(agent.text, self._stamp_ns)
+                self._outputs.publish_state(agent.text, self._stamp_ns)
 
     def _next_point(self, after_ns: int) -> int:
         return (after_ns // self._period_ns + 1) * self._period_ns
 
     def _begin_at(self, stamp_ns: int) -> None:
-        """Take a moment as that of the decisions that follow; none lies before the last."""
+        """Set the time of the decisions that follow; it never goes back."""
         now_ns = self.events.topic.kernel.now_ns()
         self._stamp_ns = max(min(stamp_ns, now_ns), self._stamp_ns)
-        self._hearing.listen()
+        self._input_reader.poll()
 
     def _tick(self, agent: Agent, tick_ns: int) -> None:
         self._stamp_ns = max(tick_ns, self._stamp_ns)
-        self._hearing.listen()
+        self._input_reader.poll()
         self._take_map()
         self._take_words(agent)
         agent.tick(self._stamp_ns)
-        self._orders.refresh(self._stamp_ns)
-        self._orders.tell(agent.text, self._stamp_ns)
+        self._outputs.refresh(self._stamp_ns)
+        self._outputs.publish_state(agent.text, self._stamp_ns)
 
     def _take_command(self, agent: Agent, text: str, stamp_ns: int) -> None:
-        """Do what an operator says; what sets the robot in motion must not be old."""
+        """Handle a command of an operator; one that moves the robot must not be old."""
         why = ''
         if not text.startswith(_STOPS):
             why = stale_reason(stamp_ns, self.events.topic.kernel.now_ns(), self.settings)
@@ -268,13 +270,13 @@ class AgentModule(Module):
             agent.command(text, self._stamp_ns)
 
     def _take_map(self) -> None:
-        """Take the newest map, if there is a new one: 2 ms for 1000 x 1000 cells, in pieces."""
+        """Read the newest map, if there is one: 2 ms for 1000 x 1000 cells, in pieces."""
         while self._map.is_behind:
             if self._map.advance(_MAP_PIECES):
-                self._around.beside.clearing = clearing_of(self.settings, self._map.grid)
+                self._around.standoff.clearing = clearing_of(self.settings, self._map.grid)
 
     def _take_words(self, agent: Agent) -> None:
-        """Take what people and the observer say; answers count from when they were given."""
+        """Handle answers and observations; an answer counts from its own time."""
         stamp_ns = self._stamp_ns
         if self.connected('answer'):
             while self.answer.unread and self.answer.take():
@@ -290,7 +292,7 @@ class AgentModule(Module):
                 self._take_observed(agent, str(self.observed.msg.data))
 
     def _wearer(self, topic: str) -> str:
-        """Return who wears the node of a button; empty when the survey does not say."""
+        """Return the person who wears the node of a button; empty when it is not known."""
         return next((person for end, person in self._wearers.items()
                      if f'/{topic}'.endswith(end)), '')
 
@@ -304,22 +306,23 @@ class AgentModule(Module):
             self._unreadable += 1
             return
         text = found.problem
-        if found.kind == ObservationKind.SOUND.value and not text and math.isfinite(found.level_db):
+        is_sound = found.kind == ObservationKind.SOUND.value
+        if is_sound and not text and math.isfinite(found.level_db):
             text = f'{found.level_db:.0f} dB'
         agent.observed(found.alarm, found.kind, text)
 
     def _gave_goal(self, pose: Pose) -> None:
-        self._hearing.own_goal = pose
+        self._input_reader.own_goal = pose
 
     def _remember(self, agent: Agent) -> None:
-        """After a failure: take the events that are still kept, and go on with what is open."""
+        """After a failure: read the events that are still there, and continue."""
         self.events.rewind()
         texts = []
         while self.events.take():
             texts.append(str(self.events.msg.data))
             self._begin_at(self.events.stamp_ns)
         agent.remember(texts, self._stamp_ns)
-        self._orders.tell(agent.text, self._stamp_ns)
+        self._outputs.publish_state(agent.text, self._stamp_ns)
 
     def _emit(self, order: AgentOrder | StateTransition) -> None:
-        self._orders.carry_out(order, self._stamp_ns)
+        self._outputs.publish(order, self._stamp_ns)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whether the e-stop or an operator has the robot."""
+"""Whether the e-stop or an operator holds the robot."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ _ENDS: Final = ('done', 'refused: ', 'stopped: ')
 
 class OperatorWatch:
     """
-    Who has the robot, by what the multiplexer says and by goals that are not the agent's.
+    Detects an operator from the multiplexer and from goals that are not the agent's.
 
-    :param sources: names of those who steer by hand, as the multiplexer has them.
-    :ivar tuning: how long they keep it, and how long a planner may take.
+    :param sources: sources of the multiplexer that are people.
+    :ivar tuning: how long they hold it, and the time-out of the planner.
     """
 
     def __init__(self, sources: Collection[str], tuning: AgentTuning) -> None:
@@ -41,37 +41,38 @@ class OperatorWatch:
         self.tuning = tuning
         self.forget()
 
-    def is_held(self, senses: AgentInputs) -> bool:
+    def is_held(self, inputs: AgentInputs) -> bool:
         """Return whether the e-stop is set; it is until it is released."""
-        return senses.estop or senses.steering.startswith(_ESTOP)
+        return inputs.estop or inputs.steering.startswith(_ESTOP)
 
-    def why_held(self, senses: AgentInputs) -> str:
+    def why_held(self, inputs: AgentInputs) -> str:
         """Return in words what holds the robot."""
-        return (senses.steering.partition(': ')[2] if senses.steering.startswith(_ESTOP) else
+        return (inputs.steering.partition(': ')[2] if inputs.steering.startswith(_ESTOP) else
                 'somebody holds it')
 
-    def why_driven(self, senses: AgentInputs) -> str:
+    def why_driven(self, inputs: AgentInputs) -> str:
         """Return in words what an operator does."""
-        return (f'{senses.steering} steers' if senses.steering in self._sources else
+        return (f'{inputs.steering} steers' if inputs.steering in self._sources else
                 'somebody has sent the robot elsewhere')
 
     def forget(self) -> None:
-        """Begin anew: what the robot was sent for before is no reason to wait."""
+        """Reset: a goal of before is no reason to wait."""
         self._until_ns = -1
         self._errand_until_ns = -1
 
-    def drives(self, senses: AgentInputs, t_ns: int) -> bool:
+    def drives(self, inputs: AgentInputs, t_ns: int) -> bool:
         """
-        Return whether an operator drives, or has let go just now.
+        Return whether an operator drives, or stopped just now.
 
-        An errand is over when the planner says so, or has said nothing of it for too long.
+        A goal of an operator has ended when the planner reports so, or reports nothing for too
+        long.
         """
         t = self.tuning
-        if senses.other_goal:
+        if inputs.other_goal:
             self._errand_until_ns = t_ns + round(t.answer_s * NS_PER_S)
-        elif senses.planner_new and self._errand_until_ns >= 0:
-            self._errand_until_ns = -1 if senses.planner.startswith(_ENDS) else (
+        elif inputs.planner_new and self._errand_until_ns >= 0:
+            self._errand_until_ns = -1 if inputs.planner.startswith(_ENDS) else (
                 t_ns + round(t.approach_s * NS_PER_S))
-        if senses.steering in self._sources or t_ns < self._errand_until_ns:
+        if inputs.steering in self._sources or t_ns < self._errand_until_ns:
             self._until_ns = t_ns + round(t.operator_hold_s * NS_PER_S)
         return t_ns < self._until_ns

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Carry out what the agent orders: each becomes a message on its topic."""
+"""Publishes the orders of the agent, each as a message on its topic."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from rt_robot_os.modules.cause_reports import CauseReports
 from rt_robot_os.motion.differential import Pose
 from rt_robot_os.topics import Publisher
 
-#: The technical cause that the robot gets nowhere.
+#: The technical cause that the robot cannot reach a person.
 BLOCKED: Final = 'robot_blocked'
 _LONGEST: Final = 200
 _BEFORE_S, _AFTER_S = 10.0, 10.0
@@ -48,12 +48,12 @@ _BEFORE_S, _AFTER_S = 10.0, 10.0
 
 class OutputWriter:
     """
-    The way out; safe in the real-time loop.
+    The outputs of the agent; safe in the real-time loop.
 
     :param outputs: publishers of the module, by the names of its outputs; what is not connected is
         left out.
     :param name: of the robot, and so the subject of its technical causes.
-    :param gave_goal: is told each goal, before it is published.
+    :param gave_goal: receives each goal, before it is published.
     """
 
     def __init__(self, outputs: Mapping[str, Publisher], source: str, name: str, log: Logger,
@@ -70,23 +70,23 @@ class OutputWriter:
             Observe: self._observe, AddNote: self._note, ReportBlocked: self._trouble,
             LimitSpeed: self._limit, StateTransition: self._transition}
 
-    def carry_out(self, order: AgentOrder | StateTransition, stamp_ns: int) -> None:
+    def publish(self, order: AgentOrder | StateTransition, stamp_ns: int) -> None:
         """Publish an order or a transition."""
         self._do[type(order)](order, stamp_ns)
 
-    def tell(self, text: str, stamp_ns: int) -> None:
-        """Publish what the agent does, when it has changed."""
+    def publish_state(self, text: str, stamp_ns: int) -> None:
+        """Publish the state of the agent, when it has changed."""
         if text != self._told:
             self._told = text
             self._text('state', text[:_LONGEST], stamp_ns)
 
     def refresh(self, stamp_ns: int) -> None:
-        """Tell again what lasts."""
+        """Publish active causes again."""
         if self._causes is not None and self._causes.due_ns <= stamp_ns:
             self._causes.refresh(stamp_ns)
 
     def statistics(self) -> Mapping[str, Any]:
-        """Return how much there was."""
+        """Return the counters."""
         return dict(self._counts)
 
     def _spin(self, order: Spin, stamp_ns: int) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The settings of the agent, and what is made of those that name files and people."""
+"""The settings of the agent, and the objects made from them."""
 
 from __future__ import annotations
 
@@ -37,45 +37,46 @@ from rt_robot_os.motion.grid_map import GridMap
 ORDERS: Final = ('picture', 'clip', 'sound')
 
 SETTINGS: Final = (
-    Field('decision_rate_hz', float, 20.0, 'How often it decides while it has something to do; '
-          'alarms and commands wake it besides', 'Hz', 1.0, 100.0),
-    Field('people', list, [], 'Whom it knows: the place of each comes on health/NAME/place'),
+    Field('decision_rate_hz', float, 20.0, 'Rate of decisions during an emergency; alarms and '
+          'commands wake it in addition', 'Hz', 1.0, 100.0),
+    Field('people', list, [], 'Persons; the location of each comes on health/NAME/place'),
     Field('nodes_file', str, '', 'The survey of the nodes: a YAML file with nodes, such as that '
           'of a simulated world; each is "name x y height [id N] [on PERSON] [quantity ...]"',
           is_file=True),
-    Field('nodes', list, [], 'More of them, or all, as texts of that kind'),
-    Field('map', str, '', 'The map by which it chooses where to stand: a YAML file as map_saver '
-          'writes it; empty, as map_topic: it knows no walls', is_file=True),
-    Field('map_topic', str, '', 'Maps that grow while they are made, each a '
-          'nav_msgs/msg/OccupancyGrid; map is for what nobody has seen there yet'),
-    Field('robot_radius_m', float, 0.22, 'What must stay free round base_link where it stands',
+    Field('nodes', list, [], 'More nodes, or all, as strings of that form'),
+    Field('map', str, '', 'The map for choosing where to stand: a YAML file as map_saver '
+          'writes it; with neither this nor map_topic walls are not known', is_file=True),
+    Field('map_topic', str, '', 'Topic of a growing map, nav_msgs/msg/OccupancyGrid; map is '
+          'used for areas that it does not cover yet'),
+    Field('robot_radius_m', float, 0.22, 'Radius around base_link that must be free where it '
+          'stands',
           'm', 0.0, 10.0),
-    Field('clearance_m', float, 0.2, 'What must stay free besides', 'm', 0.0, 5.0),
+    Field('clearance_m', float, 0.2, 'Additional distance that must be free', 'm', 0.0, 5.0),
     COMMAND_AGE,
-    Field('home', list, [], 'Where it returns to: x, y in m and the heading in degrees, on the '
-          'map; empty: to where it came from', item=float),
-    Field('operator_sources', list, ['teleop'], 'Sources of the multiplexer of velocities that '
-          'are people'),
-    Field('observe', list, list(ORDERS), 'What it looks and listens for, of what the observer '
-          'does; empty: for nothing', choices=ORDERS),
-    Field('ignored_kinds', list, ['test'], 'Alarms of nothing but these kinds it does not go to'),
+    Field('home', list, [], 'Pose to return to: x, y in m and the heading in degrees, on the '
+          'map; empty: where it came from', item=float),
+    Field('operator_sources', list, ['teleop'], 'Sources of the velocity multiplexer that are '
+          'people'),
+    Field('observe', list, list(ORDERS), 'What the observer records; empty: nothing',
+          choices=ORDERS),
+    Field('ignored_kinds', list, ['test'], 'Kinds of causes; alarms of only these are ignored'),
     Field('answer_topics', list, [], 'Buttons by which people answer, each a '
           'std_msgs/msg/Float64 of the quantity alarm: 1 help, 2 all is well; such as '
           'wsn/wrist/alarm'),
-    Field('name', str, 'robot', 'Its name in commands and causes'),
+    Field('name', str, 'robot', 'Name of the robot in commands and causes'),
     *declared(AgentTuning),
 )
 
 
 def clearing_of(settings: Mapping[str, Any], grid: GridMap | None) -> Clearing | None:
-    """Return where the robot may stand on a map; None when there is none yet."""
+    """Return where the robot may stand on a map; None without a map."""
     s = settings
     return Clearing(grid, s['robot_radius_m'] + s['clearance_m']) if grid is not None else None
 
 
 def context_of(name: str, settings: Mapping[str, Any], survey: tuple[SurveyedNode, ...],
-                    grid: GridMap | None) -> AgentContext:
-    """Make what the agent is told of where it is."""
+               grid: GridMap | None) -> AgentContext:
+    """Make the context of the agent."""
     s = settings
     nodes = {key: Location(node.x, node.y, node.name) for node in survey
              for key in (node.name, node.token)}
@@ -90,9 +91,9 @@ def context_of(name: str, settings: Mapping[str, Any], survey: tuple[SurveyedNod
 
 def home_of(name: str, settings: Mapping[str, Any]) -> Pose | None:
     """
-    Return where the robot returns to; None when that is where it came from.
+    Return where the robot returns to; None: to where it came from.
 
-    :raises ConfigError: it is no pose.
+    :raises ConfigError: it is not a pose.
     """
     home = settings['home']
     if not home:

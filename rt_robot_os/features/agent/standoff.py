@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where a robot stands beside somebody: near enough to see, far enough not to hinder."""
+"""Where the robot stands next to a person: near enough to see, far enough not to hinder."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from rt_robot_os.motion.differential import Pose
 Point = tuple[float, float]
 
 _DIRECTIONS: Final = 16
-# Who lies in a bed lies in what the map has as occupied: so far at most from its edge.
+# A person in a bed is inside an occupied area: at most this far from its edge.
 _FURNITURE_M: Final = 1.0
-# Where there is no room at the distance that is wanted: further away.
+# Larger distances, as multiples, where there is no room at the wanted one.
 _FARTHER: Final = (1.5, 2.0)
 _APART_M: Final = 0.5
 
 
 class StandoffPlanner:
     """
-    Choose places to stand at; safe in the real-time loop, some hundreds of microseconds.
+    Plans standoff poses; safe in the real-time loop, some hundreds of microseconds.
 
-    :param standoff_m: the distance that is wanted.
-    :param spread_m: how far from that a place may be before it counts as farther away.
-    :ivar clearing: the map as it is now; None without one: all of it is free.
+    :param standoff_m: the wanted distance.
+    :param spread_m: tolerance of that distance.
+    :ivar clearing: the present map; None: everything is free.
     """
 
     def __init__(self, clearing: Clearing | None, standoff_m: float, spread_m: float) -> None:
@@ -49,15 +49,15 @@ class StandoffPlanner:
 
     def places(self, place: Point, robot: Point, most: int) -> list[Pose]:
         """
-        Return poses beside a place that look at it, the one to try first in front.
+        Return poses next to a location that face it, in the order to try them.
 
-        Those from which there is nothing but free ground towards the place come first, so that
-        none is on the other side of a wall; of these the nearest to the robot. None is beside one
-        before it: where one place is blocked its neighbours are.
+        Poses with a free line to the location come first, so that none is behind a wall; of these
+        the nearest to the robot. Neighbours of an earlier pose are left out: where one is blocked,
+        they are too.
 
-        :param place: where somebody is, in m.
+        :param place: the location, in m.
         :param robot: where the robot is, in m.
-        :param most: how many.
+        :param most: number of poses.
         """
         standoff_m, spread_m = self.standoff_m, self.spread_m
         near = self._around(place, robot, (standoff_m, standoff_m + spread_m,
@@ -70,7 +70,7 @@ class StandoffPlanner:
         return found or self._chosen([*near, *far], place, most, hidden=True)
 
     def _around(self, place: Point, robot: Point, radii_m: Sequence[float]) -> list[Pose]:
-        """Return all poses at some distances from a place, the nearest to the robot first."""
+        """Return all poses at some distances from a location, the nearest to the robot first."""
         found = []
         towards = math.atan2(robot[1] - place[1], robot[0] - place[0])
         for radius_m in radii_m:
@@ -85,7 +85,7 @@ class StandoffPlanner:
 
     def _chosen(self, poses: Sequence[Pose], place: Point, most: int, *, hidden: bool
                 ) -> list[Pose]:
-        """Return the first that are free and apart; looks at no more of them than it has to."""
+        """Return the first poses that are free and apart; checks no more than necessary."""
         found: list[Pose] = []
         for pose in poses:
             x, y, _ = pose
@@ -97,14 +97,14 @@ class StandoffPlanner:
         return found
 
     def sees(self, robot: Point, place: Point) -> bool:
-        """Return whether no wall of the map is between a robot and a place."""
+        """Return whether no wall of the map is between a robot and a location."""
         return not self._is_hidden(*robot, place)
 
     def _is_free(self, x: float, y: float) -> bool:
         return self.clearing is None or self.clearing.is_free(x, y)
 
     def _is_hidden(self, x: float, y: float, place: Point) -> bool:
-        """Return whether something is between, but for the furniture that somebody lies on."""
+        """Return whether an obstacle is between, except the furniture that a person lies on."""
         if self.clearing is None:
             return False
         grid = self.clearing.grid

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Turn in place towards something: at once, smoothly, and no further."""
+"""Turn in place to a location: immediately, smoothly, without overshoot."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from typing import Final
 from rt_robot_os.motion.angles import wrapped
 from rt_robot_os.motion.differential import Pose
 
-# Of the error in rad: what is left decays in half a second.
+# Gain on the error in rad: it decays in half a second.
 _GAIN: Final = 2.0
 
 
@@ -48,26 +48,26 @@ class Turn:
         """
         Return the rate for the next period, and whether the robot is aligned and stands.
 
-        :param camera_rad: which direction of the robot is to look there, from its front.
+        :param camera_rad: direction of the camera, from the front of the robot.
         """
         if math.hypot(x - pose[0], y - pose[1]) < 1e-3:
             return self.rest(period_s)
         error = wrapped(math.atan2(y - pose[1], x - pose[0]) - camera_rad - pose[2])
         if abs(error) < self.tolerance_rad:
             return self.rest(period_s)
-        # As fast as it can still brake to a stand where it looks there.
+        # As fast as it can still brake to a standstill at the target.
         most = min(self.fastest_rad_s, _GAIN * abs(error),
                    math.sqrt(2.0 * self.acceleration_rad_s2 * abs(error)))
         return self._step(math.copysign(most, error), period_s), False
 
     def rest(self, period_s: float) -> tuple[float, bool]:
-        """Return the rate for the next period on the way to a stand, and whether it is one."""
+        """Return the rate for the next period towards a standstill, and whether it stands."""
         was = self.rate_rad_s
         rate = self._step(0.0, period_s)
         return rate, rate == 0.0 == was
 
     def stop(self) -> None:
-        """Begin from a stand."""
+        """Start from a standstill."""
         self.rate_rad_s = 0.0
 
     def _step(self, wanted: float, period_s: float) -> float:

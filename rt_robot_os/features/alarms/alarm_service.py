@@ -58,7 +58,7 @@ JOURNAL_SPACE: Final = 'journal_space'
 #: The longest record, in bytes.
 RECORD_BYTES: Final = 32_000
 #: A busy machine may need this long to read a journal at the start. Only after it a journal that
-#: returns nothing is an alarm: nobody is called for a slow start.
+#: returns nothing is an alarm: a slow start is not.
 START_ALARM_NS: Final = 20 * NS_PER_S
 _WAITING_MOST: Final = 64
 _UNSTORED_MOST: Final = 256

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pictures, clips and the sound level, as the agent orders them, as a module."""
+"""The module that records pictures, clips and the sound level on order."""
 
 from rt_robot_os.features.agent.observer.module import Observer
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How loud it was: the levels of the last seconds, and what they come to."""
+"""The sound levels of the last seconds, and their mean and maximum."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_S
 
-#: What is quieter is silence, in dB below full scale.
+#: Levels below this count as silence, in dB below full scale.
 QUIETEST_DB: Final = -120.0
 
 
 class Loudness(NamedTuple):
     """
-    How loud a time was, in dB below full scale.
+    The loudness of a period, in dB below full scale.
 
     :ivar mean_db: level of the mean power.
     :ivar loudest_db: the highest level of a block.
-    :ivar blocks: as many were heard.
+    :ivar blocks: number of blocks.
     """
 
     mean_db: float
@@ -44,10 +44,10 @@ class Loudness(NamedTuple):
 
 class Levels:
     """
-    Keep levels for a time; safe in the real-time loop.
+    Stores levels for a time; safe in the real-time loop.
 
-    :param seconds: as long they are kept.
-    :param most: and no more of them.
+    :param seconds: how long levels are stored.
+    :param most: number of levels at most.
     """
 
     def __init__(self, seconds: float, most: int = 8192) -> None:
@@ -57,7 +57,7 @@ class Levels:
         self._levels_db: list[float] = []
 
     def add(self, stamp_ns: int, level_db: float) -> None:
-        """Take a level; one that is older than the last, or no number, is left out."""
+        """Add a level; one that is older than the last, or NaN, is dropped."""
         if math.isnan(level_db) or (self._times and stamp_ns <= self._times[-1]):
             return
         self._times.append(stamp_ns)
@@ -68,10 +68,10 @@ class Levels:
             del self._times[:old], self._levels_db[:old]
 
     def between(self, from_ns: int, until_ns: int) -> Loudness | None:
-        """Return how loud it was from one moment to another; None when nothing was heard."""
+        """Return the loudness from one moment to another; None without a level."""
         first, end = bisect_left(self._times, from_ns), bisect_right(self._times, until_ns)
-        heard = self._levels_db[first:end]
-        if not heard:
+        levels = self._levels_db[first:end]
+        if not levels:
             return None
-        power = sum(10.0 ** (level / 10.0) for level in heard) / len(heard)
-        return Loudness(10.0 * math.log10(power), max(heard), len(heard))
+        power = sum(10.0 ** (level / 10.0) for level in levels) / len(levels)
+        return Loudness(10.0 * math.log10(power), max(levels), len(levels))

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Observation on order: pictures and clips of cameras, and how loud it is.
+Observations on order: pictures and clips of cameras, and the sound level.
 
-An order goes to every camera that is listed; what each says comes out as one answer. An order that
-a camera does not answer in time is answered here: who waits for pictures is never left waiting.
-With a microphone each answer says how loud it was.
+An order goes to every listed camera, and each reply is published as one answer. If a camera does
+not reply in time, the module publishes an answer with a problem, so that each order is answered.
+With a microphone each answer has the sound level.
 """
 
 from __future__ import annotations
@@ -46,25 +46,25 @@ _TEXT: Final = 'std_msgs/msg/String'
 _ORDER_BYTES: Final = 800
 _OBSERVED_BYTES: Final = 2400
 _OPEN_MOST: Final = 32
-# Around a picture, which itself takes no time.
+# Period of the sound level of a picture, which itself takes no time.
 _AROUND_NS: Final = 2 * NS_PER_S
 
 
 @dataclass
 class _OpenOrder:
-    """An order that somebody waits for."""
+    """An order without all its answers."""
 
     number: int
     order: ObservationOrder
     from_ns: int
     until_ns: int
     due_ns: int
-    #: Cameras that have not answered yet, by the topics of their answers.
+    #: Cameras without a reply yet, by the topics of their replies.
     waits_for: set[str]
 
 
 class Observer(Module):
-    """Have the cameras take pictures and clips, and say how loud it is."""
+    """Order pictures and clips of the cameras, and publish the sound level."""
 
     order = Input('agent/observe', wake=True, message=_TEXT)
     level = Input('', message='std_msgs/msg/Float32')
@@ -72,25 +72,25 @@ class Observer(Module):
     observed = Output('agent/observed', _TEXT, tail=_OBSERVED_BYTES, depth=16)
 
     SETTINGS = (
-        Field('observed_topics', list, ['camera/observed'], 'What the cameras answer on, one '
-              'topic each (their setting observed_topic); empty: there is no camera'),
-        Field('timeout_s', float, 8.0, 'So long after the end of an observation a camera may '
-              'answer; then the answer is that it did not', 's', 0.5, 120.0),
+        Field('observed_topics', list, ['camera/observed'], 'Topics of the replies of the '
+              'cameras (their setting observed_topic); empty: there is no camera'),
+        Field('timeout_s', float, 8.0, 'Time-out of a camera after the end of an '
+              'observation', 's', 0.5, 120.0),
         Field('level_topic', str, '', 'Level of a microphone, in dB below full scale, such as '
               'sound/level; empty: none. It needs a rate_hz, so that none is overwritten'),
-        Field('sound_s', float, 30.0, 'So much of the past can be listened to', 's', 1.0, 120.0),
+        Field('sound_s', float, 30.0, 'How long levels are stored', 's', 1.0, 120.0),
     )
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings.
+        Check the settings.
 
         :raises ConfigError: there is nothing to observe with.
         """
         super().__init__(name, settings)
         if not settings['observed_topics'] and not settings['level_topic']:
-            raise ConfigError([f'{name}: neither observed_topics nor level_topic names anything: '
-                               'there is nothing to observe with'])
+            raise ConfigError([f'{name}: neither observed_topics nor level_topic is set: there '
+                               'is nothing to observe with'])
         self._levels = Levels(settings['sound_s'])
         self._open: list[_OpenOrder] = []
         self._number = 0
@@ -101,7 +101,7 @@ class Observer(Module):
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic."""
+        """Return whether a port has a topic."""
         if attribute == 'camera_order' and not self.settings['observed_topics']:
             return False
         return bool(self.topic_of(attribute))
@@ -118,22 +118,22 @@ class Observer(Module):
         self._wake_up = WakeUp(self.kernel, self.task)
 
     def step(self) -> None:
-        """Listen, take orders and answers, and see who is late."""
+        """Read levels, orders and replies, and check time-outs."""
         now_ns = self.observed.topic.kernel.now_ns()
         if self.connected('level'):
             while self.level.take():
                 self._levels.add(self.level.stamp_ns, float(self.level.msg.data))
         while self.order.take():
             self._take_order(str(self.order.msg.data), self.order.stamp_ns)
-        for topic, told in self.listed.items():
-            while told.take():
-                self._take_answer(topic, str(told.msg.data), told.stamp_ns)
+        for topic, reply in self.listed.items():
+            while reply.take():
+                self._take_answer(topic, str(reply.msg.data), reply.stamp_ns)
         for one in [each for each in self._open if each.due_ns <= now_ns]:
             self._end(one)
         self._wake_up.no_later_than(min((each.due_ns for each in self._open), default=math.inf))
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell what was ordered, and what became of it."""
+        """Return the counters of orders and answers."""
         return {'warning': self._problem, 'orders': self._orders, 'orders_refused': self._refused,
                 'answers': self._answers, 'problems': self._problems,
                 'unanswered': self._unanswered, 'unreadable': self._unreadable,
@@ -184,57 +184,57 @@ class Observer(Module):
 
     def _take_answer(self, topic: str, text: str, stamp_ns: int) -> None:
         try:
-            told = json.loads(text)
-            number = told.get('id', 0)
+            reply = json.loads(text)
+            number = reply.get('id', 0)
         except (ValueError, AttributeError, RecursionError):
             self._unreadable += 1
             return
         one = next((each for each in self._open if each.number == number), None)
         if one is None or topic not in one.waits_for:
-            self._unreadable += 1  # long given up, or nobody's order
+            self._unreadable += 1  # timed out, or not an order of this module
             return
         one.waits_for.discard(topic)
         if not one.waits_for:
             self._open.remove(one)
-        told = {key: value for key, value in told.items() if key != 'id'}
+        reply = {key: value for key, value in reply.items() if key != 'id'}
         # Unmodified but for what the order says: a camera may add fields of its own.
-        self._answer({**told, **_observation(one).to_dict(), **self._heard(one)}, stamp_ns)
+        self._answer({**reply, **_observation(one).to_dict(), **self._loudness(one)}, stamp_ns)
 
     def _end(self, one: _OpenOrder) -> None:
-        """Answer for those that have not."""
+        """Answer for the cameras that have not."""
         self._open.remove(one)
         if one.order.order is ObservationKind.SOUND:
-            heard = self._levels.between(one.from_ns, one.until_ns)
-            if heard is None:
+            loudness = self._levels.between(one.from_ns, one.until_ns)
+            if loudness is None:
                 found = _observation(one, problem=(
                     f'{self.topic_of("level")} has said nothing: is the microphone there?'))
             else:
-                found = _observation(one, text=_sound_text(heard, one), t_ns=one.until_ns,
-                                     **_sound(heard))
+                found = _observation(one, text=_sound_text(loudness, one), t_ns=one.until_ns,
+                                     **_sound(loudness))
             self._answer(found.to_dict(), one.due_ns)
             return
         for topic in sorted(one.waits_for):
             self._unanswered += 1
-            found = _observation(one, **self._heard(one), problem=(
+            found = _observation(one, **self._loudness(one), problem=(
                 f'{topic} has not answered for {self.settings["timeout_s"]:g} s: look whether '
                 'the camera is there'))
             self._answer(found.to_dict(), one.due_ns)
 
-    def _heard(self, one: _OpenOrder) -> dict[str, Any]:
-        heard = self._levels.between(one.from_ns, one.until_ns)
-        return {} if heard is None else _sound(heard)
+    def _loudness(self, one: _OpenOrder) -> dict[str, Any]:
+        loudness = self._levels.between(one.from_ns, one.until_ns)
+        return {} if loudness is None else _sound(loudness)
 
-    def _answer(self, told: Mapping[str, Any], stamp_ns: int) -> None:
-        problem = str(told.get('problem', ''))
+    def _answer(self, reply: Mapping[str, Any], stamp_ns: int) -> None:
+        problem = str(reply.get('problem', ''))
         self._answers += 1
         self._problems += bool(problem)
         self._problem = problem
         if problem:
             self.log.warn('%s', problem, throttle_s=1.0)
-        text = json.dumps({key: value for key, value in told.items() if value != ''},
+        text = json.dumps({key: value for key, value in reply.items() if value != ''},
                           separators=(',', ':'))
         if len(text) > _OBSERVED_BYTES:
-            text = json.dumps({'alarm': told.get('alarm', ''), 'kind': told.get('kind', ''),
+            text = json.dumps({'alarm': reply.get('alarm', ''), 'kind': reply.get('kind', ''),
                                'problem': 'the answer is too long'})
         self.observed.msg.data = text
         self.observed.publish(stamp_ns)
@@ -245,11 +245,11 @@ def _observation(one: _OpenOrder, **more: Any) -> Observation:
     return Observation(order.alarm, order.subject, order.order.value, **more)
 
 
-def _sound(heard: Loudness) -> dict[str, Any]:
-    return {'level_db': round(heard.mean_db, 1), 'loudest_db': round(heard.loudest_db, 1)}
+def _sound(loudness: Loudness) -> dict[str, Any]:
+    return {'level_db': round(loudness.mean_db, 1), 'loudest_db': round(loudness.loudest_db, 1)}
 
 
-def _sound_text(heard: Loudness, one: _OpenOrder) -> str:
+def _sound_text(loudness: Loudness, one: _OpenOrder) -> str:
     lasts_s = (one.until_ns - one.from_ns) / NS_PER_S
-    return (f'sound over {lasts_s:.0f} s: {heard.mean_db:.0f} dB in the mean, '
-            f'{heard.loudest_db:.0f} dB at the loudest, of full scale')
+    return (f'sound over {lasts_s:.0f} s: {loudness.mean_db:.0f} dB in the mean, '
+            f'{loudness.loudest_db:.0f} dB at the loudest, of full scale')

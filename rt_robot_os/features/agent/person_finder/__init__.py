@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Where the robot sees somebody, by what its scanners see and the map has not."""
+"""Where the robot sees a person: objects in its scans that are not on the map."""
 
 from rt_robot_os.features.agent.person_finder.module import PersonFinder
 

@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Where the robot sees somebody, by what its scanners see and the map has not.
+Where the robot sees a person: objects in its scans that are not on the map.
 
-It looks only while the agent serves that person, round where the nodes say that they are, and
-never round what it said itself: it could not be corrected. What it publishes is the part of the
-body that is nearest to the robot. A place beside that has its distance from all of the body, as
-far as the robot is concerned; beside the middle of somebody who lies it could be on their head.
+It searches only while the agent serves that person, around the location from the nodes, and never
+around its own result, which could not be corrected otherwise. It publishes the nearest point of
+the body. A pose next to that point keeps its distance from the whole body; next to the middle of a
+lying person it could be at their head.
 """
 
 from __future__ import annotations
@@ -55,18 +55,18 @@ from rt_robot_os.topics.ports import Input
 SEEN_TOPIC: Final = 'health/{}/seen'
 _POSE: Final = 'geometry_msgs/msg/PoseStamped'
 _LOOKS: Final = ('confirm', 'approach', 'observe', 'report', 'stay')
-# Pose and scan are of about the same moment, and the robot does not turn fast between two looks:
-# else walls would seem to stand beside themselves.
+# Pose and scan must be of about the same time, and the robot must not turn fast between them:
+# else walls would appear twice.
 _APART_NS: Final = NS_PER_S // 5
 _TURN_RAD_S: Final = 0.6
-# What was said longer ago of other people excludes nothing.
+# Older locations of other people are ignored.
 _OTHERS_NS: Final = 60 * NS_PER_S
-# Of taking a map: that of 65,000 cells each.
+# Pieces of reading a map: 65,000 cells each.
 _MAP_PIECES: Final = 20
 
 
 class PersonFinder(Module):
-    """Tell where the robot sees one person, while the agent serves them."""
+    """Publish where the robot sees one person, while the agent serves them."""
 
     RATE_HZ = 5.0
 
@@ -75,39 +75,39 @@ class PersonFinder(Module):
     state = Input('agent/state', message='std_msgs/msg/String', initial=True, newest=True)
 
     SETTINGS = (
-        Field('person', str, REQUIRED, 'Who; part of the names of topics'),
-        Field('others', list, [], 'Other people who have a whereabouts: what is nearer to where '
-              'they are said to be is not this one'),
-        Field('map', str, '', 'The map: a YAML file as map_saver writes it; what it has is '
-              'nobody', is_file=True),
-        Field('map_topic', str, '', 'Maps that grow while they are made, each a '
-              'nav_msgs/msg/OccupancyGrid: the newest is taken when it begins to look, and kept '
-              'until it has ended, for who lies still is soon on the map; map is for what '
-              'nobody has seen there yet'),
+        Field('person', str, REQUIRED, 'Name of the person; part of the names of topics'),
+        Field('others', list, [], 'Other people with a module whereabouts: an object nearer to '
+              'one of their locations is not this person'),
+        Field('map', str, '', 'The map: a YAML file as map_saver writes it; objects on it are '
+              'not a person', is_file=True),
+        Field('map_topic', str, '', 'Topic of a growing map, nav_msgs/msg/OccupancyGrid: the '
+              'newest at the start of a search is used until its end, because a lying person is '
+              'soon on the map; map is used for areas that it does not cover yet'),
         Field('scan_topics', list, ['scan'], 'Laser scanners, each a sensor_msgs/msg/LaserScan; '
-              'one that is 0.25 m above the floor sees who lies there'),
-        Field('scan_minimum_m', float, 0.0, 'What a scanner sees nearer than this is the robot '
-              'itself; 0: its own range_min', 'm', 0.0, 5.0),
-        Field('range_m', float, 5.0, 'How far from the robot scanners are believed', 'm', 0.1,
-              30.0),
-        Field('map_tolerance_m', float, 0.2, 'What is seen so near to what the map has, is that',
-              'm', 0.0, 2.0),
-        Field('search_m', float, 3.0, 'How far they may be from where nodes say', 'm', 0.1, 30.0,
-              live=True),
-        Field('gap_m', float, 0.3, 'What is farther apart is not of one body', 'm', 0.01, 2.0,
-              live=True),
-        Field('size_min_m', float, 0.1, 'What is smaller is nobody', 'm', 0.0, 2.0),
-        Field('size_max_m', float, 2.2, 'What is larger is nobody', 'm', 0.1, 10.0),
-        Field('points', int, 5, 'How many rays meet a body at the least', '', 1, 1000),
-        Field('steady_s', float, 1.0, 'How long they have to be in one place; who walks by is '
-              'somebody else', 's', 0.0, 60.0),
-        Field('steady_m', float, 0.3, 'How large that place is', 'm', 0.01, 2.0),
-        Field('lost_s', float, 2.0, 'What was not seen for so long is gone', 's', 0.1, 60.0),
+              'one that is 0.25 m above the floor detects a lying person'),
+        Field('scan_minimum_m', float, 0.0, 'Nearer points of a scan are the robot itself; 0: the '
+              'range_min of the scanner', 'm', 0.0, 5.0),
+        Field('range_m', float, 5.0, 'Farther points of a scan are ignored', 'm', 0.1, 30.0),
+        Field('map_tolerance_m', float, 0.2, 'Points this near to an object of the map belong to '
+              'it', 'm', 0.0, 2.0),
+        Field('search_m', float, 3.0, 'Radius of the search around the location from the nodes',
+              'm', 0.1, 30.0, live=True),
+        Field('gap_m', float, 0.3, 'Points that are farther apart belong to different objects',
+              'm', 0.01, 2.0, live=True),
+        Field('size_min_m', float, 0.1, 'Smaller objects are not a person', 'm', 0.0, 2.0),
+        Field('size_max_m', float, 2.2, 'Larger objects are not a person', 'm', 0.1, 10.0),
+        Field('points', int, 5, 'The fewest points of a person in a scan', '', 1, 1000),
+        Field('steady_s', float, 1.0, 'How long an object has to stay in place; a person who '
+              'walks by is another one', 's', 0.0, 60.0),
+        Field('steady_m', float, 0.3, 'Movement that still counts as staying in place', 'm', 0.01,
+              2.0),
+        Field('lost_s', float, 2.0, 'An object that was not seen for this time is gone', 's', 0.1,
+              60.0),
     )
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         """
-        Keep the settings; the map is read later.
+        Check the settings; the map is read later.
 
         :raises ConfigError: there is no map, or no such person, or they are among the others.
         """
@@ -134,11 +134,11 @@ class PersonFinder(Module):
     # ---- ports -------------------------------------------------------------------------------
 
     def connected(self, attribute: str) -> bool:
-        """Leave alone what has no topic."""
+        """Return whether a port has a topic."""
         return bool(self.topic_of(attribute))
 
     def listed_inputs(self) -> Mapping[str, Input]:
-        """Return an input for where nodes say the person is, and for each scanner."""
+        """Return an input for the location from the nodes, and for each scanner."""
         return {
             'by nodes': Input(BY_NODES_TOPIC.format(self._person), message=_POSE, initial=True,
                               newest=True),
@@ -163,7 +163,7 @@ class PersonFinder(Module):
         """
         Read the map.
 
-        :raises ConfigError: it cannot be read, or nobody says where a scanner is.
+        :raises ConfigError: it cannot be read, or there is no transform of a scanner.
         """
         s = self.settings
         self._map = LiveMap(s['map'], self.map if self.connected('map') else None,
@@ -176,7 +176,7 @@ class PersonFinder(Module):
                     outline, s['scan_minimum_m']) for topic in s['scan_topics']]
 
     def activate(self) -> None:
-        """Begin without having seen anybody, also after a failure."""
+        """Start without a detection, also after a failure."""
         self._things.forget()
         self._looks = False
         self._robot = self._place = self._seen = None
@@ -185,7 +185,7 @@ class PersonFinder(Module):
             self.listed[key].rewind()
 
     def step(self) -> None:
-        """Look, if the agent serves the person."""
+        """Search, if the agent serves the person."""
         if self.state.latest():
             self._take_state(str(self.state.msg.data))
         if not self._looks:
@@ -201,7 +201,7 @@ class PersonFinder(Module):
                 self._look(scanner, min(self.listed[scanner.topic].stamp_ns, now_ns))
 
     def statistics(self) -> Mapping[str, Any]:
-        """Tell whether it looks, and what it found."""
+        """Return whether it searches, and what it found."""
         seen = self._seen
         return {'warning': self._map.warning(), **self._map.statistics(), 'looks': self._looks,
                 'scans': self._scans, 'scans_while_turning': self._turning,
@@ -211,7 +211,7 @@ class PersonFinder(Module):
     # ---- work --------------------------------------------------------------------------------
 
     def _take_state(self, text: str) -> None:
-        """Take what the agent does: ``approach anna: fall``."""
+        """Handle the state of the agent: ``approach anna: fall``."""
         state, _, rest = text.partition(' ')
         looks = state in _LOOKS and rest.partition(':')[0] == self._person
         if looks and not self._looks:
@@ -221,7 +221,7 @@ class PersonFinder(Module):
         self._looks = looks
 
     def _take_map(self) -> None:
-        """Take the newest map, in pieces; later ones have whoever lies there."""
+        """Read the newest map, in pieces; later ones contain a lying person."""
         if self._map.advance(_MAP_PIECES) and self._map.grid is not None:
             self._clearing = Clearing(self._map.grid)
         self._takes_map = self._map.is_reading or self._clearing is None

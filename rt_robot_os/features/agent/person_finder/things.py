@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What stays in its place near where somebody is said to be: the best is most likely them."""
+"""Objects that stay in place near the expected location of a person."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from rt_robot_os.motion.unmapped_points import Array
 Point = tuple[float, float]
 
 _MOST: Final = 16
-# What is taken may be so much farther from where it is looked for, and no other takes its place
-# that is not better by so much: else it would change to and fro.
+# Hysteresis: the present object may be this much farther away, and another one has to be better
+# by this much.
 _KEPT_M: Final = 1.0
 _BETTER_M: Final = 0.5
-# A point of a body is the mean of so many, as a single one may be noise.
+# A point of a body is the mean of this many, because a single one may be noise.
 _TOGETHER: Final = 3
 
 
 @dataclass
 class Thing:
     """
-    Something that is not on the map, over time.
+    An object that is not on the map, over time.
 
     :ivar x: middle of what is seen of it, in m in the map.
     :ivar y: as x.
@@ -60,7 +60,7 @@ class Thing:
     outline: tuple[Array, Array]
 
     def nearest(self, point: Point) -> Point:
-        """Return the part of it that is nearest to a point."""
+        """Return its point that is nearest to another."""
         x, y = self.outline
         away = np.hypot(x - point[0], y - point[1])
         near = np.argsort(away)[:_TOGETHER]
@@ -69,13 +69,13 @@ class Thing:
 
 class Things:
     """
-    Follow what is seen from scan to scan; safe in the real-time loop.
+    Tracks objects from scan to scan; safe in the real-time loop.
 
-    :param size_m: the smallest and the largest size of what counts.
-    :param points: how many points it has at the least.
-    :param steady_m: what stays in a place moves by less, and ...
-    :param steady_ns: ... has to do so for this long.
-    :param lost_ns: what was not seen for so long is gone.
+    :param size_m: the smallest and the largest size of an object.
+    :param points: the fewest points of an object.
+    :param steady_m: an object that moves by less stays in place, ...
+    :param steady_ns: ... if it does so for this time.
+    :param lost_ns: an object that was not seen for this time is gone.
     """
 
     def __init__(self, size_m: Point, points: int, steady_m: float, steady_ns: int, lost_ns: int
@@ -92,13 +92,13 @@ class Things:
         return len(self._things)
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Reset."""
         self._things.clear()
         self._chosen = None
 
     def look(self, outlines: Iterable[tuple[Array, Array]], stamp_ns: int) -> None:
         """
-        Take what one scan shows.
+        Update with one scan.
 
         :param outlines: the points of each thing, in m in the map.
         """
@@ -123,17 +123,17 @@ class Things:
                                           not self._steady_ns, outline))
 
     def _is(self, thing: Thing, middle: Point) -> bool:
-        """Return whether something is what was there; of a body each side has another middle."""
+        """Return whether an object is a known one; each side of a body has another middle."""
         before = (thing.x, thing.y) if thing.is_steady else thing.start
         return math.dist(before, middle) <= self._steady_m
 
     def best(self, place: Point, within_m: float, stamp_ns: int, others: Iterable[Point] = ()
              ) -> Thing | None:
         """
-        Return what is most likely somebody who is said to be at a place; None when nothing is.
+        Return the object that is most likely the person at a location; None without.
 
-        That is the nearest, and of things about as near the longest: who has fallen lies. What is
-        nearer to where somebody else is said to be is them.
+        It is the nearest one, and of those about as near the longest, because a fallen person
+        lies. An object nearer to the location of another person is that person.
 
         :param within_m: how far from the place they may be.
         :param stamp_ns: of the scan in which it has to be seen.
@@ -153,7 +153,7 @@ class Things:
         kept = next((each for each in likely if each is self._chosen), None)
         if kept is not None and away_m(kept) <= within_m + _KEPT_M and (
                 found is None or rank_m(found) > rank_m(kept) - _BETTER_M):
-            # While it is hidden for a moment, nothing else is taken for them.
+            # While it is hidden for a moment, no other object replaces it.
             return kept if kept.seen_ns == stamp_ns else None
         self._chosen = found
         return found

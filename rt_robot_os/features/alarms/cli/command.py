@@ -40,7 +40,7 @@ from rt_robot_os.linux.paths import socket_path
 _NAME = 'alarms'
 _ORDERS = {
     'acknowledge': 'acknowledge an alarm: notifications stop',
-    'resolve': 'say that it is over',
+    'resolve': 'end an alarm',
     'cancel': 'end a suspected alarm that was wrong',
     'confirm': 'raise a suspected alarm',
     'escalate': 'notify the next step immediately',

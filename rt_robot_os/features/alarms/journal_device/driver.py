@@ -57,7 +57,7 @@ _KB: Final = 1024
 _LOW: Final = ('{}: alarms are stored in the {} KiB that were kept free for them, and not at all '
                'when that is used up; make room on the disk')
 _ENDED: Final = ('its process ended without a word (it was killed, or the memory was full); '
-                 'it is started anew')
+                 'it is started again')
 
 
 class Journal(Device):
@@ -65,11 +65,11 @@ class Journal(Device):
 
     SETTINGS = (
         Field('port', str, 'alarms', 'Folder of the journal; a relative one is in $ROS_HOME or '
-              '~/.ros. sim is one that is empty at each start.'),
-        Field('limit_kb', int, 1024, 'When it has become that long it is written anew, without '
-              'what is over the longest.', 'KiB', 64, 65_536),
+              '~/.ros. sim is a folder that is empty at each start.'),
+        Field('limit_kb', int, 1024, 'A file of this length is rewritten, without the oldest '
+              'ended alarms.', 'KiB', 64, 65_536),
     )
-    description = 'journal of alarms on the disk, which outlives a crash and a cut of the power'
+    description = 'journal of alarms on the disk, which survives a crash and a power failure'
     SERVICES = ('journals',)
     ANSWERS = True
     OPENING_S: ClassVar[float] = 10.0
@@ -225,7 +225,7 @@ class Journal(Device):
         self._told['kept_kb'], self._told['put_off'] = kept_kb, put_off
         if not_kept and not self._not_kept:
             self.log.warn('no room can be kept for the journal (%s): when the disk is full, '
-                          'alarms are told without being stored', not_kept)
+                          'notifications are sent without being stored', not_kept)
         self._not_kept = not_kept
         self._low = _LOW.format(full, kept_kb) if full else ''
         if bool(full) != self._low_told or (full and now_ns - self._low_ns >= _AGAIN_NS):

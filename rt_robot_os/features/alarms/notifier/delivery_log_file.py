@@ -99,7 +99,7 @@ class DeliveryLogFile:
                 os.close(fd)
                 raise
         except OSError as error:
-            self.problem = f'{self._path} cannot be written anew: {error.strerror}'
+            self.problem = f'{self._path} cannot be rewritten: {error.strerror}'
             with suppress(OSError):
                 os.unlink(new)
             return

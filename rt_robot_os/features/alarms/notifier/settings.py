@@ -60,16 +60,16 @@ _ROBOTS: Final = ('robot',)
 TOP: Final = (
     Field('channels', list, [], 'Names of the channels, each with a section of that name; the '
           'steps of the module of alarms name them'),
-    Field('folder', str, '', 'Folder that remembers what was delivered; when absent '
+    Field('folder', str, '', 'Folder of the delivery log; when absent '
           'notifier-ROBOT in $ROS_HOME or ~/.ros'),
     Field('heartbeat_s', float, 5.0, 'How often notifier/heartbeat is published', 's', 0.1,
           3600.0),
-    Field('expires_s', float, 60.0, 'A notification that is older when its turn comes is not '
-          'delivered but reported: whom it concerns has been told by others since', 's', 1.0,
+    Field('expires_s', float, 60.0, 'An older notification is reported as failed instead of '
+          'delivered: later steps have been notified since', 's', 1.0,
           86400.0))
 COMMON: Final = (
-    Field('type', str, 'console', 'What it is', choices=tuple(KINDS)),
-    Field('timeout_s', float, 8.0, 'How long a delivery may take: shorter than '
+    Field('type', str, 'console', 'Type of the channel', choices=tuple(KINDS)),
+    Field('timeout_s', float, 8.0, 'Time limit of a delivery: shorter than '
           'delivery_timeout_s of the module of alarms', 's', 0.1, 600.0),
     Field('queue', int, 32, 'Notifications that may wait for it; more are reported as failed', '',
           1, 1000))
