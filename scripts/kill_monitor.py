@@ -45,7 +45,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'test' / 'shared')]
 
 from rt_robot_os.monitor.store.store import Store  # noqa: E402
 from rt_robot_os.monitor.store.upkeep import check  # noqa: E402
-from rt_robot_os.monitor.store.writer import Writer  # noqa: E402
+from rt_robot_os.monitor.store.writer import RecordWriter  # noqa: E402
 from sqlalchemy import text  # noqa: E402
 
 ROBOTS = 5
@@ -73,7 +73,7 @@ def records(robot: int, first: int, now_ns: int) -> list[dict[str, Any]]:
 async def write(url: str, begin: dict[int, int], told: int) -> None:
     """Write for ever; a line into a pipe for what is acknowledged."""
     store = Store.open(url)
-    writer = Writer(store)
+    writer = RecordWriter(store)
 
     async def robot(number: int) -> None:
         first = begin[number]

@@ -42,7 +42,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from rt_robot_os.gateway.outbox import Outbox  # noqa: E402
-from rt_robot_os.gateway.outbox import Row  # noqa: E402
+from rt_robot_os.gateway.outbox import OutboxRow  # noqa: E402
 from rt_robot_os.gateway.part import Record  # noqa: E402
 from rt_robot_os.gateway.record_queue import FILE  # noqa: E402
 from rt_robot_os.gateway.record_queue import record_text  # noqa: E402
@@ -91,7 +91,7 @@ def fill(folder: Path, hours: float, rows_per_s: float) -> dict[str, Any]:
             made = record(number, first_ns + number * step_ns)
             text = record_text(number + 1, made)
             assert text is not None
-            rows.append(Row(made.importance, box.boot, number + 1, 0, text))
+            rows.append(OutboxRow(made.importance, box.boot, number + 1, 0, text))
         box.add(rows)
     expected = {each.name.lower(): n for each, n in box.rows.items() if n}
     size = sum(box.nbytes.values())

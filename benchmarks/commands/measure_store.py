@@ -50,7 +50,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'shared'))
 from databases import postgres_server  # noqa: E402
 from rt_robot_os.monitor.store.retention import RetentionPolicy  # noqa: E402
 from rt_robot_os.monitor.store.store import Store  # noqa: E402
-from rt_robot_os.monitor.store.writer import Writer  # noqa: E402
+from rt_robot_os.monitor.store.writer import RecordWriter  # noqa: E402
 from sqlalchemy import text  # noqa: E402
 
 S = 1_000_000_000
@@ -110,7 +110,7 @@ def computing(result: dict[str, Any]) -> Iterator[None]:
     result['database_cpu_share'] = round((server_cpu_s() - other) / wall, 3)
 
 
-async def backlog(writer: Writer, hours: float) -> dict[str, Any]:
+async def backlog(writer: RecordWriter, hours: float) -> dict[str, Any]:
     """Bring hours of one robot back; alarms of another come meanwhile."""
     end_ns = time.time_ns()
     seconds = round(hours * 3600)
@@ -148,7 +148,7 @@ async def backlog(writer: Writer, hours: float) -> dict[str, Any]:
     return result
 
 
-async def sustained(writer: Writer, store: Store, seconds: float) -> dict[str, Any]:
+async def sustained(writer: RecordWriter, store: Store, seconds: float) -> dict[str, Any]:
     """Run 50 robots at 60 rows/s, and look at charts at the same time."""
     late: list[float] = []
     charts: list[float] = []
@@ -233,7 +233,7 @@ def measure(url: str, arguments: argparse.Namespace) -> dict[str, Any]:
     store = Store.open(url)
     result: dict[str, Any] = {'database': store.engine.dialect.name}
     parts: dict[str, Callable[[], Any]] = {}
-    writer = Writer(store)
+    writer = RecordWriter(store)
     parts['backlog'] = lambda: asyncio.run(backlog(writer, arguments.hours))
     parts['sustained'] = lambda: asyncio.run(sustained(writer, store, arguments.seconds))
     if arguments.year_days:

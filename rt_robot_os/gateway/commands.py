@@ -95,7 +95,7 @@ class CommandResult(NamedTuple):
 _Check = Callable[[RobotText], CommandResult | None]
 
 
-class Commands(Part):
+class CommandPart(Part):
     """
     Do commands.
 

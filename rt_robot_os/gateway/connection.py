@@ -67,7 +67,7 @@ class Renewal(Exception):
     """A talk wants a new connection: nothing is wrong."""
 
 
-class Connection:
+class ServerConnection:
     """
     Stay connected.
 
@@ -197,4 +197,5 @@ def _tls(ca_file: str) -> ssl.SSLContext:
         raise StartError(f'ca_file {ca_file} cannot be used: {error}') from error
 
 
-__all__ = ['ClientConnection', 'Connection', 'InvalidStatus', 'keep_alive', 'Renewal', 'Talk']
+__all__ = ['ClientConnection', 'InvalidStatus', 'keep_alive', 'Renewal', 'ServerConnection',
+           'Talk']

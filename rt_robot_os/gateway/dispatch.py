@@ -27,7 +27,7 @@ from typing import Final
 from rt_robot_os.gateway.memory_fallback import MemoryFallback
 from rt_robot_os.gateway.outbox import Outbox
 from rt_robot_os.gateway.outbox import OutboxPosition
-from rt_robot_os.gateway.outbox import Row
+from rt_robot_os.gateway.outbox import OutboxRow
 from rt_robot_os.gateway.outbox import START
 from rt_robot_os.messages.uplink.importance import Importance
 from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
@@ -61,12 +61,12 @@ _ONE: Final = 1
 
 
 @dataclass
-class Batch:
+class SentBatch:
     """Records on their way."""
 
     number: int
     importance: Importance
-    rows: list[Row]
+    rows: list[OutboxRow]
     sent_s: float
     from_doubtful: bool = False
 
@@ -75,7 +75,7 @@ class Batch:
 class Doubt:
     """A record that was refused by itself."""
 
-    row: Row
+    row: OutboxRow
     why: str
     strikes: int = 0
     #: Others were taken since it was refused last.
@@ -100,7 +100,7 @@ class Dispatch:
     refusals: int = 0
     rows_now: int = ROWS_FIRST
     _number: int = 0
-    _batches: dict[int, Batch] = field(default_factory=dict)
+    _batches: dict[int, SentBatch] = field(default_factory=dict)
     _places: dict[Importance, OutboxPosition] = field(default_factory=dict)
     _doubts: dict[tuple[int, int, int], Doubt] = field(default_factory=dict)
     _not_before_s: float = 0.0
@@ -147,7 +147,7 @@ class Dispatch:
         return importance in URGENT and self.rows_now > _ONE and not any(
             each.importance in URGENT for each in self._batches.values())
 
-    def _rows(self, importance: Importance) -> list[Row]:
+    def _rows(self, importance: Importance) -> list[OutboxRow]:
         place = self._places.get(importance, START)
         while True:
             rows = self.outbox.after(importance, place, self.rows_now, BATCH_BYTES)
@@ -158,10 +158,11 @@ class Dispatch:
                 return good
             place = self._places[importance] = rows[-1][1:3]
 
-    def _send(self, importance: Importance, rows: list[Row], now_s: float,
+    def _send(self, importance: Importance, rows: list[OutboxRow], now_s: float,
               from_doubtful: bool = False) -> str:
         self._number += 1
-        self._batches[self._number] = Batch(self._number, importance, rows, now_s, from_doubtful)
+        self._batches[self._number] = SentBatch(self._number, importance, rows, now_s,
+                                                from_doubtful)
         if not from_doubtful:
             self._places[importance] = rows[-1].boot, rows[-1].seq
         lost = {str(each.value): count for each, count in self.outbox.lost.items() if count}
@@ -206,7 +207,7 @@ class Dispatch:
         self.spare.done(batch.rows)
         self.outbox.done(batch.rows)
 
-    def _adapt(self, batch: Batch, elapsed_s: float) -> None:
+    def _adapt(self, batch: SentBatch, elapsed_s: float) -> None:
         """Choose how many rows go at a time: many while that is quick, few on a poor network."""
         if batch.number <= self._changed and self.rows_now > _ONE:
             return  # of the size before
@@ -225,7 +226,8 @@ class Dispatch:
         if rows != self.rows_now:
             self.rows_now, self._changed = rows, self._number
 
-    def take_refused(self, number: int, why: str, retry_s: float, now_s: float) -> Row | None:
+    def take_refused(self, number: int, why: str, retry_s: float, now_s: float
+                     ) -> OutboxRow | None:
         """
         Note that the server refused a batch: half of it comes next, at last one by one.
 
@@ -243,7 +245,7 @@ class Dispatch:
             return None
         return self._doubt(batch.rows[0], why)
 
-    def _doubt(self, row: Row, why: str) -> Row | None:
+    def _doubt(self, row: OutboxRow, why: str) -> OutboxRow | None:
         self.rows_now = _ONE
         known = self._doubts.get(row[:3])
         if known is None:

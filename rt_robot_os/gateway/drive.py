@@ -39,7 +39,7 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.gateway.convert import value_of
 from rt_robot_os.gateway.drive_limits import BEAT_HZ
 from rt_robot_os.gateway.drive_limits import CANCEL_TOPIC
-from rt_robot_os.gateway.drive_limits import Limits
+from rt_robot_os.gateway.drive_limits import TeleopLimits
 from rt_robot_os.gateway.drive_limits import TOPIC
 from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Greeting
@@ -89,7 +89,8 @@ class Teleoperation:
     :ivar controller: decides.
     """
 
-    def __init__(self, limits: Limits, publish: Publish, send: Send, last: Last = lambda _: None,
+    def __init__(self, limits: TeleopLimits, publish: Publish, send: Send,
+                 last: Last = lambda _: None,
                  clock: Callable[[], int] = time.monotonic_ns) -> None:
         self.controller = TeleopController(limits)
         self.unpublished = 0
@@ -187,8 +188,8 @@ class TeleopPart(Part):
     def __init__(self, context: GatewayContext) -> None:
         super().__init__(context)
         settings = context.settings
-        self._limits = Limits(settings.drive_linear_m_s, settings.drive_angular_rad_s,
-                              settings.drive_hold_s)
+        self._limits = TeleopLimits(settings.drive_linear_m_s, settings.drive_angular_rad_s,
+                                    settings.drive_hold_s)
         self.drive = Teleoperation(self._limits, self._publish, context.server.send_newest,
                                    self._last)
         # By signal; written by the link's thread, read by the loop.

@@ -31,7 +31,7 @@ BEAT_HZ: Final = 20.0
 
 
 @dataclass(frozen=True)
-class Limits:
+class TeleopLimits:
     """
     What the robot allows, whatever is commanded.
 

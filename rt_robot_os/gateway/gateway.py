@@ -24,8 +24,8 @@ import time
 from typing import Any
 from typing import Final
 
-from rt_robot_os.gateway.commands import Commands
-from rt_robot_os.gateway.connection import Connection
+from rt_robot_os.gateway.commands import CommandPart
+from rt_robot_os.gateway.connection import ServerConnection
 from rt_robot_os.gateway.connection import Talk
 from rt_robot_os.gateway.drive import TeleopPart
 from rt_robot_os.gateway.heartbeat import Heartbeat
@@ -49,7 +49,7 @@ from rt_robot_os.messages.uplink.tasks import end
 
 #: Each is made with :class:`~.part.GatewayContext`, and called in this order.
 PARTS: Final[tuple[Callable[[GatewayContext], Part], ...]] = (
-    Commands, MapPart, TeleopPart, Media, Voice)
+    CommandPart, MapPart, TeleopPart, Media, Voice)
 _STOP_LOOK_S: Final = 0.1
 #: The server is called without the robot after this time.
 _ROBOT_S: Final = 1.0
@@ -75,7 +75,7 @@ class Gateway:
         self.identity = Identity(folder)
         self.robot = RobotLink(path, tell)
         self.server = StateConnection(settings, self._hello, tell)
-        self._extra: list[Connection] = []
+        self._extra: list[ServerConnection] = []
         context = GatewayContext(self.robot, self.server, settings, self._keep, self._connect,
                                  tell, folder)
         self.live = Live(context)
@@ -88,9 +88,9 @@ class Gateway:
         """Store a record of a part."""
         self.keeper.keep(record)
 
-    def _connect(self, path: str, talk: Talk) -> Connection:
+    def _connect(self, path: str, talk: Talk) -> ServerConnection:
         """Add a connection of a part's own; before :meth:`run`."""
-        made = Connection(self._settings, path, talk, self._tell_more)
+        made = ServerConnection(self._settings, path, talk, self._tell_more)
         self._extra.append(made)
         return made
 

@@ -21,7 +21,7 @@ from typing import Final
 
 from rt_robot_os.gateway.outbox import Mark
 from rt_robot_os.gateway.outbox import OutboxPosition
-from rt_robot_os.gateway.outbox import Row
+from rt_robot_os.gateway.outbox import OutboxRow
 from rt_robot_os.messages.uplink.importance import Importance
 
 #: Rows that are held; beyond that the oldest of the least important are evicted.
@@ -37,12 +37,12 @@ class MemoryFallback:
 
     def __init__(self) -> None:
         self.marks: dict[str, Mark] = {}
-        self._rows: dict[tuple[int, int, int], Row] = {}
+        self._rows: dict[tuple[int, int, int], OutboxRow] = {}
 
     def __len__(self) -> int:
         return len(self._rows)
 
-    def add(self, rows: Sequence[Row], marks: Sequence[Mark]) -> list[Row]:
+    def add(self, rows: Sequence[OutboxRow], marks: Sequence[Mark]) -> list[OutboxRow]:
         """
         Hold rows.
 
@@ -57,14 +57,14 @@ class MemoryFallback:
             gone.append(self._rows.pop(min(key for key in self._rows if key[0] == worst)))
         return gone
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[OutboxRow]:
         """Return all rows, the most important and oldest first."""
         return [self._rows[key] for key in sorted(self._rows)]
 
     def after(self, importance: Importance, place: OutboxPosition, most: int, most_bytes: int
-              ) -> list[Row]:
+              ) -> list[OutboxRow]:
         """Return the oldest rows behind a place, as :meth:`.outbox.Outbox.after` does."""
-        found: list[Row] = []
+        found: list[OutboxRow] = []
         size = 0
         for key in sorted(key for key in self._rows if key[0] == importance and key[1:] > place):
             size += self._rows[key].nbytes
@@ -75,7 +75,7 @@ class MemoryFallback:
                 break
         return found
 
-    def done(self, rows: Sequence[Row]) -> None:
+    def done(self, rows: Sequence[OutboxRow]) -> None:
         """Let go of rows."""
         if self._rows:
             for row in rows:

@@ -80,7 +80,7 @@ class Mark(NamedTuple):
     seq: int
 
 
-class Row(NamedTuple):
+class OutboxRow(NamedTuple):
     """
     A record that waits.
 
@@ -187,7 +187,7 @@ class Outbox:
         return {topic: Mark(topic, run, seq)
                 for topic, run, seq in self._db.execute('SELECT topic, run, seq FROM seen')}
 
-    def add(self, rows: Sequence[Row], marks: Iterable[Mark] = ()) -> None:
+    def add(self, rows: Sequence[OutboxRow], marks: Iterable[Mark] = ()) -> None:
         """
         Put rows on the disk, all or none; they are there when it returns.
 
@@ -238,7 +238,7 @@ class Outbox:
                 count += len(rows)
         return count
 
-    def _lose(self, importance: Importance, rows: Sequence[Row]) -> None:
+    def _lose(self, importance: Importance, rows: Sequence[OutboxRow]) -> None:
         lost = self.lost[importance] + len(rows)
         with self._transaction('NORMAL'):
             self._count(self._delete(rows), -1)
@@ -248,13 +248,13 @@ class Outbox:
     # ---- out ---------------------------------------------------------------------------------
 
     def after(self, importance: Importance, place: OutboxPosition, most: int, most_bytes: int
-              ) -> list[Row]:
+              ) -> list[OutboxRow]:
         """
         Read the oldest rows behind a place: of one start, at least one if there is one.
 
         :param most_bytes: that they take together.
         """
-        found: list[Row] = []
+        found: list[OutboxRow] = []
         size = 0
         for row in self._rows_after(importance, place, most):
             size += row.nbytes
@@ -263,7 +263,7 @@ class Outbox:
             found.append(row)
         return found
 
-    def done(self, rows: Sequence[Row]) -> None:
+    def done(self, rows: Sequence[OutboxRow]) -> None:
         """
         Delete rows that the server has; when that is lost they are sent once more, harmlessly.
 
@@ -272,7 +272,7 @@ class Outbox:
         with self._transaction('NORMAL'):
             self._count(self._delete(rows), -1)
 
-    def quarantine(self, row: Row, why: str) -> None:
+    def quarantine(self, row: OutboxRow, why: str) -> None:
         """
         Move a row that the server always refuses out of the queue, and keep it for diagnosis.
 
@@ -312,7 +312,7 @@ class Outbox:
     def _note(self, facts: Mapping[str, int]) -> None:
         self._db.executemany('INSERT OR REPLACE INTO fact VALUES (?, ?)', facts.items())
 
-    def _delete(self, rows: Sequence[Row]) -> list[Row]:
+    def _delete(self, rows: Sequence[OutboxRow]) -> list[OutboxRow]:
         """Delete rows; return those that were there."""
         deleted = []
         for row in rows:
@@ -322,17 +322,17 @@ class Outbox:
                 deleted.append(row)
         return deleted
 
-    def _after(self, importance: Importance, place: OutboxPosition, most: int) -> list[Row]:
+    def _after(self, importance: Importance, place: OutboxPosition, most: int) -> list[OutboxRow]:
         return list(self._rows_after(importance, place, most))
 
     def _rows_after(self, importance: Importance, place: OutboxPosition, most: int
-                    ) -> Iterator[Row]:
+                    ) -> Iterator[OutboxRow]:
         for found in self._db.execute(
                 'SELECT importance, boot, seq, lived_s, text FROM record WHERE importance = ? AND '
                 '(boot, seq) > (?, ?) ORDER BY boot, seq LIMIT ?', (importance, *place, most)):
-            yield Row(*found)
+            yield OutboxRow(*found)
 
-    def _count(self, rows: Sequence[Row], sign: int) -> None:
+    def _count(self, rows: Sequence[OutboxRow], sign: int) -> None:
         """Count rows that come or go, in memory and in the file."""
         for row in rows:
             importance = Importance(row.importance)

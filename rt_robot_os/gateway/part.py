@@ -116,7 +116,7 @@ class GatewayContext:
     :ivar server: the connection for state.
     :ivar keep: takes a record; it is on the disk soon, and at the server once. Any thread.
     :ivar connect: opens one more lasting connection: takes a path such as ``/robot/media`` and
-        what talks on it, as :class:`~rt_robot_os.gateway.connection.Connection` does.
+        what talks on it, as :class:`~rt_robot_os.gateway.connection.ServerConnection` does.
     :ivar tell: takes a line of text about what goes wrong.
     :ivar folder: of the gateway's files.
     """

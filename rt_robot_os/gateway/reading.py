@@ -61,7 +61,7 @@ class Reads:
     shown: bool = False
 
 
-class Listener(Protocol):
+class TopicListener(Protocol):
     """What reads and publishes topics of a robot: a part of the gateway."""
 
     def reads(self) -> Sequence[Reads]:

@@ -34,7 +34,7 @@ from rt_robot_os.gateway.dispatch import URGENT
 from rt_robot_os.gateway.memory_fallback import MemoryFallback
 from rt_robot_os.gateway.outbox import Mark
 from rt_robot_os.gateway.outbox import Outbox
-from rt_robot_os.gateway.outbox import Row
+from rt_robot_os.gateway.outbox import OutboxRow
 from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.part import Record
@@ -92,7 +92,7 @@ class RecordQueue(Part):
         self._sending = 0
         self._seq = 0
         self._base_s = self.outbox.lived_s - clock_s()
-        self._gathered: list[Row] = []
+        self._gathered: list[OutboxRow] = []
         self._marks: dict[str, Mark] = {}
         self._since_s = self._tried_s = 0.0
         self._old_s = clock_s()
@@ -217,8 +217,8 @@ class RecordQueue(Part):
                 record.utc_ns)) or ''
         if not self._gathered:
             self._since_s = now_s
-        self._gathered.append(Row(record.importance, self.outbox.boot, self._seq,
-                                  self.outbox.lived_s, text))
+        self._gathered.append(OutboxRow(record.importance, self.outbox.boot, self._seq,
+                                        self.outbox.lived_s, text))
         if mark is not None:
             self._marks[mark.topic] = mark
         self.kept += 1

@@ -28,9 +28,9 @@ from typing import Final
 
 from rt_robot_os.base.errors import LinkError
 from rt_robot_os.base.schema import star_match
-from rt_robot_os.gateway.reading import Listener
 from rt_robot_os.gateway.reading import Reads
 from rt_robot_os.gateway.reading import Sample
+from rt_robot_os.gateway.reading import TopicListener
 from rt_robot_os.link.client import LinkClient
 from rt_robot_os.link.client import LinkSilent
 from rt_robot_os.link.client import TopicInfo
@@ -84,7 +84,7 @@ class RobotLink:
         self.samples = self.missed = self.published = self.faulty = 0
         self.limit_hz = 0.0
         self._tell = tell
-        self._parts: tuple[Listener, ...] = ()
+        self._parts: tuple[TopicListener, ...] = ()
         self._channels: dict[str, int] = {}
         self._in_core: frozenset[str] = frozenset()
         self._by_channel: dict[int, _Read] = {}
@@ -97,7 +97,7 @@ class RobotLink:
         """Whether there is a core."""
         return self._link.client is not None
 
-    def start(self, parts: Iterable[Listener]) -> None:
+    def start(self, parts: Iterable[TopicListener]) -> None:
         """Read for these parts from now on."""
         self._parts = tuple(parts)
         self._link.start()

@@ -33,9 +33,9 @@ from typing import Final
 from typing import Protocol
 
 from rt_robot_os.gateway.connection import ClientConnection
-from rt_robot_os.gateway.connection import Connection
 from rt_robot_os.gateway.connection import keep_alive
 from rt_robot_os.gateway.connection import Renewal
+from rt_robot_os.gateway.connection import ServerConnection
 from rt_robot_os.gateway.part import Part
 from rt_robot_os.gateway.settings import GatewaySettings
 from rt_robot_os.messages.uplink.greeting import RobotHello
@@ -79,7 +79,7 @@ class StateConnection:
                  tell: Callable[[str], None]) -> None:
         self.connected = False
         self.sent = self.heard = self.unknown = self.malformed = self.full = 0
-        self.connection = Connection(settings, PATH, self._talk, tell)
+        self.connection = ServerConnection(settings, PATH, self._talk, tell)
         self._settings = settings
         self._hello = hello
         self._tell = tell

@@ -28,7 +28,7 @@ from typing import Final
 from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_MS
-from rt_robot_os.gateway.drive_limits import Limits
+from rt_robot_os.gateway.drive_limits import TeleopLimits
 from rt_robot_os.gateway.tickets import Tickets
 from rt_robot_os.messages.uplink.driving import DriveBegin
 from rt_robot_os.messages.uplink.driving import DriveCommand
@@ -70,7 +70,7 @@ class TeleopController:
     :ivar counters: what became of commands.
     """
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: TeleopLimits) -> None:
         self.limits = limits
         self.tickets = Tickets()
         self.lease = self.driver = ''

@@ -42,9 +42,9 @@ import numpy as np
 
 from rt_robot_os.base.errors import DeviceError
 from rt_robot_os.gateway.voice_sound import BLOCK
+from rt_robot_os.gateway.voice_sound import CallMicrophone
 from rt_robot_os.gateway.voice_sound import Ducking
 from rt_robot_os.gateway.voice_sound import level_db
-from rt_robot_os.gateway.voice_sound import Microphone
 from rt_robot_os.gateway.voice_sound import open_microphone
 from rt_robot_os.gateway.voice_sound import open_speaker
 from rt_robot_os.gateway.voice_sound import RATE_HZ
@@ -60,7 +60,7 @@ class MicrophoneTrack(MediaStreamTrack):
 
     kind = 'audio'
 
-    def __init__(self, microphone: Microphone, ducking: Ducking) -> None:
+    def __init__(self, microphone: CallMicrophone, ducking: Ducking) -> None:
         super().__init__()
         self.problem = ''
         self._microphone = microphone
@@ -112,7 +112,7 @@ class VoiceCall:
 
         :return: why it ended.
         """
-        microphone: Microphone | None = None
+        microphone: CallMicrophone | None = None
         speaker: Speaker | None = None
         peer = RTCPeerConnection(RTCConfiguration(iceServers=[]))
         try:
@@ -132,7 +132,7 @@ class VoiceCall:
                     device.close()
         return self._why
 
-    async def _connect(self, peer: RTCPeerConnection, microphone: Microphone, speaker: Speaker
+    async def _connect(self, peer: RTCPeerConnection, microphone: CallMicrophone, speaker: Speaker
                        ) -> None:
         def state_changed() -> None:
             _say(say='state', state=peer.connectionState)

@@ -59,7 +59,7 @@ _SPEECH_DB: Final = -45.0
 _HOLD_S: Final = 0.3
 
 
-class Microphone(Protocol):
+class CallMicrophone(Protocol):
     """Where sound comes from."""
 
     async def read(self) -> Samples:
@@ -288,7 +288,7 @@ class FileSpeaker(Speaker):
         self._times.close()
 
 
-def open_microphone(name: str, told: Callable[[int, int], object]) -> Microphone:
+def open_microphone(name: str, told: Callable[[int, int], object]) -> CallMicrophone:
     """
     Open a microphone.
 

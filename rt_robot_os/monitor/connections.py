@@ -63,8 +63,8 @@ class Connections:
     def __init__(self, most: int) -> None:
         self.most = most
         self.counts = {'gave_way': 0, 'too_slow': 0, 'not_read': 0, 'turned_away': 0}
-        self._idle: dict[Request, None] = {}
-        self._open: set[Request] = set()
+        self._idle: dict[HttpConnection, None] = {}
+        self._open: set[HttpConnection] = set()
         self._handshakes = 0
 
     @property
@@ -87,7 +87,7 @@ class Connections:
         """Note that one which was admitted is made, or never will be."""
         self._handshakes -= 1
 
-    def made(self, one: Request) -> None:
+    def made(self, one: HttpConnection) -> None:
         """Take a new connection; when there are too many the idlest is dropped."""
         self._open.add(one)
         self.waits(one)
@@ -96,18 +96,18 @@ class Connections:
             self.counts['gave_way'] += 1
             self._drop(next(iter(self._idle)))
 
-    def waits(self, one: Request) -> None:
+    def waits(self, one: HttpConnection) -> None:
         """Note that the server waits for the peer."""
         if one in self._open:
             one.since_s = asyncio.get_running_loop().time()
             self._idle.pop(one, None)
             self._idle[one] = None
 
-    def works(self, one: Request) -> None:
+    def works(self, one: HttpConnection) -> None:
         """Note that the peer waits for the server."""
         self._idle.pop(one, None)
 
-    def gone(self, one: Request) -> None:
+    def gone(self, one: HttpConnection) -> None:
         """Forget a connection."""
         self._open.discard(one)
         self._idle.pop(one, None)
@@ -121,12 +121,12 @@ class Connections:
                 self.counts['too_slow'] += 1
                 self._drop(each)
 
-    def _drop(self, one: Request) -> None:
+    def _drop(self, one: HttpConnection) -> None:
         self.gone(one)
         one.transport.abort()
 
 
-class Request(H11Protocol):
+class HttpConnection(H11Protocol):
     """A connection with requests, until it becomes a WebSocket."""
 
     def __init__(self, config: uvicorn.Config, *arguments: Any, **more: Any) -> None:
@@ -229,7 +229,7 @@ class Config(uvicorn.Config):
         :param all_: its connections.
         :param options: of uvicorn.
         """
-        super().__init__(app, http=Request, ws=WebSockets, **options)
+        super().__init__(app, http=HttpConnection, ws=WebSockets, **options)
         self.all = all_
 
 

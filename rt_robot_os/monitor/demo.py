@@ -43,7 +43,7 @@ from rt_robot_os.linux.process import end_child
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.monitor.security.accounts import Accounts
-from rt_robot_os.monitor.story import Story
+from rt_robot_os.monitor.story import DemoStory
 from rt_robot_os.settings.files import default_path
 
 if TYPE_CHECKING:
@@ -81,11 +81,11 @@ def demo() -> Companions:
                       robot=('-p', 'world.events:=[]'))
 
 
-def story_of(companions: Companions, hub: Hub) -> Story | None:
+def story_of(companions: Companions, hub: Hub) -> DemoStory | None:
     """Return what happens in the simulated flat; None with a robot that is there already."""
     if companions.node:
         return None
-    return Story(hub, companions.name, _order, lambda line: warn('monitor', line))
+    return DemoStory(hub, companions.name, _order, lambda line: warn('monitor', line))
 
 
 def _order(what: str) -> None:

@@ -45,7 +45,7 @@ from rt_robot_os.monitor.services import Services
 from rt_robot_os.monitor.settings import MonitorSettings
 from rt_robot_os.monitor.store.retention import RetentionPolicy
 from rt_robot_os.monitor.store.store import Store
-from rt_robot_os.monitor.store.writer import Writer
+from rt_robot_os.monitor.store.writer import RecordWriter
 import uvicorn
 
 _BACKLOG = 512
@@ -74,7 +74,7 @@ def make_services(settings: MonitorSettings) -> Services:
     hub.retire(set(hub.robots) - set(accounts.robots.tokens()))
     residents.apply(hub, accounts.residents.all())
     media = MediaHub(MediaStore(folder / 'media', settings.media_mb, settings.media_days))
-    return Services(settings, store, Writer(store), hub, accounts, accounts.audit,
+    return Services(settings, store, RecordWriter(store), hub, accounts, accounts.audit,
                     maps=Maps(folder / 'maps'), media=media)
 
 

@@ -50,7 +50,7 @@ _LOOK_S: Final = 0.5
 _READY: Final = ('pose', 'agent/state')
 
 
-class Story:
+class DemoStory:
     """
     Order what happens, and say it; for the event loop alone.
 

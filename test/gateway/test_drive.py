@@ -28,7 +28,7 @@ from typing import Any
 import pytest
 
 from rt_robot_os.gateway.drive import Teleoperation
-from rt_robot_os.gateway.drive_limits import Limits
+from rt_robot_os.gateway.drive_limits import TeleopLimits
 from rt_robot_os.gateway.part import GatewayContext
 from rt_robot_os.gateway.part import Greeting
 from rt_robot_os.gateway.settings import GatewaySettings
@@ -54,7 +54,7 @@ class Robot:
         self.takes = True
         self.seq = itertools.count(1)
         # A machine that is busy with other tests may take a while for a command.
-        self.drive = Teleoperation(Limits(ticket_s=60.0), self._publish, self._send,
+        self.drive = Teleoperation(TeleopLimits(ticket_s=60.0), self._publish, self._send,
                                    self.signals.get)
 
     def _publish(self, topic: str, cdr: bytes, stamp_ns: int) -> bool:
@@ -200,11 +200,11 @@ def test_the_shipped_robots_stand_soon_enough_after_the_last_command(name: str) 
     robot = yaml.safe_load((ROOT / 'config' / f'{name}.yaml').read_text())['/**/robot']
     settings = robot['ros__parameters']
     timeout_s = settings['velocity_mux']['source_timeouts_s'][0]
-    assert Limits().hold_s < timeout_s
+    assert TeleopLimits().hold_s < timeout_s
     assert settings['base']['command_timeout_s'] > timeout_s
     base = DriveBase(wheel_radius_m=settings['base']['wheel_radius_m'],
                      wheel_separation_m=settings['base']['wheel_separation_m'])
-    speed = Limits().linear_m_s / settings['base']['wheel_radius_m']
+    speed = TeleopLimits().linear_m_s / settings['base']['wheel_radius_m']
     base.set_wheel_speeds(speed, speed)
     for _ in range(1000):
         base.step()

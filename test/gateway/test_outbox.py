@@ -40,7 +40,7 @@ pytest.importorskip('websockets', reason='websockets is not installed')
 from outbox_keeper import keeper_in  # noqa: E402, I100
 from rt_robot_os.gateway.outbox import Mark  # noqa: E402
 from rt_robot_os.gateway.outbox import Outbox  # noqa: E402
-from rt_robot_os.gateway.outbox import Row  # noqa: E402
+from rt_robot_os.gateway.outbox import OutboxRow  # noqa: E402
 from rt_robot_os.gateway.part import Record  # noqa: E402
 from rt_robot_os.messages.uplink.importance import Importance  # noqa: E402
 from rt_robot_os.messages.uplink.messages import decode  # noqa: E402
@@ -237,9 +237,9 @@ def box(tmp_path: Path) -> Iterator[Outbox]:
 
 
 def rows(box: Outbox, importance: Importance, count: int, first: int = 0, size: int = 100
-         ) -> list[Row]:
-    return [Row(importance, box.boot, first + number, box.lived_s,
-                json.dumps({'n': number, 'fill': 'x' * size})) for number in range(count)]
+         ) -> list[OutboxRow]:
+    return [OutboxRow(importance, box.boot, first + number, box.lived_s,
+                      json.dumps({'n': number, 'fill': 'x' * size})) for number in range(count)]
 
 
 def test_the_oldest_of_the_least_important_gives_way_and_is_counted(box: Outbox) -> None:

@@ -25,7 +25,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
 
-from rt_robot_os.gateway.drive_limits import Limits
+from rt_robot_os.gateway.drive_limits import TeleopLimits
 from rt_robot_os.gateway.teleop_controller import TeleopController
 from rt_robot_os.messages.uplink.driving import DriveBegin
 from rt_robot_os.messages.uplink.driving import DriveCommand
@@ -39,7 +39,7 @@ class Robot:
     """A pilot with its clock, and what the wheels are told at each moment."""
 
     def __init__(self, **limits: float) -> None:
-        self.controller = TeleopController(Limits(**limits))
+        self.controller = TeleopController(TeleopLimits(**limits))
         self.now_ms = 1_000_000
         self.speed = 0.0
         self.seq = itertools.count(1)
@@ -185,7 +185,7 @@ def test_what_is_no_ticket_moves_nothing(robot: Robot, beat: Any) -> None:
 
 @given(linear=st.floats(-1e9, 1e9), angular=st.floats(-1e9, 1e9))
 def test_no_command_is_faster_than_the_robot_allows(linear: float, angular: float) -> None:
-    limits = Limits(linear_m_s=0.3, angular_rad_s=0.8)
+    limits = TeleopLimits(linear_m_s=0.3, angular_rad_s=0.8)
     v, w = limits.bounded(linear, angular)
     assert math.hypot(v / 0.3, w / 0.8) <= 1.0 + 1e-9
     assert v * angular == pytest.approx(w * linear, rel=1e-6, abs=1e-6)  # the same curve

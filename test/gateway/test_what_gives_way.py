@@ -30,7 +30,7 @@ from rt_robot_os.gateway.memory_fallback import MemoryFallback  # noqa: E402
 from rt_robot_os.gateway.memory_fallback import ROWS_MOST  # noqa: E402
 from rt_robot_os.gateway.outbox import CHUNK  # noqa: E402
 from rt_robot_os.gateway.outbox import Outbox  # noqa: E402
-from rt_robot_os.gateway.outbox import Row  # noqa: E402
+from rt_robot_os.gateway.outbox import OutboxRow  # noqa: E402
 from rt_robot_os.gateway.part import Record  # noqa: E402
 from rt_robot_os.gateway.record_queue import RecordQueue  # noqa: E402
 from rt_robot_os.messages.uplink.importance import Importance  # noqa: E402
@@ -38,8 +38,8 @@ from rt_robot_os.messages.uplink.importance import Importance  # noqa: E402
 ALL = tuple(Importance)
 
 
-def rows(importance: Importance, number: int, first: int = 1, size: int = 100) -> list[Row]:
-    return [Row(importance, 1, seq, 0, 'x' * size) for seq in range(first, first + number)]
+def rows(importance: Importance, number: int, first: int = 1, size: int = 100) -> list[OutboxRow]:
+    return [OutboxRow(importance, 1, seq, 0, 'x' * size) for seq in range(first, first + number)]
 
 
 def seqs(box: Outbox, importance: Importance) -> list[int]:

@@ -49,9 +49,9 @@ from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.live.robot_state import SIGNAL_BYTES
 from rt_robot_os.monitor.live.robot_state import SIGNALS_BYTES
 from rt_robot_os.monitor.live.turns import BURST_S
-from rt_robot_os.monitor.live.turns import Turns
 from rt_robot_os.monitor.live.turns import WATCH_S
 from rt_robot_os.monitor.live.turns import WATCHES_MOST
+from rt_robot_os.monitor.live.turns import WatchQuota
 from rt_robot_os.monitor.security.connections import Connected
 from rt_robot_os.monitor.security.connections import OF_A_SESSION
 from rt_robot_os.monitor.security.connections import OF_A_USER
@@ -142,7 +142,7 @@ def test_two_hundred_sockets_of_one_session_leave_room_for_others(
 
 
 def test_a_user_waits_for_what_watches_cost_and_others_do_not() -> None:
-    turns = Turns()
+    turns = WatchQuota()
     free = int(BURST_S / WATCH_S)
     assert [turns.wait_s('vera', 0, 100.0) for _ in range(free)] == [0.0] * free
     assert turns.wait_s('vera', 0, 100.0) == pytest.approx(WATCH_S)

@@ -29,11 +29,11 @@ for each in ('fastapi', 'sqlalchemy', 'argon2'):
 from rt_robot_os.monitor import story as story_module  # noqa: E402
 from rt_robot_os.monitor.demo import demo  # noqa: E402, I100
 from rt_robot_os.monitor.live.hub import Hub  # noqa: E402
+from rt_robot_os.monitor.story import DemoStory  # noqa: E402
 from rt_robot_os.monitor.story import FALLS_AFTER_S  # noqa: E402
 from rt_robot_os.monitor.story import FALLS_MOST  # noqa: E402
 from rt_robot_os.monitor.story import NO_PAGE_S  # noqa: E402
 from rt_robot_os.monitor.story import NOTICED_S  # noqa: E402
-from rt_robot_os.monitor.story import Story  # noqa: E402
 from rt_robot_os.settings.load import load  # noqa: E402
 from rt_robot_os.settings.ros_args import parse_ros_args  # noqa: E402
 
@@ -50,7 +50,8 @@ class Scene:
         self.fault = ''
         self.hub = Hub(1.0, 1.0)
         self.robot = self.hub.get_or_create('1', 'demo')
-        self.story = Story(self.hub, 'demo', self._order, self.lines.append, lambda: self.now_s)
+        self.story = DemoStory(self.hub, 'demo', self._order, self.lines.append,
+                               lambda: self.now_s)
 
     def _order(self, what: str) -> None:
         if self.fault:

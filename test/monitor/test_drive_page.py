@@ -35,7 +35,7 @@ from monitor_server import Page as Socket  # noqa: E402
 from playwright.sync_api import expect  # noqa: E402
 from processes import wait_until  # noqa: E402
 from rt_robot_os import monitor  # noqa: E402
-from rt_robot_os.gateway.drive_limits import Limits  # noqa: E402
+from rt_robot_os.gateway.drive_limits import TeleopLimits  # noqa: E402
 from rt_robot_os.gateway.teleop_controller import TeleopController  # noqa: E402
 from rt_robot_os.messages.uplink.driving import DriveBegin  # noqa: E402
 from rt_robot_os.messages.uplink.driving import DriveCommand  # noqa: E402
@@ -65,7 +65,7 @@ class DrivenRobot(FakeRobot):
 
     def __init__(self, url: str) -> None:
         super().__init__(url, script=RobotScript('robot', ('anna', 'bob'), limits=LIMITS))
-        self.controller = TeleopController(Limits(hold_s=HOLD_S, ticket_s=HOLD_S))
+        self.controller = TeleopController(TeleopLimits(hold_s=HOLD_S, ticket_s=HOLD_S))
         self.order = (0.0, 0.0)
         self.moved = 0
         self.beats = True

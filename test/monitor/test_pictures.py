@@ -22,14 +22,14 @@ import pytest
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.monitor.live.pictures import CAMERAS_MOST
 from rt_robot_os.monitor.live.pictures import Gallery
-from rt_robot_os.monitor.live.pictures import Picture
+from rt_robot_os.monitor.live.pictures import ViewedPicture
 from rt_robot_os.monitor.live.pictures import Viewer
 
 KEY = ('robot', 'camera')
 
 
 def show(gallery: Gallery, n: int, key: tuple[str, str] = KEY) -> None:
-    gallery.put(Picture(key, n, str(n).encode()))
+    gallery.put(ViewedPicture(key, n, str(n).encode()))
 
 
 def gallery_of(*rates: float) -> tuple[Gallery, list[Viewer]]:

@@ -24,7 +24,7 @@ from hypothesis import given
 from hypothesis import settings
 from hypothesis import strategies
 import pytest
-from rt_robot_os.monitor.live.fan_out import Group
+from rt_robot_os.monitor.live.fan_out import WatchGroup
 from rt_robot_os.monitor.live.hub import Hub
 from rt_robot_os.monitor.live.media_connection import may_view_cameras
 from rt_robot_os.monitor.live.rights import Rights
@@ -60,14 +60,14 @@ def test_no_frame_names_somebody_who_is_not_granted(values: dict[str, Any]) -> N
     robot.take(1, 1, {'health/anna/pulse': [1, 60], 'health/bob/pulse': [1, 70],
                       'wsn/bob_bed/motion': [1, 1], **{
                           f'agent/{name}': [1, value] for name, value in values.items()}})
-    frame = Group(robot, ANNA, ('*',), 5.0).frame(0)
+    frame = WatchGroup(robot, ANNA, ('*',), 5.0).frame(0)
     assert frame is not None
     assert 'health/anna/pulse' in json.loads(frame)['signals']
     text = json.dumps(json.loads(frame), ensure_ascii=False)
     # What has a letter on either side is another word.
     assert not [word for word in text.replace('_', ' ').split() if word.strip(
         '"\\/:,{}[]').lower() == 'bob']
-    everything = Group(robot, Rights(None, True), ('*',), 5.0).frame(0)
+    everything = WatchGroup(robot, Rights(None, True), ('*',), 5.0).frame(0)
     assert everything is not None and 'health/bob/pulse' in everything
 
 
@@ -110,7 +110,7 @@ def test_who_is_not_granted_everybody_does_not_look_through_a_camera(
 def test_who_may_not_see_health_sees_where_somebody_is_and_no_sign_of_theirs() -> None:
     robot = robot_of_two()
     robot.take(1, 1, {'health/anna/pulse': [1, 60], 'health/anna/place': [1, {'x': 1}]})
-    frame = Group(robot, Rights(None, False), ('*',), 5.0).frame(0)
+    frame = WatchGroup(robot, Rights(None, False), ('*',), 5.0).frame(0)
     assert frame is not None
     assert list(json.loads(frame)['signals']) == ['health/anna/place']
 
@@ -119,7 +119,7 @@ def test_somebody_who_has_moved_away_is_still_not_named() -> None:
     robot = robot_of_two()
     robot.lives_with(['anna'], ever=['anna', 'bob'])
     robot.take(1, 1, {'agent/state': [1, 'looks for bob']})
-    frame = Group(robot, ANNA, ('*',), 5.0).frame(0)
+    frame = WatchGroup(robot, ANNA, ('*',), 5.0).frame(0)
     assert frame is not None and not names_bob(frame)
 
 
@@ -134,6 +134,6 @@ def test_the_list_of_all_alarms_is_for_who_may_see_all() -> None:
     robot = robot_of_two()
     robot.take(1, 1, {'alarms/list': [1, {'alarms': [{'text': 'bob lies in the hall'}]}],
                       'battery': [1, {}]})
-    frame = Group(robot, ANNA, ('*',), 5.0).frame(0)
+    frame = WatchGroup(robot, ANNA, ('*',), 5.0).frame(0)
     assert frame is not None
     assert list(json.loads(frame)['signals']) == ['battery']

@@ -32,8 +32,8 @@ from urllib.request import urlopen
 
 from fake_robot import token_of
 from rt_robot_os.monitor.security.roles import Role
-from rt_robot_os.monitor.security.sessions import Limits
 from rt_robot_os.monitor.security.sessions import SECOND_NS
+from rt_robot_os.monitor.security.sessions import SessionLimits
 from rt_robot_os.monitor.security.tables import robot_accounts
 from rt_robot_os.monitor.security.tables import sessions
 from rt_robot_os.monitor.security.tokens import csrf_token
@@ -121,7 +121,8 @@ def lock_sessions(services: Services, user: str | None = None) -> None:
 
     :param user: id of whose; None is everybody.
     """
-    changed = sessions.update().values(seen_ns=time.time_ns() - int(Limits().idle_s * SECOND_NS))
+    idle_ns = int(SessionLimits().idle_s * SECOND_NS)
+    changed = sessions.update().values(seen_ns=time.time_ns() - idle_ns)
     if user is not None:
         changed = changed.where(sessions.c.user == user)
     with services.store.writing() as connection:

@@ -43,7 +43,7 @@ WITHDRAW_S = 60.0
 Time = Annotated[int, Query(ge=0, le=TIME_MOST)]
 
 
-class Note(BaseModel):
+class NoteRequest(BaseModel):
     """A note of a user."""
 
     text: str = Field(min_length=1, max_length=1000)
@@ -86,7 +86,7 @@ def router(services: Services) -> APIRouter:
         return shown
 
     @found.post('/{robot}/{alarm:path}/notes', status_code=201, response_model=NoteAdded)
-    def note(robot: str, alarm: str, note: Note,
+    def note(robot: str, alarm: str, note: NoteRequest,
              actor: Actor = Depends(allowed(Permission.ACKNOWLEDGE))) -> dict[str, Any]:
         """Note something about an alarm; it is stored when this answers with its ``id``."""
         try:

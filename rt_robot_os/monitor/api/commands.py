@@ -64,7 +64,7 @@ NEEDS: Final[dict[str, tuple[Permission, ...]]] = {
 WHEN_LOCKED: Final = frozenset({'stop'})
 
 
-class Command(BaseModel):
+class CommandRequest(BaseModel):
     """
     What a robot is to do.
 
@@ -77,7 +77,7 @@ class Command(BaseModel):
     key: str = Field('', max_length=100)
 
 
-class Answer(BaseModel):
+class CommandResponse(BaseModel):
     """What the robot said to it; ``codes`` has the code of its text, if it has one."""
 
     ok: bool
@@ -85,7 +85,7 @@ class Answer(BaseModel):
     codes: dict[str, Any] = Field(default_factory=dict)
 
 
-class Commands:
+class CommandService:
     """
     The commands of a server.
 
@@ -94,9 +94,10 @@ class Commands:
 
     def __init__(self, services: Services) -> None:
         self._services = services
-        self._answers: OrderedDict[tuple[str, ...], asyncio.Future[Answer]] = OrderedDict()
+        self._answers: OrderedDict[tuple[str, ...], asyncio.Future[CommandResponse]] = (
+            OrderedDict())
 
-    async def do(self, actor: Actor, robot: str, command: Command) -> Answer:
+    async def do(self, actor: Actor, robot: str, command: CommandRequest) -> CommandResponse:
         """Do a command, or give the answer of the same one that came before."""
         hub = self._services.hub
         if not hub.may_see_robot(actor, robot):
@@ -119,7 +120,7 @@ class Commands:
         return await asyncio.shield(before)
 
     async def _done(self, actor: Actor, robot: RobotState, do: str, args: dict[str, Any]
-                    ) -> Answer:
+                    ) -> CommandResponse:
         # Noted in parallel, not before: the audit must not delay a stop.
         note = self._services.audit.note_soon
         locked = {'locked': True} if actor.locked else {}
@@ -132,9 +133,9 @@ class Commands:
             raise refusal(504 if error.is_late else 409, error.text, error.remedy) from None
         note(actor, f'answer.{do}', robot.id, ok=found.ok, text=found.text)
         codes = {'codes': dict(found.codes)} if found.codes else {}
-        return Answer(ok=found.ok, text=found.text, **codes)
+        return CommandResponse(ok=found.ok, text=found.text, **codes)
 
-    def _args(self, actor: Actor, robot: RobotState, command: Command) -> dict[str, Any]:
+    def _args(self, actor: Actor, robot: RobotState, command: CommandRequest) -> dict[str, Any]:
         args = command.args
         if command.do == 'alarm':
             return {'text': self._alarm_text(actor, robot, args)}
@@ -169,11 +170,11 @@ class Commands:
 def router(services: Services) -> APIRouter:
     """Return the endpoint."""
     found = APIRouter(prefix='/api', tags=['robots'])
-    commands = Commands(services)
+    commands = CommandService(services)
 
     @found.post('/robots/{robot}/commands', response_model_exclude_unset=True)
-    async def command(robot: str, command: Command,
-                      actor: Actor = Depends(allowed(Permission.SEE))) -> Answer:
+    async def command(robot: str, command: CommandRequest,
+                      actor: Actor = Depends(allowed(Permission.SEE))) -> CommandResponse:
         """Have a robot do something; ``ok`` is false when the robot refuses."""
         return await commands.do(actor, robot, command)
 

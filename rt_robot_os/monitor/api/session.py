@@ -83,13 +83,13 @@ class Unlock(Strict):
     password: str = Field(max_length=_PASSWORD)
 
 
-class Link(Strict):
+class OneTimeLink(Strict):
     """A one-time link."""
 
     token: str = Field(max_length=128)
 
 
-class SetUp(Link):
+class SetUp(OneTimeLink):
     """What a one-time link is used for; name and role are for the first account alone."""
 
     name: str = Field('', max_length=128)
@@ -104,7 +104,7 @@ class NewPassword(Strict):
     new: str = Field(max_length=_PASSWORD)
 
 
-class Emergency(Strict):
+class EmergencyRequest(Strict):
     """Why a user needs access that they were not granted."""
 
     person: str = Field(min_length=1, max_length=128)
@@ -291,7 +291,7 @@ def _add_links(found: APIRouter, accounts: Accounts, door: _Door) -> None:
         return {'needed': accounts.users.is_empty()}
 
     @found.post('/setup/check', dependencies=[Depends(from_here)], response_model=Invited)
-    def check(link: Link) -> dict[str, Any]:
+    def check(link: OneTimeLink) -> dict[str, Any]:
         invitation = accounts.invitations.find(link.token)
         if invitation is None:
             raise refusal(404, *gone)
@@ -346,7 +346,7 @@ def _tell_admins(hub: Any, name: str, person: str, ends_ns: int) -> None:
 
 def _add_emergencies(found: APIRouter, accounts: Accounts, hub: Any) -> None:
     @found.post('/session/emergency', response_model=EmergencyBegun)
-    def begin(form: Emergency, request: Request, actor: Actor = _ANYBODY) -> dict[str, Any]:
+    def begin(form: EmergencyRequest, request: Request, actor: Actor = _ANYBODY) -> dict[str, Any]:
         session = accounts.sessions.find(secret_of(request))
         if session is None or session.is_locked:
             raise refusal(401, 'this session was not used for a while',

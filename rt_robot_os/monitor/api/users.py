@@ -57,7 +57,7 @@ class NewUser(Strict):
     people: list[str] = Field(default=[], max_length=MOST_PEOPLE)
 
 
-class Change(Strict):
+class UserChange(Strict):
     """What of a user is to change."""
 
     role: str | None = Field(None, max_length=16)
@@ -102,7 +102,7 @@ def _add_users(found: APIRouter, accounts: Accounts) -> None:
         return {**user.as_dict(), 'token': accounts.invitations.make(user.id)}
 
     @found.patch('/users/{user}', response_model=ShownUser)
-    def change(user: str, form: Change, actor: Actor = _ADMIN) -> dict[str, Any]:
+    def change(user: str, form: UserChange, actor: Actor = _ADMIN) -> dict[str, Any]:
         before = _user(accounts, user)
         try:
             after = change_user(accounts, actor.name, before, form.role, form.people,

@@ -25,7 +25,7 @@ from typing import Final
 
 from fastapi import WebSocket
 from rt_robot_os.monitor.live import turns
-from rt_robot_os.monitor.live.fan_out import Watch
+from rt_robot_os.monitor.live.fan_out import SignalWatch
 from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.live.send_queue import SendQueue
@@ -56,7 +56,7 @@ class ClientConnection:
         self.actor = actor
         self.rights = services.hub.rights_of(actor)
         self._wanted: dict[str, tuple[str | None, tuple[str, ...], float]] = {}
-        self._watches: dict[str, list[tuple[RobotState, Watch]]] = {}
+        self._watches: dict[str, list[tuple[RobotState, SignalWatch]]] = {}
         self._tokens = float(MESSAGES_A_SECOND)
         self._filled = 0.0
 

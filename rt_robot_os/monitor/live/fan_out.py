@@ -39,10 +39,10 @@ WANTED_MOST: Final = 256
 _FRAMES_MOST: Final = 16
 
 
-class Watch:
+class SignalWatch:
     """What one client wants of one robot."""
 
-    def __init__(self, queue: SendQueue, group: Group) -> None:
+    def __init__(self, queue: SendQueue, group: WatchGroup) -> None:
         self._queue = queue
         self._group = group
         self._version = 0
@@ -64,13 +64,13 @@ class Watch:
         self._group.watches.pop(self, None)
 
 
-class Group:
+class WatchGroup:
     """All that want the same of a robot, with the same rights."""
 
     def __init__(self, robot: RobotState, rights: Rights, patterns: tuple[str, ...],
                  rate_hz: float) -> None:
         self.robot = robot
-        self.watches: dict[Watch, None] = {}
+        self.watches: dict[SignalWatch, None] = {}
         self.rate_hz = rate_hz
         self.patterns = patterns
         self._rights = rights
@@ -147,18 +147,19 @@ class FanOut:
     """All groups of all robots."""
 
     def __init__(self) -> None:
-        self._groups: dict[str, dict[tuple[object, ...], Group]] = {}
+        self._groups: dict[str, dict[tuple[object, ...], WatchGroup]] = {}
 
     def watch(self, queue: SendQueue, robot: RobotState, rights: Rights,
-              patterns: tuple[str, ...], rate_hz: float) -> Watch:
+              patterns: tuple[str, ...], rate_hz: float) -> SignalWatch:
         """Begin to send signals of a robot to a client, from its present ones on."""
         groups = self._groups.setdefault(robot.id, {})
         for key in [key for key, each in groups.items() if not each.watches]:
             groups.pop(key).end()
         group = groups.get((rights, patterns, rate_hz))
         if group is None:
-            group = groups[rights, patterns, rate_hz] = Group(robot, rights, patterns, rate_hz)
-        return Watch(queue, group)
+            group = WatchGroup(robot, rights, patterns, rate_hz)
+            groups[rights, patterns, rate_hz] = group
+        return SignalWatch(queue, group)
 
     def changed(self, robot: RobotState) -> None:
         """Send what has changed of a robot to whom it concerns."""

@@ -44,7 +44,7 @@ from rt_robot_os.monitor.live.fan_out import FanOut
 from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.robot_state import encoded
 from rt_robot_os.monitor.live.robot_state import RobotState
-from rt_robot_os.monitor.live.turns import Turns
+from rt_robot_os.monitor.live.turns import WatchQuota
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import Permission
 
@@ -64,7 +64,7 @@ class RobotUnavailable(Exception):
         self.is_late = is_late
 
 
-class Connection(Protocol):
+class RobotPeer(Protocol):
     """What the hub needs of a robot's connection."""
 
     def send(self, message: UplinkMessage) -> bool:
@@ -107,10 +107,10 @@ class Hub:
         self.fan_out = FanOut()
         self._heartbeat_s = heartbeat_s
         self._command_s = command_s
-        self._connections: dict[str, Connection] = {}
+        self._connections: dict[str, RobotPeer] = {}
         self._answers: dict[str, tuple[str, asyncio.Future[CommandAnswer]]] = {}
         self._wants: dict[str, asyncio.TimerHandle] = {}
-        self.turns = Turns()
+        self.turns = WatchQuota()
 
         self.counts: dict[str, int] = {'joined': 0, 'overrun': 0, 'revoked': 0, 'refused': 0,
                                        'watches_delayed': 0,
@@ -171,7 +171,7 @@ class Hub:
 
     # Robots
 
-    def connect(self, robot: RobotState, connection: Connection, now_ns: int) -> None:
+    def connect(self, robot: RobotState, connection: RobotPeer, now_ns: int) -> None:
         """Take a robot that has said hello; a connection that it had before is closed."""
         before = self._connections.get(robot.id)
         if before is not None and before is not connection:
@@ -190,7 +190,7 @@ class Hub:
                                'to_ns': now_ns})
         self.want(robot)
 
-    def disconnect(self, robot: RobotState, connection: Connection) -> None:
+    def disconnect(self, robot: RobotState, connection: RobotPeer) -> None:
         """Forget a connection of a robot; its commands fail immediately."""
         if self._connections.get(robot.id) is not connection:
             return

@@ -41,7 +41,7 @@ RATE_LEAST_HZ: Final = 0.1
 CAMERAS_MOST: Final = 16
 
 
-class Picture(NamedTuple):
+class ViewedPicture(NamedTuple):
     """
     A picture as viewers get it.
 
@@ -138,7 +138,7 @@ class Viewer:
         awaited = any(watch.awaited for watch in self._watched.values())
         return now_ns - self._asked_ns if awaited else 0
 
-    def next_picture(self, now_ns: int) -> tuple[Picture | None, int]:
+    def next_picture(self, now_ns: int) -> tuple[ViewedPicture | None, int]:
         """
         Return what it gets now, and then when to ask again.
 
@@ -186,7 +186,7 @@ class Gallery:
         self.viewers: set[Viewer] = set()
         self._on_wanted = on_wanted
         self.troubles: dict[Key, Mapping[str, Any]] = {}
-        self._newest: dict[Key, Picture] = {}
+        self._newest: dict[Key, ViewedPicture] = {}
         self._counts: dict[Key, int] = {}
 
     def open_viewer(self, wake: Callable[[], None]) -> Viewer:
@@ -224,7 +224,7 @@ class Gallery:
         """Return the number of the next picture of a camera."""
         return self._counts.get(key, 0) + 1
 
-    def put(self, picture: Picture) -> int:
+    def put(self, picture: ViewedPicture) -> int:
         """
         Take a picture; the one before it is gone.
 
@@ -253,6 +253,6 @@ class Gallery:
         for viewer in self.viewers:
             viewer.trouble(key, why)
 
-    def newest(self, key: Key) -> Picture | None:
+    def newest(self, key: Key) -> ViewedPicture | None:
         """Return the newest picture of a camera."""
         return self._newest.get(key)

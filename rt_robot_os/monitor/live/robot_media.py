@@ -48,7 +48,7 @@ from rt_robot_os.messages.uplink.messages import decode
 from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.monitor.live.memory_use import memory_of
 from rt_robot_os.monitor.live.pictures import Gallery
-from rt_robot_os.monitor.live.pictures import Picture
+from rt_robot_os.monitor.live.pictures import ViewedPicture
 from rt_robot_os.monitor.media_store import FileRefused
 from rt_robot_os.monitor.media_store import MediaStore
 from rt_robot_os.monitor.media_store import Offered
@@ -127,7 +127,7 @@ class RobotMedia:
             'robot': self.robot, 'camera': camera, 'n': number,
             'utc_ns': captured_ns(picture, now_ns), 'width': picture.width,
             'height': picture.height}, picture.payload)
-        self._gallery.put(Picture(key, number, frame))
+        self._gallery.put(ViewedPicture(key, number, frame))
 
     def _trouble(self, trouble: CameraTrouble) -> None:
         """Pass on why a camera gives no picture, as its device says it."""

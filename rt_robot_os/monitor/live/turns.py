@@ -28,7 +28,7 @@ BURST_S: Final = 10.0
 _USERS_MOST: Final = 2000
 
 
-class Turns:
+class WatchQuota:
     """Users who watch; for the event loop alone."""
 
     def __init__(self) -> None:

@@ -50,13 +50,6 @@ export interface AlarmDetails {
   [more: string]: any;
 }
 
-/** What the robot said to it; ``codes`` has the code of its text, if it has one. */
-export interface Answer {
-  ok: boolean;
-  text: string;
-  codes?: Record<string, any>;
-}
-
 /** A row of the audit. */
 export interface AuditRow {
   seq: number;
@@ -118,6 +111,13 @@ export interface CodedAlarm {
   is_open: boolean;
   codes: Record<string, any>;
   [more: string]: any;
+}
+
+/** What the robot said to it; ``codes`` has the code of its text, if it has one. */
+export interface CommandResponse {
+  ok: boolean;
+  text: string;
+  codes?: Record<string, any>;
 }
 
 /** Who lives with a robot now. */
@@ -469,7 +469,7 @@ export interface Answers {
   'PUT /api/residents/{robot}': ConfirmedPeople;
   'GET /api/robots': ShownRobot[];
   'GET /api/robots/{robot}': ShownRobot;
-  'POST /api/robots/{robot}/commands': Answer;
+  'POST /api/robots/{robot}/commands': CommandResponse;
   'GET /api/robots/{robot}/map': ShownMap;
   'DELETE /api/session': Ended;
   'GET /api/session': ShownSession;

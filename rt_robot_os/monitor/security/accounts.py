@@ -35,17 +35,17 @@ from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.security.audit import Audit
 from rt_robot_os.monitor.security.connections import Connected
 from rt_robot_os.monitor.security.devices import Devices
-from rt_robot_os.monitor.security.emergencies import Emergencies
+from rt_robot_os.monitor.security.emergencies import EmergencyAccess
 from rt_robot_os.monitor.security.invitations import Invitations
 from rt_robot_os.monitor.security.limits import LockOut
 from rt_robot_os.monitor.security.login_history import restore_limits
 from rt_robot_os.monitor.security.outage import Questions
 from rt_robot_os.monitor.security.passwords import Passwords
 from rt_robot_os.monitor.security.residents import Residents
-from rt_robot_os.monitor.security.robots import Robot
+from rt_robot_os.monitor.security.robots import RobotAccount
 from rt_robot_os.monitor.security.robots import Robots
-from rt_robot_os.monitor.security.sessions import Limits
 from rt_robot_os.monitor.security.sessions import Session
+from rt_robot_os.monitor.security.sessions import SessionLimits
 from rt_robot_os.monitor.security.sessions import Sessions
 from rt_robot_os.monitor.security.users import Users
 from sqlalchemy import Engine
@@ -83,7 +83,8 @@ class Accounts:
     """Users, sessions, invitations, robots, emergencies and the audit; safe for threads."""
 
     def __init__(self, engine: Engine, key: bytes, *, hasher: PasswordHasher | None = None,
-                 limits: Limits | None = None, now_ns: Callable[[], int] = time.time_ns) -> None:
+                 limits: SessionLimits | None = None,
+                 now_ns: Callable[[], int] = time.time_ns) -> None:
         """
         Make it.
 
@@ -94,11 +95,11 @@ class Accounts:
         self.now_ns = now_ns
         self.audit = Audit(engine, key, now_ns)
         self.users = Users(engine, now_ns)
-        self.sessions = Sessions(engine, limits or Limits(), now_ns)
+        self.sessions = Sessions(engine, limits or SessionLimits(), now_ns)
         self.invitations = Invitations(engine, self.users, now_ns)
         self.robots = Robots(engine, now_ns)
         self.residents = Residents(engine, now_ns)
-        self.emergencies = Emergencies(engine, now_ns)
+        self.emergencies = EmergencyAccess(engine, now_ns)
         self.passwords = Passwords(hasher)
         self.connected = Connected()
         self.lock_out = LockOut()
@@ -186,7 +187,7 @@ class Accounts:
         return await self.questions.ask(lambda: self.sessions.find(secret),
                                         lambda: self.sessions.remembered(secret))
 
-    async def robot_of(self, token: str) -> Robot | None:
+    async def robot_of(self, token: str) -> RobotAccount | None:
         """
         Return the robot of a token; while the database is away as it was known last.
 

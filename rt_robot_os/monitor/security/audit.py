@@ -98,7 +98,7 @@ CONSOLE: Final = Somebody('console', 'console')
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ChainVerdict:
     """
     What a check of the chain found.
 
@@ -292,7 +292,7 @@ class Audit:
             yield from rows
             after = rows[-1]['seq']
 
-    def verify(self, noted: str = '') -> Verdict:
+    def verify(self, noted: str = '') -> ChainVerdict:
         """
         Check the chain from its first row to its head.
 
@@ -383,10 +383,10 @@ class _Check:
         if len(self.problems) < 100:
             self.problems.append(problem)
 
-    def verdict(self) -> Verdict:
+    def verdict(self) -> ChainVerdict:
         if self._noted_seq > self.seq:
             self._tell(f'row {self._noted_seq}, which was noted, is missing')
-        return Verdict(self.rows, f'{self.seq}:{self.mac}', tuple(self.problems))
+        return ChainVerdict(self.rows, f'{self.seq}:{self.mac}', tuple(self.problems))
 
 
 def _row(now_ns: int, actor: Subject, action: str, what: str,

@@ -40,7 +40,7 @@ SHORTEST_REASON: Final = 10
 LONGEST_REASON: Final = 500
 
 
-class Emergencies:
+class EmergencyAccess:
     """The table of emergencies; safe for several threads."""
 
     def __init__(self, engine: Engine, now_ns: Callable[[], int]) -> None:

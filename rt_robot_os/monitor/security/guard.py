@@ -36,7 +36,7 @@ from rt_robot_os.monitor.security.origins import is_expected_host
 from rt_robot_os.monitor.security.origins import is_same_origin
 from rt_robot_os.monitor.security.origins import is_secure
 from rt_robot_os.monitor.security.protection import ENDED_CALLBACKS
-from rt_robot_os.monitor.security.robots import Robot
+from rt_robot_os.monitor.security.robots import RobotAccount
 from rt_robot_os.monitor.security.roles import Permission
 from rt_robot_os.monitor.security.roles import PERMISSIONS
 from rt_robot_os.monitor.security.roles import Role
@@ -46,7 +46,7 @@ from rt_robot_os.monitor.security.tokens import kept
 from rt_robot_os.monitor.security.users import shown_people
 from starlette.requests import HTTPConnection
 
-__all__ = ('Actor', 'Permission', 'Robot', 'allowed', 'robot_of', 'websocket_actor')
+__all__ = ('Actor', 'Permission', 'RobotAccount', 'allowed', 'robot_of', 'websocket_actor')
 
 SAFE: Final = frozenset({'GET', 'HEAD', 'OPTIONS'})
 _FORBIDDEN: Final = 4403
@@ -246,7 +246,7 @@ async def _known(answer: Awaitable[_T]) -> _T:
                                  ) from error
 
 
-async def robot_of(websocket: WebSocket) -> Robot:
+async def robot_of(websocket: WebSocket) -> RobotAccount:
     """
     Return which robot opens a WebSocket, by its token; to be called before it is accepted.
 

@@ -44,7 +44,7 @@ _NAME: Final = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]{0,63}', re.ASCII)
 
 
 @dataclass(frozen=True)
-class Robot:
+class RobotAccount:
     """A robot that has shown its token."""
 
     id: str  # noqa: A003
@@ -57,9 +57,9 @@ class Robots:
     def __init__(self, engine: Engine, now_ns: Callable[[], int]) -> None:
         self._engine = engine
         self._now_ns = now_ns
-        self._memory: Memory[Robot] = Memory(most=MOST)
+        self._memory: Memory[RobotAccount] = Memory(most=MOST)
 
-    def add(self, name: str) -> tuple[Robot, str]:
+    def add(self, name: str) -> tuple[RobotAccount, str]:
         """
         Let a robot in; one that was revoked comes back as the same robot, by a new token.
 
@@ -79,16 +79,16 @@ class Robots:
                 connection.execute(robot_accounts.update().where(
                     robot_accounts.c.id == row.id).values(token=kept(token), revoked_ns=None,
                                                           created_ns=now))
-                return Robot(row.id, name), token
+                return RobotAccount(row.id, name), token
             if connection.execute(select(func.count()).select_from(robot_accounts)
                                   ).scalar_one() >= MOST:
                 raise AccountError(f'there are {MOST} robots', 'that is the most')
-            robot = Robot(new_id(), name)
+            robot = RobotAccount(new_id(), name)
             connection.execute(robot_accounts.insert().values(
                 id=robot.id, name=name, token=kept(token), created_ns=now))
         return robot, token
 
-    def find(self, token: str) -> Robot | None:
+    def find(self, token: str) -> RobotAccount | None:
         """Return the robot of a token, if it is good."""
         if not 20 <= len(token) <= 100:
             return None
@@ -99,11 +99,11 @@ class Robots:
         if row is None:
             self._memory.forget(lambda key, _: key == kept(token))
             return None
-        found = Robot(row.id, row.name)
+        found = RobotAccount(row.id, row.name)
         self._memory.store(row.token, found)
         return found
 
-    def remembered(self, token: str) -> Robot | None:
+    def remembered(self, token: str) -> RobotAccount | None:
         """Return the robot of a token as the database said last; safe on an event loop."""
         return self._memory.find(kept(token))
 
@@ -112,7 +112,7 @@ class Robots:
         with reading(self._engine) as connection:
             rows = connection.execute(select(robot_accounts).where(
                 robot_accounts.c.revoked_ns.is_(None))).all()
-        good = {row.token: Robot(row.id, row.name) for row in rows}
+        good = {row.token: RobotAccount(row.id, row.name) for row in rows}
         self._memory.forget(lambda key, _: key not in good)
         for token, robot in good.items():
             self._memory.store(token, robot)
@@ -126,7 +126,7 @@ class Robots:
         return [{'id': row.id, 'name': row.name, 'created_ns': row.created_ns,
                  'revoked_ns': row.revoked_ns} for row in rows]
 
-    def revoke(self, name_or_id: str) -> Robot:
+    def revoke(self, name_or_id: str) -> RobotAccount:
         """
         Let a robot in no more.
 
@@ -142,4 +142,4 @@ class Robots:
                                    'monitor robot list shows which have')
             connection.execute(robot_accounts.update().where(robot_accounts.c.id == row.id)
                                .values(revoked_ns=self._now_ns()))
-        return Robot(row.id, row.name)
+        return RobotAccount(row.id, row.name)

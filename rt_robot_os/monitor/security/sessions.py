@@ -60,7 +60,7 @@ _SEEN_EVERY_S: Final = 30
 
 
 @dataclass(frozen=True)
-class Limits:
+class SessionLimits:
     """How long a session lasts, in seconds: untouched, and altogether."""
 
     idle_s: float = 900.0
@@ -110,7 +110,7 @@ class _Stored:
 class Sessions:
     """The table of sessions; safe for several threads."""
 
-    def __init__(self, engine: Engine, limits: Limits, now_ns: Callable[[], int]) -> None:
+    def __init__(self, engine: Engine, limits: SessionLimits, now_ns: Callable[[], int]) -> None:
         self._engine = engine
         self._limits = limits
         self._now_ns = now_ns

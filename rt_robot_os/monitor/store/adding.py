@@ -27,9 +27,9 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.monitor.store.alarm_states import follow
 from rt_robot_os.monitor.store.engine import POSTGRES
 from rt_robot_os.monitor.store.metadata import METADATA
-from rt_robot_os.monitor.store.names import Names
+from rt_robot_os.monitor.store.names import NameTable
 from rt_robot_os.monitor.store.names import seen
-from rt_robot_os.monitor.store.received import Received
+from rt_robot_os.monitor.store.received import ReceivedNumbers
 from rt_robot_os.monitor.store.records import Aside
 from rt_robot_os.monitor.store.records import read
 from rt_robot_os.monitor.store.records import Sent
@@ -51,7 +51,7 @@ ASIDE_MOST: Final = 10_000
 CLOCK_ERROR: Final = 'clock_error'
 
 
-class Batch(NamedTuple):
+class ReceivedBatch(NamedTuple):
     """
     Records of one start of a robot.
 
@@ -86,15 +86,15 @@ class Added(NamedTuple):
 class Adding:
     """One transaction that adds records."""
 
-    def __init__(self, connection: Connection, names: Names, now_ns: int) -> None:
+    def __init__(self, connection: Connection, names: NameTable, now_ns: int) -> None:
         self._connection = connection
         self._names = names
         self._now_ns = now_ns
-        self._received = Received(connection)
+        self._received = ReceivedNumbers(connection)
         self._rows: dict[str, list[dict[str, Any]]] = {}
         self._seen: set[tuple[int, int]] = set()
 
-    def add(self, batches: Sequence[Batch]) -> list[Added]:
+    def add(self, batches: Sequence[ReceivedBatch]) -> list[Added]:
         """Take batches; they are written by :meth:`save`."""
         self._names.learn(self._connection)
         who: list[tuple[int, int]] = []

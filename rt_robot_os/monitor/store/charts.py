@@ -46,7 +46,7 @@ PIXELS_MOST: Final = 10_000
 
 
 @dataclass
-class Chart:
+class SignChart:
     """
     What a sign was like over time: an entry for each span in which there were values.
 
@@ -97,7 +97,7 @@ _ROLLED: Final = {table.name: text(f"""
 
 
 def chart(connection: Connection, person: str, sign: str, unit: str, start_ns: int, end_ns: int,
-          pixels: int) -> Chart:
+          pixels: int) -> SignChart:
     """
     Make a chart; of nobody and nothing it is empty.
 
@@ -109,8 +109,8 @@ def chart(connection: Connection, person: str, sign: str, unit: str, start_ns: i
     # Whole entries of the level; one fewer where the first begins before the start.
     begin_ns = start_ns if level is None else start_ns // span_ns * span_ns
     width_ns = -(-(end_ns - begin_ns) // (span_ns * _bounded(pixels))) * span_ns
-    made = Chart(person, sign, unit, start_ns, end_ns, RAW if level is None else level.name,
-                 width_ns)
+    made = SignChart(person, sign, unit, start_ns, end_ns, RAW if level is None else level.name,
+                     width_ns)
     series = connection.execute(select(SERIES.c.id).join(PEOPLE).where(
         PEOPLE.c.person == person, SERIES.c.code == sign)).scalar()
     if series is None:
@@ -125,7 +125,7 @@ def chart(connection: Connection, person: str, sign: str, unit: str, start_ns: i
     return made
 
 
-def _fill(made: Chart, begin_ns: int, rows: Iterable[Any]) -> None:
+def _fill(made: SignChart, begin_ns: int, rows: Iterable[Any]) -> None:
     for entry, low, high, total, count in rows:
         made.t_ns.append(begin_ns + int(entry) * made.width_ns)
         made.low.append(low)

@@ -32,7 +32,7 @@ UCUM: Final = 'http://unitsofmeasure.org'
 LOCAL: Final = 'https://rt-robot-os.example.org/fhir/CodeSystem/sign'
 
 
-class Code(NamedTuple):
+class SignCode(NamedTuple):
     """
     How a sign is coded.
 
@@ -55,29 +55,30 @@ class Code(NamedTuple):
 
 
 #: Signs as vital_signs names them, what wearables measure besides, and the score.
-CODES: Final[Mapping[str, Code]] = MappingProxyType({
-    'pulse_per_min': Code(LOINC, '8867-4', 'Heart rate', '1/min', '/min', 'heartrate'),
-    'respiration_per_min': Code(LOINC, '9279-1', 'Respiratory rate', '1/min', '/min', 'resprate'),
-    'spo2_percent': Code(LOINC, '2708-6', 'Oxygen saturation in Arterial blood', '%', '%',
-                         'oxygensat', ('59408-5',)),
-    'body_temperature': Code(LOINC, '8310-5', 'Body temperature', '°C', 'Cel', 'bodytemp'),
-    'systolic_mmhg': Code(LOINC, '8480-6', 'Systolic blood pressure', 'mmHg', 'mm[Hg]'),
-    'diastolic_mmhg': Code(LOINC, '8462-4', 'Diastolic blood pressure', 'mmHg', 'mm[Hg]'),
-    'oxygen_l_per_min': Code(LOINC, '3151-8', 'Inhaled oxygen flow rate', 'l/min', 'L/min'),
-    'news2': Code(LOINC, '88330-6', 'National early warning score', '', '{score}'),
-    'consciousness': Code(LOCAL, 'consciousness', 'Consciousness: 0 alert, 1 new confusion, '
-                          '2 voice, 3 pain, 4 unresponsive', '', '{code}'),
+CODES: Final[Mapping[str, SignCode]] = MappingProxyType({
+    'pulse_per_min': SignCode(LOINC, '8867-4', 'Heart rate', '1/min', '/min', 'heartrate'),
+    'respiration_per_min': SignCode(LOINC, '9279-1', 'Respiratory rate', '1/min', '/min',
+                                    'resprate'),
+    'spo2_percent': SignCode(LOINC, '2708-6', 'Oxygen saturation in Arterial blood', '%', '%',
+                             'oxygensat', ('59408-5',)),
+    'body_temperature': SignCode(LOINC, '8310-5', 'Body temperature', '°C', 'Cel', 'bodytemp'),
+    'systolic_mmhg': SignCode(LOINC, '8480-6', 'Systolic blood pressure', 'mmHg', 'mm[Hg]'),
+    'diastolic_mmhg': SignCode(LOINC, '8462-4', 'Diastolic blood pressure', 'mmHg', 'mm[Hg]'),
+    'oxygen_l_per_min': SignCode(LOINC, '3151-8', 'Inhaled oxygen flow rate', 'l/min', 'L/min'),
+    'news2': SignCode(LOINC, '88330-6', 'National early warning score', '', '{score}'),
+    'consciousness': SignCode(LOCAL, 'consciousness', 'Consciousness: 0 alert, 1 new confusion, '
+                              '2 voice, 3 pain, 4 unresponsive', '', '{code}'),
 })
 #: A pressure is told as the two components of this panel.
-PRESSURE: Final = Code(LOINC, '85354-9', 'Blood pressure panel with all children optional', 'mmHg',
-                       'mm[Hg]', 'bp')
+PRESSURE: Final = SignCode(LOINC, '85354-9', 'Blood pressure panel with all children optional',
+                           'mmHg', 'mm[Hg]', 'bp')
 SYSTOLIC: Final = 'systolic_mmhg'
 DIASTOLIC: Final = 'diastolic_mmhg'
 
 
-def code_of(sign: str) -> Code:
+def code_of(sign: str) -> SignCode:
     """Return the code of a sign, of the local system when it has none elsewhere."""
-    return CODES.get(sign) or Code(LOCAL, sign, sign.replace('_', ' '), '', '1')
+    return CODES.get(sign) or SignCode(LOCAL, sign, sign.replace('_', ' '), '', '1')
 
 
 def unit_of(sign: str) -> str:

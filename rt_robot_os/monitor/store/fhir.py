@@ -35,12 +35,12 @@ from uuid import UUID
 from uuid import uuid5
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.monitor.store.codes import Code
 from rt_robot_os.monitor.store.codes import code_of
 from rt_robot_os.monitor.store.codes import DIASTOLIC
 from rt_robot_os.monitor.store.codes import LOCAL
 from rt_robot_os.monitor.store.codes import LOINC
 from rt_robot_os.monitor.store.codes import PRESSURE
+from rt_robot_os.monitor.store.codes import SignCode
 from rt_robot_os.monitor.store.codes import SYSTOLIC
 from rt_robot_os.monitor.store.codes import UCUM
 
@@ -146,7 +146,7 @@ def _component(sign: str, rows: tuple[Row, ...]) -> dict[str, Any]:
                                              else _value(row, code))}
 
 
-def _value(row: Row, code: Code) -> dict[str, Any]:
+def _value(row: Row, code: SignCode) -> dict[str, Any]:
     if row['value'] is None or row['quality'] in _REASONS:
         return _absent(_REASONS.get(row['quality'], 'unknown'))
     quantity = {'value': row['value'], 'unit': code.unit or code.ucum}
@@ -159,7 +159,7 @@ def _absent(reason: str) -> dict[str, Any]:
     return {'dataAbsentReason': {'coding': [{'system': _ABSENT, 'code': reason}]}}
 
 
-def _concept(code: Code, sign: str) -> dict[str, Any]:
+def _concept(code: SignCode, sign: str) -> dict[str, Any]:
     coding = [{'system': code.system, 'code': code.code, 'display': code.title}]
     coding += [{'system': LOINC, 'code': each} for each in code.more]
     if sign and code.system != LOCAL:
@@ -167,7 +167,7 @@ def _concept(code: Code, sign: str) -> dict[str, Any]:
     return {'coding': coding, 'text': code.title}
 
 
-def _category(sign: str, code: Code) -> dict[str, str]:
+def _category(sign: str, code: SignCode) -> dict[str, str]:
     kind = 'vital-signs' if code.profile else 'survey' if sign == 'news2' else 'exam'
     return {'system': _CATEGORIES, 'code': kind}
 

@@ -35,7 +35,7 @@ from sqlalchemy import update
 _LEARNT: Final = 100_000
 
 
-class Names:
+class NameTable:
     """
     Numbers by names, made as needed; only who writes uses it, within a transaction.
 

@@ -47,7 +47,7 @@ _PART: Final = 500
 _T = TypeVar('_T')
 
 
-class Received:
+class ReceivedNumbers:
     """What one transaction sees and takes; :meth:`save` writes it."""
 
     def __init__(self, connection: Connection) -> None:

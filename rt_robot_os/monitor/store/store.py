@@ -16,7 +16,7 @@
 The database of the monitor, as the server uses it.
 
 Every method may be called from any thread, and blocks: from asyncio call it in a thread, and write
-records through :class:`~rt_robot_os.monitor.store.writer.Writer`. ``people`` is whom somebody may
+records through :class:`~rt_robot_os.monitor.store.writer.RecordWriter`. ``people`` is whom somebody may
 see: None is everybody.
 """
 
@@ -40,9 +40,9 @@ from rt_robot_os.monitor.store import alarm_queries
 from rt_robot_os.monitor.store import queries
 from rt_robot_os.monitor.store.adding import Added
 from rt_robot_os.monitor.store.adding import Adding
-from rt_robot_os.monitor.store.adding import Batch
-from rt_robot_os.monitor.store.charts import Chart
+from rt_robot_os.monitor.store.adding import ReceivedBatch
 from rt_robot_os.monitor.store.charts import chart as make_chart
+from rt_robot_os.monitor.store.charts import SignChart
 from rt_robot_os.monitor.store.codes import unit_of
 from rt_robot_os.monitor.store.engine import open_engine
 from rt_robot_os.monitor.store.engine import POSTGRES
@@ -53,7 +53,7 @@ from rt_robot_os.monitor.store.erasure import erase
 from rt_robot_os.monitor.store.erasure import Erased
 from rt_robot_os.monitor.store.housekeeping import Housekeeping
 from rt_robot_os.monitor.store.migrate import upgrade
-from rt_robot_os.monitor.store.names import Names
+from rt_robot_os.monitor.store.names import NameTable
 from rt_robot_os.monitor.store.retention import RetentionPolicy
 from rt_robot_os.monitor.store.retention import thin
 from rt_robot_os.monitor.store.rollups import roll_up
@@ -102,7 +102,7 @@ class Store:
         self.counts = {name: 0 for name in Added._fields}
         self.housekeeping: Housekeeping | None = None
         self._sole: SoleServer | None = None
-        self._names = Names()
+        self._names = NameTable()
         self._not_rolled = _ROLL_UP_ROWS
         self._rolled_s = 0.0
 
@@ -183,9 +183,9 @@ class Store:
         :return: how many were new; they are on the disk.
         :raises StoreError: the database is away or full; none of them is added.
         """
-        return self.add_all([Batch(robot, boot, records)])[0].fresh
+        return self.add_all([ReceivedBatch(robot, boot, records)])[0].fresh
 
-    def add_all(self, batches: Sequence[Batch]) -> list[Added]:
+    def add_all(self, batches: Sequence[ReceivedBatch]) -> list[Added]:
         """
         Add batches in one transaction; as :meth:`add` does.
 
@@ -216,7 +216,7 @@ class Store:
         self._not_rolled, self._rolled_s = left, time.monotonic()
         return left
 
-    def _add(self, batches: Sequence[Batch]) -> list[Added]:
+    def _add(self, batches: Sequence[ReceivedBatch]) -> list[Added]:
         try:
             with self.writing() as connection:
                 adding = Adding(connection, self._names, self.now_ns())
@@ -320,7 +320,7 @@ class Store:
         with self.reading() as connection:
             return queries.nodes(connection, robot)
 
-    def chart(self, person: str, sign: str, start_ns: int, end_ns: int, pixels: int) -> Chart:
+    def chart(self, person: str, sign: str, start_ns: int, end_ns: int, pixels: int) -> SignChart:
         """
         Return lowest, mean and highest value of each of at most so many spans, with alarms.
 

@@ -27,7 +27,7 @@ from typing import Final
 
 from rt_robot_os.monitor.store.adding import write
 from rt_robot_os.monitor.store.metadata import METADATA
-from rt_robot_os.monitor.store.names import Names
+from rt_robot_os.monitor.store.names import NameTable
 from rt_robot_os.monitor.store.records import read
 from rt_robot_os.monitor.store.records import Sent
 from rt_robot_os.monitor.store.tables import BOOTS
@@ -44,7 +44,7 @@ UNCONFIRMED: Final = 'unconfirmed'
 STEP: Final = 1000
 
 
-def file_confirmed(connection: Connection, names: Names, after: int) -> tuple[int, int | None]:
+def file_confirmed(connection: Connection, names: NameTable, after: int) -> tuple[int, int | None]:
     """
     File a part of the records whose person has been confirmed since.
 

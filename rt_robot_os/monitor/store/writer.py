@@ -34,7 +34,7 @@ from typing import Final
 from rt_robot_os.base.errors import StoreError
 from rt_robot_os.messages.uplink.importance import Importance
 from rt_robot_os.monitor.store.adding import Added
-from rt_robot_os.monitor.store.adding import Batch
+from rt_robot_os.monitor.store.adding import ReceivedBatch
 from rt_robot_os.monitor.store.robot_clock import RobotClock
 from rt_robot_os.monitor.store.store import Hello
 from rt_robot_os.monitor.store.store import Store
@@ -55,7 +55,7 @@ GATHER_S: Final = 0.02
 class _Waiting:
     """A batch, and who waits for it."""
 
-    def __init__(self, batch: Batch, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, batch: ReceivedBatch, loop: asyncio.AbstractEventLoop) -> None:
         self.batch = batch
         self.loop = loop
         self.future: asyncio.Future[Added] = loop.create_future()
@@ -81,7 +81,7 @@ class _Waiting:
 _URGENT: Final = frozenset({int(Importance.ALARM), int(Importance.EVENT)})
 
 
-class Writer:
+class RecordWriter:
     """
     The one who writes records; started at once, ended by :meth:`close`.
 
@@ -117,7 +117,7 @@ class Writer:
             ``timeout_s``. They may be written later all the same: send them again.
         """
         loop = asyncio.get_running_loop()
-        one = _Waiting(Batch(robot, boot, records, clock), loop)
+        one = _Waiting(ReceivedBatch(robot, boot, records, clock), loop)
         end = loop.time() + timeout_s
         try:
             while not self._enter(one):

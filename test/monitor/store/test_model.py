@@ -27,7 +27,7 @@ from hypothesis import HealthCheck
 from hypothesis import settings
 from hypothesis import strategies as st
 import pytest
-from rt_robot_os.monitor.store.charts import Chart
+from rt_robot_os.monitor.store.charts import SignChart
 from rt_robot_os.monitor.store.retention import RetentionPolicy
 from rt_robot_os.monitor.store.rollups import LEVELS
 from rt_robot_os.monitor.store.store import Store
@@ -124,7 +124,7 @@ def _entries(values: list[tuple[int, float]], begin_ns: int, width_ns: int
     return found
 
 
-def _check(found: Chart, model: Model, pixels: int) -> None:
+def _check(found: SignChart, model: Model, pixels: int) -> None:
     unit = SPANS[found.level]
     begin_ns = found.start_ns // unit * unit
     end_ns = -(-found.end_ns // unit) * unit

@@ -26,7 +26,7 @@ import pytest
 pytest.importorskip('sqlalchemy')
 pytest.importorskip('alembic')
 
-from rt_robot_os.monitor.store.adding import Batch  # noqa: E402
+from rt_robot_os.monitor.store.adding import ReceivedBatch  # noqa: E402
 from rt_robot_os.monitor.store.robot_clock import FUTURE_NS  # noqa: E402
 from rt_robot_os.monitor.store.robot_clock import PAST_NS  # noqa: E402
 from rt_robot_os.monitor.store.robot_clock import RobotClock  # noqa: E402
@@ -53,8 +53,8 @@ def test_records_of_a_clock_that_is_wrong_are_stored_in_order_and_marked(
         store: Store, days: int) -> None:
     error_ns = days * DAY
     said = [NOW_NS + error_ns - age * S for age in (3 * 86400, 86400, 30, 0)]
-    added, = store.add_all([Batch('r1', 'b1', [pulse(*each) for each in enumerate(said)],
-                                  RobotClock(error_ns, True))])
+    added, = store.add_all([ReceivedBatch('r1', 'b1', [pulse(*each) for each in enumerate(said)],
+                                          RobotClock(error_ns, True))])
     assert (added.fresh, added.aside, added.refused, added.misdated) == (4, 0, 0, 4)
     found = store.observations('anna')
     assert [each['t_ns'] for each in found] == [t_ns - error_ns for t_ns in said]
@@ -68,8 +68,8 @@ def test_records_of_a_clock_that_is_wrong_are_stored_in_order_and_marked(
 
 def test_an_earlier_start_with_a_good_clock_keeps_its_times(store: Store) -> None:
     clock = RobotClock(2 * DAY, False)
-    store.add_all([Batch('r1', 'b0', [pulse(0, NOW_NS - DAY), pulse(1, NOW_NS + 2 * DAY - S)],
-                         clock)])
+    sent = [pulse(0, NOW_NS - DAY), pulse(1, NOW_NS + 2 * DAY - S)]
+    store.add_all([ReceivedBatch('r1', 'b0', sent, clock)])
     assert [(each['t_ns'], each['quality']) for each in store.observations('anna')] == [
         (NOW_NS - DAY, 'good'), (NOW_NS - S, 'suspect')]
 
@@ -91,11 +91,11 @@ def test_what_there_is_no_room_for_is_refused_and_taken_once_there_is(
     monkeypatch.setattr('rt_robot_os.monitor.store.adding.ASIDE_MOST', 5)
     batch = [*map(hologram, range(8)), pulse(8, NOW_NS)]
     for refused, fresh, known in ((3, 6, 0), (3, 0, 6)):
-        added, = store.add_all([Batch('r1', 'b1', batch)])
+        added, = store.add_all([ReceivedBatch('r1', 'b1', batch)])
         assert (added.refused, added.fresh, added.known) == (refused, fresh, known)
     assert len(store.observations('anna')) == 1
     monkeypatch.setattr('rt_robot_os.monitor.store.adding.ASIDE_MOST', 10)
-    assert store.add_all([Batch('r1', 'b1', batch)])[0][:4] == (3, 6, 3, 0)
+    assert store.add_all([ReceivedBatch('r1', 'b1', batch)])[0][:4] == (3, 6, 3, 0)
     assert sorted(each['seq'] for each in store.unknown()) == list(range(8))
 
 
@@ -104,7 +104,7 @@ def test_nothing_of_a_confirmed_batch_is_lost(store: Store) -> None:
     numbers = range(12_000)
     for begin in range(0, len(numbers), 500):
         part = numbers[begin:begin + 500]
-        added, = store.add_all([Batch('r1', 'b1', [
+        added, = store.add_all([ReceivedBatch('r1', 'b1', [
             pulse(seq, NOW_NS + 2 * DAY - seq * S) for seq in part], clock)])
         assert added.refused == 0
     found = {each['seq'] for each in store.observations('anna', limit=10_000)} | {

@@ -29,9 +29,9 @@ import databases
 import pytest
 from rt_robot_os.base.errors import StoreError
 from rt_robot_os.monitor.store.adding import Added
-from rt_robot_os.monitor.store.adding import Batch
+from rt_robot_os.monitor.store.adding import ReceivedBatch
 from rt_robot_os.monitor.store.store import Store
-from rt_robot_os.monitor.store.writer import Writer
+from rt_robot_os.monitor.store.writer import RecordWriter
 from sqlalchemy import event
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -63,7 +63,7 @@ def test_robots_share_a_commit_and_alarms_go_first(url: str) -> None:
     store = SlowStore.open(url, lambda: NOW_NS)
     assert isinstance(store, SlowStore)
     store.groups, store.go = [], threading.Event()
-    writer = Writer(store)
+    writer = RecordWriter(store)
 
     async def all_of_them() -> list[Added]:
         first = asyncio.create_task(writer.put('r0', 'b', batch(0)))
@@ -87,7 +87,7 @@ def test_who_waits_too_long_is_told_and_what_waits_is_bounded(url: str) -> None:
     store = SlowStore.open(url, lambda: NOW_NS)
     assert isinstance(store, SlowStore)
     store.groups, store.go = [], threading.Event()
-    writer = Writer(store, waiting_records=25)
+    writer = RecordWriter(store, waiting_records=25)
 
     async def too_many() -> None:
         first = [asyncio.create_task(writer.put('r1', 'b', batch(0)))]
@@ -126,7 +126,7 @@ def test_a_full_disk_is_told_and_nothing_is_acknowledged_until_there_is_room(
     with store.reading() as connection:
         pages = connection.exec_driver_sql('PRAGMA page_count').scalar() or 0
     limit(pages + 20)
-    writer = Writer(store)
+    writer = RecordWriter(store)
 
     async def fill() -> int:
         kept = 0
@@ -159,7 +159,7 @@ def test_a_database_that_goes_away_is_told_and_found_again(
         all_databases: databases.Databases) -> None:
     url = all_databases.fresh('postgresql')
     store = Store.open(url, lambda: NOW_NS)
-    writer = Writer(store)
+    writer = RecordWriter(store)
     assert asyncio.run(writer.put('r1', 'b', batch(0))).fresh == 10
     name = databases.name_of(url)
     with all_databases.away(url):
@@ -199,7 +199,7 @@ def test_two_writers_on_one_database_store_each_record_once(url: str) -> None:
 
     def add(store: Store) -> None:
         for first in range(0, 300, 10):
-            counts.append(store.add_all([Batch('r1', 'b', batch(first))])[0].fresh)
+            counts.append(store.add_all([ReceivedBatch('r1', 'b', batch(first))])[0].fresh)
 
     threads = [threading.Thread(target=add, args=(store,)) for store in stores]
     for each in threads:

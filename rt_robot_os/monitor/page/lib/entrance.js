@@ -27,7 +27,12 @@ export function entrance(context, how) {
   return {element, form};
 }
 
-/** A form that sends, says what is wrong, and cannot be sent twice at once. */
+/**
+ * A form that sends, says what is wrong, and cannot be sent twice at a time.
+ * @param {{t: *}} context
+ * @param {{fields: *, yes: string, send: function(): Promise<*>, failed?: function(*): void,
+ *   actions?: *}} how
+ */
 export function passwordForm({t}, {fields, yes, send, failed, actions}) {
   const problem = h('p.entrance-problem', {role: 'alert', hidden: true});
   const submit = h('button.button.primary', {type: 'submit'}, h('span.label', yes));

@@ -66,7 +66,7 @@ export function levelIcon(level) {
  * What stands where there is nothing to show: why, and what to do.
  * @param {string} kind empty, loading, error, offline
  * @param {string} title
- * @param {string} [text]
+ * @param {string | Node} [text]
  * @param {?HTMLElement} [action]
  */
 export function notice(kind, title, text = '', action = null) {

@@ -16,8 +16,7 @@ const RATE_HZ = 10;
 /**
  * Show a camera.
  * @param {Object} context of the view
- * @param {{robot: string, camera: string, rateHz: (number|undefined), label: (string|undefined)}}
- *   what rateHz: pictures a second at most
+ * @param {{robot: string, camera: string, rateHz?: number, label?: string}} what rateHz: pictures a second at most
  * @returns {{element: HTMLElement, close: function(): void, ageMs: function(): ?number,
  *   canvas: HTMLCanvasElement}} on element the event 'picture' tells of each one that was drawn
  */

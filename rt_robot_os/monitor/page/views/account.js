@@ -1,3 +1,4 @@
+// @ts-check
 /** One's own account: password, sessions, emergency access, language and appearance. */
 
 import {h, replace} from '../lib/dom.js';

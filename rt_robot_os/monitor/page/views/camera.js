@@ -1,3 +1,4 @@
+// @ts-check
 /** The cameras of a robot, live; pictures on order; pictures and clips of alarms. */
 
 import {h, keep, replace} from '../lib/dom.js';

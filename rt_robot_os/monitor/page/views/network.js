@@ -1,3 +1,4 @@
+// @ts-check
 /** The wireless nodes of a robot: battery, delivery, packets, last heard, way to the sink. */
 
 import {attribute, framed, h, keep, replace, write} from '../lib/dom.js';
@@ -92,7 +93,7 @@ class Network {
     this.explain(found, nodes, isOld);
     COLUMNS.forEach((each, index) => attribute(this.heads[index], 'aria-sort',
       each === this.column ? (this.isUp ? 'ascending' : 'descending') : null));
-    keep(this.body, this.sorted(nodes), (node) => String(node.id), (node) => row(node),
+    keep(this.body, this.sorted(nodes), (node) => String(node.id), () => row(),
       (element, node) => update(element, node, context, nodes, isOld), isAsked);
     const bad = nodes.filter((each) => BADNESS[stateOf(each)] > 3).length;
     write(this.summary, nodes.length ? `${t('network.nodes', {n: nodes.length})} · ${
@@ -119,7 +120,7 @@ class Network {
       const [a, b] = [of(one), of(other)];
       // What is not known is last, whichever way.
       if (!isKnown(a) || !isKnown(b)) {
-        return isKnown(b) - isKnown(a) || one.id - other.id;
+        return Number(isKnown(b)) - Number(isKnown(a)) || one.id - other.id;
       }
       const by = typeof a === 'string' ? a.localeCompare(b) : a - b;
       return sign * by || one.id - other.id;

@@ -1,3 +1,4 @@
+// @ts-check
 /** Who lives with a robot: what its hello suggests, for an administrator to confirm. */
 
 import {openDialog} from '../../lib/dialog.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** The robots that may call: let one in, let it in no more. */
 
 import {ask, openDialog} from '../../lib/dialog.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** Users: add, change, keep out, give a link, see and end their sessions. */
 
 import {ask, openDialog} from '../../lib/dialog.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** One alarm: what it is, what to do, pictures, and everything that happened, in order. */
 
 import {pictures} from './pictures.js';
@@ -29,6 +30,7 @@ export class Detail {
     this.known = null;
     this.isGone = false;
     this.again = framed(() => this.load());
+    /** @type {HTMLElement & {age?: ?HTMLElement}} */
     this.head = h('div.alarm-head');
     this.note = noteForm(context, () => this.current(), () => this.load());
     this.media = h('div.alarm-pictures');

@@ -1,3 +1,4 @@
+// @ts-check
 /** The list of alarms: each a link to its time line, with the button to acknowledge it. */
 
 import {acknowledgeButton, nameButtons} from '../../lib/alarm_actions.js';
@@ -12,7 +13,7 @@ import {saidOf, writeSaid} from '../../lib/said.js';
 
 /**
  * Show alarms.
- * @param {HTMLElement} element
+ * @param {HTMLElement & {rows?: HTMLElement, note?: HTMLElement}} element
  * @param {Object} context
  * @param {Array} alarms in their order
  * @param {{isAll: boolean, chosen: string, isLoading: boolean, problem: ?Error}} how
@@ -44,8 +45,7 @@ function row(alarm) {
   parts.link = h('a.alarm-link', {href: addressOf(alarm)}, parts.mark, h('span.alarm-words',
     parts.title, h('span.alarm-text', parts.state, parts.about), parts.when));
   const made = h('li.alarm-row', parts.link, parts.act);
-  made.parts = parts;
-  return made;
+  return Object.assign(made, {parts});
 }
 
 function update(item, alarm, context, chosen) {

@@ -1,3 +1,4 @@
+// @ts-check
 /** Pictures and clips that are kept: a list, and the one that is chosen. */
 
 import {attribute, h, keep, replace, write} from '../../lib/dom.js';
@@ -80,7 +81,8 @@ export class Kept {
   }
 
   item(row) {
-    const made = h('button.kept-item', {type: 'button', onclick: () => this.choose(made.row)},
+    const made = h('button.kept-item', {type: 'button', onclick: () => this.choose(
+      /** @type {*} */ (made).row)},
       icon(row.kind === 'clip' ? 'clip' : 'picture'),
       h('span.kept-words', h('span.kept-title'), h('span.kept-when.muted')));
     return h('li', made);

@@ -1,3 +1,4 @@
+// @ts-check
 /** Labels of a time axis, in the browser's zone and the reader's locale, always with 24 hours. */
 
 const MINUTE = 60_000;
@@ -39,6 +40,7 @@ export function timeLabels(locale, zone) {
 
 /** Return a time as a sentence has it: date and clock, as exact as the range needs. */
 export function timeText(time, span, locale, zone) {
+  /** @type {Intl.DateTimeFormatOptions} */
   const options = {timeZone: zone, hour: '2-digit', minute: '2-digit'};
   if (span > DAY / 2) {
     Object.assign(options, {day: 'numeric', month: 'short'});

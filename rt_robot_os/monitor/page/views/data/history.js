@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * The history of signs: asked for when what is shown leaves what is known, or needs a finer one.
  *
@@ -16,13 +17,16 @@ const NS_PER_MS = 1e6;
 
 export class History {
   /**
-   * @param {Object} api of the page.
+   * @param {import('../../lib/api.js').Api} api of the page.
    * @param {import('./timeline.js').Timeline} timeline
    * @param {(sign: string, chart: Object) => void} took gets what came.
    * @param {(error: Error | null) => void} failed
    */
   constructor(api, timeline, took, failed) {
-    Object.assign(this, {api, timeline, took, failed});
+    this.api = api;
+    this.timeline = timeline;
+    this.took = took;
+    this.failed = failed;
     this.person = '';
     this.signs = [];
     this.pixels = 800;

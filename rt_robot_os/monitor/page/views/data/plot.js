@@ -1,3 +1,4 @@
+// @ts-check
 /** The plot of one sign: uPlot with the zones, the marks and the gaps of the sign. */
 
 import '../../lib/locale.js';
@@ -42,7 +43,7 @@ export class Plot {
   build(width, height, withTime) {
     this.destroy();
     this.width = width;
-    this.uplot = new uPlot(this._options(width, height, withTime), this._views(), this.root);
+    this.uplot = new /** @type {*} */ (uPlot)(this._options(width, height, withTime), this._views(), this.root);
     this.drawn = -1;
   }
 
@@ -151,6 +152,7 @@ export function valueRange(columns, style, zones, start, end) {
   return padded(low, high, style);
 }
 
+/** @returns {[number, number]} the ends of an axis around these */
 function padded(low, high, style) {
   const span = Math.max(style.least, (high - low) * 1.15);
   const middle = (low + high) / 2;

@@ -1,3 +1,4 @@
+// @ts-check
 /** Live signs of a person: values for the plots, and how good each is. */
 
 const NS_PER_MS = 1e6;
@@ -9,6 +10,7 @@ const MARKS_MOST = 400;
  * @return {Object<string, {value: ?number, quality: string, ageS: ?number, source: string}>}
  */
 export function signsOf(value) {
+  /** @type {Object<string, *>} */
   const found = {};
   for (const each of (value && value.status) || []) {
     const name = String(each.name).split('/').pop();

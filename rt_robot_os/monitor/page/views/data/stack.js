@@ -1,3 +1,4 @@
+// @ts-check
 /** All plots of a person, one above the other: one time axis, one cursor, one line of alarms. */
 
 import {h, replace, write} from '../../lib/dom.js';
@@ -129,7 +130,7 @@ export class Stack {
     for (const row of this.rows) {
       drawn = row.draw(timeline.start, timeline.end, present, force) || drawn;
     }
-    this.drawn += drawn;
+    this.drawn += Number(drawn);
     if (moved || force) {
       this.placeLane();
     }

@@ -1,3 +1,4 @@
+// @ts-check
 /** What is above the plots: whose data, which range, what else is shown, and export. */
 
 import {attribute, h, replace, write} from '../../lib/dom.js';
@@ -55,7 +56,7 @@ export class Toolbar {
       if (each.open && !each.contains(place)) {
         each.open = false;
         if (byKey) {
-          each.firstChild.focus();
+          /** @type {HTMLElement} */ (each.firstChild).focus();
         }
       }
     }
@@ -85,7 +86,8 @@ export class Toolbar {
     const {timeline} = this.view;
     const {locale} = this.context.t.words;
     for (const each of this.ranges.children) {
-      const span = RANGES.find(([name]) => name === each.dataset.range)[1];
+      const range = each.getAttribute('data-range');
+      const span = Number(RANGES.find(([name]) => name === range)[1]);
       attribute(each, 'aria-pressed', String(Math.abs(timeline.span / span - 1) < 0.01));
     }
     attribute(this.now, 'aria-pressed', String(timeline.follows));

@@ -1,3 +1,4 @@
+// @ts-check
 /** What one sees and holds while driving one robot. */
 
 import {ask} from '../../lib/dialog.js';
@@ -106,9 +107,10 @@ export class Cockpit {
     line.addEventListener('tick', () => this.tick());
     ['closed', 'opened', 'moved'].forEach((each) => hand.addEventListener(each,
       () => this.stick.show(hand.x, hand.y, hand.isClosed)));
-    hand.addEventListener('opened', ({detail}) => this.opened(detail.why));
+    const why = (event) => /** @type {CustomEvent} */ (event).detail.why;
+    hand.addEventListener('opened', (event) => this.opened(why(event)));
     hand.addEventListener('closed', () => this.tell());
-    hand.addEventListener('refused', ({detail}) => detail.why === 'lease'
+    hand.addEventListener('refused', (event) => why(event) === 'lease'
       && this.tell('warn', 'take_first'));
   }
 

@@ -1,3 +1,4 @@
+// @ts-check
 /** The joystick on the screen: closed while a finger or the mouse's button is down on it. */
 
 import {h} from '../../lib/dom.js';
@@ -7,7 +8,7 @@ const REACH = 0.62;
 
 /**
  * Make a joystick.
- * @param {Hand} hand it drives
+ * @param {import('./hand.js').Hand} hand it drives
  * @param {string} label for screen readers
  * @returns {{element: HTMLElement, show: function(number, number, boolean): void}}
  */

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * Driving with keys: closed while the space bar is held; arrows or W, A, S, D say where to.
  *
@@ -15,8 +16,7 @@ const TAKES_KEYS = 'input, select, textarea, button, a[href], summary, dialog, [
 
 export class Keys {
   /**
-   * @param {Hand} hand it drives
-   * @returns {Keys} with end()
+   * @param {import('./hand.js').Hand} hand it drives
    */
   constructor(hand) {
     this.name = 'keys';

@@ -1,3 +1,4 @@
+// @ts-check
 /**
  * The connection to the robot that is driven: lease, tickets, commands, and how good the link is.
  *
@@ -25,7 +26,7 @@ const UNKNOWN = 4404;
 export class Line extends EventTarget {
   /**
    * @param {string} robot its id
-   * @param {Hand} hand that drives
+   * @param {import('./hand.js').Hand} hand that drives
    * @param {function(): {linear: number, angular: number}} wish speed for a whole stick, in m/s and
    *   rad/s
    */

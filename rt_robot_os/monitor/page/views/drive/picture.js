@@ -1,3 +1,4 @@
+// @ts-check
 /** The picture of a robot's camera for the one who drives it; its component is the camera view's. */
 
 import {h, replace} from '../../lib/dom.js';

@@ -1,3 +1,4 @@
+// @ts-check
 /** A person: how they are in words, score, last signs with age and quality, place, alarms. */
 
 import {acknowledgeButton, nameButtons} from '../../lib/alarm_actions.js';
@@ -33,7 +34,7 @@ export function personCard(context, person) {
   const name = mayHealth ? h('a', {href: `#/data/${encodeURIComponent(person)}`}, person) : person;
   add(made, h('div.card-head', h('h3.card-name', icon('person'), name), parts.state), parts.place,
     parts.alarms, mayHealth && h('div.person-body', parts.score, h('dl.signs', rows)));
-  made.parts = parts;
+  Object.assign(made, {parts});
   attribute(made, 'data-person', person);
   parts.score.append(h('span.score-name', t('overview.news2')), h('span.score-number'),
     h('span.score-risk'));
@@ -123,8 +124,7 @@ export function alarmRows(element, alarms, context) {
     const parts = {link: h('a', {href: `#/alarms/${encodeURIComponent(alarm.robot)}/${
       encodeURIComponent(alarm.id)}`}), words: h('span.small'), act: h('div')};
     const row = h('div.card-alarm', parts.link, parts.words, parts.act);
-    row.parts = parts;
-    return row;
+    return Object.assign(row, {parts});
   };
   const update = (row, alarm) => {
     tone(row, 'tone', isLoud(alarm) ? alarm.level : 'none');

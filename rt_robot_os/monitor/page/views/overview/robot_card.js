@@ -1,3 +1,4 @@
+// @ts-check
 /** A robot: connected, battery, what it does, when it was heard last. */
 
 import {alarmRows} from './person_card.js';
@@ -33,8 +34,7 @@ export function robotCard(context, robot) {
       parts.battery), h('div', h('dt', t('overview.seen')), parts.seen),
     h('div', h('dt', t('overview.serves')), parts.people), parts.stopRow),
     h('div.card-links', links));
-  made.parts = parts;
-  return made;
+  return Object.assign(made, {parts});
 }
 
 /** Show how a robot is now. */

@@ -1,3 +1,4 @@
+// @ts-check
 /** Send the robot to a place: choose, turn, confirm; then how far it is, and cancel. */
 
 import {attribute, h, tone, write} from '../../lib/dom.js';
@@ -228,7 +229,7 @@ export class Goal {
   _write() {
     this.fields.x.value = this.target.x.toFixed(2);
     this.fields.y.value = this.target.y.toFixed(2);
-    this.fields.yaw.value = Math.round(wrapped(this.target.yaw) * DEGREES);
+    this.fields.yaw.value = String(Math.round(wrapped(this.target.yaw) * DEGREES));
   }
 }
 

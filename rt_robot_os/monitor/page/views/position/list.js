@@ -1,3 +1,4 @@
+// @ts-check
 /** Everything that is on the map, in words: for those who do not see it, and to find it. */
 
 import {h, keep, replace, write} from '../../lib/dom.js';
@@ -35,7 +36,7 @@ export class PlaceList {
     element.hidden = !items.length;
     keep(list, items, (item) => item.key, () => h('li', h('button.position-item', {type: 'button'},
       h('span.position-item-name'), h('span.position-item-text.small'))), (made, item) => {
-      const [button] = made.children;
+      const button = /** @type {HTMLButtonElement} */ (made.children[0]);
       const [title, text] = button.children;
       write(title, item.name);
       write(text, item.text);

@@ -1,3 +1,4 @@
+// @ts-check
 /** Pointers, wheel and keys over the map: move, zoom, and tap. */
 
 const TAP_PX = 8;
@@ -48,7 +49,7 @@ export class Pointers {
     this.fingers.set(event.pointerId, at);
     if (this.fingers.size === 1) {
       this.start = at;
-      this.dragged = this.asks.grabbed(...at);
+      this.dragged = this.asks.grabbed(at[0], at[1]);
     } else {
       this.start = null;
       this.dragged = null;
@@ -93,7 +94,7 @@ export class Pointers {
     this.start = null;
     this.dragged = null;
     if (event.type === 'pointerup' && start && !dragged) {
-      this.asks.tapped(...start);
+      this.asks.tapped(start[0], start[1]);
     }
   }
 
