@@ -83,8 +83,9 @@ def test_a_child_without_the_compiled_build_says_why_and_measures_nothing(
 def test_a_real_child_gets_its_build_and_tells_which_it_ran(
         build: str, switch: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / 'asking.py').write_text(
-        'import os\nfrom rt_robot_os.tools.bench.harness import Measurement\n\n\ndef work(harness):\n'
-        f'    assert os.environ.get("{SWITCH}", "unset") == "{switch}"\n    return Measurement()\n')
+        'import os\nfrom rt_robot_os.tools.bench.harness import Measurement\n\n\n'
+        f'def work(harness):\n    assert os.environ.get("{SWITCH}", "unset") == "{switch}"\n'
+        '    return Measurement()\n')
     monkeypatch.setattr(processes, 'lock_path', lambda: tmp_path / 'lock')
     monkeypatch.setenv('PYTHONPATH', os.pathsep.join((str(tmp_path), str(ROOT))))
     monkeypatch.setenv(SWITCH, '0')
